@@ -17,6 +17,7 @@ ROWS = {
     "cylindrical": 4,
     "2d": 2,
     "distance": 1,
+    "cable": 1,
 }
 ROD = 0.5  # m, length of rods
 SKEW = "0.4 -0.9 0.3"  # turn of the frame that planar linkages lie in, so that gravity is anywhere
@@ -115,6 +116,8 @@ def chain(count, seed=0, sliding=()):
 def loop(kind, seed=0, axes=None):
     """A row of bodies whose end is tied to the ground, with one degree of freedom.
 
+    A cable takes none: two motors move the end.
+
     Its closure is at rest by construction: the frame on the ground is put where the end is.
     """
     count = ROWS[kind] + 1
@@ -126,7 +129,7 @@ def loop(kind, seed=0, axes=None):
     data = model.createData()
     pin.framesForwardKinematics(model, data, angles)
     place = data.oMf[model.getFrameId("end")]
-    apart = [0, 0.6 * ROD, 0.8 * ROD] if kind == "distance" else [0, 0, 0]
+    apart = [0, 0.6 * ROD, 0.8 * ROD] if kind in ("distance", "cable") else [0, 0, 0]
     parts.append(
         frame("pivot", "ground", place.act(np.array(apart)), pin.rpy.matrixToRpy(place.rotation))
     )
@@ -134,6 +137,9 @@ def loop(kind, seed=0, axes=None):
     if kind == "distance":
         more["length"] = ROD
     reference = dict(zip(list(model.names)[1:], angles.tolist(), strict=True))
+    if kind == "cable":
+        cables = {"rope": ["end", "pivot"]}
+        return parts, {"cables": cables, "name_mot": ["rope", "joint1"], "reference": reference}
     return parts, {
         "closures": [tie(kind, ("end", "pivot"), **more)],
         "name_mot": ["joint1"],

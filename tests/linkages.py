@@ -186,7 +186,7 @@ def described(closures, motors, reference, **more):
 
 
 SKEW = (0.6, -0.5, 0.7)
-PLANAR = [kind for kind in ROWS if kind != "prismatic"]
+PLANAR = [kind for kind in ROWS if kind not in ("prismatic", "cable")]
 LINKAGES = {
     **{f"{kind} loop": loop(kind, seed=4) for kind in ROWS},
     **{f"{kind} loop, skew": loop(kind, seed=5, axes=[SKEW, SKEW]) for kind in AXES_ALIKE},

@@ -10,10 +10,10 @@ import re
 import stat
 import tempfile
 import zlib
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from errno import EISDIR
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from loopid.errors import FileError, LogError
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 BLOCK_BYTES = 2**20  # of text that are read at a time
 # The one limit of sizes. What stands for more bytes than so many, and for so many times as many as
 # its file has, is no measurement but a bomb.
-UNPACKED_BYTES, UNPACKED_RATIO = 2**24, 200
+UNPACKED_BYTES, UNPACKED_RATIO = 2**24, 200.0
 PLAIN_NAME = re.compile(r"""[^\s,;"']+""")  # of a column: nothing that separates or quotes
 
 
@@ -42,19 +42,58 @@ def why_no_file(path: Path) -> str:
     return "" if stat.S_ISREG(mode) else "is no regular file"
 
 
-def text_blocks(path: Path) -> Generator[bytes]:
+class Ceiling:
+    """How many bytes a file, or a folder of files, may stand for; counts those that are unpacked.
+
+    The way out, for files to be trusted, ends the sentence of a refusal.
+    """
+
+    def __init__(self, path: Path, ratio: float = UNPACKED_RATIO, way_out: str = "") -> None:
+        files = filter(Path.is_file, path.iterdir()) if path.is_dir() else [path]
+        self.path, self.ratio, self.way_out = path, ratio, way_out
+        self.stored, self.content = sum(file.stat().st_size for file in files), 0
+
+    def count(self, content: int) -> None:
+        """Add bytes to those that the file stands for; a LogError where these are too many."""
+        self.content += content
+        if self.content > max(UNPACKED_BYTES, self.ratio * self.stored):
+            raise LogError(
+                f"{self.path} stores {self.stored:,} bytes, but they stand for {self.content:,} or "
+                f"more: files are read up to {self.ratio:g} times their size{self.way_out}",
+                file=self.path,
+                stored=self.stored,
+                content=self.content,
+                tolerance=self.ratio,
+            )
+
+    def unpack(self, kind: Callable[[], Any], data: bytes) -> bytes:
+        """Packed data of one frame after another, by a kind of decompressor, in blocks."""
+        parts: list[bytes] = []
+        while data:
+            one = kind()
+            while not one.eof:
+                parts.append(one.decompress(data, BLOCK_BYTES))
+                self.count(len(parts[-1]))
+                if not parts[-1] and one.needs_input:
+                    raise EOFError("packed data end too early")
+                data = b""
+            data = one.unused_data
+        return b"".join(parts)
+
+
+def text_blocks(path: Path, ceiling: Ceiling | None = None) -> Generator[bytes]:
     """A text, packed with gzip or not, in blocks of whole lines; the last one may lack its end."""
     reason = why_no_file(path)
     if reason:
         raise LogError(f"{path} {reason}", file=path)
+    ceiling = ceiling or Ceiling(path)
     try:
         with path.open("rb") as file:
-            packed, stored, unpacked = file.peek(2).startswith(b"\x1f\x8b"), path.stat().st_size, 0
+            packed = file.peek(2).startswith(b"\x1f\x8b")
             content: io.BufferedIOBase = gzip.GzipFile(fileobj=file) if packed else file
             parts: list[bytes] = []
             while part := content.read(BLOCK_BYTES):
-                unpacked += len(part)
-                require_plausible(path, unpacked, stored)
+                ceiling.count(len(part))
                 end = part.rfind(b"\n") + 1
                 if end:
                     yield b"".join([*parts, part[:end]])
@@ -64,18 +103,6 @@ def text_blocks(path: Path) -> Generator[bytes]:
                 yield b"".join(parts)
     except (OSError, EOFError, zlib.error) as error:
         raise LogError(f"{path} cannot be read: {error}", file=path) from error
-
-
-def require_plausible(path: Path, content: int, stored: int) -> None:
-    """Refuse content of so many bytes in a file, or part of one, that stores far fewer."""
-    if content > max(UNPACKED_BYTES, UNPACKED_RATIO * stored):
-        raise LogError(
-            f"{path} stores {stored:,} bytes, but they stand for {content:,} or more: no "
-            f"measurements can be packed more than {UNPACKED_RATIO} times",
-            file=path,
-            stored=stored,
-            content=content,
-        )
 
 
 def write_files(folder: str | Path, contents: Mapping[str, bytes | str]) -> list[Path]:

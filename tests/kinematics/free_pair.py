@@ -27,8 +27,11 @@ def free_pair(kind, axes=((0, 0, 1), (0, 0, 1)), fixed=False):
     for name, joint in (("at_a", 0 if fixed else bodies[0]), ("at_b", bodies[1])):
         place = pin.SE3(random_rotation(generator), generator.uniform(-0.3, 0.3, size=3))
         ids.append(model.addFrame(pin.Frame(name, joint, 0, place, pin.FrameType.OP_FRAME)))
-    length = ROD if kind == "distance" else 0.0
-    closure = LoopClosure(kind, "at_a", "at_b", tuple(ids), tuple(map(unit, axes)), length)
+    numbers = (ROD,) if kind == "distance" else ()
+    if kind == "cable":
+        rope = model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "rope")
+        numbers = 0.0, "rope", (model.joints[rope].idx_q, model.joints[rope].idx_v)
+    closure = LoopClosure(kind, "at_a", "at_b", tuple(ids), tuple(map(unit, axes)), *numbers)
     links = tuple(Body(model.names[k], k) for k in bodies)
     return Mechanism("pair", Path(), model, (closure,), (), links, pin.neutral(model))
 
@@ -48,7 +51,8 @@ def at_relative(mechanism, relative, generator):
 
 def at_poses(mechanism, first, second):
     q = pin.neutral(mechanism.model)
-    q[:7], q[7:] = pin.SE3ToXYZQUAT(first), pin.SE3ToXYZQUAT(second)
+    q[14:] = ROD  # of a cable
+    q[:7], q[7:14] = pin.SE3ToXYZQUAT(first), pin.SE3ToXYZQUAT(second)
     return q[None]
 
 
@@ -73,6 +77,7 @@ def allowed(kind, axes, generator):
         "cylindrical": (about, along),
         "2d": (anyhow, along),
         "distance": (anyhow, ROD * random_rotation(generator)[0]),
+        "cable": (anyhow, ROD * random_rotation(generator)[0]),
     }[kind]
     return pin.SE3(rotation, translation)
 

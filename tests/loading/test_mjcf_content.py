@@ -25,6 +25,7 @@ ARM = f"""<mujoco model="arm">
     </body>
   </body>
   <body name="block" pos="0 0 2">{INERTIAL}<joint name="track" type="slide"/><site name="knob"/>
+    <geom name="drum" type="cylinder" size="0.1 0.1" mass="0"/>
   </body>
 </worldbody>
 REST
@@ -32,7 +33,8 @@ REST
 TENDONS = """<tendon>
 <fixed name="belt"><joint joint="wrist" coef="0.5"/><joint joint="elbow" coef="2"/></fixed>
 <fixed name="slack"><joint joint="wrist" coef="0"/></fixed>
-<spatial name="rope"><site site="tip"/><site site="knob"/></spatial></tendon>"""
+<spatial name="rope"><site site="tip"/><site site="knob"/></spatial>
+<spatial name="wound"><site site="tip"/><geom geom="drum"/><site site="knob"/></spatial></tendon>"""
 
 
 @pytest.fixture
@@ -180,7 +182,7 @@ def test_frames_of_closures_are_called_after_the_equality_or_the_bodies(read_arm
 @pytest.mark.parametrize(
     ("equality", "reason"),
     [
-        ('<tendon name="cam" tendon1="rope"/>', "the spatial tendon rope"),
+        ('<tendon name="cam" tendon1="wound"/>', "the tendon wound that wraps around geom drum"),
         ('<tendon name="cam" tendon1="slack"/>', "couples no joint"),
     ],
 )
@@ -296,35 +298,63 @@ def test_without_actuators_nothing_is_said_of_motors(read_arm):
 
 
 @pytest.mark.parametrize(
-    ("rest", "motors", "notes"),
+    ("rest", "motor"),
     [
-        ("", ["wrist", "elbow"], 1),
-        ('<joint joint1="wrist" joint2="elbow" polycoef="0 -3"/>', ["wrist"], 0),
-        ('<joint joint1="wrist" joint2="track"/>', ["wrist", "elbow"], 1),
+        ("", "belt"),
+        ('<joint joint1="wrist" joint2="elbow" polycoef="0 -3"/>', "wrist"),
+        ('<joint joint1="wrist" joint2="track"/>', "belt"),
     ],
 )
-def test_a_tendon_drives_its_joints_but_not_those_that_follow(read_arm, rest, motors, notes):
-    actuator = '<actuator><motor name="m" tendon="belt"/></actuator>'
+def test_a_tendon_is_a_motor_but_where_its_joints_follow_one(read_arm, rest, motor):
+    actuator = '<actuator><motor tendon="belt"/><motor tendon="belt"/></actuator>'
     source = read_arm(TENDONS, f"<equality>{rest}</equality>", actuator)
-    assert source.description.name_mot == motors
-    assert len(source.notes) == notes
-    assert all(note.endswith("though one force drives all: m") for note in source.notes)
+    assert source.description.name_mot == [motor]
+    assert source.notes == ()
+    if motor == "belt":
+        (coupling,) = (c for c in source.description.all_closures if c.name == "belt")
+        assert coupling.joints == {"belt": -1.0, "wrist": 0.5, "elbow": 2.0}
 
 
-def test_actuators_that_drive_no_joint_are_named(read_arm):
-    actuators = '<motor site="tip"/><motor name="winch" tendon="rope"/><motor joint="elbow"/>'
+def test_actuators_that_are_no_motors_are_named(read_arm):
+    actuators = (
+        '<motor site="tip"/><motor name="slide" tendon="slack"/>'
+        '<motor name="winch" tendon="wound"/>'
+        '<motor joint="elbow"/>'
+    )
     source = read_arm(TENDONS, f"<actuator>{actuators}</actuator>")
     assert source.description.name_mot == ["elbow"]
-    (note,) = source.notes
-    assert note == "actuators that drive no joint are not modelled: number 0, winch"
+    assert source.notes == (
+        "actuators that drive no joint are not modelled: number 0, slide",
+        "actuators of tendons that do not run straight are not modelled: winch is of the tendon "
+        "wound that wraps around geom drum",
+    )
 
 
 def test_that_no_actuator_drives_a_joint_is_said(read_arm):
-    source = read_arm(TENDONS, '<actuator><motor name="winch" tendon="rope"/></actuator>')
+    source = read_arm(TENDONS, '<actuator><motor name="winch" tendon="wound"/></actuator>')
     assert source.description.name_mot is None
     assert source.notes[1:] == (
         "no actuator drives a joint: without 'name_mot' all hinges and slides count",
     )
+
+
+def test_an_equality_of_a_cable_is_a_rope_of_one_length(read_arm):
+    """It lets the tip move on a sphere, as a rod does."""
+    held = '<equality><tendon tendon1="rope" polycoef="0.25"/></equality>'
+    source = read_arm(TENDONS, held, '<actuator><motor joint="elbow"/></actuator>')
+    assert source.description.cables == {"rope": ["tip", "knob"]}
+    (coupling,) = source.description.closures
+    assert coupling.joints == {"rope": 1.0}
+    assert coupling.offset == pytest.approx(np.hypot(1.5, 2.0) + 0.25)
+
+
+def test_limits_of_a_cable_that_pulls_are_limits_of_its_length(read_arm):
+    tendon = '<spatial name="rope" limited="true" range="1 3"><site site="tip"/><site site="knob"/>'
+    source = read_arm(
+        f"<tendon>{tendon}</spatial></tendon>", '<actuator><motor tendon="rope"/></actuator>'
+    )
+    assert source.description.limits == {"rope": (1.0, 3.0)}
+    assert source.notes == ()
 
 
 @pytest.mark.parametrize(
@@ -484,8 +514,3 @@ def test_files_with_anything_changed_are_read_or_refused(at, length, instead, tm
     else:
         assert "\n" not in refusal
         assert refusal.startswith(str(file))
-
-
-def test_a_file_that_asks_for_more_than_robots_have_is_refused(refused):
-    copies = f'<replicate count="1e9">{BODY.format("", HINGE.format(""))}</replicate>'
-    refused(f"<mujoco><worldbody>{copies}</worldbody></mujoco>", "count of <replicate>")

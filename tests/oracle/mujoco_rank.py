@@ -84,8 +84,11 @@ def to_mjcf(robot):
 def positions(robot, compiled, q):
     """MuJoCo's configuration: quaternions with w first, angles for points on a circle."""
     found = np.zeros(compiled.nq)
+    lengths = [compiled.tendon(k).name for k in range(compiled.ntendon)]
     for name in robot.joints:
         joint = robot.joint(name)
+        if name.partition("_")[0] in lengths:  # of a tendon, or of a part of one
+            continue
         free = joint.shortname() == "JointModelFreeFlyer"  # need not have a name in MuJoCo
         kinds = compiled.jnt_type.tolist()
         number = kinds.index(mujoco.mjtJoint.mjJNT_FREE) if free else compiled.joint(name).id

@@ -227,9 +227,7 @@ class _Joints:
                     raise OptionError.unknown("joint", name, joints)
         self.joints = {name: joint for name, joint in joints.items() if joint.nv == 1}
         self.sliding = {n: j.idx_v in mechanism.prismatic for n, j in self.joints.items()}
-        # Files often give a mimicking joint limits that its leader does not let it keep.
-        following = {name for coupling in mechanism.couplings for name in coupling.joints}
-        self.following = following - {*mechanism.independent, *limits.positions}
+        self.following = mechanism.following - {*limits.positions}
         gravity = float(np.linalg.norm(mechanism.model.gravity.linear)) or 1.0
         self.rate = np.sqrt(gravity / mechanism.length)
         self.weight = gravity * sum(each.mass for each in mechanism.model.inertias) or np.inf

@@ -154,6 +154,8 @@ def _closure_residual(mechanism: Mechanism, q: Any, frames: Sequence[Frame]) -> 
         a, b = (_pose(mechanism.model, frames, frame) for frame in closure.frame_ids)
         for part in closure.equations:
             rows += part.expressions(a, b, ca)
+        if closure.indices is not None:
+            rows[-1] -= q[closure.indices[0]]
     rows += [coupling.expression(q) for coupling in mechanism.couplings]
     return ca.vertcat(*rows) * ca.DM(mechanism.row_scales)
 

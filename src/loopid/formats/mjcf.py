@@ -5,22 +5,23 @@ Importing this needs MuJoCo.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
-from warnings import catch_warnings
 
 import numpy as np
 import pinocchio as pin
 from numpy.polynomial import Polynomial
 from pydantic import ValidationError
 
-from loopid.arguments import BoolArray, FloatArray, number
+from loopid.arguments import BoolArray, FloatArray
 from loopid.errors import FileError, MissingExtraError, OptionError, RobotFileError
+from loopid.formats.mjcf_compiler import compile_guarded
 from loopid.loading.description import ClosureDescription, Description
 from loopid.loading.files import naming
 from loopid.loading.tree import NearCoupling, TreeSource, add_frame
-from loopid.loading.urdf_tree import Element, read_xml
+from loopid.loading.urdf_tree import read_xml
 from loopid.robot.mechanism import LeftOut, shortened
 from loopid.yaml_files import first_problem
 
@@ -41,7 +42,9 @@ JOINT_KINDS = {
 CONNECT, WELD = int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)
 JOINT, TENDON = int(mujoco.mjtEq.mjEQ_JOINT), int(mujoco.mjtEq.mjEQ_TENDON)
 SITE = int(mujoco.mjtObj.mjOBJ_SITE)
-WRAPS_JOINT = int(mujoco.mjtWrap.mjWRAP_JOINT)
+WRAPS_JOINT, WRAPS_SITE, WRAPS_PULLEY = (
+    int(getattr(mujoco.mjtWrap, f"mjWRAP_{what}")) for what in ("JOINT", "SITE", "PULLEY")
+)
 DRIVES_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 DRIVES_TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
 # Gain, bias and dynamics of an actuator whose force is its control times a constant.
@@ -54,16 +57,11 @@ DIRECT = (
 GAINS = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE)
 # In eq_data of a weld: anchors in the second and first body, quaternion, weight of the rotation.
 ANCHOR_2, ANCHOR_1, QUATERNION, TORQUE_SCALE = slice(0, 3), slice(3, 6), slice(6, 10), 10
-# Attributes by which a few bytes ask for any number of elements or entries, and the most of each.
-COUNTS = ("count", "nrow", "ncol", "width", "height", "size", "nuserdata", "nkey")
-MOST = 10_000
 # Part of what its joints can do up to which the range of a tendon hardly lets them move.
 SMALL_RANGE = 0.1
 DISABLING_BITS = 31  # MuJoCo's: groups from 0 to 30 can be disabled
 LARGEST = 1e100  # so that no product of a few numbers overflows
 AXES = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
-# What MuJoCo raises, of which only the text is of use.
-MUJOCO_ERRORS = (ValueError, TypeError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)
 # Quaternions have no limits; random configurations need some.
 QUATERNION_LIMIT = np.full(4, 1.01)
 
@@ -78,16 +76,19 @@ def read_mjcf(path: Path, floating_base: bool = False, free_mimics: bool = False
         # MuJoCo has a name for models that have none.
         name = _text(compiled, 0).removesuffix("MuJoCo Model") or path.stem
     model, child_links = _tree(scene, name)
+    lengths = Lengths(scene, model)
     closures = [
-        _closure(scene, model, equality)
+        _closure(lengths, equality)
         for equality, active in enumerate(_active(compiled))
         if active and not _holds_mocap(scene, equality)
     ]
-    terms, left_out = joint_forces(scene)
-    motors, notes = _motors(scene, closures)
+    motors, notes = _motors(lengths, closures)
+    terms, left_out = joint_forces(scene, lengths.names)
     try:
         description = Description(
-            closures=closures,
+            closures=[*closures, *lengths.couplings],
+            cables=lengths.cables,
+            limits=lengths.limits,
             name_mot=motors or None,
             reference=_reference(scene),
             joint_terms=terms,
@@ -102,7 +103,7 @@ def read_mjcf(path: Path, floating_base: bool = False, free_mimics: bool = False
         inertial_links=tuple(_where(scene.bodies, heavy)),
         child_links=child_links,
         description=description,
-        notes=(*_left_out(scene), *notes, *warnings),
+        notes=(*_left_out(scene, lengths.names), *notes, *warnings),
         left_out=tuple(left_out),
         near_couplings=tuple(_near_couplings(scene)),
     )
@@ -126,6 +127,7 @@ class Scene:
             for what in ("body", "jnt", "site", "eq", "tendon", "actuator", "key")
         )
         self.bodies, self.joints, self.taken = bodies, joints, {"", "universe", *bodies, *joints}
+        self.site_frames: dict[int, str] = {}  # those of the model
         for body, parent in enumerate(compiled.body_parentid):
             bodies[body] = bodies[body] or self.fresh(f"{bodies[parent]}_body")
         for joint, body in enumerate(compiled.jnt_bodyid):
@@ -155,34 +157,13 @@ def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
     if not path.is_file():
         raise FileError(f"{path} is missing", file=str(path))
     with naming(path):
+        # MuJoCo compiles URDFs too, but drops what it does not know in them.
         root = read_xml(path)
-        _refuse_excess(root)
-        # MuJoCo would print its warnings, and append them to a file where it runs.
-        heard: list[str] = []
-        before = mujoco.get_mju_user_warning()
-        mujoco.set_mju_user_warning(heard.append)
-        try:
-            with catch_warnings(action="ignore"):  # MuJoCo tells Python, too, what is heard
-                compiled = mujoco.MjModel.from_xml_path(str(path))
-        except MUJOCO_ERRORS as error:
-            reason = " ".join(str(error).split()) or type(error).__name__
-            raise RobotFileError(f"MuJoCo refuses it: {reason}") from error
-        finally:
-            mujoco.set_mju_user_warning(before)
-        _refuse_odd_numbers(compiled)
-    return compiled, [f"MuJoCo warns: {text}" for text in dict.fromkeys(heard)]
-
-
-def _refuse_excess(root: Element) -> None:
-    """Refuse what MuJoCo would read other than it is meant, or hang on."""
-    # MuJoCo compiles URDFs too, but drops what it does not know in them.
-    if root.tag != "mujoco":
-        raise RobotFileError(f"it is no MJCF: its root is <{root.tag!s}>, not <mujoco>")
-    for tag in root.iter("*"):
-        for key in COUNTS if tag.tag != "geom" else ():
-            if any(number(word) > MOST for word in tag.get(key, "").split()):
-                what = f"{key} of <{tag.tag!s}>"
-                raise RobotFileError(f"{what} must be at most {MOST:,}, not {tag.get(key)!r:.60}")
+        if root.tag != "mujoco":
+            raise RobotFileError(f"it is no MJCF: its root is <{root.tag!s}>, not <mujoco>")
+        model, heard = compile_guarded(path)
+        _refuse_odd_numbers(model)
+    return model, [f"MuJoCo warns: {text}" for text in dict.fromkeys(heard)]
 
 
 def _refuse_odd_numbers(compiled: mujoco.MjModel) -> None:
@@ -268,10 +249,18 @@ def _tree(scene: Scene, name: str) -> tuple[pin.Model, dict[str, str]]:
     # Named sites, for a description beside the file to refer to; links and joints come first.
     for site, site_name in enumerate(scene.sites):
         if site_name not in scene.taken:
-            link = scene.bodies[compiled.site_bodyid[site]]
-            there = _placement(compiled.site_pos[site], compiled.site_quat[site])
-            add_frame(model, scene.fresh(site_name), link, there)
+            _add_site(scene, model, site, site_name)
     return model, child_links
+
+
+def _add_site(scene: Scene, model: pin.Model, site: int, wanted: str) -> str:
+    """Mount a frame where a site is; gives its name."""
+    compiled = scene.compiled
+    link = scene.bodies[compiled.site_bodyid[site]]
+    there = _placement(compiled.site_pos[site], compiled.site_quat[site])
+    scene.site_frames[site] = name = scene.fresh(wanted)
+    add_frame(model, name, link, there)
+    return name
 
 
 def _add_link(model: pin.Model, link: str, mount: Mount, inertia: pin.Inertia) -> Mount:
@@ -355,12 +344,13 @@ def _reference(scene: Scene) -> dict[str, float | list[float]]:
 # Equalities.
 
 
-def _closure(scene: Scene, model: pin.Model, equality: int) -> ClosureDescription:
+def _closure(lengths: Lengths, equality: int) -> ClosureDescription:
     """Closure of an equality; frames that it joins are added to the model."""
+    scene, model = lengths.scene, lengths.model
     compiled, kind = scene.compiled, scene.compiled.eq_type[equality]
     if kind not in (CONNECT, WELD):
         try:
-            return _coupling(scene, equality)
+            return _coupling(lengths, equality)
         except ValueError as error:
             what = f"{scene.file}: equality {_named(scene.equalities, equality)}"
             raise RobotFileError(f"{what} {error}") from error
@@ -399,26 +389,29 @@ def _holds_mocap(scene: Scene, equality: int) -> bool:
     return any(compiled.body_mocapid[body] >= 0 for body in _bodies(compiled, equality))
 
 
-def _coupling(scene: Scene, equality: int) -> ClosureDescription:
-    """Coupling of joint coordinates, or of lengths of fixed tendons; else a ValueError.
+def _coupling(lengths: Lengths, equality: int) -> ClosureDescription:
+    """Coupling of joint coordinates, or of lengths of tendons; else a ValueError.
 
     MuJoCo holds ``y - y0 = c0 + c1 (x - x0) + c2 (x - x0)^2 + ...``, with coordinates or lengths
     ``y`` and ``x`` that are ``y0`` and ``x0`` where the file draws the robot. Without ``x``, ``y``
     is constant.
     """
-    compiled, data = scene.compiled, scene.compiled.eq_data[equality].tolist()
-    kind = compiled.eq_type[equality]
+    scene, compiled = lengths.scene, lengths.scene.compiled
+    kind, data = compiled.eq_type[equality], compiled.eq_data[equality].tolist()
     if kind not in (JOINT, TENDON):
         word = mujoco.mjtEq(int(kind)).name.removeprefix("mjEQ_").lower()
         raise ValueError(
             f"is of type {word}, which is not supported: choose among connect, weld, joint, tendon"
         )
-    y, x = (
-        {} if k < 0 else _fixed_tendon(scene, k) if kind == TENDON else {k: 1.0}
-        for k in (int(compiled.eq_obj1id[equality]), int(compiled.eq_obj2id[equality]))
-    )
+    ends = int(compiled.eq_obj1id[equality]), int(compiled.eq_obj2id[equality])
     drawn = compiled.qpos0[compiled.jnt_qposadr]
-    y0, x0 = (sum(factor * float(drawn[j]) for j, factor in terms.items()) for terms in (y, x))
+    if kind == TENDON:
+        drawn = compiled.tendon_length0
+    y0, x0 = (float(drawn[k]) if k >= 0 else 0.0 for k in ends)
+    y, x = (
+        {} if k < 0 else lengths.terms(k) if kind == TENDON else {scene.joints[k]: 1.0}
+        for k in ends
+    )
     with np.errstate(all="ignore"):
         curve = Polynomial(data[:5] if x else data[:1])(Polynomial([-x0, 1.0])).coef.tolist()
     curve[0] += y0
@@ -428,10 +421,7 @@ def _coupling(scene: Scene, equality: int) -> ClosureDescription:
         joints[joint] = joints.get(joint, 0.0) - slope * factor
     if not np.isfinite([*curve, *joints.values()]).all():
         raise ValueError("has coefficients that are too large")
-    named, of = (
-        {scene.joints[joint]: value for joint, value in terms.items() if value != 0}
-        for terms in (joints, x)
-    )
+    named, of = ({name: c for name, c in terms.items() if c != 0} for terms in (joints, x))
     if not named:
         raise ValueError("couples no joint")
     name = scene.equalities[equality] or None
@@ -440,69 +430,146 @@ def _coupling(scene: Scene, equality: int) -> ClosureDescription:
     return ClosureDescription(type="coupling", name=name, joints=named, of=of, polynomial=curve)
 
 
-def _fixed_tendon(scene: Scene, tendon: int) -> dict[int, float]:
-    """Coefficients of the joints whose sum is a tendon's length; ValueError of a spatial one."""
-    compiled = scene.compiled
+# Tendons.
+
+
+class Lengths:
+    """Lengths of tendons as coordinates of their own, made where they are asked for."""
+
+    def __init__(self, scene: Scene, model: pin.Model) -> None:
+        self.scene, self.model = scene, model
+        self.names: dict[int, str] = {}  # by the index of the tendon
+        # Of a description: frames that cables run through, sums that make up a length, limits.
+        self.cables: dict[str, list[str]] = {}
+        self.couplings: list[ClosureDescription] = []
+        self.limits: dict[str, tuple[float, float] | None] = {}
+
+    def terms(self, tendon: int) -> dict[str, float]:
+        """Factors of the joints in a fixed tendon's length; of a spatial one its coordinate."""
+        if _is_spatial(self.scene, tendon):
+            return {self.name(tendon): 1.0}
+        return _joints_of(self.scene, tendon)
+
+    def name(self, tendon: int) -> str:
+        """Coordinate of a tendon's length; ValueError where it cannot be modelled."""
+        if tendon not in self.names:
+            scene, compiled = self.scene, self.scene.compiled
+            parts = _branches(scene, tendon)
+            name = scene.tendons[tendon] or scene.fresh("tendon")
+            if name in (*scene.joints, *scene.bodies):
+                name = scene.fresh(name)
+            self.names[tendon] = name
+            if len(parts) == 1 and parts[0][0] == 1:
+                self.cables[name] = self._frames(parts[0][1])
+            else:
+                terms = {j: c for j, c in _joints_of(scene, tendon).items() if c}
+                for k, (factor, sites) in enumerate(parts, start=1):
+                    terms[f"{name}_{k}"] = factor
+                    self.cables[f"{name}_{k}"] = self._frames(sites)
+                self.cables[name] = []
+                self.couplings.append(
+                    ClosureDescription(type="coupling", name=name, joints={name: -1.0} | terms)
+                )
+            low, high = map(float, compiled.tendon_range[tendon])
+            if compiled.tendon_limited[tendon] and low < high:
+                self.limits[name] = low, high
+        return self.names[tendon]
+
+    def _frames(self, sites: list[int]) -> list[str]:
+        scene = self.scene
+        return [
+            scene.site_frames.get(site)
+            or _add_site(scene, self.model, site, f"{scene.bodies[body]}_site")
+            for site in sites
+            for body in (scene.compiled.site_bodyid[site],)
+        ]
+
+
+def _is_spatial(scene: Scene, tendon: int) -> bool:
+    return bool(scene.compiled.wrap_type[scene.compiled.tendon_adr[tendon]] != WRAPS_JOINT)
+
+
+def _joints_of(scene: Scene, tendon: int) -> dict[str, float]:
+    """Joints of a fixed tendon, with the factors of its length; none of a spatial one."""
+    compiled, terms = scene.compiled, dict[str, float]()
     first, count = compiled.tendon_adr[tendon], compiled.tendon_num[tendon]
-    terms: dict[int, float] = {}
     for wrap in range(first, first + count):
-        if compiled.wrap_type[wrap] != WRAPS_JOINT:
-            name = scene.tendons[tendon] or tendon
-            raise ValueError(f"is of the spatial tendon {name}: only fixed tendons are supported")
-        joint = int(compiled.wrap_objid[wrap])
-        terms[joint] = terms.get(joint, 0.0) + float(compiled.wrap_prm[wrap])
+        if compiled.wrap_type[wrap] == WRAPS_JOINT:
+            joint = scene.joints[compiled.wrap_objid[wrap]]
+            terms[joint] = terms.get(joint, 0.0) + float(compiled.wrap_prm[wrap])
     return terms
+
+
+def _branches(scene: Scene, tendon: int) -> list[tuple[float, list[int]]]:
+    """Sites that a spatial tendon runs through straight, with factors of the way; else none.
+
+    A pulley begins another branch, that pulls with a part of the force. A ValueError names what a
+    tendon wraps around.
+    """
+    compiled, factor = scene.compiled, 1.0
+    parts: list[tuple[float, list[int]]] = []
+    first, count = compiled.tendon_adr[tendon], compiled.tendon_num[tendon]
+    for wrap in range(first, first + count):
+        kind, target = compiled.wrap_type[wrap], int(compiled.wrap_objid[wrap])
+        if kind == WRAPS_PULLEY:
+            factor = 1.0 / float(compiled.wrap_prm[wrap])
+        elif kind == WRAPS_SITE:
+            if wrap == first or compiled.wrap_type[wrap - 1] == WRAPS_PULLEY:
+                parts.append((factor, []))
+            parts[-1][1].append(target)
+        elif kind != WRAPS_JOINT:
+            geom = _text(compiled, int(compiled.name_geomadr[target])) or f"number {target}"
+            name = _named(scene.tendons, tendon)
+            raise ValueError(f"is of the tendon {name} that wraps around geom {geom}")
+    return parts
 
 
 # Actuators, and what is left out.
 
 
 def _motors(
-    scene: Scene, closures: Sequence[ClosureDescription]
+    lengths: Lengths, closures: Sequence[ClosureDescription]
 ) -> tuple[list[str], Sequence[str]]:
-    """Joints that the actuators drive, in their order, and notes about other actuators.
+    """Joints and tendons that the actuators drive, in their order, and notes about other actuators.
 
-    A tendon drives its joints. Where couplings let one of them follow joints that are listed
-    already, those stand for it.
+    Where couplings let all joints of a fixed tendon but one follow, that joint stands for it.
     """
+    scene, compiled = lengths.scene, lengths.scene.compiled
     joints: list[str] = []
-    idle, shared = [], []
-    enabled = _enabled(scene.compiled)
+    idle, wrapped = [], []
+    enabled = _enabled(compiled)
     for actuator in map(int, np.flatnonzero(enabled)):
-        if not _is_motor(scene.compiled, actuator):
+        if not _is_motor(compiled, actuator):
             continue
-        driven, name = list(_transmission(scene, actuator)), _named(scene.actuators, actuator)
-        if not driven:
+        name, tendon = _named(scene.actuators, actuator), _tendon_of(scene, actuator)
+        driven = _leaders(closures, [*_transmission(scene, actuator, lengths.names)])
+        if tendon is not None and (len(driven) > 1 or _is_spatial(scene, tendon)):
+            try:
+                driven = [lengths.name(tendon)]
+            except ValueError as error:
+                wrapped.append(f"{name} {error}")
+        elif not driven:
             idle.append(name)
-        if len(driven) > 1:
-            driven = _leaders(closures, joints, driven)
-        if len(driven) > 1:
-            shared.append(name)
         joints += [joint for joint in driven if joint not in joints]
     notes = {
         "actuators of disabled groups are no motors: ": _where(
             [_named(scene.actuators, k) for k in range(len(enabled))], ~enabled
         ),
         "actuators that drive no joint are not modelled: ": idle,
-        "actuators of several joints count as a motor at each, though one force drives all: ": (
-            shared
-        ),
+        "actuators of tendons that do not run straight are not modelled: ": wrapped,
         "no actuator drives a joint: without 'name_mot' all hinges and slides count": (
-            [""] if scene.compiled.nu and not joints else []
+            [""] if compiled.nu and not joints else []
         ),
     }
     return joints, [what + shortened(which) for what, which in notes.items() if which]
 
 
-def _leaders(
-    closures: Sequence[ClosureDescription], before: Sequence[str], joints: Sequence[str]
-) -> list[str]:
+def _leaders(closures: Sequence[ClosureDescription], joints: Sequence[str]) -> list[str]:
     """Joints that couplings let move while those before them stand still."""
     couplings = [(c.of or {}) | c.joints for c in closures if c.joints is not None]
-    names = sorted({*before, *joints, *(name for terms in couplings for name in terms)})
+    names = sorted({*joints, *(name for terms in couplings for name in terms)})
     rows = [[0.0] * len(names)]  # so that there is one at least
     rows += [[terms.get(name, 0.0) for name in names] for terms in couplings]
-    rows += [[float(name == joint) for name in names] for joint in before]
     leaders = []
     for joint in joints:
         own = [float(name == joint) for name in names]
@@ -517,7 +584,7 @@ def _near_couplings(scene: Scene) -> Iterator[NearCoupling]:
     compiled = scene.compiled
     for tendon in map(int, np.flatnonzero(compiled.tendon_limited)):
         low, high = map(float, compiled.tendon_range[tendon])
-        terms = _driven(scene, tendon)
+        terms = _joints_of(scene, tendon)
         reach = sum(
             abs(factor) * _reach(compiled, scene.joints.index(joint))
             for joint, factor in terms.items()
@@ -535,7 +602,7 @@ def _reach(compiled: mujoco.MjModel, joint: int) -> float:
     return 2 * np.pi if JOINT_KINDS[int(compiled.jnt_type[joint])] == "hinge" else np.inf
 
 
-def _left_out(scene: Scene) -> list[str]:
+def _left_out(scene: Scene, lengths: Mapping[int, str]) -> list[str]:
     """Sentences about what a compiled model has and loopid does not model."""
     compiled = scene.compiled
     equalities = [_named(scene.equalities, equality) for equality in range(compiled.neq)]
@@ -553,7 +620,10 @@ def _left_out(scene: Scene) -> list[str]:
         "inactive equalities are left out": _where(equalities, ~active & (not disabled)),
         "equalities of motion-capture bodies are left out": _where(equalities, active & mocap),
         "limits of ball joints are not checked": _where(scene.joints, limited_balls),
-        "limits of tendons are not modelled": _where(tendons, compiled.tendon_limited != 0),
+        "limits of tendons are not modelled": _where(
+            tendons,
+            (compiled.tendon_limited != 0) & ~np.isin(np.arange(len(tendons)), [*lengths]),
+        ),
     }
     notes = [f"{what}: {shortened(which)}" for what, which in left_out.items() if which]
     if compiled.nflex:
@@ -576,15 +646,19 @@ def _disabled(compiled: mujoco.MjModel, *flags: str) -> bool:
 # Forces in joints beside the rigid bodies: in terms of their coordinates, or left out.
 
 
-def joint_forces(scene: Scene) -> tuple[dict[str, dict[str, float]], list[LeftOut]]:
-    """Terms of joints with their values, and forces that no model has."""
+def joint_forces(
+    scene: Scene, lengths: Mapping[int, str] = MappingProxyType({})
+) -> tuple[dict[str, dict[str, float]], list[LeftOut]]:
+    """Terms of joints and of lengths of tendons, with their values; forces that no model has."""
     compiled, left_out = scene.compiled, list[LeftOut]()
     terms = {name: own_terms(scene, k, left_out) for k, name in enumerate(scene.joints)}
-    for tendon, name in enumerate(scene.tendons):
-        laws = ("armature", "frictionloss", "damping", "stiffness")
-        if any(getattr(compiled, f"tendon_{law}", np.zeros(tendon + 1))[tendon] for law in laws):
-            left_out.append(LeftOut(f"forces of tendon {name or tendon}"))
-    left_out += _add_actuators(scene, terms)
+    for tendon in range(compiled.ntendon):
+        values, whole = _tendon_terms(scene, tendon)
+        if tendon in lengths:
+            terms[lengths[tendon]] = values
+        if any(values.values()) and not (whole and tendon in lengths):
+            left_out.append(LeftOut(f"forces of tendon {_named(scene.tendons, tendon)}"))
+    left_out += _add_actuators(scene, lengths, terms)
     for body, part in enumerate(compiled.body_gravcomp):
         if part and compiled.body_mass[body]:
             link, mass = scene.bodies[body], float(part * compiled.body_mass[body])
@@ -626,22 +700,37 @@ def own_terms(scene: Scene, joint: int, left_out: list[LeftOut] | None = None) -
     return {} if kind == "free" else values
 
 
+def _tendon_terms(scene: Scene, tendon: int) -> tuple[dict[str, float], bool]:
+    """Values of the terms of a tendon, and whether they are all of its forces."""
+    compiled = scene.compiled
+    springs, dampers, friction = (
+        not _disabled(compiled, *flags)
+        for flags in (("SPRING", "PASSIVE"), ("DAMPER", "PASSIVE"), ("FRICTIONLOSS", "CONSTRAINT"))
+    )
+    armature = getattr(compiled, "tendon_armature", np.zeros(compiled.ntendon))
+    stiffness = float(springs * compiled.tendon_stiffness[tendon])
+    slack, taut = map(float, compiled.tendon_lengthspring[tendon])
+    values = {
+        "Ia": float(armature[tendon]),
+        "Fc": float(friction * compiled.tendon_frictionloss[tendon]),
+        "Fv": float(dampers * compiled.tendon_damping[tendon]),
+        "Ks": stiffness,
+        "Fo": -stiffness * slack,
+    }
+    polynomials = _poly(compiled, "tendon_stiffnesspoly"), _poly(compiled, "tendon_dampingpoly")
+    linear = not any(poly[tendon : tendon + 1].any() for poly in polynomials)
+    return values, linear and (slack == taut or not stiffness)
+
+
 def _poly(compiled: mujoco.MjModel, name: str) -> FloatArray:
     """Higher coefficients of newer versions of MuJoCo; none in older ones."""
     return np.asarray(getattr(compiled, name, np.zeros((0, 1))))
 
 
-def _driven(scene: Scene, tendon: int, gear: float = 1.0) -> dict[str, float]:
-    """Joints of a fixed tendon, with the factors of its length; none of a spatial one."""
-    try:
-        terms = _fixed_tendon(scene, tendon)
-    except ValueError:
-        return {}
-    return {scene.joints[j]: gear * factor for j, factor in terms.items() if factor}
-
-
-def _add_actuators(scene: Scene, terms: dict[str, dict[str, float]]) -> list[LeftOut]:
-    """Add inertia and damping of actuators to the terms of their joints; what is left out."""
+def _add_actuators(
+    scene: Scene, lengths: Mapping[int, str], terms: dict[str, dict[str, float]]
+) -> list[LeftOut]:
+    """Add inertia and damping of actuators to the terms of what they drive; what is left out."""
     compiled, gears, left_out = scene.compiled, list[str](), list[LeftOut]()
     enabled = _enabled(compiled)
     laws = {
@@ -649,7 +738,7 @@ def _add_actuators(scene: Scene, terms: dict[str, dict[str, float]]) -> list[Lef
         for kind, what in (("Ia", "armature"), ("Fv", "damping"))
     }
     for actuator in range(compiled.nu):
-        name, driven = _named(scene.actuators, actuator), _transmission(scene, actuator)
+        name, driven = _named(scene.actuators, actuator), _transmission(scene, actuator, lengths)
         values = {kind: float(law[actuator]) for kind, law in laws.items()}
         if len(driven) == 1:
             ((joint, factor),) = driven.items()
@@ -663,19 +752,28 @@ def _add_actuators(scene: Scene, terms: dict[str, dict[str, float]]) -> list[Lef
         elif enabled[actuator] and driven and abs(gear) != 1:
             gears.append(f"{gear:g} of {name}")
     if gears:
-        what = f"gears of actuators: {', '.join(gears)}: logs count at the joint"
+        what = f"gears of actuators: {', '.join(gears)}: logs count at the joint or tendon"
         left_out.append(LeftOut(what, is_force=False))
     return left_out
 
 
-def _transmission(scene: Scene, actuator: int) -> dict[str, float]:
-    """Joints that an actuator drives, with the factors of its length."""
+def _transmission(scene: Scene, actuator: int, lengths: Mapping[int, str]) -> dict[str, float]:
+    """Joints, or a length of a tendon, that an actuator drives, with the factors of its length."""
+    compiled, tendon = scene.compiled, _tendon_of(scene, actuator)
+    gear, factors = float(compiled.actuator_gear[actuator, 0]), dict[str, float]()
+    if compiled.actuator_trntype[actuator] in DRIVES_JOINT:
+        factors = {scene.joints[compiled.actuator_trnid[actuator, 0]]: 1.0}
+    elif tendon is not None:
+        factors = {lengths[tendon]: 1.0} if tendon in lengths else _joints_of(scene, tendon)
+    return {name: gear * factor for name, factor in factors.items() if gear * factor}
+
+
+def _tendon_of(scene: Scene, actuator: int) -> int | None:
+    """The tendon that an actuator pulls."""
     compiled = scene.compiled
-    kind, target = compiled.actuator_trntype[actuator], int(compiled.actuator_trnid[actuator, 0])
-    gear = float(compiled.actuator_gear[actuator, 0])
-    if kind in DRIVES_JOINT:
-        return {scene.joints[target]: gear} if gear else {}
-    return _driven(scene, target, gear) if kind == DRIVES_TENDON and gear else {}
+    pulls = compiled.actuator_trntype[actuator] == DRIVES_TENDON
+    pulls = pulls and compiled.actuator_gear[actuator, 0] != 0
+    return int(compiled.actuator_trnid[actuator, 0]) if pulls else None
 
 
 def _enabled(compiled: mujoco.MjModel) -> BoolArray:

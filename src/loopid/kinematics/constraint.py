@@ -46,6 +46,8 @@ class Constraint:
         """(N, rows), m or rad."""
         residual = np.empty((len(self.q), self.prepared.rows, 1))
         self._fill(residual, lambda part, k: part.residual(self.pairs[k]))
+        cable_rows, lengths, _ = self.prepared.cables
+        residual[:, cable_rows, 0] -= self.q[:, lengths]
         for row, coupling in enumerate(self.mechanism.couplings, self.prepared.closure_rows):
             residual[:, row, 0] = coupling.residual(self.q)
         return residual[:, :, 0]
@@ -56,6 +58,8 @@ class Constraint:
         if self.pairs:
             rates = self._pair_rates(self.poses.linear, lambda: self.poses.angular)
             self._fill(A, lambda part, k: part.rate(self.pairs[k], rates[k]))
+        cable_rows, _, lengths = self.prepared.cables
+        A[:, cable_rows, lengths] -= 1.0
         for row, coupling in enumerate(self.mechanism.couplings, self.prepared.closure_rows):
             A[:, row, list(coupling.v_indices)] = coupling.jacobian(self.q)
         return A

@@ -79,6 +79,9 @@ class Prepared:
         self.closure_frames, _ = mechanism.closure_frames
         self.rows, self.closure_rows = mechanism.rows, len(mechanism.row_closures)
         self.groups = list(_groups(mechanism))
+        # Row of each cable, and where its length is in configurations and in velocities.
+        cables = [(row, *ends) for row, ends in mechanism.cable_rows.items()]
+        self.cables = np.array(cables, dtype=np.int64).reshape(-1, 3).T
         self.units = mechanism.row_scales[:, None] * mechanism.coordinate_scales
         self.in_common_units = self.units * mechanism.moving
         # Coordinates that are chosen as independent, and the others, by their names.

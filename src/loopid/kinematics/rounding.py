@@ -228,6 +228,8 @@ def _redrawn(mechanism: Mechanism, q: FloatArray, world: _World) -> Mechanism:
 
 def _closed(mechanism: Mechanism, closure: LoopClosure, a: pin.SE3, b: pin.SE3) -> pin.SE3:
     """The place nearest to b that closes a closure with a: Newton steps of least norm."""
+    if closure.indices is not None:  # a cable is as long as it has to be
+        return b
     length, still = mechanism.length, np.zeros((1, 3, 6))
     units = np.repeat([1.0, 1.0 / length], 3)  # steps of a length
     for _ in range(NEWTON_STEPS):

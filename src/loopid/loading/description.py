@@ -8,7 +8,8 @@ say some of it themselves fill in the same description, and the YAML has the las
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -62,6 +63,7 @@ class ClosureDescription(Section):
     frames: tuple[str, str] | None = None
     axes: tuple[Vector, Vector] | None = None
     length: float | None = Field(default=None, ge=1e-9, le=1e9)
+    joint: str | None = None
     joints: dict[str, float] | None = None
     offset: float = Field(default=0.0, gt=-1e30, lt=1e30)
     of: dict[str, float] | None = None
@@ -80,6 +82,7 @@ class ClosureDescription(Section):
         if self.type != COUPLING:
             kind = CLOSURE_KINDS[self.type]
             needed, optional = "frames", ["axes"] * bool(kind.axes) + ["length"] * kind.has_length
+            optional += ["joint"] * kind.has_joint
         if getattr(self, needed) is None:
             raise ValueError(f"a {self.type} closure needs '{needed}'")
         if (self.of is None) != (self.polynomial is None):
@@ -90,6 +93,8 @@ class ClosureDescription(Section):
             raise ValueError(f"a {self.type} closure has no {key!r}: choose among {valid}")
         if "length" in optional and self.length is None:
             raise ValueError(f"a {self.type} closure needs its 'length' in m")
+        if "joint" in optional and self.joint is None:
+            raise ValueError(f"a {self.type} closure needs the 'joint' whose value is its length")
         return self
 
     @model_validator(mode="after")
@@ -145,6 +150,7 @@ class Description(Section):
     couplings: list[Annotated[ClosureDescription, BeforeValidator(_is_coupling)]] = Field(
         default=[]
     )
+    cables: dict[str, list[str]] = Field(default={})
     remove_closures: list[str] = Field(default=[])
     name_mot: list[str] | str | None = None
     joint_name: list[str] = Field(default=[])
@@ -180,6 +186,13 @@ class Description(Section):
         return self
 
     @model_validator(mode="after")
+    def _cables_run(self) -> Description:
+        for name, frames in self.cables.items():
+            if len(frames) == 1 or any(one == two for one, two in pairwise(frames)):
+                raise ValueError(f"cables: {name} runs from one frame to another, or through more")
+        return self
+
+    @model_validator(mode="after")
     def _groups_are_disjoint(self) -> Description:
         for link in _repeated(link for group in self.identical.values() for link in group):
             raise ValueError(f"identical: link {link} is listed twice")
@@ -192,10 +205,30 @@ class Description(Section):
 
     @property
     def all_closures(self) -> tuple[ClosureDescription, ...]:
-        """Closures of ``closed_loop``, of ``closures``, and couplings."""
+        """Closures of ``closed_loop``, of ``closures``, couplings, and what cables ask for."""
         pairs = zip(self.closed_loop, self.type, strict=True)
-        simple = tuple(ClosureDescription(type=kind, frames=frames) for frames, kind in pairs)
-        return simple + tuple(self.closures) + tuple(self.couplings)
+        simple = [ClosureDescription(type=kind, frames=frames) for frames, kind in pairs]
+        cables = (closure for one in self.cables for closure in self._cable(one))
+        return (*simple, *self.closures, *self.couplings, *cables)
+
+    def _cable(self, name: str) -> Iterator[ClosureDescription]:
+        """That the coordinate of a cable is the distance of its frames, or a sum of distances."""
+        frames, parts = self.cables[name], self.cable_joints(name)
+        for part, ends in zip(parts[1:] or parts, pairwise(frames), strict=False):
+            yield ClosureDescription(type="cable", frames=ends, joint=part)
+        if len(parts) > 1:
+            joints = dict.fromkeys(parts[1:], 1.0)
+            yield ClosureDescription(type=COUPLING, name=name, joints={name: -1.0} | joints)
+
+    def cable_joints(self, name: str) -> tuple[str, ...]:
+        """The coordinate of a cable, and those of its parts where it runs through more frames."""
+        count = len(self.cables[name]) - 1
+        return (name, *(f"{name}_{k + 1}" for k in range(count if count > 1 else 0)))
+
+    @property
+    def lengths(self) -> tuple[str, ...]:
+        """Coordinates that count lengths of cables."""
+        return tuple(joint for name in self.cables for joint in self.cable_joints(name))
 
     @property
     def fixed(self) -> tuple[str, ...]:
@@ -233,6 +266,8 @@ def merged(own: Description, given: Description) -> Description:
     ]
     update: dict[str, Any] = {
         "closures": [*kept, *given.closures],
+        "cables": own.cables | given.cables,
+        "limits": own.limits | given.limits,
         "joint_name": [*own.joint_name, *given.joint_name],
         "joint_type": [*own.joint_type, *given.joint_type],
         "name_mot": own.name_mot if given.name_mot is None else given.name_mot,
@@ -291,7 +326,7 @@ def _closure(
 ) -> LoopClosure:
     name, ids = f"{frame_a}-{frame_b}", (frame_named(model, frame_a), frame_named(model, frame_b))
     joints = [model.frames[frame].parentJoint for frame in ids]
-    if joints[0] == joints[1]:
+    if joints[0] == joints[1] and closure.joint is None:
         raise RobotFileError(
             f"closure {name} joins two frames of one body: it closes no loop, leave it out",
             closure=name,
@@ -300,8 +335,17 @@ def _closure(
     first, second = closure.axes or default
     for axis in dict.fromkeys((first, second)):
         warn_of_size(f"{file}: closure {name}", axis)
-    axes = _unit(first), _unit(second)
-    return LoopClosure(closure.type, frame_a, frame_b, ids, axes, closure.length or 0.0)
+    axes, indices = (_unit(first), _unit(second)), None
+    if closure.joint is not None:
+        sliding = joint_named(model, closure.joint, f"in closure {name}")
+        if not sliding.shortname().startswith("JointModelP") or sliding.nv > 1:
+            raise RobotFileError(
+                f"closure {name}: joint {closure.joint} must slide, as its value is a length",
+                joint=closure.joint,
+            )
+        indices = sliding.idx_q, sliding.idx_v
+    numbers = closure.length or 0.0, closure.joint, indices
+    return LoopClosure(closure.type, frame_a, frame_b, ids, axes, *numbers)
 
 
 def _unit(axis: Vector) -> Vector:

@@ -34,7 +34,7 @@ from loopid.loading.description import (
 )
 from loopid.loading.files import XACRO, RobotFiles, find_files, naming
 from loopid.loading.free import why_free
-from loopid.loading.reference import close_reference, why_singular
+from loopid.loading.reference import close_reference, why_singular, with_lengths
 from loopid.loading.tree import TreeSource, build_tree, written_reference
 from loopid.parameters import KINDS
 from loopid.records import record
@@ -48,6 +48,9 @@ from loopid.robot.mechanism import (
     link_frames,
     shortened,
 )
+
+# Pinocchio stores derivatives of their third power: 2 GB.
+MOST_COORDINATES = 300
 
 
 @checked
@@ -158,6 +161,12 @@ def _source(
         raise OptionError(f"{files.tree} takes no xacro arguments: only a {XACRO} does")
     more = [arguments] if arguments else []
     source: TreeSource = robot_formats[files.tree.suffix](files.tree, floating, free_mimics, *more)
+    if source.model.nv > MOST_COORDINATES:
+        raise RobotFileError(
+            f"{files.tree} has joints of {source.model.nv:,} coordinates: at most "
+            f"{MOST_COORDINATES} are read",
+            given=source.model.nv,
+        )
     return source
 
 
@@ -169,7 +178,7 @@ def _open_robot(file: Path, tree: TreeSource, description: Description) -> Mecha
     """The robot at the reference that the file writes, where its loops may be open."""
     model, bodies = tree.model, _bodies(tree)
     _require_printable_names(tree, description)
-    return Mechanism(
+    drawn = Mechanism(
         name=tree.name,
         path=file,
         model=model,
@@ -184,6 +193,8 @@ def _open_robot(file: Path, tree: TreeSource, description: Description) -> Mecha
         margin=description.margin,
         left_out=tree.left_out,
     )
+    lengths = [name for name in description.lengths if name not in tree.description.reference]
+    return replace(drawn, reference=with_lengths(drawn, lengths)) if lengths else drawn
 
 
 def _require_printable_names(tree: TreeSource, description: Description) -> None:
@@ -407,6 +418,7 @@ def odd_masses(mechanism: Mechanism) -> tuple[str, ...]:
         if model.inertias[body.joint_id].toDynamicParameters().any()
     }
     closing = np.any(mechanism.supports(mechanism.closure_frames[0]), axis=0).ravel()
+    closing |= mechanism.moving.any(axis=0)
     idle = [
         joint
         for k, joint in enumerate(mechanism.joints, start=1)

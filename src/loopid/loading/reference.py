@@ -48,6 +48,17 @@ CLEAR = 3.0  # times such a step is the least singularity measure, up to that of
 ClosedReference = tuple[Mechanism, FloatArray]
 
 
+def with_lengths(mechanism: Mechanism, cables: Collection[str]) -> FloatArray:
+    """The reference (nq,) with the lengths that cables have there."""
+    q, columns = mechanism.reference[None], mechanism.velocity_indices(cables)
+    constraint = Constraint(mechanism, q)
+    # They are linear in the equations, and there is one for each of them.
+    A, r = constraint.jacobian()[0][:, columns], constraint.residual()[0]
+    steps = np.zeros((1, mechanism.model.nv))
+    steps[0, columns] = -np.linalg.lstsq(A, r)[0]
+    return np.asarray(integrate(mechanism, q, steps)[0])
+
+
 def close_reference(
     mechanism: Mechanism, given: Collection[str], rounding: float | None
 ) -> ClosedReference:

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from loopid.arguments import FloatArray
 from loopid.errors import OptionError, RobotFileError
-from loopid.loading.description import ClosureDescription, Description, joint_named
+from loopid.loading.description import ClosureDescription, Description, frame_named, joint_named
 from loopid.robot.mechanism import LeftOut, motion_subspace
 
 HINGES = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}
@@ -75,6 +75,7 @@ def build_tree(source: TreeSource, description: Description, locked: Sequence[st
     for name in description.joint_name:
         joint_named(source.model, name, "in joint_name")
     source = replace(source, description=description)
+    _add_lengths(source.model, description)
     if description.gravity is not None:
         source.model.gravity.linear = np.array(description.gravity)
     source = _replaced(source, _replacements(source.model, description), turned=False)
@@ -93,13 +94,36 @@ def build_tree(source: TreeSource, description: Description, locked: Sequence[st
     return source
 
 
+def _add_lengths(model: pin.Model, description: Description) -> None:
+    """Add a sliding joint without mass for each length of a cable, where the cable begins."""
+    data, unlimited = model.createData(), np.full(1, np.inf)
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    limits = unlimited, unlimited, -unlimited, unlimited
+    starts = {c.joint: c.frames[0] for c in description.all_closures if c.joint and c.frames}
+    for name in description.lengths:
+        if model.existJointName(name):
+            raise RobotFileError(f"cables: {name} is the name of a joint", joint=name)
+        place = pin.SE3.Identity()
+        if name in starts:
+            place.translation = data.oMf[frame_named(model, starts[name])].translation
+        index = model.addJoint(0, pin.JointModelPZ(), place, name, *limits)
+        model.addJointFrame(index, 0)
+
+
 def _locks(source: TreeSource, names: Iterable[str]) -> dict[str, Chain]:
     """What is left of joints that are locked: nothing, or hinges of a ball with locked turns."""
     whole: list[str] = []
     left: dict[str, str] = {}  # axes about which a spherical joint with locked turns still turns
     model = source.model
     joints = list(model.names)[1:]  # of texts that Pinocchio could not take, too
+    lengths = {closure.joint for closure in source.description.all_closures}
     for name in names:
+        if name in (*lengths, *source.description.lengths):
+            raise OptionError(
+                f"{name} cannot be locked, as a cable has that length: a rod of one length is a "
+                "closure of type distance",
+                given=name,
+            )
         joint, _, turn = name.rpartition(".")
         if name in joints or joint not in joints:
             # What has taken the place of a joint is locked with it.

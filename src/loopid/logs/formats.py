@@ -11,16 +11,17 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from decimal import Decimal
 from functools import cached_property
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
-from zipfile import ZipFile
+from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from loopid.arguments import FloatArray, IntArray, number
 from loopid.errors import LogError, LoopidError, MissingExtraError
-from loopid.files import require_plausible
+from loopid.files import UNPACKED_RATIO, Ceiling
 from loopid.registry import log_formats
 
 if TYPE_CHECKING:  # slow to import, and only needed to read a log
@@ -35,6 +36,7 @@ LOOKED_AT = 20  # first lines of a text, and cells of a time, that tell how it i
 NO_STAMP = np.iinfo(np.int64).min
 LARGEST_STAMP = 9 * 10**18  # ns: 1e19 would overflow, and 9e18 is the year 2255
 MOST_LISTED = 30  # columns or topics in a message
+HEADER_BYTES = 20_000  # of an array in an .npz: NumPy reads no longer ones
 WIDEST = 1000  # columns of a matrix: wider ones are pictures or the like
 # A time of the day, perhaps behind a date.
 CLOCK = (
@@ -67,9 +69,17 @@ class LogFormat(ABC):
     choice: ClassVar[str | None] = None  # the key of a mapping that chooses: topic or group
     ordered: ClassVar[bool] = True  # whether the order of the columns says something
 
-    def __init__(self, path: Path, chosen: str | None = None) -> None:
+    def __init__(
+        self, path: Path, chosen: str | None = None, unpacked_ratio: float = UNPACKED_RATIO
+    ) -> None:
         self.path = path
         self.chosen = chosen
+        self.unpacked_ratio = unpacked_ratio
+
+    def ceiling(self, path: Path | None = None) -> Ceiling:
+        """How much the log, or a file of it, may stand for."""
+        way_out = "; give a larger 'unpacked_ratio' in a mapping if it is to be trusted"
+        return Ceiling(path or self.path, self.unpacked_ratio, way_out)
 
     @classmethod
     def accepts(cls, path: Path) -> bool:
@@ -108,7 +118,7 @@ def numbers_in(source: str, column: polars.Series) -> FloatArray:
     import polars
 
     if column.dtype != polars.String and not column.dtype.is_numeric():
-        raise _other_kind(source, column.name, column.dtype, "numbers")
+        raise other_kind(source, column.name, column.dtype, "numbers")
     values = floats(column).fill_null(np.nan).to_numpy()
     return np.where(np.abs(values) <= LARGEST_NUMBER, values, np.nan)
 
@@ -147,7 +157,7 @@ def stamps_in(source: str, column: polars.Series, unit: int) -> IntArray:
             decimals = text.cast(polars.Decimal(38, len(str(unit)) - 1), strict=False)
             stamps = _within_centuries(decimals.to_physical(), 1)
     else:
-        raise _other_kind(source, column.name, kind, "times")
+        raise other_kind(source, column.name, kind, "times")
     if len(stamps) and (stamps == NO_STAMP).all():
         _require_possible(source, column, unit)
     return stamps
@@ -217,7 +227,7 @@ def array_table(
             cells[name] = column
             continue
         if column.dtype.kind not in "biufUmM":
-            raise _other_kind(source, name, column.dtype, "numbers")
+            raise other_kind(source, name, column.dtype, "numbers")
         # Polars takes neither every size and order of bytes, nor every unit of time.
         kind: Any = np.float64 if column.dtype.kind == "f" else column.dtype.newbyteorder("=")
         if column.dtype.kind in "mM":
@@ -241,7 +251,8 @@ def _common_length(source: str | Path, lengths: Mapping[str, int]) -> int:
     return lengths[long]
 
 
-def _other_kind(source: str | Path, name: str, kind: object, wanted: str) -> LogError:
+def other_kind(source: str | Path, name: str, kind: object, wanted: str) -> LogError:
+    """A column that holds something else than it must."""
     said = f"{source}: column {name!r} holds {kind}, not {wanted}"
     return LogError(said, file=source, column=name, given=str(kind))
 
@@ -350,17 +361,20 @@ class NpzFormat(ArrayFormat):
         return {stream_name(self.path): columns}
 
     def _read(self, arrays: Iterable[str]) -> Mapping[str, NDArray[Any]]:
+        ceiling = self.ceiling()
         with ZipFile(self.path) as archive, np.load(self.path, allow_pickle=False) as content:
             for member in (n for n in archive.namelist() if n.removesuffix(".npy") in arrays):
                 shape, dtype = _npy_header(archive, member)
-                stored = archive.getinfo(member).compress_size
-                require_plausible(self.path, math.prod(shape) * dtype.itemsize, stored)
+                ceiling.count(math.prod(shape) * dtype.itemsize)
             return {array: content[array] for array in arrays}
 
 
 def _npy_header(archive: ZipFile, name: str) -> tuple[tuple[int, ...], np.dtype[Any]]:
     """Shape and type of an array, which is not read."""
-    with archive.open(name) as file:
+    if archive.getinfo(name).compress_type not in (ZIP_STORED, ZIP_DEFLATED):
+        raise ValueError(f"{name} is packed in another way than NumPy's")  # nor as zipfile limits
+    with archive.open(name) as member:
+        file = BytesIO(member.read(HEADER_BYTES))
         old = np.lib.format.read_magic(file) == (1, 0)
         read = np.lib.format.read_array_header_1_0 if old else np.lib.format.read_array_header_2_0
         shape, _, dtype = read(file)
@@ -384,10 +398,10 @@ class ParquetFormat(LogFormat):
             frame = self._scan().select(names)
             for name, kind in frame.collect_schema().items():
                 if kind in (polars.String, polars.Binary):  # a few bytes may stand for gigabytes
-                    raise _other_kind(self.path, name, kind, "numbers")
+                    raise other_kind(self.path, name, kind, "numbers")
             count = frame.select(polars.len()).collect().item()
             _common_length(self.path, dict.fromkeys(names, count))
-            require_plausible(self.path, 8 * count * len(names), self.path.stat().st_size)
+            self.ceiling().count(8 * count * len(names))
             return [Table(frame.collect(), np.arange(1, count + 1))]
 
     def _scan(self) -> polars.LazyFrame:

@@ -14,6 +14,7 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationError,
 
 from loopid.arguments import IntArray, NotNegative, Positive, checked
 from loopid.errors import DataWarning, LogError, OptionError, warn
+from loopid.files import UNPACKED_RATIO
 from loopid.logs.formats import MOST_LISTED, NANOSECONDS, NO_STAMP, stamps_in
 from loopid.logs.headers import Heading, endings, heading, unit_names, unit_of, words
 from loopid.logs.wrenches import COMPONENTS
@@ -181,6 +182,7 @@ class LogMapping(Section):
     ``delay`` is how much later forces are than positions, in s, of all joints or by joint, or how
     late the time stamps of whole streams are, by their names.
     ``topic`` chooses among those of a bag, ``group`` among those of an HDF5 file.
+    ``unpacked_ratio`` is how many times the bytes of its file a log may stand for.
 
     Raises
     ------
@@ -209,6 +211,7 @@ class LogMapping(Section):
     joint_maps: list[JointMap] = Field(default_factory=list)
     wrenches: list[WrenchColumns] = Field(default_factory=list)
     delay: OneOrEach[float] = 0.0
+    unpacked_ratio: Positive = UNPACKED_RATIO
 
     def __init__(self, **content: Any) -> None:
         try:

@@ -162,7 +162,8 @@ def open_log(path: Path, mapping: LogMapping) -> LogFormat:
                 key=key,
                 format=name,
             )
-    return kind(path, getattr(mapping, kind.choice) if kind.choice else None)
+    chosen = getattr(mapping, kind.choice) if kind.choice else None
+    return kind(path, chosen, mapping.unpacked_ratio)
 
 
 def require_known_motion(robot: Mechanism) -> None:

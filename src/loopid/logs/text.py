@@ -16,7 +16,7 @@ import numpy as np
 
 from loopid.arguments import number
 from loopid.errors import LogError
-from loopid.files import text_blocks, why_no_file
+from loopid.files import Ceiling, text_blocks, why_no_file
 from loopid.logs.formats import (
     AROUND_CELLS,
     CLOCK,
@@ -55,13 +55,15 @@ class TextFormat(LogFormat):
         return {stream_name(self.path): self.path}
 
     def columns(self) -> Mapping[str, tuple[str, ...]]:
-        return {stream: read_header(file).names for stream, file in self._files.items()}
+        files = self._files.items()
+        return {stream: read_header(file, self.ceiling(file)).names for stream, file in files}
 
     def source(self, stream: str) -> str:
         return str(self._files[stream])
 
     def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
-        return [_read_table(self._files[stream], times, values)]
+        file = self._files[stream]
+        return [_read_table(file, self.ceiling(file), times, values)]
 
 
 class FolderFormat(TextFormat):
@@ -89,18 +91,18 @@ class FolderFormat(TextFormat):
         found: dict[str, tuple[str, ...]] = dict.fromkeys(self._files, ())
         for stream, file in self._files.items():
             with suppress(LogError):  # matters only if its columns are needed
-                found[stream] = read_header(file).names
+                found[stream] = read_header(file, self.ceiling(file)).names
         return found
 
 
-def _read_table(path: Path, times: Sequence[str], values: Sequence[str]) -> Table:
+def _read_table(path: Path, ceiling: Ceiling, times: Sequence[str], values: Sequence[str]) -> Table:
     """Times as text, and numbers; Polars' reader of CSV would number no rows, and fill or cut."""
     import polars
 
-    header, read, cut_off = read_header(path), 0, None
+    header, read, cut_off = read_header(path, ceiling), 0, None
     width = len(header.names)
     tables, rows, garbled = [], [], []
-    with closing(text_blocks(path)) as blocks:
+    with closing(text_blocks(path, ceiling)) as blocks:
         for block in blocks:
             text, whole = _decoded(block), block.endswith(b"\n")
             lines = polars.Series(text.removeprefix("\ufeff").removesuffix("\n").split("\n"))
@@ -198,13 +200,13 @@ def _is_number(cell: str) -> bool:
     return bool(known) or not np.isnan(number(cell))
 
 
-def read_header(path: Path) -> Header:
+def read_header(path: Path, ceiling: Ceiling) -> Header:
     """The names of the columns: in a line above the samples, or the last comment there.
 
     That has as many cells as the samples; a line of units below adds them to the names. Columns
     without names are called 1, 2, 3.
     """
-    comment, lines = _first_lines(path)
+    comment, lines = _first_lines(path, ceiling)
     separator = _separator(lines)
     width = _usual(len(line.cells(separator)) for line in lines[1:] or lines)
     numbers = [line.numbers(separator) for line in lines]
@@ -268,10 +270,10 @@ def _are_units(cells: Sequence[str]) -> bool:
     return bool(told) and 2 * sum(map(is_unit, told)) > len(told)
 
 
-def _first_lines(path: Path) -> tuple[str, list[Line]]:
+def _first_lines(path: Path, ceiling: Ceiling) -> tuple[str, list[Line]]:
     """The last comment at the head of a file, and the first lines below it."""
     comment, lines = "", list[Line]()
-    with closing(text_blocks(path)) as blocks:
+    with closing(text_blocks(path, ceiling)) as blocks:
         for row, data in enumerate(chain.from_iterable(map(BytesIO, blocks)), 1):
             text = _decoded(data).rstrip("\r\n")
             text = text.removeprefix("\ufeff") if row == 1 else text

@@ -158,6 +158,32 @@ class Distance(Equations):
         return [(d.T @ d - self.length**2) / (2 * self.length)]
 
 
+class Length(Equations):
+    """A cable of any length joins the origins: r = |d|, less the coordinate of its joint."""
+
+    count = 1
+    turns = False
+
+    def residual(self, pair: FramePair) -> FloatArray:
+        return np.asarray(np.linalg.norm(pair.distance, axis=1))
+
+    def rate(self, pair: FramePair, rates: PairRates) -> FloatArray:
+        return _dot(self._direction(pair), rates.velocity)
+
+    def curvature(self, pair: FramePair, rates: PairRates) -> FloatArray:
+        turning = _cross(self._direction(pair), rates.velocity)
+        return np.asarray(_dot(turning, turning) / self._size(pair))
+
+    def expressions(self, a: SymbolicPose, b: SymbolicPose, casadi: Any) -> list[Any]:
+        return [casadi.norm_2(b.origin - a.origin)]
+
+    def _direction(self, pair: FramePair) -> FloatArray:
+        return np.asarray(pair.distance / self._size(pair))
+
+    def _size(self, pair: FramePair) -> FloatArray:
+        return np.maximum(self.residual(pair), 1e-300)[:, :, None]
+
+
 class Turn(Equations):
     """The axes coincide: r = 2 vec(h), h the unit quaternion of R_aᵀ R_b (rad for small angles).
 
@@ -307,6 +333,7 @@ class ClosureKind:
     axes: tuple[Axis, Axis] | None = None
     same_axes: bool = False  # whether the axis must be the same vector in both frames
     has_length: bool = False  # whether it has the key ``length``
+    has_joint: bool = False  # whether it has the key ``joint``
 
 
 CLOSURE_KINDS: Registry[ClosureKind] = Registry("kind of closure", {
@@ -320,6 +347,7 @@ CLOSURE_KINDS: Registry[ClosureKind] = Registry("kind of closure", {
     "cylindrical": ClosureKind(lambda c: (Slide(c.axes[0]), Align(*c.axes)), axes=(Z, Z)),
     "2d": ClosureKind(lambda c: (Slide(c.axes[0]),), ("planar_point",), (Z, Z)),
     "distance": ClosureKind(lambda c: (Distance(c.length),), ("rod",), has_length=True),
+    "cable": ClosureKind(lambda c: (Length(),), ("tendon",), has_joint=True),
 })  # fmt: skip
 
 
@@ -335,6 +363,7 @@ class LoopClosure:
         coincide and the axes are at right angles. ``"2d"``: the origin of b is on the axis through
         a (a pin in a plane). ``"cylindrical"``: the axes lie on one line. ``"prismatic"``: so they
         do, and b does not turn against a. ``"distance"``: a rod keeps the origins apart.
+        ``"cable"``: the coordinate of a sliding joint is their distance.
     frame_a, frame_b : str
         Names of the two frames, on different bodies.
     frame_ids : tuple of int
@@ -343,6 +372,10 @@ class LoopClosure:
         Unit vectors along the axis, in frame a and in frame b; only some kinds have one.
     length : float
         Of the rod, in m; 0 for other kinds.
+    joint : str or None
+        The sliding joint whose coordinate is the length of a cable; None for other kinds.
+    indices : tuple of int or None
+        Positions of that coordinate in configurations and in velocities.
 
     Raises
     ------
@@ -363,6 +396,8 @@ class LoopClosure:
     frame_ids: tuple[int, int]
     axes: tuple[Axis, Axis] = (Z, Z)
     length: float = 0.0
+    joint: str | None = None
+    indices: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
         CLOSURE_KINDS[self.kind]  # or an OptionError

@@ -298,11 +298,22 @@ class Mechanism:
         """Which positions (N, nq) are outside the limits by more than ``OUTSIDE``."""
         lower, upper = self.position_limits
         outside: BoolArray = np.asarray((q < lower - OUTSIDE) | (q > upper + OUTSIDE), dtype=bool)
-        # Files often give a mimicking joint limits that its leader does not let it keep.
-        following = {name for coupling in self.couplings for name in coupling.joints}
-        for name in following - {*self.independent}:
+        for name in self.following:
             outside[:, self.joint(name).idx_q] = False
         return outside
+
+    @cached_property
+    def following(self) -> frozenset[str]:
+        """Joints whose limits count for nothing, as files give mimics some that leaders break.
+
+        Of a coupling that tells a length these are the joints that only count it.
+        """
+        moved = [body.joint_id for body in self.bodies]
+        moved += [self.model.frames[k].parentJoint for k in self.closure_frames[0]]
+        moving = {self.model.names[k] for joint in moved for k in self.model.supports[joint]}
+        coupled = [{*coupling.joints} for coupling in self.couplings]
+        following = (name for joints in coupled for name in joints - moving or joints)
+        return frozenset(following) - {*self.independent}
 
     @property
     def floating(self) -> tuple[str, ...]:
@@ -373,6 +384,8 @@ class Mechanism:
         owner = self.row_closures
         _, supports = self.closure_frames
         moving[: len(owner)] = (supports[::2] != supports[1::2])[owner]
+        for row, (_, length) in self.cable_rows.items():
+            moving[row, length] = True
         for row, coupling in enumerate(self.couplings, len(owner)):
             moving[row, list(coupling.v_indices)] = True
         return moving
@@ -381,6 +394,12 @@ class Mechanism:
     def row_closures(self) -> IntArray:
         """Which closure each row belongs to; those of couplings are left out."""
         return np.repeat(np.arange(len(self.closures)), [c.rows for c in self.closures])
+
+    @cached_property
+    def cable_rows(self) -> dict[int, tuple[int, int]]:
+        """Rows of cables, and where their lengths are in configurations and in velocities."""
+        owners = (self.closures[k] for k in self.row_closures)
+        return {row: one.indices for row, one in enumerate(owners) if one.indices is not None}
 
     @cached_property
     def loops(self) -> tuple[Loop, ...]:
