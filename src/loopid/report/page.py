@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from importlib.metadata import version
 from importlib.resources import files
 from typing import Any
@@ -167,7 +166,7 @@ class Page:
         return str(tostring(page, encoding="unicode", doctype="<!DOCTYPE html>")) + "\n"
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class Report:
     """What a command found, for all ways of showing it.
 
