@@ -16,6 +16,7 @@ from loopid.arguments import IntArray, NotNegative, Positive, checked
 from loopid.errors import DataWarning, LogError, OptionError, warn
 from loopid.files import UNPACKED_RATIO
 from loopid.logs.formats import MOST_LISTED, NANOSECONDS, NO_STAMP, stamps_in
+from loopid.logs.free import POSE
 from loopid.logs.headers import Heading, endings, heading, unit_names, unit_of, words
 from loopid.logs.wrenches import COMPONENTS
 from loopid.records import digest
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 QUANTITIES = ("position", "force", "velocity", "acceleration")
 # Of the wrenches, in the order of the mapping.
 wrench_name = "wrench {}".format
+# Of joints that no motor moves, by their names.
+free_name = "free {}".format
 # Condition number from which a joint map is no true one.
 LARGEST_CONDITION = 1e6
 
@@ -177,8 +180,8 @@ class LogMapping(Section):
     the offset, are in m, rad, N, N m and s; numbers hold for all joints, or are given by joint.
     Without a scale, columns are in the unit of their header, or else in these units.
     In all of them, the motors of ``joint_maps`` stand for the joints that they move. ``wrenches``
-    are what the surroundings exert on frames of the robot, each of six columns.
-    In all of them, the motors of ``joint_maps`` stand for the joints that they move.
+    are what the surroundings exert on frames of the robot, each of six columns. ``free`` gives the
+    columns of joints that no motor moves: one, or the seven of a floating base.
     ``delay`` is how much later forces are than positions, in s, of all joints or by joint, or how
     late the time stamps of whole streams are, by their names.
     ``topic`` chooses among those of a bag, ``group`` among those of an HDF5 file.
@@ -210,6 +213,7 @@ class LogMapping(Section):
     idle_speed: NotNegative | None = None
     joint_maps: list[JointMap] = Field(default_factory=list)
     wrenches: list[WrenchColumns] = Field(default_factory=list)
+    free: dict[str, list[str]] = Field(default_factory=dict)
     delay: OneOrEach[float] = 0.0
     unpacked_ratio: Positive = UNPACKED_RATIO
 
@@ -364,7 +368,7 @@ class ColumnFinder:
             if quantity in WITH_JOINT or getattr(self.mapping, quantity) is not None
         ]
         of_motors = (self._channels_of(quantity, joints) for quantity in wanted)
-        for place, channel in chain(*of_motors, self._wrenches()):
+        for place, channel in chain(*of_motors, self._wrenches(), self._free()):
             if place in found:
                 raise self._refused(
                     f"column {place.column!r} is mapped twice: each {channel.quantity} has a "
@@ -426,6 +430,20 @@ class ColumnFinder:
                         column=column,
                     )
                 yield place, Channel(wrench_name(k), component, column, scale, offset)
+
+    def _free(self) -> Iterator[tuple[Place, Channel]]:
+        """Columns of joints that no motor moves, each joint a quantity."""
+        for joint, columns in self.mapping.free.items():
+            if len(columns) not in (1, len(POSE)):
+                raise self._refused(
+                    f"there are {len(columns)} columns for {joint}, but it takes one or, of a "
+                    f"floating base, {', '.join(POSE)}",
+                    columns=tuple(columns),
+                )
+            for component, place in zip(POSE, map(self._called, columns), strict=False):
+                said = heading(place.column)
+                scale, _ = self._linear("position", place.column, said, None, "a header's unit")
+                yield place, Channel(free_name(joint), component, place.column, scale, 0.0)
 
     def _linear(
         self, quantity: str, column: str, said: Heading, given: float | None, key: str
