@@ -6,11 +6,16 @@ BIN := .venv/bin
 # Compiled once, not by every process that a test starts.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-kernels test-versions validate lint bench peers clean
+.PHONY: demo docs test test-kernels test-versions validate lint bench peers clean
 
 # The main job: all tables and figures of the paper, with their uncertainty.
 demo: .venv/plot
 	@$(BIN)/loopid paper --out out
+
+# The documentation as a site; its search needs a server, as below.
+docs: .venv/docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --site-dir site
+	@echo 'site/index.html; with search: $(BIN)/python -m http.server -d site'
 
 # As many processes as cores, each with one thread of linear algebra.
 test test-kernels validate: export OPENBLAS_NUM_THREADS = 1
@@ -77,6 +82,10 @@ clean:
 
 .venv/plot: .venv/pip pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[plot]'
+	@touch $@
+
+.venv/docs: .venv/pip pyproject.toml
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
 	@touch $@
 
 .venv/test: .venv/pip pyproject.toml

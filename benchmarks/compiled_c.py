@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import re
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,39 +11,89 @@ from typing import Any
 
 import numpy as np
 
-from loopid.export import RegressorCode
+from loopid.export import CSource
+from loopid.export.c_code import motor_positions
 from loopid.identification import ForceModel
+from loopid.kinematics import ClosedMotion
 
 NUMBERS = ctypes.POINTER(ctypes.c_double)
 
 
-class CompiledRegressor:
-    """The functions of the C code of a force model, compiled in a folder."""
+class CompiledRobot:
+    """The functions of the C code of a force model, compiled in a folder, with a state."""
 
     def __init__(
-        self, model: ForceModel, code: RegressorCode, folder: Path, flags: Sequence[str] = ("-O2",)
+        self, model: ForceModel, code: CSource, folder: Path, flags: Sequence[str] = ("-O2",)
     ) -> None:
         self.model, self.name = model, code.name
-        *_, source = code.save(folder)
+        _, source, _ = code.save(folder)
         library = source.with_suffix(".so").absolute()
         command = ["cc", *flags, "-shared", "-fPIC", str(source), "-lm", "-o", str(library)]
         subprocess.run(command, check=True)
         self.library = ctypes.CDLL(str(library))
+        self.state = _state_type(code)()
 
-    def __call__(
-        self, configurations: np.ndarray, velocities: np.ndarray, accelerations: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Regressors (N, dof, n) and statuses (N,) of states (N, nq), (N, nv), (N, nv)."""
-        dof, count = len(self.model.mechanism.independent), len(configurations)
-        K = np.empty((count, dof, len(self.model.parameters)))
-        states = map(np.ascontiguousarray, (configurations, velocities, accelerations))
-        call = self.function("regressor", ctypes.c_int, 4)
-        rows = zip(*states, K, strict=True)
-        status = [call(*(row.ctypes.data_as(NUMBERS) for row in state)) for state in rows]
-        return K, np.array(status)
+    def call(self, function: str, *arguments: Any) -> int:
+        """The status of a C function of the state, arrays and numbers."""
+        given = [
+            each.ctypes.data_as(NUMBERS) if isinstance(each, np.ndarray) else ctypes.c_double(each)
+            for each in arguments
+        ]
+        status: int = self.library[f"{self.name}_{function}"](ctypes.byref(self.state), *given)
+        return status
 
-    def function(self, ending: str, result: Any, arguments: int) -> Any:
-        """A C function of arrays of numbers."""
-        call = self.library[f"{self.name}_{ending}"]
-        call.restype, call.argtypes = result, [NUMBERS] * arguments
-        return call
+    def place(self, q: np.ndarray, u: np.ndarray) -> int:
+        """Put the state to a closed configuration (nq,) with motors at u (dof,)."""
+        ctypes.memset(ctypes.byref(self.state), 0, ctypes.sizeof(self.state))
+        self.state.q[:], self.state.u[:] = q, u
+        return self.call("assemble", u)
+
+    def moved(self, q: np.ndarray, u: np.ndarray, to: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Configurations (N, nq) after an assembly each, from (N, nq), and statuses (N,)."""
+        reached, status = np.zeros(q.shape), np.zeros(len(q))
+        for k in range(len(q)):
+            self.place(q[k], u[k])
+            status[k] = self.call("assemble", to[k])
+            reached[k] = self.state.q
+        return reached, status
+
+    def regressors(self, motion: ClosedMotion) -> tuple[np.ndarray, np.ndarray]:
+        """Regressors (N, dof, n) and statuses (N,) along a motion, each state on its own."""
+        mechanism = self.model.mechanism
+        chosen = mechanism.velocity_indices(mechanism.independent)
+        motors = motor_positions(mechanism, motion.configurations)
+        rates, second = motion.velocities[:, chosen], motion.accelerations[:, chosen]
+        K, status = list[np.ndarray](), list[int]()
+        for q, u, *given in zip(motion.configurations, motors, rates, second, strict=True):
+            status.append(self.place(q, u))
+            K.append(self.regressor(*given))
+        return np.array(K), np.array(status)
+
+    def regressor(self, du: np.ndarray, ddu: np.ndarray) -> np.ndarray:
+        """K (dof, n) at the state, NaN where it is told to be not finite."""
+        K = np.zeros((len(du), len(self.model.parameters)))
+        status = self.call("regressor", *map(np.ascontiguousarray, (du, ddu)), K)
+        assert status == (0 if np.isfinite(K).all() else 3)
+        return K
+
+
+def header_ways(code: CSource) -> list[float]:
+    """How far the motors may go after 1, 2, ... Newton steps, in m or rad, as the header says."""
+    return [float(way) for way in re.findall(r"^     \d: ([\d.e-]+) (?:m|rad)$", code.header, re.M)]
+
+
+def _state_type(code: CSource) -> type[ctypes.Structure]:
+    """The struct of the header, whose sizes are numbers or macros of it."""
+    macros = dict(re.findall(r"#define (\w+) (\d+)", code.header))
+    body = re.search(r"struct \w+_state \{(.*?)\};", code.header, re.DOTALL)
+    assert body is not None
+    fields: list[tuple[str, Any]] = []
+    declared = re.sub(r"/\*.*?\*/", "", body[1], flags=re.DOTALL)
+    for kind, names in re.findall(r"(double|int) ([^;]+);", declared):
+        basic: Any = {"double": ctypes.c_double, "int": ctypes.c_int}[kind]
+        for name, size in re.findall(r"(\w+)(?:\[([^\]]+)\])?,?", names):
+            count = (
+                np.prod([int(macros.get(part, part)) for part in size.split(" * ")]) if size else 0
+            )
+            fields.append((name, basic * int(count) if count else basic))
+    return type("State", (ctypes.Structure,), {"_fields_": fields})

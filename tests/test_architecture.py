@@ -29,7 +29,8 @@ ROOMS = (
     "identification",
 )
 CORE = (*GROUND, *ROOMS)  # each imports those to its left
-TOOLS = ("formats", "diagnosis", "excitation", "export")  # each imports the core, none another
+# Each imports the core, none another.
+TOOLS = ("formats", "diagnosis", "excitation", "control", "export")
 # What people see; each imports what is above and to its left.
 SHOWN = ("view", "report", "paper", "cli")
 # Beside that: what a room or a file never imports.

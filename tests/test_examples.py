@@ -1,25 +1,64 @@
-"""The scripts of ``examples/`` run and print what they promise."""
+"""The scripts and notebooks of ``examples/`` run, are short, and print what they promise."""
 
+import os
 import runpy
+import sys
 from pathlib import Path
 
 import pytest
 
 FOLDER = Path(__file__).parents[1] / "examples"
+LONGEST = 45  # lines of a script
 PRINTED = {
+    "biped_leg": ("thigh.mz", "knee in rad: [0.60", "carry in N"),
+    "certificate": ("platform.mz", "cond(V22) = 2.2370, proven best: True"),
+    "cluster_of_logs": ("1 logs, 708 forces", "8 logs, 5664 forces"),
     "control_loop": ("forces in N that hold the robot: [", "forces in N that accelerate it: ["),
+    "from_zero": (
+        "2 degrees of freedom, 2 of 3 closure rows",
+        "better than it",
+        "knee_drive.Fc",
+        "kg",
+    ),
+    "inverse_dynamics": ("the same accelerations: True",),
+    "mujoco_model": ("8 base parameters of 30", "by MuJoCo: [-0.7"),
     "own_format": ("<Log 'run': 2241 samples", "<Recording 'run'"),
     "own_robot": ("left_crank_joint.Fc: 0.09", "better than it"),
-    "certificate": ("platform.mz", "cond(V22) = 2.2370, proven best: True"),
+    "real_log": ("8582 samples of leg1_stroke", "better than it", "leg4_stroke.Fc"),
+    "serial_arm": ("upper.mx + 0.4 lower.m", "shoulder.Fc: 0.", "payload.m: 0."),
 }
+NEEDED = {"mujoco_model": "mujoco", "cluster_of_logs": "dask"}
 
 
-@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("script", sorted(FOLDER.glob("*.py")), ids=lambda script: script.stem)
-def test_an_example_prints_what_it_promises(script, capsys, monkeypatch, tmp_path):
+def test_an_example_prints_what_it_promises(script, request, capsys, monkeypatch, tmp_path):
+    if script.stem in NEEDED:
+        pytest.importorskip(NEEDED[script.stem])
+    arguments = [str(script)]
+    if script.stem == "real_log":
+        logs = request.getfixturevalue("shared") / "data" / "upv" / "logs"
+        arguments.append(str(logs / "exp_18_12_2020-12_36_29"))
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", arguments)
     runpy.run_path(str(script))
     said = capsys.readouterr().out
     for words in PRINTED[script.stem]:
         assert words in said
     assert not [*tmp_path.iterdir()]
+    assert len(script.read_text().splitlines()) <= LONGEST
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("book", sorted(FOLDER.glob("*.ipynb")), ids=lambda book: book.stem)
+def test_a_notebook_runs_and_is_kept_without_output(book, monkeypatch, tmp_path):
+    nbclient, nbformat = (pytest.importorskip(name) for name in ("nbclient", "nbformat"))
+    monkeypatch.setenv("PYTHONWARNINGS", "ignore")
+    monkeypatch.setenv("IPYTHONDIR", str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, sys.path)))
+    notebook = nbformat.read(book, as_version=4)
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    assert not any(cell.outputs or cell.execution_count for cell in code)
+    done = nbclient.NotebookClient(notebook, timeout=300).execute(cwd=str(tmp_path))
+    shown = [cell for cell in done.cells if cell.cell_type == "code" and cell.outputs]
+    assert len(shown) >= len(code) / 2

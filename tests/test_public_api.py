@@ -173,7 +173,7 @@ def good(load_once):
         "force_model": model,
         "observation": model.base.observation if hasattr(model.base, "observation") else None,
         ("design_excitation", "model"): model,
-        ("export_regressor", "model"): model,
+        ("export_c", "model"): model,
         ("save_fit", "model"): model,
     }
 

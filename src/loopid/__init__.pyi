@@ -2,6 +2,7 @@
 
 from . import (
     base_parameters as base_parameters,
+    control as control,
     diagnosis as diagnosis,
     errors as errors,
     excitation as excitation,
@@ -23,6 +24,7 @@ from .base_parameters import (
     SearchEffort as SearchEffort,
     find_base_parameters as find_base_parameters,
 )
+from .control import MotorModel as MotorModel
 from .diagnosis import (
     diagnose as diagnose,
     drive_gains as drive_gains,
@@ -35,7 +37,7 @@ from .excitation import (
     MotionLimits as MotionLimits,
     design_excitation as design_excitation,
 )
-from .export import export_regressor as export_regressor, export_robot_file as export_robot_file
+from .export import export_c as export_c, export_robot_file as export_robot_file
 from .identification import (
     FitOptions as FitOptions,
     FitSamples as FitSamples,

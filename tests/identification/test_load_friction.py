@@ -92,10 +92,10 @@ def test_a_saved_fit_predicts_with_the_bodies_that_loaded_the_joints(loaded, tru
 
 def test_c_code_refuses_it(loaded):
     pytest.importorskip("casadi")
-    from loopid.export import regressor_code
+    from loopid.export import c_source
 
     with pytest.raises(OptionError, match=r"C code cannot have left_crank_joint\.Fl"):
-        regressor_code(loaded[0])
+        c_source(loaded[0])
 
 
 @pytest.mark.parametrize("draws", [1, pytest.param(6, marks=pytest.mark.validate)])

@@ -21,6 +21,7 @@ from loopid.identification import (
     read_fit,
     save_fit,
 )
+from loopid.yaml_files import yaml_writer
 from made_runs import ARM, modelled, wander
 
 ROOT = Path(__file__).parents[2]
@@ -103,6 +104,16 @@ def test_files_say_what_the_page_says(model, fits, tmp_path):
     assert entry["terms"][entry["name"]] == 1
     assert entry["standard_error"] == estimate.standard_error
     assert entry["interval_95_percent"] == list(estimate.interval)
+
+
+def test_a_yaml_that_another_program_wrote_is_read(model, fits, tmp_path, monkeypatch):
+    saved = SavedFit.of(model, fits["plain"])
+    with (tmp_path / "fit.yaml").open("w") as file:
+        yaml_writer().dump(saved.record(), file)
+    assert read_fit(tmp_path / "fit.yaml").record() == saved.record()
+    # A reader of YAML takes seconds: none is asked for what loopid has written.
+    monkeypatch.delattr("loopid.identification.saved.load_yaml")
+    assert read_fit(saved.save(tmp_path / "own.yaml")).record() == saved.record()
 
 
 def test_they_are_shown_in_few_lines(model, fits):

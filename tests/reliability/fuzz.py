@@ -135,6 +135,8 @@ class _Maker:
         chosen = self.random.sample(options, min(len(options), self.random.choice((0, 1, 1, 2, 3))))
         for option in chosen:
             words += self._option(option)
+        if name == "excite" and "--evaluations" not in words:  # 400 take a minute
+            words += ["--evaluations", "4"]
         if self._wrong(0.1):
             words.insert(self.random.randint(0, len(words)), self._one(("--nope", "--help", "-x")))
         if self._wrong(0.1):

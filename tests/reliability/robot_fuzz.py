@@ -69,6 +69,34 @@ HINGES = MJCF.partition("<actuator>")[0] + "</mujoco>"
 BRANCHES = URDF_PLUS.replace(' independent="true"', "").replace(' independent="false"', "")
 BRANCHES = BRANCHES.replace("</robot>", LINK.format("tool", 0.3, "crank", "", "0.1 0.2 0", 0.4))
 BRANCHES = BRANCHES.replace(' independent=""', "") + "</robot>"
+BAR = """<link name="{0}"><pose>{3} {4} 0 {5} 0</pose><inertial><pose>0.2 0.01 0.02 0 0 0</pose>
+<mass>{1}</mass><inertia><ixx>0.02</ixx><iyy>0.03</iyy><izz>0.04</izz></inertia></inertial></link>
+<joint name="{0}_joint" type="revolute"><parent>{2}</parent><child>{0}</child>
+<axis><xyz>0 1 0</xyz><limit><lower>-3</lower><upper>3</upper></limit>
+<dynamics><damping>0.1</damping></dynamics></axis></joint>
+"""
+# A parallelogram, whose rocker has a second parent.
+SDF = f"""<sdf version="1.9"><model name="bars"><link name="stand"/>
+<joint name="mount" type="fixed"><parent>world</parent><child>stand</child></joint>
+{BAR.format("crank", 1.0, "stand", 0, "0 0", -1.2)}
+{BAR.format("rocker", 0.8, "stand", 0.5, "0 0", -1.2)}
+{BAR.format("rod", 0.6, "crank", 0.14494311017906694, "0 0.37281563438689053", 0)}
+<joint name="pin" type="revolute"><parent>rod</parent><child>rocker</child>
+<pose relative_to="rod">0.5 0 0 0 0 0</pose><axis><xyz>0 1 0</xyz></axis></joint>
+</model></sdf>
+"""
+XACRO = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
+<xacro:arg name="mass" default="2"/><xacro:property name="reach" value="0.5"/>
+<xacro:macro name="bar" params="name parent at">
+<link name="${name}"><inertial><origin xyz="${0.5 * at + 0.1} 0 0.02"/><mass value="$(arg mass)"/>
+<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+<joint name="${name}_joint" type="revolute"><parent link="${parent}"/><child link="${name}"/>
+<origin xyz="${at} 0 0"/><axis xyz="0 1 0"/><limit lower="${-pi}" upper="${pi}"/></joint>
+</xacro:macro>
+<link name="ground"/><xacro:bar name="first" parent="ground" at="0"/>
+<xacro:if value="${reach > 0}"><xacro:bar name="second" parent="first" at="${reach}"/></xacro:if>
+</robot>
+"""
 
 
 @cache
@@ -82,6 +110,7 @@ def robots() -> dict[str, dict[str, bytes]]:
     family = {"robot.yaml": FAMILY_YAML, "robot.urdf": FAMILY}
     texts = {"arm": {"arm.urdf": ARM}, "loop": {"loop.urdf": URDF_PLUS}, "bars": {"bars.xml": MJCF}}
     texts |= {"branches": {"branches.urdf": BRANCHES}, "hinges": {"hinges.xml": HINGES}}
+    texts |= {"gazebo": {"gazebo.sdf": SDF}, "macros": {"macros.urdf.xacro": XACRO}}
     for name, files in {**texts, "family": family}.items():
         found[name] = {
             file: text if isinstance(text, bytes) else text.encode() for file, text in files.items()
@@ -119,15 +148,19 @@ RESERVED = {
 }
 
 
+SHUFFLED = ("robot", "link", "joint", "inertial", "body", "worldbody")
+
+
 def changed(files: dict[str, bytes], random: Random) -> tuple[dict[str, bytes], dict[str, str]]:
     """The same robot, written in another way."""
     trees = {name: text for name, text in files.items() if not name.endswith("yaml")}
     ((tree, text),) = trees.items()
     root = etree.fromstring(text)
-    old = {str(tag.get("name")) for tag in root.iter("link", "joint", "body")} - {"None"} - RESERVED
+    given = {str(tag.get("name")) for tag in root.iter("link", "joint", "body")}
+    old = {name for name in given - {"None"} - RESERVED if "$" not in name}
     kinds = random.sample(("tags", "attributes", "comments", "names", "quaternions", "lines"), 3)
-    if "tags" in kinds:
-        for tag in list(root.iter("robot", "link", "joint", "inertial", "body", "worldbody")):
+    if "tags" in kinds and not tree.endswith("xacro"):  # macros come before they are used
+        for tag in list(root.iter(*SHUFFLED)):
             _shuffle(tag, random)
     if "quaternions" in kinds:
         for tag in root.iterfind(".//*[@quat]"):

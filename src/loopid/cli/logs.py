@@ -231,7 +231,9 @@ def export(
         help="The robot's own file with inertials and joint terms.",
     ),
     yaml: str | None = Option(None, metavar="FILE", help="The fit as YAML, or as JSON."),
-    c: str | None = Option(None, metavar="DIR", help="C source of the regressor, and its values."),
+    c: str | None = Option(
+        None, metavar="DIR", help="C source for the controller, with the values."
+    ),
     name: str | None = Option(None, help="Of the C functions; the robot's by default."),
     overwrite: bool = Option(
         False, "--overwrite", help="--urdf, --mjcf: the robot's own file is replaced."

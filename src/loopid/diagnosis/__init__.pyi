@@ -1,6 +1,6 @@
+from .evidence import SuspicionOptions as SuspicionOptions
 from .log_mistakes import (
     MotorGain as MotorGain,
-    SuspicionOptions as SuspicionOptions,
     Suspicions as Suspicions,
     diagnose as diagnose,
     suspicions as suspicions,

@@ -1,4 +1,4 @@
-"""Results for other programs: robot files with new inertials, regressors in C."""
+"""Results for other programs: robot files with new inertials, C for controllers."""
 
 import lazy_loader
 

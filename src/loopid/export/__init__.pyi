@@ -1,8 +1,4 @@
-from .c_code import (
-    RegressorCode as RegressorCode,
-    export_regressor as export_regressor,
-    regressor_code as regressor_code,
-)
+from .c_code import CSource as CSource, c_source as c_source, export_c as export_c
 from .everything import ExportOptions as ExportOptions, export_fit as export_fit
 from .robot_file import (
     export_robot_file as export_robot_file,

@@ -1,27 +1,38 @@
-"""The regressor as a C file and its header, from templates and CasADi's functions."""
+"""A robot for its controller: C source of motor signals, from templates and CasADi's functions."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field
 from importlib.metadata import version
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, MissingExtraError, OptionError
 from loopid.files import write_files
 from loopid.identification.force_model import ForceModel
-from loopid.kinematics.projection import partition
+from loopid.kinematics.assembly import USUAL
+from loopid.kinematics.measured import measured_coordinates
+from loopid.kinematics.projection import NEAR_SINGULARITY, partition, project
+from loopid.kinematics.sampling import random_configurations
 from loopid.records import record
+from loopid.robot.mechanism import Mechanism
 
 IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")  # as CasADi has it
-# Of the pivots: below the first there is no regressor, below the second it is ill-determined.
-SINGULAR, NEAR_SINGULARITY = 1e-10, 1e-3
 LONGEST_NAME = 60  # of files and functions that are named after the robot
 LONGEST_TEXT = 4000  # bytes: C99 promises strings of 4095
+CLOSED = 1e-9  # m
+SHORTEST_PART = 2.0**-16  # of the way from the reference, before it is given up
+# Ways of the motors, in rad or characteristic lengths, of which the header tells the half of what C
+# bears: to and fro along the direction that moves the others most, at the worst of random poses.
+WAYS = [float(f"{digit}e{power}") for power in range(-6, 0) for digit in (1, 2, 5)]
+NEWTON_STEPS, POSES, WORST = 3, 500, 50
 ONE_SIGNATURE = """/* CasADi's functions share one signature, of which not all is used. */
 #if defined(__GNUC__)
 #pragma GCC diagnostic ignored "-Wunused-parameter"
@@ -30,37 +41,41 @@ ONE_SIGNATURE = """/* CasADi's functions share one signature, of which not all i
 
 
 @record(checked=True)
-class RegressorCode:
-    """C source of K_base(q, q̇, q̈), all joint coordinates given.
+class CSource:
+    """C source of a robot, for its controller, and the same for CasADi.
 
     Attributes
     ----------
     name : str
         What all its functions and macros begin with.
-    header, source : str
-        Contents of ``<name>.h`` and ``<name>.c``.
+    header, source, casadi : str
+        Contents of ``<name>.h``, ``<name>.c`` and ``<name>.casadi``. The last is for
+        ``casadi.Function.deserialize``: the closures' residual, q̇, forces, M and the forces C u̇ +
+        g + friction, of closed configurations q, of u̇ and ü of the motors and of base parameters.
     """
 
     name: str
     header: str = field(repr=False)
     source: str = field(repr=False)
+    casadi: str = field(repr=False)
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write both files, whole or not at all."""
-        contents = {f"{self.name}.h": self.header, f"{self.name}.c": self.source}
-        return write_files(folder, contents)
+        """Write the three files, whole or not at all."""
+        contents = {"h": self.header, "c": self.source, "casadi": self.casadi}
+        named = {f"{self.name}.{ending}": content for ending, content in contents.items()}
+        return write_files(folder, named)
 
 
 @checked
-def regressor_code(
+def c_source(
     model: ForceModel, *, name: str | None = None, values: FloatArray | None = None
-) -> RegressorCode:
-    """Generate C source of the base columns of a force model's regressor.
+) -> CSource:
+    """Generate C source of a force model, for a controller that knows its motors only.
 
-    ``int <name>_regressor(const double *q, const double *v, const double *a, double *K)`` fills
-    K (dof, n) row by row, as ``ForceModel.regressor`` has it, from positions (nq,), velocities and
-    accelerations (nv,) of all joints, in Pinocchio's order. It allocates nothing, keeps no state,
-    and says where the pose is singular.
+    From the motors' positions, velocities and accelerations come all joints (``<name>_assemble``),
+    forces (``<name>_gravity``, ``<name>_forces``), K (dof, n) as ``ForceModel.regressor`` has it
+    (``<name>_regressor``), and external forces (``<name>_observe``). The header says how. Nothing
+    is allocated, and nothing kept but a ``struct <name>_state``.
 
     Parameters
     ----------
@@ -68,7 +83,7 @@ def regressor_code(
     name : str, optional
         A C identifier; by default made of the mechanism's name.
     values : FloatArray, optional
-        (n,), base parameters to be put into the source beside the regressor.
+        (n,), base parameters to be put into the source.
 
     Raises
     ------
@@ -81,7 +96,7 @@ def regressor_code(
     """
     if find_spec("casadi") is None:
         raise MissingExtraError.of("casadi", "codegen")
-    from loopid.export.symbolic import c_functions  # here, as it needs CasADi
+    from loopid.export.symbolic import SymbolicRobot, c_of  # here, as it needs CasADi
 
     chosen = _identifier(model.mechanism.name) if name is None else name
     if not IDENTIFIER.fullmatch(chosen):
@@ -90,28 +105,30 @@ def regressor_code(
             f"{chosen!r}",
             given=chosen,
         )
-    fields = _fields(model, chosen) | _value_fields(model, chosen, values)
-    loops = "open.c" if fields["DEPENDENT"] == "0" else "closed.c"
-    parts = (_filled(template, fields) for template in ("regressor.c", loops))
-    functions = c_functions(model, f"{chosen}_casadi")
-    source = "\n".join([f'#include "{chosen}.h"\n', ONE_SIGNATURE, functions, *parts])
-    return RegressorCode(chosen, _filled("regressor.h", fields), source)
+    given = _value_fields(model, chosen, values)
+    robot = SymbolicRobot(model)
+    functions = robot.functions(f"{chosen}_casadi")
+    fields = _fields(model, chosen, functions) | given
+    parts = c_of(functions, f"{chosen}_casadi"), _filled("robot.c", fields)
+    source = "\n".join([f'#include <string.h>\n#include "{chosen}.h"\n', ONE_SIGNATURE, *parts])
+    whole = robot.whole(functions, chosen).serialize()
+    return CSource(chosen, _filled("robot.h", fields), source, whole)
 
 
 @checked
-def export_regressor(
+def export_c(
     model: ForceModel,
     folder: str | Path,
     *,
     name: str | None = None,
     values: FloatArray | None = None,
 ) -> list[Path]:
-    """Write the C source and header of ``regressor_code`` to a folder.
+    """Write the C source and header of ``c_source`` to a folder.
 
     Parameters
     ----------
     model, name, values
-        As in ``regressor_code``.
+        As in ``c_source``.
     folder : path
         Made where it is missing.
 
@@ -123,7 +140,7 @@ def export_regressor(
     Raises
     ------
     MissingExtraError, OptionError, DataError
-        As ``regressor_code``.
+        As ``c_source``.
     FileError
         When the files cannot be written.
 
@@ -132,10 +149,10 @@ def export_regressor(
     >>> import loopid, tempfile
     >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"), joint_terms=None)
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     [path.name for path in loopid.export_regressor(model, folder)]
+    ...     [path.name for path in loopid.export_c(model, folder)]
     ['five_bar.h', 'five_bar.c']
     """
-    return regressor_code(model, name=name, values=values).save(folder)
+    return c_source(model, name=name, values=values).save(folder)
 
 
 def _identifier(name: str) -> str:
@@ -144,41 +161,114 @@ def _identifier(name: str) -> str:
     return plain if IDENTIFIER.fullmatch(plain) else f"robot_{plain}".strip("_")
 
 
-def _filled(template: str, fields: dict[str, str]) -> str:
+def _filled(template: str, fields: Mapping[str, str]) -> str:
     """A template with what is between @ signs filled in."""
     text = files("loopid.export").joinpath("templates", template).read_text(encoding="utf-8")
     return re.sub(r"@([A-Z_]+)@", lambda match: fields[match[1]], text)
 
 
-def _fields(model: ForceModel, name: str) -> dict[str, str]:
-    """Dimensions, tolerances and names that the templates are filled with."""
-    mechanism = model.mechanism
-    chosen, dependent = partition(mechanism)
+def _fields(model: ForceModel, name: str, functions: Mapping[str, Any]) -> dict[str, str]:
+    """Names, numbers and tolerances that the templates are filled with."""
+    mechanism, linearise = model.mechanism, functions["linearise"]
     joints = [(joint, mechanism.joint(joint).nq) for joint in mechanism.joints]
     # A joint's name where it has one position, else numbered from 0.
     positions = [j if nq == 1 else f"{j}[{k}]" for j, nq in joints for k in range(nq)]
+    reference, motors = mechanism.reference, mechanism.independent
+    indices, sliding = mechanism.velocity_indices(motors), mechanism.prismatic
+    units = ["m" if k in sliding else "rad" for k in indices]
     return {
         "NAME": name,
         "GUARD": name.upper(),
         "ROBOT": _string(mechanism.name),
         "MODEL": model.model,
         "VERSION": version("loopid"),
+        "MOTORS": _motor_lines(mechanism, units),
+        "WAYS": _way_lines(mechanism, units, functions),
         "NQ": str(mechanism.model.nq),
-        "NV": str(mechanism.model.nv),
-        "NV_ALL": str(len(dependent) + len(chosen)),
-        "DOF": str(len(chosen)),
-        "ROWS": str(mechanism.rows),
-        "DEPENDENT": str(len(dependent)),
+        "DOF": str(len(motors)),
         "PARAMETERS": str(len(model.parameters)),
-        "SINGULAR": repr(SINGULAR),
+        "COUPLED": str(max(1, linearise.numel_out(0))),  # C has no empty arrays
+        "FACTORS": str(max(1, linearise.numel_out(1))),
+        "REFERENCE_Q": _numbers(reference),
+        "REFERENCE_U": _numbers(motor_positions(mechanism, reference[None])[0]),
+        "LONGEST_STEP": repr(USUAL.longest_step),
+        "CONTRACTION": repr(USUAL.contraction),
+        "SHORT": repr(USUAL.short),
+        "CLOSED": repr(_closed(mechanism)),
         "NEAR_SINGULARITY": repr(NEAR_SINGULARITY),
+        "SHORTEST_PART": repr(SHORTEST_PART),
+        "POSES": str(POSES),
+        "MOTOR_NAMES": _strings(motors),
         "POSITION_NAMES": _strings(positions),
-        "VELOCITY_NAMES": _strings(mechanism.coordinates),
-        "ROW_NAMES": _strings(mechanism.independent),
         "PARAMETER_NAMES": _strings(model.parameters.labels),
         "PARAMETER_UNITS": _strings(parameter.unit for parameter in model.parameters),
         "PARAMETER_EXPRESSIONS": _strings(model.base.expressions),
     }
+
+
+def _closed(mechanism: Mechanism) -> float:
+    """What is left of the closures' residual at most, in m."""
+    return float(max(CLOSED, 2 * mechanism.closure_residual * mechanism.rows**0.5))
+
+
+def _motor_lines(mechanism: Mechanism, units: Sequence[str]) -> str:
+    """Motors for a comment, which no name may end."""
+    plain = (
+        re.sub(r"[^\w.+-]", "_", name, flags=re.ASCII)[:LONGEST_NAME]
+        for name in mechanism.independent
+    )
+    lines = zip(range(len(units)), plain, units, strict=True)
+    return "\n".join(f"     {k}: {name}, {unit}" for k, name, unit in lines)
+
+
+def _way_lines(mechanism: Mechanism, units: Sequence[str], functions: Mapping[str, Any]) -> str:
+    """The table of the longest ways."""
+    if not mechanism.rows:
+        return "     any way, as there are no loops"
+    lengths, lines = {"m": mechanism.length, "rad": 1.0}, []
+    for steps, way in enumerate(longest_ways(mechanism, functions), start=1):
+        ways = " or ".join(f"{way * lengths[unit]:.2g} {unit}" for unit in sorted({*units}))
+        lines.append(f"     {steps}: {ways}")
+    return "\n".join(lines)
+
+
+def longest_ways(mechanism: Mechanism, functions: Mapping[str, Any]) -> FloatArray:
+    """Ways (steps,) of the motors that as many Newton steps bear, in rad or lengths: see WAYS."""
+    parts, q = partition(mechanism), random_configurations(mechanism, POSES)
+    units, dependent = (mechanism.coordinate_scales[part] for part in parts)
+    G = project(mechanism, q).G[:, parts[1]] * (units / dependent[:, None])
+    _, gains, directions = np.linalg.svd(G)
+    worst = np.argsort(-gains[:, 0])[:WORST]
+    towards = directions[worst, 0] / np.abs(directions[worst, 0]).max(axis=1, keepdims=True) * units
+    towards, q = np.concatenate([towards, -towards]), np.concatenate([q[worst], q[worst]])
+    before, longest = motor_positions(mechanism, q), np.zeros(NEWTON_STEPS)
+    predict, linearise = (functions[name].map(len(q)) for name in ("predict", "linearise"))
+    start = q.T, before.T
+    for way in WAYS:
+        target, rates = (before + way * towards).T, linearise(start[0])[0]
+        there, _, length = predict(*start, target, np.ones((1, len(q))), rates)
+        # As in C: each step a part of the one before, the last but one of those that are taken.
+        lengths, bearable, reached = [length.full()], list[bool](), list[bool]()
+        for _ in range(NEWTON_STEPS + 1):
+            _, _, there, measures = linearise(there)
+            bound = USUAL.contraction * lengths[-1] + USUAL.short
+            lengths.append(measures[1, :].full())
+            bearable.append(bool((lengths[-1] <= bound).all()))
+            reached.append(bool((measures[0, :].full() <= _closed(mechanism)).all()))
+        bearable[0] &= bool((lengths[0] <= USUAL.longest_step).all())
+        passed = np.logical_and.accumulate(bearable)[1:] & reached[1:]
+        longest[passed] = way / 2
+        if not passed.any():
+            break
+    return longest
+
+
+def motor_positions(mechanism: Mechanism, q: FloatArray) -> FloatArray:
+    """Positions (N, dof) of the independent coordinates; 0 of those that are a part of a joint."""
+    u = np.zeros((len(q), len(mechanism.independent)))
+    measured = [mechanism.independent.index(name) for name in mechanism.measured]
+    u[:, measured] = measured_coordinates(mechanism).read(q)
+    return u
 
 
 def _value_fields(model: ForceModel, name: str, values: FloatArray | None) -> dict[str, str]:
@@ -196,6 +286,10 @@ def _value_fields(model: ForceModel, name: str, values: FloatArray | None) -> di
         "VALUES": f"{declared} = {{\n    {listed}}};\n",
         "VALUES_DECLARATION": f"/* Identified values of phi. */\nextern {declared};\n",
     }
+
+
+def _numbers(values: FloatArray) -> str:
+    return ", ".join(map(repr, values.tolist()))
 
 
 def _strings(texts: Iterable[str]) -> str:

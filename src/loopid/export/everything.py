@@ -6,7 +6,7 @@ from pathlib import Path
 
 from loopid.arguments import checked
 from loopid.errors import OptionError
-from loopid.export.c_code import regressor_code
+from loopid.export.c_code import c_source
 from loopid.export.robot_file import export_robot_file
 from loopid.files import require_other_file
 from loopid.identification.saved import SavedFit, robot_files
@@ -50,7 +50,7 @@ def export_fit(
     yaml : path, optional
         The fit as YAML, or as JSON.
     c : path, optional
-        Folder of the regressor as C source, and its values; see ``regressor_code``.
+        Folder of C source for the controller, with the values; see ``c_source``.
     name : str, optional
         Of the C functions.
     options : ExportOptions, optional
@@ -75,7 +75,7 @@ def export_fit(
     model, written = saved.find_force_model(mechanism), list[Path]()
     if robot is not None:
         standard = saved.require_bodies()
-    code = None if c is None else regressor_code(model, name=name, values=saved.values)
+    code = None if c is None else c_source(model, name=name, values=saved.values)
     if robot is not None:
         place = export_robot_file(
             mechanism, standard, robot, overwrite=options.overwrite, parameters=saved.standard

@@ -1,17 +1,15 @@
-"""The robot in CasADi's symbols, and the two functions that become C: closures, and K = Gᵀ Y.
+"""The robot in CasADi's symbols, and the functions that become C: all of motor signals.
 
 Every joint is a chain of elementary ones, whose velocity along their own frame is a constant matrix
-times their coordinates' rates, as Pinocchio defines them. The recursion of [Featherstone2008, ch.
-5] hands twists and accelerations from parent to child and turns them into its axes, so that most
-entries of axes stay zero.
-
-Between the two functions a linear system is solved for the dependent coordinates, in C of its own:
-which equations are redundant, and which pivots are large, depends on the pose.
+times their coordinates' rates, as Pinocchio defines them. Newton's and Euler's recursion
+[Featherstone2008, ch. 5] hands twists and accelerations from parent to child and wrenches back, in
+each link's own axes, so that most entries of axes stay zero. Forces are linear in the parameters
+and in accelerations: their derivatives are the regressor and the mass matrix.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,167 +17,265 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import FloatArray, IntArray
+from loopid.arguments import FloatArray
 from loopid.errors import OptionError
+from loopid.export.elimination import eliminate, solve
 from loopid.identification.force_model import ForceModel
 from loopid.kinematics.projection import partition
 from loopid.parameters import KINDS, Parameter
 from loopid.regressors.joint_laws import JointState, joint_term
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.closures import SymbolicPose
-from loopid.robot.mechanism import Mechanism
 
 ROUND_OFF = 1e-15  # entries of rotations that are this close to -1, 0 or 1 are meant to be
-OPTIONS: dict[str, Any] = {
-    "with_mem": False,
-    "with_header": False,
-    "with_export": False,
-    "casadi_int": "int",
-}
 
 
-def c_functions(model: ForceModel, name: str) -> str:
-    """C source of functions ``<name>_closures`` and ``<name>_columns`` with what they need.
+class SymbolicRobot:
+    """A force model in symbols: positions u, velocities u̇ and accelerations ü of the motors.
 
-    ``closures(q) -> (M, residual)``: the Jacobian (rows, nv) in common units, columns of dependent
-    coordinates first, and the residual (rows,) in m; without closures there is no such function.
-    ``columns(q, v, a, X) -> K``: with X (dependent, dof) of M = [A B], A X = B, and K row by row.
+    Motors stands for the independent coordinates, in their order. Beside the configuration q,
+    functions hand on ``G`` (dependent, dof), the rates of all other coordinates per unit of the
+    motors', and ``factors`` of the closures' Jacobian, with which accelerations are found.
     """
-    generator = ca.CodeGenerator(name, OPTIONS)
-    parts = partition(model.mechanism)
-    if len(parts[1]):
-        generator.add(_closures(model.mechanism, parts, f"{name}_closures"))
-    generator.add(_columns(model, parts, f"{name}_columns"))
+
+    def __init__(self, model: ForceModel) -> None:
+        self.model, self.mechanism = model, model.mechanism
+        self.chosen, self.dependent = (part.tolist() for part in partition(self.mechanism))
+        self.scales = ca.DM(self.mechanism.coordinate_scales)
+        self.q = ca.SX.sym("q", self.mechanism.model.nq)
+        self.before, self.u, self.du, self.ddu = (
+            ca.SX.sym(name, len(self.chosen)) for name in ("before", "u", "du", "ddu")
+        )
+        self.G = ca.SX.sym("G", len(self.dependent), len(self.chosen))
+        self.phi = ca.SX.sym("phi", len(model.parameters))
+        chain = self._chain(*[ca.SX(self.mechanism.model.nv, 1)] * 2)
+        self.joints = [link.joint for link in chain]
+        self.rates = ca.diagcat(*(joint.rates for joint in self.joints))
+        self.residual = self._closure_residual(chain)
+        # What carries both frames of a closure does not open it.
+        units = self.mechanism.moving * self.mechanism.coordinate_scales
+        self.jacobian = ca.sparsify(ca.jacobian(self.residual, self.q) @ self.rates * units)
+        self.reflections = eliminate(self.jacobian[:, self.dependent])
+        self.factors = ca.SX.sym("factors", sum(len(each.factors) for each in self.reflections))
+
+    def functions(self, prefix: str) -> dict[str, ca.Function]:
+        """All that C calls, named ``<prefix>_...`` there."""
+        q, G, factors, du, ddu, phi = self.q, self.G, self.factors, self.du, self.ddu, self.phi
+        part, still = ca.SX.sym("part"), ca.SX(*du.shape)
+        force, bias = self._force(du, ddu), self._force(du, still)
+        each = {
+            "predict": ([q, self.before, self.u, part, G], self._predicted(part)),
+            "linearise": ([q], self._linearised()),
+            "gravity": ([q, G, phi], [self._force(still, still)]),
+            "forces": ([q, G, factors, du, ddu, phi], [force]),
+            "regressor": ([q, G, factors, du, ddu], [ca.jacobian(force, phi).T]),
+            "dynamics": ([q, G, factors, du, phi], [ca.jacobian(force, ddu), bias]),
+        }
+        return {
+            name: ca.Function(f"{prefix}_{name}", given, [ca.densify(value) for value in values])
+            for name, (given, values) in each.items()
+        }
+
+    def whole(self, functions: Mapping[str, ca.Function], name: str) -> ca.Function:
+        """Of a closed configuration q, what an optimiser needs."""
+        G, factors, *_ = self._linearised()
+        at, motion = (self.q, G, factors), (self.du, self.ddu, self.phi)
+        force = functions["forces"](*at, *motion)
+        mass, bias = functions["dynamics"](*at, self.du, self.phi)
+        dq = self.rates @ ca.substitute(self._spread(self.du), self.G, G)
+        results = {"residual": self.residual, "dq": dq, "force": force, "mass": mass, "bias": bias}
+        given = ["q", "du", "ddu", "phi"], list(results)
+        return ca.Function(name, [self.q, *motion], list(results.values()), *given)
+
+    def _predicted(self, part: Any) -> list[Any]:
+        """Along the tangent a part of the way to u: q, u, and the length of the others' step.
+
+        Angles of motors that turn on a circle go the short way; coordinates that are a part of a
+        joint, such as a quaternion's, stay.
+        """
+        way = list[Any]()
+        for k, name in enumerate(self.mechanism.independent):
+            difference: Any = self.u[k] - self.before[k]
+            if name in self.mechanism.held:
+                difference = 0
+            elif self.mechanism.joint(name).nq == 2:
+                difference = ca.atan2(ca.sin(difference), ca.cos(difference))
+            way.append(difference)
+        u = self.u - (1 - part) * ca.vertcat(*way)  # exactly u at the end
+        step = self.G @ (part * ca.vertcat(*way))
+        q = self._moved(step)
+        for k, name in enumerate(self.mechanism.independent):
+            if name in self.mechanism.measured:
+                joint = self.mechanism.joint(name)
+                value = u[k] if joint.nq == 1 else ca.vertcat(ca.cos(u[k]), ca.sin(u[k]))
+                q[joint.idx_q : joint.idx_q + joint.nq] = value
+        return [q, u, _norm(step / self.scales[self.dependent])]
+
+    def _linearised(self) -> list[Any]:
+        """G, factors, q after a Newton step, and three measures.
+
+        The norm of the residual in m, that of the step in rad or characteristic lengths, and the
+        least pivot over the largest, which is small where the motors lose control of the motion.
+        """
+        X = solve(self.reflections, ca.horzcat(self.jacobian[:, self.chosen], self.residual))
+        units, step = self.scales[self.dependent], X[:, -1]
+        G = -ca.diag(units) @ X[:, :-1] @ ca.diag(1 / self.scales[self.chosen])
+        factors = [number for each in self.reflections for number in each.factors]
+        pivots = [ca.fabs(each.pivot[0]) for each in self.reflections] or [ca.SX(1)]
+        ratio = ca.mmin(ca.vertcat(*pivots)) / ca.mmax(ca.vertcat(*pivots))
+        measures = ca.vertcat(_norm(self.residual), _norm(step), ratio)
+        return [G, ca.vertcat(*factors), self._moved(-units * step), measures]
+
+    def _moved(self, step: Any) -> Any:
+        """Positions (nq,) after a small step (dependent,), with unit vectors as long as that."""
+        whole, moved, first = ca.SX(self.rates.shape[1], 1), list[Any](), 0
+        whole[self.dependent] = step
+        q = self.q + self.rates @ whole
+        for joint in self.joints:
+            own = q[first : first + joint.rates.shape[0]]
+            first += joint.rates.shape[0]
+            if any(joint.unit):
+                unit = slice(*joint.unit)
+                own[unit] /= _norm(own[unit])
+            moved.append(own)
+        return ca.vertcat(*moved)
+
+    def _force(self, du: Any, ddu: Any) -> Any:
+        """Forces (dof,) of the motors; in the ``gravity`` model bodies are at rest."""
+        v, a = self._spread(du), self._spread(ddu)
+        a[self.dependent] += self._drift_acceleration(v)
+        still = ca.SX(*v.shape)
+        moving = self.model.model == "full"
+        tree = self._tree_force(self._chain(*((v, a) if moving else (still, still))))
+        for k, parameter in enumerate(self.model.parameters):
+            if parameter.kind not in KINDS:
+                index = int(self.mechanism.velocity_indices([parameter.link])[0])
+                tree[index] += self.phi[k] * self._joint_term(parameter, v[index], a[index])
+        return tree[self.chosen] + self.G.T @ tree[self.dependent]
+
+    def _spread(self, rates: Any) -> Any:
+        """G times rates of the motors, for all coordinates (nv,)."""
+        whole = ca.SX(self.rates.shape[1], 1)
+        whole[self.chosen], whole[self.dependent] = rates, self.G @ rates
+        return whole
+
+    def _drift_acceleration(self, v: Any) -> Any:
+        """γ (dependent,) at velocities (nv,): A γ = -Ȧ v."""
+        rate, numbers = self.rates @ v, iter(ca.vertsplit(self.factors))
+        drift = ca.jtimes(ca.jtimes(self.residual, self.q, rate), self.q, rate)
+        known = [each.with_factors(numbers) for each in self.reflections]
+        return -self.scales[self.dependent] * solve(known, drift)
+
+    def _tree_force(self, chain: Sequence[Link]) -> Any:
+        """Forces (nv,) that move the bodies of the tree."""
+        mechanism, tree = self.mechanism, ca.SX(self.rates.shape[1], 1)
+        standard: dict[str, list[Any]] = {}  # where links are tied, several bodies have the same
+        for parameter in mechanism.parameters("gravity"):
+            standard[parameter.link] = [ca.SX(1, 1)] * len(KINDS)
+        for k, parameter in enumerate(self.model.parameters):
+            if parameter.kind in KINDS:
+                standard[parameter.link][KINDS.index(parameter.kind)] = self.phi[k]
+        wrenches, names = [[ca.SX(3, 1), ca.SX(3, 1)] for _ in chain], list(standard)
+        for body, place in zip(mechanism.bodies, mechanism.tie_indices, strict=True):
+            k = _end(chain, body.joint_id)
+            for part, own in enumerate(chain[k].wrench(standard[names[place]])):
+                wrenches[k][part] += own
+        for link, (force, moment) in zip(chain[:0:-1], wrenches[:0:-1], strict=True):
+            tree[link.rows] = link.joint.angular.T @ moment + link.joint.linear.T @ force
+            turned = link.R @ force
+            wrenches[link.parent][0] += turned
+            wrenches[link.parent][1] += link.R @ moment + ca.cross(link.r, turned)
+        return tree
+
+    def _joint_term(self, parameter: Parameter, v: Any, a: Any) -> Any:
+        """What a joint term multiplies, by the law of its kind, at a rate and an acceleration."""
+        mechanism, position = self.mechanism, None  # of one of several coordinates
+        if parameter.link in mechanism.joints:
+            joint = mechanism.joint(parameter.link)
+            own = self.q[joint.idx_q : joint.idx_q + joint.nq]
+            position = own if joint.nq == 1 else ca.atan2(own[1], own[0])
+        term = joint_term(parameter.kind)
+        if "load" in term.needs:
+            raise OptionError(
+                f"C code cannot have {parameter.label}, as it does not compute what joints carry: "
+                f"identify without {parameter.kind} for it",
+                parameter=parameter.label,
+            )
+        terms = self.model.joint_terms or JointTerms(())
+        return term.law(terms.state(JointState(position, v, a), math=ca), term.at)
+
+    def _closure_residual(self, chain: Sequence[Link]) -> Any:
+        """Residual (rows,) in m."""
+        mechanism, rows = self.mechanism, list[Any]()
+        for closure in mechanism.closures:
+            a, b = (self._pose(chain, frame) for frame in closure.frame_ids)
+            for part in closure.equations:
+                rows += part.expressions(a, b, ca)
+            if closure.indices is not None:
+                rows[-1] -= self.q[closure.indices[0]]
+        rows += [coupling.expression(self.q) for coupling in mechanism.couplings]
+        return ca.vertcat(ca.SX(0, 1), *rows) * ca.DM(mechanism.row_scales)
+
+    def _pose(self, chain: Sequence[Link], index: int) -> SymbolicPose:
+        frame = self.mechanism.model.frames[index]
+        carrier, (P, p) = chain[_end(chain, frame.parentJoint)], constant(frame.placement)
+        return SymbolicPose(carrier.rotation @ P, carrier.origin + carrier.rotation @ p)
+
+    def _chain(self, v: Any, a: Any) -> list[Link]:
+        """Links at velocities and accelerations (nv,), the ground first, parents before children.
+
+        Joints that are several have some; the last is what they carry.
+        """
+        model = self.mechanism.model
+        chain = [_ground(model.gravity.linear)]
+        for index in range(1, model.njoints):
+            joint, parent = model.joints[index], _end(chain, model.parents[index])
+            own, first = self.q[joint.idx_q : joint.idx_q + joint.nq], joint.idx_v
+            mount = model.jointPlacements[index]
+            for part in elementary_joints(model.names[index], joint, own):
+                rows = slice(first, first + part.angular.shape[1])
+                place = index, parent, rows
+                chain.append(
+                    _carried(chain[parent], place, mount * part.before, part, v[rows], a[rows])
+                )
+                first, parent, mount = rows.stop, len(chain) - 1, pin.SE3.Identity()
+        return chain
+
+
+def c_of(functions: Mapping[str, ca.Function], name: str) -> str:
+    """C source of functions, beside helpers named ``<name>_...``."""
+    options: dict[str, Any] = {
+        "with_mem": False,
+        "with_header": False,
+        "with_export": False,
+        "casadi_int": "int",
+    }
+    generator = ca.CodeGenerator(name, options)
+    for function in functions.values():
+        generator.add(function)
     return str(generator.dump())
 
 
-def _closures(mechanism: Mechanism, parts: tuple[IntArray, IntArray], name: str) -> ca.Function:
-    model = mechanism.model
-    q, still = ca.SX.sym("q", model.nq), ca.SX(model.nv, 1)
-    frames = tree_frames(model, q, still, still, ca.SX(model.nv, 0))
-    residual = _closure_residual(mechanism, q, frames)
-    jacobian = ca.jacobian(residual, q) @ _position_rates(model, q)
-    scaled = jacobian @ ca.diag(ca.DM(mechanism.coordinate_scales))
-    chosen, dependent = parts
-    M = scaled[:, [*dependent.tolist(), *chosen.tolist()]]
-    return ca.Function(name, [q], [ca.densify(M), ca.densify(residual)])
+def _end(chain: Sequence[Link], joint: int) -> int:
+    """The place of the link that a joint carries."""
+    return max(k for k, link in enumerate(chain) if link.index == joint)
 
 
-def _columns(model: ForceModel, parts: tuple[IntArray, IntArray], name: str) -> ca.Function:
-    mechanism, (chosen, dependent) = model.mechanism, parts
-    nq, nv, dof = mechanism.model.nq, mechanism.model.nv, len(chosen)
-    q, v, a = ca.SX.sym("q", nq), ca.SX.sym("v", nv), ca.SX.sym("a", nv)
-    X = ca.SX.sym("X", len(dependent), dof)
-    G, scales = ca.SX(nv, dof), mechanism.coordinate_scales
-    for column, j in enumerate(chosen.tolist()):
-        G[j, column] = 1
-        for row, i in enumerate(dependent.tolist()):
-            G[i, column] = -X[row, column] * (scales[i] / scales[j])
-    K = _base_columns(model, q, v, a, G)
-    return ca.Function(name, [q, v, a, X], [ca.densify(K.T)])
-
-
-def _base_columns(model: ForceModel, q: Any, v: Any, a: Any, G: Any) -> Any:
-    """K (dof, n), body by body; in the ``gravity`` model bodies are at rest, joint terms move."""
-    mechanism, still = model.mechanism, ca.SX(v.shape[0], 1)
-    rates, second = (v, a) if model.model == "full" else (still, still)
-    frames = tree_frames(mechanism.model, q, rates, second, G)
-    wrenches = {body.joint_id: _wrenches(frames[body.joint_id]) for body in mechanism.bodies}
-    # Joints of the bodies behind each name: several where links are tied.
-    names = [parameter.link for parameter in mechanism.parameters("gravity")][::4]
-    joints: dict[str, list[int]] = {name: [] for name in names}
-    places = mechanism.tie_indices
-    for body, place in zip(mechanism.bodies, places, strict=True):
-        joints[names[place]].append(body.joint_id)
-    columns = []
-    for parameter in model.parameters:
-        if parameter.kind in KINDS:
-            column = ca.SX(G.shape[1], 1)
-            for joint in joints[parameter.link]:
-                force, moment = wrenches[joint][KINDS.index(parameter.kind)]
-                column += frames[joint].shift.T @ force + frames[joint].turn.T @ moment
-        else:
-            column = _joint_term(mechanism, model.joint_terms, parameter, q, v, a, G)
-        columns.append(column)
-    return ca.horzcat(*columns)
-
-
-def _wrenches(frame: Frame) -> list[tuple[Any, Any]]:
-    """Force and moment about the origin per unit of each of ten parameters, along the axes.
-
-    f = m a + α x c + ω x (ω x c), n = c x a + I α + ω x I ω, with the acceleration a of the origin
-    less gravity.
-    """
-    a = frame.acceleration + ca.cross(frame.omega, frame.velocity)
-    spin = ca.skew(frame.omega)
-    points = ca.skew(frame.alpha) + spin @ spin
-    nothing = ca.SX(3, 1)
-    wrenches = [(a, nothing)]
-    for axis in np.eye(3):
-        direction = ca.sparsify(ca.SX(axis))
-        wrenches.append((points @ direction, ca.cross(direction, a)))
-    for kind in KINDS[4:]:
-        i, j = ("xyz".index(letter) for letter in kind[1:])
-        unit = ca.SX(3, 3)
-        unit[i, j] = unit[j, i] = 1
-        wrenches.append((nothing, unit @ frame.alpha + spin @ (unit @ frame.omega)))
-    return wrenches
-
-
-def _joint_term(
-    mechanism: Mechanism, terms: JointTerms | None, parameter: Parameter, *state: Any
-) -> Any:
-    """A joint term, by the law of its kind."""
-    q, v, a, G = state
-    index = int(mechanism.velocity_indices([parameter.link])[0])
-    position = None  # of one of several coordinates
-    if parameter.link in mechanism.joints:
-        joint = mechanism.joint(parameter.link)
-        position = q[joint.idx_q] if joint.nq == 1 else ca.atan2(q[joint.idx_q + 1], q[joint.idx_q])
-    term, at = joint_term(parameter.kind), JointState(position, v[index], a[index])
-    if "load" in term.needs:
-        raise OptionError(
-            f"C code cannot have {parameter.label}, as it does not compute what joints carry: "
-            f"identify without {parameter.kind} for it",
-            parameter=parameter.label,
-        )
-    state = (terms or JointTerms(())).state(at, math=ca)
-    return G[index, :].T * term.law(state, term.at)
-
-
-def _closure_residual(mechanism: Mechanism, q: Any, frames: Sequence[Frame]) -> Any:
-    """Residual (rows,) in m at positions (nq,) with the tree's frames there."""
-    rows = []
-    for closure in mechanism.closures:
-        a, b = (_pose(mechanism.model, frames, frame) for frame in closure.frame_ids)
-        for part in closure.equations:
-            rows += part.expressions(a, b, ca)
-        if closure.indices is not None:
-            rows[-1] -= q[closure.indices[0]]
-    rows += [coupling.expression(q) for coupling in mechanism.couplings]
-    return ca.vertcat(*rows) * ca.DM(mechanism.row_scales)
-
-
-def _position_rates(model: pin.Model, q: Any) -> Any:
-    """Derivative (nq, nv) of positions by velocities."""
-    blocks = []
-    for name, joint in list(zip(model.names, model.joints, strict=True))[1:]:
-        own = q[joint.idx_q : joint.idx_q + joint.nq]
-        blocks += [part.rates for part in elementary_joints(name, joint, own)]
-    return ca.diagcat(*blocks)
-
-
-def _pose(model: pin.Model, frames: Sequence[Frame], index: int) -> SymbolicPose:
-    frame = model.frames[index]
-    carrier, (P, p) = frames[frame.parentJoint], constant(frame.placement)
-    return SymbolicPose(carrier.rotation @ P, carrier.origin + carrier.rotation @ p)
+def _norm(vector: Any) -> Any:
+    return ca.sqrt(ca.sumsqr(vector))
 
 
 @dataclass(frozen=True)
-class Frame:
-    """A frame in symbols, along its own axes but for its pose."""
+class Link:
+    """What an elementary joint carries, along its own axes but for its pose in the fixed frame."""
 
-    # Pose in the fixed frame, (3, 3) and (3,)
+    index: int  # of the joint that the elementary one is a part of
+    parent: int  # place in the chain
+    rows: slice  # of its coordinates among all velocities
+    joint: ElementaryJoint
+    # Pose in the parent, and in the fixed frame: (3, 3) and (3,)
+    R: Any
+    r: Any
     rotation: Any
     origin: Any
     # Twist and its spatial rate, (3,) each; the ground accelerates against gravity
@@ -187,56 +283,59 @@ class Frame:
     velocity: Any
     alpha: Any
     acceleration: Any
-    # Angular and linear velocity per unit of each independent coordinate, (3, dof)
-    turn: Any
-    shift: Any
+
+    def wrench(self, standard: Sequence[Any]) -> tuple[Any, Any]:
+        """Force and moment about the origin that move a body of ten standard parameters.
+
+        f = m a + α x c + ω x (ω x c), n = c x a + I α + ω x I ω, with the acceleration a of the
+        origin less gravity.
+        """
+        m, c, inertia = standard[0], ca.vertcat(*standard[1:4]), ca.SX(3, 3)
+        for kind, value in zip(KINDS[4:], standard[4:], strict=True):
+            i, j = ("xyz".index(letter) for letter in kind[1:])
+            inertia[i, j] = inertia[j, i] = value
+        a = self.acceleration + ca.cross(self.omega, self.velocity)
+        spun = ca.cross(self.omega, ca.cross(self.omega, c))
+        force = m * a + ca.cross(self.alpha, c) + spun
+        turned = inertia @ self.alpha + ca.cross(self.omega, inertia @ self.omega)
+        return force, ca.cross(c, a) + turned
 
 
-def tree_frames(model: pin.Model, q: Any, v: Any, a: Any, G: Any) -> list[Frame]:
-    """Frames of the joints by index, the ground first.
-
-    Parameters
-    ----------
-    q, v, a : casadi.SX
-        (nq,), (nv,), (nv,).
-    G : casadi.SX
-        (nv, dof), all velocities per unit of the independent ones.
-    """
-    zero, none = ca.SX(3, 1), ca.SX(3, G.shape[1])
-    up = ca.sparsify(ca.SX(-model.gravity.linear))
-    frames = [Frame(ca.SX.eye(3), zero, zero, zero, zero, up, none, none)]
-    for index in range(1, model.njoints):
-        joint, frame = model.joints[index], frames[model.parents[index]]
-        own = q[joint.idx_q : joint.idx_q + joint.nq]
-        first, mount = joint.idx_v, model.jointPlacements[index]
-        for part in elementary_joints(model.names[index], joint, own):
-            rows = slice(first, first + part.angular.shape[1])
-            first = rows.stop
-            frame = _carried(frame, mount * part.before, part, v[rows], a[rows], G[rows, :])
-            mount = pin.SE3.Identity()
-        frames.append(frame)
-    return frames
+def _ground(gravity: FloatArray) -> Link:
+    eye, zero, up = ca.SX.eye(3), ca.SX(3, 1), ca.sparsify(ca.SX(-gravity))
+    nothing = ca.DM(3, 0)
+    joint = ElementaryJoint(pin.SE3.Identity(), eye, zero, nothing, nothing, ca.SX(0, 0))
+    return Link(0, 0, slice(0), joint, eye, zero, eye, zero, zero, zero, zero, up)
 
 
-def _carried(frame: Frame, mount: pin.SE3, joint: Any, v: Any, a: Any, G: Any) -> Frame:
-    """The frame that a joint carries on another one."""
+def _carried(
+    parent: Link,
+    place: tuple[int, int, slice],
+    mount: pin.SE3,
+    joint: ElementaryJoint,
+    v: Any,
+    a: Any,
+) -> Link:
+    """The link that a joint carries on another one."""
     P, p = constant(mount)
     R, r = P @ joint.rotation, p + P @ joint.translation
     own_turn, own_shift = joint.angular @ v, joint.linear @ v
-    omega = R.T @ frame.omega + own_turn
-    velocity = R.T @ (frame.velocity + ca.cross(frame.omega, r)) + own_shift
-    alpha = R.T @ frame.alpha + joint.angular @ a + ca.cross(omega, own_turn)
-    acceleration = R.T @ (frame.acceleration + ca.cross(frame.alpha, r)) + joint.linear @ a
+    omega = R.T @ parent.omega + own_turn
+    velocity = R.T @ (parent.velocity + ca.cross(parent.omega, r)) + own_shift
+    alpha = R.T @ parent.alpha + joint.angular @ a + ca.cross(omega, own_turn)
+    acceleration = R.T @ (parent.acceleration + ca.cross(parent.alpha, r)) + joint.linear @ a
     acceleration += ca.cross(omega, own_shift) + ca.cross(velocity, own_turn)
-    return Frame(
-        rotation=frame.rotation @ R,
-        origin=frame.origin + frame.rotation @ r,
+    return Link(
+        *place,
+        joint,
+        R,
+        r,
+        rotation=parent.rotation @ R,
+        origin=parent.origin + parent.rotation @ r,
         omega=omega,
         velocity=velocity,
         alpha=alpha,
         acceleration=acceleration,
-        turn=R.T @ frame.turn + joint.angular @ G,
-        shift=R.T @ (frame.shift - ca.skew(r) @ frame.turn) + joint.linear @ G,
     )
 
 
@@ -250,6 +349,7 @@ class ElementaryJoint:
     angular: Any  # (3, nv), velocity along its own frame per unit of each coordinate
     linear: Any  # (3, nv)
     rates: Any  # (nq, nv), derivative of its position by its velocity
+    unit: tuple[int, int] = (0, 0)  # positions from, up to, of a cosine and sine or a quaternion
 
 
 def elementary_joints(name: str, joint: pin.JointModel, q: Any) -> list[ElementaryJoint]:
@@ -305,8 +405,9 @@ def _single(joint: pin.JointModel, before: pin.SE3, q: Any) -> ElementaryJoint:
         cosine, sine, rates = ca.cos(q), ca.sin(q), ca.SX.ones(1, 1)
     rotation = _rodrigues(angular, cosine, sine) if axis[3:].any() else ca.SX.eye(3)
     moved = linear * q if axis[:3].any() else ca.SX(3, 1)
+    unit = (0, 2 if joint.nq == 2 else 0)
     return ElementaryJoint(
-        before, rotation, moved, ca.sparsify(angular), ca.sparsify(linear), rates
+        before, rotation, moved, ca.sparsify(angular), ca.sparsify(linear), rates, unit
     )
 
 
@@ -317,10 +418,8 @@ def _rodrigues(axis: Any, cosine: Any, sine: Any) -> Any:
 
 
 def _spherical(before: pin.SE3, q: Any) -> ElementaryJoint:
-    nothing = ca.DM(3, 3)
-    return ElementaryJoint(
-        before, _rotation(q), ca.SX(3, 1), ca.DM.eye(3), nothing, _quaternion_rates(q)
-    )
+    rates, none = _quaternion_rates(q), ca.SX(3, 1)
+    return ElementaryJoint(before, _rotation(q), none, ca.DM.eye(3), ca.DM(3, 3), rates, (0, 4))
 
 
 def _free(before: pin.SE3, q: Any) -> ElementaryJoint:
@@ -328,7 +427,7 @@ def _free(before: pin.SE3, q: Any) -> ElementaryJoint:
     eye, nothing = ca.DM.eye(3), ca.DM(3, 3)
     rates = ca.diagcat(R, _quaternion_rates(q[3:]))
     angular, linear = ca.horzcat(nothing, eye), ca.horzcat(eye, nothing)
-    return ElementaryJoint(before, R, q[:3], angular, linear, rates)
+    return ElementaryJoint(before, R, q[:3], angular, linear, rates, (3, 7))
 
 
 def _planar(before: pin.SE3, q: Any) -> ElementaryJoint:
@@ -338,7 +437,7 @@ def _planar(before: pin.SE3, q: Any) -> ElementaryJoint:
     linear, angular = ca.diagcat(ca.DM.eye(2), ca.DM(1, 1)), ca.DM(3, 3)
     angular[2, 2] = 1
     translation = ca.vertcat(q[:2], ca.SX(1, 1))
-    return ElementaryJoint(before, R, translation, angular, linear, rates)
+    return ElementaryJoint(before, R, translation, angular, linear, rates, (2, 4))
 
 
 def _translation(before: pin.SE3, q: Any) -> ElementaryJoint:

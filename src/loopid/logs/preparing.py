@@ -8,6 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -177,15 +178,20 @@ def prepare_again(
     """
     if recording.log is None:
         return recording
+    filtered, masks = filter or recording.filter, recording.masks
+    whole = _quietly_prepared(
+        robot, log or recording.log, filtered or FilterOptions(), masks or MaskOptions()
+    )
+    return whole.within(recording)
+
+
+@lru_cache(maxsize=1)  # parts of a log follow one another
+def _quietly_prepared(
+    robot: Mechanism, log: Log, filtered: FilterOptions, masks: MaskOptions
+) -> Recording:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        whole = prepare_recording(
-            robot,
-            log or recording.log,
-            filter=filter or recording.filter or FilterOptions(),
-            masks=recording.masks or MaskOptions(),
-        )
-    return whole.within(recording)
+        return prepare_recording(robot, log, filter=filtered, masks=masks)
 
 
 @checked

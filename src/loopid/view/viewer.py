@@ -364,16 +364,16 @@ def open_viewer(
     port : int
         See ``Viewer``.
     """
-    motions, fits = list[JointMotion](), dict[str, SavedFit]()
+    motions, fits = dict[str, JointMotion](), dict[str, SavedFit]()
     for path in map(str, files):
         text = Path(path).suffix in (".yaml", ".yml", ".json")
         if text and "loopid fit" in Path(path).read_text(errors="replace")[:200]:
             fits[path] = read_fit(path)
         elif text or not Path(path).exists():
             planned = read_motion_program(path).motion(rate=RATE)
-            motions.append(joint_motion(mechanism, planned))
+            motions[path] = joint_motion(mechanism, planned)
         else:
-            motions.append(read_recordings(mechanism, [path])[0].motion)
+            motions[path] = read_recordings(mechanism, [path])[0].motion
     if len(motions) > 1:
-        raise OptionError(f"only one log or motion can be played, not {len(motions)}")
-    return Viewer(mechanism, motion=motions[0] if motions else None, fits=fits, port=port)
+        raise OptionError(f"only one log or motion can be played, not {', '.join(motions)}")
+    return Viewer(mechanism, motion=next(iter(motions.values()), None), fits=fits, port=port)

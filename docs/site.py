@@ -1,0 +1,80 @@
+"""What MkDocs does beside its own work: pages of the API, pages from outside docs/, formulas.
+
+Formulas become MathML when the site is built, so that no page asks for a script.
+"""
+
+import html
+import re
+from importlib import import_module
+from inspect import ismodule
+from pathlib import Path
+
+from latex2mathml.converter import convert
+from mkdocs.structure.files import File
+
+import loopid
+
+ROOT = Path(__file__).parents[1]
+# Files from outside docs/, by their places in the site.
+OTHERS = {"README.md": "index.md"} | {
+    name: name for name in ("ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md", "urdf/bank.yaml")
+}
+FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.S)
+LINK = re.compile(r"\]\((?:\.\./|docs/)?(README\.md|examples(?:/[^)]*)?(?=\))|[^)]*)")
+
+
+def rooms():
+    """Full names of what is public, by the room that it is from."""
+    found = {}
+    doors = [thing for name in loopid.__all__ if ismodule(thing := getattr(loopid, name))]
+    for door in (loopid, *doors):
+        for name in getattr(door, "__all__", dir(door)):
+            thing = getattr(door, name)
+            module = getattr(thing, "__module__", None) or ""
+            if module.startswith("loopid.") and callable(thing):
+                room = module.split(".")[1]
+                found.setdefault(room, set()).add(f"{module}.{thing.__qualname__}")
+    return sorted(found.items())
+
+
+def on_config(config):
+    """A page of the API a room."""
+    config.nav.append({"Reference": [f"reference/{room}.md" for room, _ in rooms()]})
+    return config
+
+
+def on_files(files, config):
+    """Pages that are not in docs/."""
+    for name, place in OTHERS.items():
+        files.append(File.generated(config, place, content=(ROOT / name).read_text()))
+    for room, names in rooms():
+        shown = sorted(names, key=lambda name: name.rpartition(".")[2])
+        said = import_module(f"loopid.{room}").__doc__
+        text = "\n\n".join([f"# loopid.{room}", said, *(f"::: {name}" for name in shown)])
+        files.append(File.generated(config, f"reference/{room}.md", content=text))
+    return files
+
+
+def on_page_markdown(markdown, page, **_):
+    """Links of files in the repository as links of the site."""
+    if page.file.src_uri.startswith("reference/"):
+        return markdown
+
+    def placed(found):
+        target = found[1]
+        name = target.partition("#")[0]
+        if name.partition("/")[0] == "examples":
+            return "](examples.md"
+        return f"]({OTHERS.get(name, name)}{target[len(name) :]}"
+
+    return LINK.sub(placed, markdown)
+
+
+def on_page_content(content, **_):
+    """Formulas as MathML."""
+    return FORMULA.sub(
+        lambda found: convert(
+            html.unescape(found[2]), display="inline" if found[1] == "span" else "block"
+        ),
+        content,
+    )

@@ -1,0 +1,39 @@
+"""A robot of one's own, from its file to its fit: a leg whose knee is driven by a crank and a rod.
+
+``leg.urdf`` is its open tree, ``leg.yaml`` says which frames meet and which joints have motors.
+To look at it: ``loopid view examples/leg.yaml``.
+"""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+import loopid
+
+robot = loopid.load_mechanism(Path(__file__).with_name("leg.yaml"))
+moves = loopid.kinematics.mobility(robot)
+print(f"{moves.degrees_of_freedom} degrees of freedom, {moves.rank} of {robot.rows} closure rows")
+# A motion that excites what is to be known, inside limits of joints and speeds.
+model = loopid.find_force_model(robot, "full", "Fc,Fv")
+print(f"{len(model.parameters)} parameters of {len(robot.parameters())} and friction can be known")
+options = loopid.DesignOptions(starts=1, evaluations=20, duration=4.0, solver="slsqp")
+design = loopid.design_excitation(model, limits=loopid.MotionLimits(share=0.9), options=options)
+# What a run would give: here of a leg that is 20 % off its file, with friction and noise.
+terms, friction = loopid.JointTerms.with_values(robot, "Fc=0.8,Fv=0.4")
+measured = loopid.simulate_measurement(
+    robot,
+    design.joint_motion,
+    loopid.Noise(gaussian=0.3),
+    standard_parameters=loopid.motion.scaled_bodies(robot, 0.2, seed=1),
+    joint_terms=terms,
+    joint_values=friction,
+)
+log = loopid.Log.from_arrays(measured.time, measured.position, measured.force, robot.actuated)
+found = loopid.identify(model, [loopid.prepare_recording(robot, log)])
+print(found.verdict, found.fit["knee_drive.Fc"], sep="\n")
+with TemporaryDirectory() as folder:
+    saved = loopid.read_fit(loopid.save_fit(f"{folder}/fit.yaml", found.force_model, found.fit))
+    new = Path(folder, "leg.urdf")
+    loopid.export_robot_file(robot, saved.require_bodies(), new, parameters=saved.standard)
+    print(np.round(loopid.load_mechanism(new).standard_parameters()[::10], 2), "kg")

@@ -1,0 +1,39 @@
+"""A closed-loop MJCF: base parameters, and MuJoCo's own inverse dynamics beside loopid's.
+
+The loop is cut by MuJoCo's ``connect``; a four-bar needs two of its three equations.
+"""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import mujoco
+import numpy as np
+
+import loopid
+
+MJCF = """<mujoco model="four_bar"><compiler angle="radian"/><worldbody>
+  <body name="crank"><joint name="crank" axis="0 1 0" range="-3 3"/>
+    <geom type="capsule" fromto="0 0 0 .1 0 .2" size=".02"/>
+    <body name="coupler" pos=".1 0 .2"><joint name="coupler" axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 .4 0 .1" size=".02"/></body></body>
+  <body name="rocker" pos=".5 0 0"><joint name="rocker" axis="0 1 0"/>
+    <geom type="capsule" fromto="0 0 0 0 0 .3" size=".02"/></body></worldbody>
+  <equality><connect body1="coupler" body2="rocker" anchor=".4 0 .1"/></equality>
+  <actuator><motor joint="crank"/></actuator></mujoco>"""
+
+with TemporaryDirectory() as folder:
+    path = Path(folder, "four_bar.xml")
+    path.write_text(MJCF)
+    robot, simulator = loopid.load_mechanism(path), mujoco.MjModel.from_xml_path(str(path))
+
+base = loopid.find_base_parameters(loopid.structural_observation(robot, "full"))
+print(f"{len(base.expressions)} base parameters of {len(robot.parameters())}:", *base.expressions)
+
+# The tree's forces by MuJoCo, projected to the motor with loopid's G.
+loop, data = loopid.ClosedLoop(robot), mujoco.MjData(simulator)
+q = loop.assemble([0.3])
+data.qpos = q
+mujoco.mj_inverse(simulator, data)
+tree = data.qfrc_bias
+print("torque that holds it in N m:", loop.forces(q), "by MuJoCo:", loop.velocity_map(q).T @ tree)
+assert np.allclose(loop.forces(q), loop.velocity_map(q).T @ tree)

@@ -1,0 +1,5 @@
+"""Into the controller: what a fit is for, one sample at a time."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

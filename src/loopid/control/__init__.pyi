@@ -1,0 +1,24 @@
+from .laws import (
+    PID as PID,
+    AdaptiveGravity as AdaptiveGravity,
+    Controller as Controller,
+    Friction as Friction,
+    Gravity as Gravity,
+    Law as Law,
+    OnlineGravity as OnlineGravity,
+    Reference as Reference,
+    Signals as Signals,
+    SlotineLi as SlotineLi,
+)
+from .motor_model import (
+    MotorModel as MotorModel,
+    constraint_models as constraint_models,
+    pinocchio_model as pinocchio_model,
+)
+from .observer import WrenchEstimate as WrenchEstimate, WrenchObserver as WrenchObserver
+from .online import ChangeDetector as ChangeDetector, RecursiveLeastSquares as RecursiveLeastSquares
+from .simulation import (
+    ControlLoop as ControlLoop,
+    ControlRun as ControlRun,
+    LoopOptions as LoopOptions,
+)

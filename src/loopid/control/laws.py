@@ -1,0 +1,336 @@
+"""Control laws. A controller is a sum of laws, each a class that can be understood alone.
+
+A law gives forces of the motors from what the sensors say and where the robot is to be:
+
+    Controller(PID(Kp, Kd), Friction(model), Gravity(model))            PD+G
+    Controller(PID(Kp, Kd, Ki, interval=0.01), OnlineGravity(...))      PID with online gravity
+
+e = u_d - u is the error of the positions.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+
+from loopid.arguments import BoolArray, FloatArray, NotNegative, Positive, checked, finite
+from loopid.control.motor_model import MotorModel
+from loopid.control.online import ChangeDetector, RecursiveLeastSquares
+from loopid.errors import OptionError
+from loopid.inertia import parameters_of, pseudo_inertia
+from loopid.parameters import KINDS
+
+
+class Signals(NamedTuple):
+    """What sensors say at a sample, (dof,) each."""
+
+    position: FloatArray  # in m or rad
+    velocity: FloatArray
+    force: FloatArray  # of the motors, measured since the sample before, in N or N m
+
+
+class Reference(NamedTuple):
+    """Where the robot is to be at a sample, (dof,) each."""
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+
+
+@runtime_checkable
+class Law(Protocol):
+    """What gives forces."""
+
+    def force(self, signals: Signals, reference: Reference) -> FloatArray:
+        """Forces (dof,) of the motors in N or N m, asked for once a sample."""
+        ...  # pragma: no cover
+
+
+class Controller:
+    """A sum of laws.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from loopid.control import PID, Controller, Reference, Signals
+    >>> law = Controller(PID(100.0, 10.0))
+    >>> at, still = np.array([0.1]), np.zeros(1)
+    >>> law.force(Signals(at, still, still), Reference(at + 0.01, still, still)).round(6).tolist()
+    [1.0]
+    """
+
+    def __init__(self, *laws: Law) -> None:
+        self.laws = laws
+
+    def force(self, signals: Signals, reference: Reference) -> FloatArray:
+        """Forces (dof,) of all laws together."""
+        return np.asarray(sum(law.force(signals, reference) for law in self.laws))
+
+
+class PID:
+    """Kp e + Kd ė + Ki ∫e dt; PD without an integral gain.
+
+    Parameters
+    ----------
+    proportional, derivative, integral : float or FloatArray
+        Of all coordinates, or (dof,).
+    interval : float
+        Between samples in s, for the integral.
+    """
+
+    @checked
+    def __init__(
+        self,
+        proportional: FloatArray | float,
+        derivative: FloatArray | float,
+        integral: FloatArray | float = 0.0,
+        *,
+        interval: NotNegative = 0.0,
+    ) -> None:
+        gains = {"proportional": proportional, "derivative": derivative, "integral": integral}
+        Kp, Kd, Ki = (finite(gain, name) for name, gain in gains.items())
+        if min(Kp.min(), Kd.min(), Ki.min()) < 0 or (Ki.any() and not interval):
+            raise OptionError("gains must not be negative, and an integral one needs an interval")
+        self.proportional, self.derivative, self.integral = Kp, Kd, Ki
+        self.interval, self.sum = interval, np.zeros(())
+
+    def force(self, signals: Signals, reference: Reference) -> FloatArray:
+        """Forces (dof,)."""
+        error = reference.position - signals.position
+        self.sum = self.sum + self.interval * error
+        rate = reference.velocity - signals.velocity
+        return np.asarray(
+            self.proportional * error + self.derivative * rate + self.integral * self.sum
+        )
+
+
+class Gravity:
+    """Forces that hold the robot, of a model whose values stay."""
+
+    def __init__(self, model: MotorModel) -> None:
+        self.model = model
+
+    def force(self, signals: Signals, reference: Reference) -> FloatArray:
+        """Forces (dof,)."""
+        return self.model.gravity(signals.position)
+
+
+class Friction:
+    """Friction at the commanded velocity, of a model whose values stay.
+
+    The measured one is noise where it is small, and Coulomb friction has its sign.
+    """
+
+    def __init__(self, model: MotorModel) -> None:
+        self.model = model
+
+    def force(self, signals: Signals, reference: Reference) -> FloatArray:
+        """Forces (dof,)."""
+        return self.model.friction(signals.position, reference.velocity)
+
+
+class OnlineGravity:
+    """Gravity and friction with values that are estimated while the robot moves.
+
+    The values fit the last forces, which hold the controller's own. Used at once, they would be a
+    loop of gain one, which no dynamics calm: they follow with a lag. A motor says something once it
+    has measurably followed its command since that turned: before, its friction may be anything.
+    Where a change is detected, the estimate forgets along what a body on a link would change, and
+    soon knows the body.
+
+    Parameters
+    ----------
+    model : MotorModel
+        Its parameters are estimated; a gravity model, as accelerations are left out. With
+        ``smoothing``, as commanded velocities pass through zero.
+    estimate : RecursiveLeastSquares
+        Of these parameters.
+    interval : float
+        Between samples in s.
+    lag : float
+        Time constant in s with which the values in use follow the estimate.
+    moving, followed : float
+        Commanded rate in m/s or rad/s, and measured way in m or rad since the command has turned,
+        above which a motor moves.
+    payload : (str, FloatArray), optional
+        The link that may be loaded, and deviations (4,) of mass in kg and first moments in kg m;
+        without, the estimate never loosens.
+
+    Attributes
+    ----------
+    detector : ChangeDetector or None
+    changes : list of int
+        Samples at which a change was detected.
+    """
+
+    @checked
+    def __init__(
+        self,
+        model: MotorModel,
+        estimate: RecursiveLeastSquares,
+        interval: Positive,
+        *,
+        lag: Positive = 0.3,
+        moving: NotNegative = 1.5e-3,
+        followed: NotNegative = 2e-4,
+        payload: tuple[str, FloatArray] | None = None,
+    ) -> None:
+        self.model, self.estimate = model, estimate
+        self.detector = None if payload is None else ChangeDetector()
+        self.part, self.moving, self.followed = min(1.0, interval / lag), moving, followed
+        self.values = np.array(estimate.values)  # in use
+        if payload is not None:
+            link, self.deviations = payload
+            self.columns = model.payload_columns(link)[:, : len(self.deviations)]
+        self.changes, self.samples = list[int](), 0  # samples at which something has changed
+        self.before = self.values  # the estimate when it was last loosened
+        self._last: tuple[FloatArray, BoolArray] | None = None
+        self._sign, self._turn = np.zeros(model.dof), np.zeros(model.dof)
+
+    def force(self, signals: Signals, reference: Reference) -> FloatArray:
+        """Forces (dof,) of gravity and friction."""
+        self._learn(signals.force)
+        u, rate = signals.position, reference.velocity
+        K = self.model.regressor(u) + self.model.friction_regressor(u, rate)
+        self._last = K, self._moves(u, rate)
+        self.samples += 1
+        return np.asarray(K @ self.values)
+
+    def _moves(self, u: FloatArray, rate: FloatArray) -> BoolArray:
+        """Which motors move (dof,) as they are commanded to."""
+        sign = np.sign(rate)
+        way = sign * u
+        self._turn = np.where(sign == self._sign, np.minimum(self._turn, way), way)
+        self._sign = sign
+        return (np.abs(rate) > self.moving) & (way - self._turn > self.followed)
+
+    def _learn(self, force: FloatArray) -> None:
+        if self._last is None or not self._last[1].any():
+            return
+        K, used = self._last
+        rows, force = K * used[:, None], force * used
+        changed = self.detector and self.detector.update(*self.estimate.innovation(rows, force))
+        if changed:
+            self.changes.append(self.samples)
+            self.before = self.estimate.values
+            self.estimate.loosen(self.columns, self.deviations)
+        self.estimate.update(rows, force)
+        self.values = self.values + self.part * (self.estimate.values - self.values)
+
+    @property
+    def payload(self) -> tuple[FloatArray, FloatArray]:
+        """Mass and first moments (k,) put on since the last change, and their deviations (k,).
+
+        The values have changed by B π: least squares, weighted by the covariance of the estimate.
+        """
+        C = self.estimate.covariance
+        weighted = np.linalg.solve(C, self.columns)
+        spread = np.linalg.pinv(self.columns.T @ weighted, hermitian=True)
+        found = spread @ (weighted.T @ (self.estimate.values - self.before))
+        return found, np.sqrt(spread.diagonal())
+
+
+class AdaptiveGravity:
+    """Gravity whose values adapt by what they miss: π̇ = γ Bᵀ Kᵀ s, s = ė + λ e [Slotine1987].
+
+    Parameters
+    ----------
+    model : MotorModel
+    interval : float
+        Between samples in s.
+    gains : FloatArray
+        (k,), γ of each of the k columns.
+    columns : FloatArray, optional
+        B (n, k), along which values may change; by default each value for itself.
+    bandwidth : float
+        λ in 1/s.
+    """
+
+    @checked
+    def __init__(
+        self,
+        model: MotorModel,
+        interval: Positive,
+        *,
+        gains: FloatArray,
+        columns: FloatArray | None = None,
+        bandwidth: Positive = 2.0,
+    ) -> None:
+        self.model, self.interval, self.bandwidth = model, interval, bandwidth
+        self.columns = np.eye(len(model.values)) if columns is None else finite(columns, "columns")
+        self.gains, self.values = finite(gains, "gains"), np.array(model.values)
+
+    def force(self, signals: Signals, reference: Reference) -> FloatArray:
+        """Forces (dof,)."""
+        K = self.model.regressor(signals.position)
+        s = reference.velocity - signals.velocity
+        s = s + self.bandwidth * (reference.position - signals.position)
+        slope = self.columns.T @ (K.T @ s)
+        self.values = self.values + self.interval * self.columns @ (self.gains * slope)
+        return np.asarray(K @ self.values)
+
+
+class SlotineLi:
+    """M ü_r + C u̇_r + g, while a body on a link adapts; u̇_r = u̇_d + λ e [Slotine1987].
+
+    The body stands for whatever keeps the robot from its way: it is not a payload's mass. Natural
+    adaptation moves its pseudo-inertia P by Ṗ = γ P L P, tr(L P(π)) = (Yᵀ s)ᵀ π, so that link and
+    body together stay solid [Lee2018]; the other takes π̇ = γ Yᵀ s for each parameter.
+
+    Parameters
+    ----------
+    model : MotorModel
+        A full one.
+    interval : float
+        Between samples in s.
+    link : str
+        That carries the body.
+    gain : float or FloatArray
+        γ: one number for natural adaptation, or (10,).
+    bandwidth : float
+        λ in 1/s.
+    """
+
+    @checked
+    def __init__(
+        self,
+        model: MotorModel,
+        interval: Positive,
+        *,
+        link: str,
+        gain: FloatArray | float,
+        bandwidth: Positive = 2.0,
+    ) -> None:
+        self.model, self.interval, self.bandwidth = model, interval, bandwidth
+        self.gain, self.columns = finite(gain, "gain"), model.payload_columns(link)
+        names = model.mechanism.parameters()
+        own = [k for k, each in enumerate(names) if each.link == link]
+        self.first = model.mechanism.standard_parameters()[own]
+        self.P = pseudo_inertia(self.first)
+        # L of tr(L P(π)) = gᵀ π, for each entry of g
+        basis = pseudo_inertia(np.eye(len(KINDS))).reshape(len(KINDS), -1)
+        self._dual = np.linalg.solve(basis @ basis.T, basis).reshape(-1, 4, 4)
+        self.body = np.zeros(len(KINDS))  # that has come to the link
+
+    def force(self, signals: Signals, reference: Reference) -> FloatArray:
+        """Forces (dof,), without friction."""
+        error, rate = reference.position - signals.position, reference.velocity - signals.velocity
+        wanted = reference.velocity + self.bandwidth * error
+        pushed = reference.acceleration + self.bandwidth * rate
+        Y = self.model.passive_regressor(signals.position, signals.velocity, wanted, pushed)
+        slope = self.columns.T @ (Y.T @ (wanted - signals.velocity))
+        if self.gain.ndim:
+            self.body = self.body + self.interval * self.gain * slope
+        else:
+            self.P = _moved(self.P, self.interval * self.gain * np.tensordot(slope, self._dual, 1))
+            self.body = parameters_of(self.P[None])[0] - self.first
+        return np.asarray(Y @ (self.model.values + self.columns @ self.body))
+
+
+def _moved(P: FloatArray, step: FloatArray) -> FloatArray:
+    """Along the geodesic of positive definite matrices that begins with P step P."""
+    L = np.linalg.cholesky(P)
+    sizes, axes = np.linalg.eigh(L.T @ step @ L)
+    root = L @ axes
+    return np.asarray((root * np.exp(sizes)) @ root.T)

@@ -1,0 +1,521 @@
+"""Dynamics of a robot from the signals of its motors alone, with the values of a fit.
+
+    M(u) ü + C(u, u̇) u̇ + g(u) + f(u, u̇) = τ
+
+for the independent coordinates u. All parts are regressors times base parameters φ, so that they
+need no inertias of single bodies. c(v) = C(v) v is quadratic in the velocities; its polarisation
+
+    C(v) w = c((v + w) / 2) - c((v - w) / 2)
+
+is the form of Christoffel symbols, with which Ṁ - 2C is skew for any φ [Slotine1987].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from loopid.arguments import FloatArray, IntArray, NotNegative, checked, finite
+from loopid.errors import DataError, MobilityError, OptionError
+from loopid.identification.force_model import ForceModel
+from loopid.identification.prediction import force_model_of
+from loopid.identification.result import FitResult
+from loopid.identification.saved import SavedFit
+from loopid.kinematics.assembly import USUAL, AssemblyOptions, follow_paths, required, same_side
+from loopid.kinematics.constraint import Constraint
+from loopid.kinematics.measured import JointCoordinates, measured_coordinates
+from loopid.kinematics.poses import integrate, torque_regressors
+from loopid.kinematics.projection import (
+    NEAR_SINGULARITY,
+    Solver,
+    partition,
+    velocity_map,
+    velocity_maps,
+)
+from loopid.parameters import KINDS, model_kinds
+from loopid.regressors.joint_laws import JointState, JointTerm, joint_term
+from loopid.regressors.joint_terms import JointTerms
+from loopid.robot.mechanism import Mechanism, lock_options
+
+# Newton steps this short, in rad or characteristic lengths, leave G and q at one point to round-off
+SHORT = 1e-11
+# Pinocchio's contacts, by the kinds of closures that they are
+CONTACTS = {"3d": pin.ContactType.CONTACT_3D, "6d": pin.ContactType.CONTACT_6D}
+
+
+@dataclass(eq=False)
+class _Pose:
+    """A closed configuration, and how the robot moves there."""
+
+    positions: FloatArray  # (dof,)
+    q: FloatArray  # (1, nq)
+    G: FloatArray  # (1, nv, dof)
+    residual: FloatArray  # (1, rows) in m
+    constraint: Constraint
+    solver: Solver  # of the dependent coordinates
+    at_rest: FloatArray | None = None  # (dof, n), the regressor there, once it was asked for
+
+
+class _Law(NamedTuple):
+    """A law of forces in joints, for all joints that have it."""
+
+    kind: str
+    term: JointTerm
+    joints: IntArray  # (k,), velocity indices
+    columns: IntArray  # (k,), of the base parameters
+    positions: JointCoordinates | None  # of these joints; None where the law does not ask
+    friction: bool  # whether it depends on rates
+
+
+class MotorModel:
+    """Forces of a robot's motors from their positions, velocities and accelerations.
+
+    All joints follow inside, from where they were at the last sample: positions are to be near
+    those of the call before, as in a control loop, and further ways are followed step by step. The
+    pose is kept, so that calls at one and the same positions share it. An object is for one thread.
+
+    Parameters
+    ----------
+    robot : Mechanism or ForceModel
+        The robot of a saved fit; the force model of other values.
+    fit : SavedFit, FitResult or FloatArray, optional
+        Values with or without their covariance; by default those of the robot file.
+    near : float
+        Positions this near to those of the last pose, in m or rad, share it.
+    smoothing : float, optional
+        Rate in m/s or rad/s over which signs of rates are smoothed, tanh(q̇ / smoothing), instead of
+        that of the force model.
+    start : FloatArray, optional
+        (nq,), a closed configuration on the branch; by default the reference.
+    options : AssemblyOptions
+        How loops are closed.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+    force_model : ForceModel
+    dof : int
+        Number of independent coordinates, ``mechanism.independent``.
+    values, covariance : FloatArray
+        (n,) and (n, n), of ``force_model.parameters``; the covariance is zero where none is known.
+
+    Raises
+    ------
+    OptionError
+        When a fit that is not saved comes without its force model, or its joints have friction that
+        depends on loads.
+    MobilityError
+        When the robot has independent coordinates that no joint position gives.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("3ups_rpu")
+    >>> model = loopid.MotorModel(loopid.find_force_model(robot, "full"))
+    >>> strokes, rest = [0.72, 0.75, 0.76, 0.72], [0, 0, 0, 0]
+    >>> model.forces(strokes, rest, rest).shape, model.mass(strokes).shape
+    ((4,), (4, 4))
+    """
+
+    @checked
+    def __init__(
+        self,
+        robot: Mechanism | ForceModel,
+        fit: SavedFit | FitResult | FloatArray | None = None,
+        *,
+        near: NotNegative = 0.0,
+        smoothing: NotNegative | None = None,
+        start: FloatArray | None = None,
+        options: AssemblyOptions = USUAL,
+    ) -> None:
+        self.force_model, self.values, self.covariance = _values_of(robot, fit)
+        self.mechanism, self.near, self.options = self.force_model.mechanism, near, options
+        if held := self.mechanism.held:
+            raise MobilityError(
+                f"no joint position gives {', '.join(held)} of {self.mechanism.name}: load it with "
+                f"{lock_options(self.mechanism, held)}",
+                held=held,
+            )
+        self.dof = len(self.mechanism.independent)
+        self._measured = measured_coordinates(self.mechanism)
+        self._partition = partition(self.mechanism)
+        self._bodies = self.force_model.body_columns
+        self._standard = self.force_model.base.base[self._bodies]
+        terms = self.force_model.joint_terms or JointTerms(())
+        self._terms = terms if smoothing is None else replace(terms, smoothing=smoothing)
+        self._laws = list(_laws_of(self.force_model))
+        q = self.mechanism.reference if start is None else finite(start, "start")
+        self._pose = self._at(q[None], self._measured.read(q[None])[0])
+
+    def __repr__(self) -> str:
+        return f"MotorModel of {self.mechanism.name}: {', '.join(self.mechanism.independent)}"
+
+    # Where it is.
+
+    @property
+    def configuration(self) -> FloatArray:
+        """All coordinates (nq,) at the last positions."""
+        return np.array(self._pose.q[0])
+
+    def assemble(self, positions: FloatArray) -> FloatArray:
+        """Solve all coordinates (nq,) from the positions (dof,) of the independent ones.
+
+        Raises
+        ------
+        AssemblyError
+            When the positions cannot be reached without meeting a singularity; the last pose stays.
+        """
+        u = _numbers(positions, self.dof, "positions")
+        if np.abs(u - self._pose.positions).max() > self.near:
+            self._pose = self._stepped(u) or self._followed(u)
+        return self.configuration
+
+    def velocity_map(self, positions: FloatArray) -> FloatArray:
+        """G (nv, dof) of all velocities v = G u̇ at positions (dof,)."""
+        self.assemble(positions)
+        return np.asarray(self._pose.G[0])
+
+    def _stepped(self, u: FloatArray) -> _Pose | None:
+        """The pose by Newton's method from where the last tangent leads; None where that is far."""
+        last, measured = self._pose, self._measured
+        way = measured.difference(last.positions[None], u[None])
+        ahead = integrate(self.mechanism, last.q, way @ last.G[0].T)
+        q, longest = measured.write(ahead, u[None]), self.options.longest_step
+        for _ in range(self.options.newton_steps):
+            pose = self._at(q, u)
+            step = -pose.solver.solve(pose.residual[:, :, None])[:, :, 0]
+            length = float(np.abs(step).max(initial=0.0))
+            if length <= SHORT:
+                before, after = last.solver.matrices, pose.solver.matrices
+                return pose if same_side(before, after).all() else None
+            if not length <= longest:
+                return None
+            q, longest = (
+                integrate(self.mechanism, q, measured.tangent(step)),
+                self.options.contraction * length,
+            )
+        return None
+
+    def _followed(self, u: FloatArray) -> _Pose:
+        q = required(follow_paths(self._measured, self._pose.q, u[None], self.options))
+        return self._at(q, u)
+
+    def _at(self, q: FloatArray, u: FloatArray) -> _Pose:
+        constraint = Constraint(self.mechanism, q)
+        residual, A = constraint.scaled()
+        G, solver = velocity_map(self.mechanism, A, *self._partition)
+        if solver.ill_conditioned.size and solver.factors.least_over_largest < NEAR_SINGULARITY:
+            G = velocity_maps(self.mechanism, q, self._partition)  # warns of it, or refuses
+        return _Pose(u, q, G, residual, constraint, solver)
+
+    # How it moves.
+
+    def regressor(
+        self,
+        positions: FloatArray,
+        velocities: FloatArray | None = None,
+        accelerations: FloatArray | None = None,
+    ) -> FloatArray:
+        """K (dof, n), forces per unit of each of ``force_model.parameters``; at rest by default."""
+        self.assemble(positions)
+        if velocities is None and accelerations is None:
+            if self._pose.at_rest is None:
+                still = np.zeros((1, self.dof))
+                self._pose.at_rest = np.asarray(self._regressors(still, still)[0])
+            return self._pose.at_rest
+        rates = self._rates(velocities)[None], self._rates(accelerations)[None]
+        return np.asarray(self._regressors(*rates)[0])
+
+    def forces(
+        self, positions: FloatArray, velocities: FloatArray, accelerations: FloatArray
+    ) -> FloatArray:
+        """Forces (dof,) in N or N m that give a motion, friction included."""
+        return np.asarray(self.regressor(positions, velocities, accelerations) @ self.values)
+
+    def deviation(
+        self, positions: FloatArray, velocities: FloatArray, accelerations: FloatArray
+    ) -> FloatArray:
+        """Standard deviation (dof,) of ``forces`` by the covariance of the values."""
+        K = self.regressor(positions, velocities, accelerations)
+        return np.asarray(np.sqrt(np.maximum(((K @ self.covariance) * K).sum(axis=1), 0.0)))
+
+    def gravity(self, positions: FloatArray) -> FloatArray:
+        """Forces (dof,) that hold the robot at rest, with springs and offsets of joints."""
+        return np.asarray(self.regressor(positions) @ self.values)
+
+    def friction(self, positions: FloatArray, velocities: FloatArray) -> FloatArray:
+        """Forces (dof,) in joints that depend on their rates."""
+        return np.asarray(self.friction_regressor(positions, velocities) @ self.values)
+
+    def friction_regressor(self, positions: FloatArray, velocities: FloatArray) -> FloatArray:
+        """(dof, n), ``friction`` per unit of each parameter."""
+        self.assemble(positions)
+        v = self._rates(velocities)[None] @ self._pose.G[0].T
+        K = np.zeros((1, self.dof, len(self.values)))
+        for law in self._laws:
+            if law.friction:
+                self._add(K, law, v, np.zeros_like(v))
+        return np.asarray(K[0])
+
+    @property
+    def friction_kinds(self) -> tuple[str, ...]:
+        """Kinds of the joint terms that depend on rates."""
+        return tuple(law.kind for law in self._laws if law.friction)
+
+    def rigid_regressor(
+        self, positions: FloatArray, velocities: FloatArray, accelerations: FloatArray
+    ) -> FloatArray:
+        """K (dof, n) of all forces but friction."""
+        self.assemble(positions)
+        rates = self._rates(velocities)[None], self._rates(accelerations)[None]
+        return np.asarray(self._regressors(*rates, False)[0])
+
+    def mass(self, positions: FloatArray) -> FloatArray:
+        """Mass matrix M (dof, dof), rotor inertias included."""
+        return np.asarray(self.mass_regressor(positions) @ self.values)
+
+    def mass_regressor(self, positions: FloatArray) -> FloatArray:
+        """(dof, dof, n), M per unit of each parameter."""
+        self.assemble(positions)
+        self._require_full("mass matrix")
+        K = self._regressors(np.zeros((self.dof, self.dof)), np.eye(self.dof))
+        return np.asarray(np.moveaxis(K - self.regressor(positions), 0, 1))
+
+    def coriolis(self, positions: FloatArray, velocities: FloatArray) -> FloatArray:
+        """C (dof, dof) of Christoffel symbols, with which Ṁ - 2C is skew."""
+        return np.asarray(self.coriolis_regressor(positions, velocities) @ self.values)
+
+    def coriolis_regressor(self, positions: FloatArray, velocities: FloatArray) -> FloatArray:
+        """(dof, dof, n), C per unit of each parameter."""
+        self.assemble(positions)
+        self._require_full("Coriolis matrix")
+        v, one, dof = self._rates(velocities), np.eye(self.dof), self.dof
+        K = self._regressors(
+            np.concatenate([v + one, v - one]) / 2, np.zeros((2 * dof, dof)), False
+        )
+        return np.asarray(np.moveaxis(K[:dof] - K[dof:], 0, 1))
+
+    def passive_regressor(
+        self,
+        positions: FloatArray,
+        velocities: FloatArray,
+        wanted: FloatArray,
+        accelerations: FloatArray,
+    ) -> FloatArray:
+        """Y (dof, n) with Y φ = M a + C(u̇) w + g, for wanted velocities w and accelerations a.
+
+        The regressor of [Slotine1987]; without friction.
+        """
+        self.assemble(positions)
+        self._require_full("Coriolis matrix")
+        v, w, a = (self._rates(rates) for rates in (velocities, wanted, accelerations))
+        none = np.zeros_like(v)
+        moving = np.stack([(v + w) / 2, (v - w) / 2, none])
+        plus, minus, rest = self._regressors(moving, np.stack([a, none, none]), False)
+        return np.asarray(plus - minus + rest)
+
+    def payload_columns(self, link: str) -> FloatArray:
+        """B (n, 10), or (n, 4) of a gravity model: a body π fixed to a link changes φ by B π."""
+        base = self.force_model.base
+        own = [k for k, each in enumerate(base.parameters) if each.link == link]
+        own = [k for k in own if base.parameters[k].kind in KINDS]
+        if not own:
+            links = dict.fromkeys(p.link for p in base.parameters if p.kind in KINDS)
+            raise OptionError.unknown("link", link, links)
+        return base.matrix[:, own]
+
+    def _regressors(
+        self, velocities: FloatArray, accelerations: FloatArray, friction: bool = True
+    ) -> FloatArray:
+        """K (k, dof, n) at the pose, for k velocities and accelerations (k, dof)."""
+        pose, robot = self._pose, self.mechanism
+        count, dof = velocities.shape
+        v, a = velocities @ pose.G[0].T, accelerations @ pose.G[0].T
+        if velocities.any():
+            a += self._gamma(v)
+        K = np.zeros((count, dof, len(self.values)))
+        q, G = (np.repeat(each, count, axis=0) for each in (pose.q, pose.G))
+        model = self.force_model.model
+        rates = (v, a) if model == "full" else (None, None)
+        Y = torque_regressors(robot, q, *rates, model=model, G=G)
+        K[:, :, self._bodies] = Y[:, :, self._standard]
+        for law in self._laws:
+            if friction or not law.friction:
+                self._add(K, law, v, a)
+        return K
+
+    def _gamma(self, v: FloatArray) -> FloatArray:
+        """γ (k, nv) of a = G ü + γ at the pose, for k velocities (k, nv)."""
+        pose, robot, dependent = self._pose, self.mechanism, self._partition[1]
+        at = pose.constraint
+        if len(v) > 1:
+            at = Constraint(robot, np.repeat(pose.q, len(v), axis=0))
+        drift = robot.row_scales * at.drift(v)
+        gamma = np.zeros_like(v)
+        steps = pose.solver.solve(drift.T[None])[0].T
+        gamma[:, dependent] = -robot.coordinate_scales[dependent] * steps
+        return gamma
+
+    def _add(self, K: FloatArray, law: _Law, v: FloatArray, a: FloatArray) -> None:
+        """Put the columns of a law of joints into regressors K (k, dof, n)."""
+        position = None if law.positions is None else law.positions.read(self._pose.q)
+        state = self._terms.state(JointState(position, v[:, law.joints], a[:, law.joints]))
+        signal = law.term.law(state, law.term.at)
+        signal = signal[:, None] if np.ndim(signal) else signal
+        K[:, :, law.columns] = self._pose.G[0, law.joints].T * signal
+
+    def _require_full(self, what: str) -> None:
+        if self.force_model.model != "full":
+            raise OptionError(
+                f"a gravity model has no {what}: identify with the model 'full'",
+                given=self.force_model.model,
+            )
+
+    def _rates(self, rates: FloatArray | None) -> FloatArray:
+        return np.zeros(self.dof) if rates is None else _numbers(rates, self.dof, "rates")
+
+
+def _numbers(given: FloatArray, width: int, name: str) -> FloatArray:
+    values = finite(given, name)
+    if values.shape != (width,):
+        raise DataError(
+            f"{name} must have shape ({width},), not {values.shape}", given=values.shape
+        )
+    return values
+
+
+def _values_of(
+    robot: Mechanism | ForceModel, fit: SavedFit | FitResult | FloatArray | None
+) -> tuple[ForceModel, FloatArray, FloatArray]:
+    """The force model of a fit, its values (n,) and their covariance (n, n)."""
+    if isinstance(fit, SavedFit | FitResult):
+        model = force_model_of(fit, robot)
+        result = fit.result if isinstance(fit, SavedFit) else fit
+        values, covariance = fit.values, None if result is None else result.covariance
+    elif isinstance(robot, Mechanism):
+        raise OptionError(
+            f"values of {robot.name} need its ForceModel: give find_force_model(robot, 'full'), or "
+            "a saved fit"
+        )
+    else:
+        model, covariance = robot, None
+        values = model.prior if fit is None else fit
+    phi = _numbers(values, len(model.parameters), "values")
+    return model, phi, np.zeros(2 * phi.shape) if covariance is None else np.array(covariance)
+
+
+def _laws_of(model: ForceModel) -> Iterator[_Law]:
+    """Joint terms, each kind for all joints that have it."""
+    kinds: dict[str, list[int]] = {}
+    for column in model.joint_columns:
+        kinds.setdefault(model.parameters[column].kind, []).append(int(column))
+    for kind, columns in kinds.items():
+        term, names = joint_term(kind), [model.parameters[j].link for j in columns]
+        if "load" in term.needs:
+            raise OptionError(
+                f"{term.name} of {', '.join(names)} depends on what bearings carry, which this "
+                "model does not ask for: identify with terms that do not",
+                given=kind,
+            )
+        read = JointCoordinates(model.mechanism, names) if "position" in term.needs else None
+        friction = bool({"rate", "sign"} & {*term.needs})
+        joints = model.mechanism.velocity_indices(names)
+        yield _Law(kind, term, joints, np.array(columns, dtype=np.int64), read, friction)
+
+
+# For users of Pinocchio.
+
+
+@checked
+def pinocchio_model(
+    robot: Mechanism | ForceModel, fit: SavedFit | FitResult | None = None
+) -> pin.Model:
+    """Pinocchio's model of the open tree with the bodies of a fit.
+
+    Rotor inertias, viscous and Coulomb friction are in ``armature``, ``damping`` and ``friction``;
+    other joint terms have no place there. ``constraint_models`` closes its loops.
+
+    Parameters
+    ----------
+    robot : Mechanism or ForceModel
+        The robot of a saved fit; the force model of a fit that is not saved.
+    fit : SavedFit or FitResult, optional
+        With bodies: the recommended one. By default the tree of the robot file.
+
+    Raises
+    ------
+    DataError
+        When the fit has base parameters only, or is of another robot.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> from loopid.control import constraint_models, pinocchio_model
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> tree, loops = pinocchio_model(robot), constraint_models(robot)
+    >>> tree.nv, [loop.type.name for loop in loops]
+    (4, ['CONTACT_3D'])
+    """
+    mechanism = robot if isinstance(robot, Mechanism) else robot.mechanism
+    tree = mechanism.model.copy()
+    if fit is None:
+        return tree
+    model = force_model_of(fit, robot)
+    values = fit.require_bodies() if isinstance(fit, SavedFit) else fit.standard_parameters
+    if values is None:
+        raise DataError(
+            "the fit has base parameters, which are those of many bodies: give the recommended "
+            "one, which has bodies"
+        )
+    width = len(model_kinds(model.model))
+    count = len(mechanism.parameters(model.model))
+    bodies = (mechanism.tie_matrix(width) @ values[:count]).reshape(-1, width)
+    for body, own in zip(mechanism.bodies, bodies, strict=True):
+        old = tree.inertias[body.joint_id]
+        if width == len(KINDS):
+            tree.inertias[body.joint_id] = pin.Inertia.FromDynamicParameters(own)
+        else:  # the inertia about the centre of mass stays
+            centre = own[1:] / own[0] if own[0] else old.lever
+            tree.inertias[body.joint_id] = pin.Inertia(own[0], centre, old.inertia)
+    fields = {"Ia": tree.armature, "Fv": tree.damping, "Fc": tree.friction}
+    for parameter, value in zip(list(model.base.parameters)[count:], values[count:], strict=True):
+        if parameter.kind in fields:
+            fields[parameter.kind][mechanism.velocity_indices([parameter.link])] = value
+    return tree
+
+
+@checked
+def constraint_models(mechanism: Mechanism) -> pin.StdVec_RigidConstraintModel:
+    """The loop closures for Pinocchio's ``constraintDynamics`` and what is built on it.
+
+    Raises
+    ------
+    OptionError
+        Naming a closure or a coupling that Pinocchio has no contact for.
+    """
+    found = pin.StdVec_RigidConstraintModel()
+    if mechanism.couplings:
+        raise OptionError(
+            f"Pinocchio has no contact for {mechanism.couplings[0].name}, a coupling of joints",
+            given=mechanism.couplings[0].name,
+        )
+    for closure in mechanism.closures:
+        if closure.kind not in CONTACTS:
+            raise OptionError(
+                f"Pinocchio has no contact for {closure.name} of kind {closure.kind}: describe it "
+                f"by closures of the kinds {', '.join(CONTACTS)}",
+                given=closure.kind,
+                valid=tuple(CONTACTS),
+            )
+        frames = [mechanism.model.frames[k] for k in closure.frame_ids]
+        ends = [part for frame in frames for part in (frame.parentJoint, frame.placement)]
+        contact = pin.RigidConstraintModel(
+            CONTACTS[closure.kind], mechanism.model, *ends, pin.LOCAL
+        )
+        contact.name = closure.name
+        found.append(contact)
+    return found

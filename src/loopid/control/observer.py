@@ -1,0 +1,206 @@
+"""What the surroundings exert, from the motors alone: an observer of the generalised momentum.
+
+Motors with forces τ and a wrench w on a frame of Jacobian J move the robot by
+
+    M ü + C u̇ + g + f = τ + Jᵀ w.
+
+With p = M u̇ and ṗ = M ü + (C + Cᵀ) u̇, a low-pass L of gain k (1/s) of what the motors do not
+explain needs no accelerations [DeLuca2005]:
+
+    r = L[Jᵀ w] = k (p - L[p]) + L[g + f - Cᵀ u̇ - τ].
+
+All terms but τ are regressors times base parameters φ. The filter runs on the regressors, so that
+r = D φ - L[τ], and the covariance of a fit becomes that of r by the same filter: D Σ Dᵀ.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from scipy.stats import chi2, norm
+
+from loopid.arguments import BoolArray, FloatArray, Positive, checked, finite
+from loopid.control.laws import Signals
+from loopid.control.motor_model import MotorModel
+from loopid.errors import DataError, OptionError
+from loopid.records import record
+
+COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+MOVING = 2e-3  # m/s or rad/s, above which a motor does not stand
+UNSEEN = 1e-6  # of the largest singular value of J, in units of the robot's length
+
+
+@record
+class WrenchEstimate:
+    """A wrench on a frame, at its origin along the fixed axes: forces in N above moments in N m.
+
+    Attributes
+    ----------
+    residual, covariance : FloatArray
+        (dof,) and (dof, dof): what the motors do not explain, in N or N m.
+    wrench, wrench_covariance : FloatArray
+        (6,) and (6, 6): the least one that explains the residual, without what no motor feels.
+    floor : FloatArray
+        (6,), what a component must be, alone and lasting, to raise an alarm on 97.5 % of the
+        occasions; infinite where no motor feels it.
+    unseen : FloatArray
+        (6, k), wrenches that no motor feels: forces, and moments over the robot's length.
+    standing : BoolArray
+        (dof,), motors whose friction may be anything up to Coulomb's.
+    statistic, threshold : float
+        rᵀ S⁻¹ r, and what it exceeds at the stated rate of false alarms.
+    """
+
+    residual: FloatArray
+    covariance: FloatArray
+    wrench: FloatArray
+    wrench_covariance: FloatArray
+    floor: FloatArray
+    unseen: FloatArray
+    standing: BoolArray
+    statistic: float
+    threshold: float
+
+    @property
+    def contact(self) -> bool:
+        """Whether something touches the robot."""
+        return self.statistic > self.threshold
+
+    @property
+    def unseen_components(self) -> tuple[str, ...]:
+        """Components that no motor feels."""
+        return tuple(np.array(COMPONENTS)[~np.isfinite(self.floor)].tolist())
+
+
+class WrenchObserver:
+    """Tells wrenches on a frame from the signals of the motors.
+
+    Parameters
+    ----------
+    model : MotorModel
+        With the covariance of its values; a gravity model is observed as if it stood still
+        everywhere, without momentum.
+    interval : float
+        Between samples in s.
+    gain : float
+        k in 1/s: the larger, the faster, and the more noise passes.
+    noise : float or FloatArray
+        Standard deviation of measured forces in N or N m, independent from sample to sample.
+    unmodelled : float or FloatArray
+        The same of what the model lacks, and of what the fit's covariance does not hold: errors
+        that last, and pass the filter. Residuals of a fit are a safe choice.
+    alarms : float
+        False ones an hour.
+    frame : str, optional
+        On which wrenches act; by default the platform that the robot file declares.
+
+    Attributes
+    ----------
+    moving : float
+        Rate in m/s or rad/s up to which a motor stands: its friction is then known to Coulomb's.
+    threshold : float
+        Of ``WrenchEstimate.statistic``.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> from loopid.control import Signals, WrenchObserver
+    >>> knee = loopid.load_mechanism("3ups_rpu")
+    >>> robot = loopid.MotorModel(loopid.find_force_model(knee, "full"))
+    >>> at, still = np.array([0.72, 0.75, 0.76, 0.72]), np.zeros(4)
+    >>> observer = WrenchObserver(robot, 0.01, noise=7.0)
+    >>> for _ in range(100):
+    ...     found = observer.update(Signals(at, still, robot.gravity(at)))
+    >>> found.contact, found.unseen_components, found.unseen.shape
+    (False, ('Fy',), (6, 2))
+    """
+
+    @checked
+    def __init__(
+        self,
+        model: MotorModel,
+        interval: Positive,
+        *,
+        gain: Positive = 20.0,
+        noise: FloatArray | float = 0.0,
+        unmodelled: FloatArray | float = 0.0,
+        alarms: Positive = 1.0,
+        frame: str | None = None,
+    ) -> None:
+        self.model, self.interval, self.moving = model, interval, MOVING
+        self.gain, self.part = gain, 1.0 - np.exp(-gain * interval)
+        ones = np.ones(model.dof)
+        self.noise, self.unmodelled = (
+            finite(noise, "noise") * ones,
+            finite(unmodelled, "unmodelled") * ones,
+        )
+        if not (self.noise + self.unmodelled).all():
+            raise DataError("an observer needs deviations: give noise, or what is unmodelled")
+        robot = model.mechanism
+        frames = {each.name: k for k, each in enumerate(robot.model.frames)}
+        if frame is None and robot.platform is not None:
+            frame = robot.platform.frame
+        if frame not in frames:
+            raise OptionError.unknown("frame", frame, frames)
+        self.frame, self._data = frames[frame], robot.model.createData()
+        # Values that follow one another are as many independent ones as the filter forgets.
+        self.threshold = float(chi2.isf(alarms / (3600.0 * gain / 2), model.dof))
+        parameters = model.force_model.parameters
+        names, labels = robot.independent, list(parameters.labels)
+        coulomb = [f"{name}.Fc" for name in names]
+        self._coulomb = np.array([labels.index(k) if k in labels else -1 for k in coulomb])
+        self._state: tuple[FloatArray, ...] | None = None  # what the filter holds
+
+    def update(self, signals: Signals, rates: FloatArray | None = None) -> WrenchEstimate:
+        """Take a sample: what was measured, and rates (dof,) that signs of friction follow.
+
+        By default these are the measured ones; commanded ones are without noise.
+        """
+        model, u, v = self.model, *signals[:2]
+        friction = model.friction_regressor(u, v if rates is None else rates)
+        if model.force_model.model == "full":
+            P = v @ model.mass_regressor(u).swapaxes(0, 1)
+            rest = model.regressor(u) - v @ model.coriolis_regressor(u, v)
+        else:
+            P, rest = np.zeros_like(friction), model.regressor(u)
+        rest = rest + friction
+        new = P, rest, signals.force
+        if self._state is None:  # nothing touches the robot at first
+            self._state = P, rest, rest @ model.values
+        self._state = tuple(
+            old + self.part * (now - old) for old, now in zip(self._state, new, strict=True)
+        )
+        momentum, passed, force = self._state
+        D = self.gain * (P - momentum) + passed
+        standing = np.abs(v if rates is None else rates) <= self.moving
+        return self._told(u, D @ model.values - force, D, standing)
+
+    def _told(
+        self, positions: FloatArray, residual: FloatArray, D: FloatArray, standing: BoolArray
+    ) -> WrenchEstimate:
+        model = self.model
+        passed = self.part / (2.0 - self.part)  # of the variance of white noise
+        variance = passed * self.noise**2 + self.unmodelled**2
+        coulomb = np.where(self._coulomb >= 0, model.values[self._coulomb], 0.0)
+        S = D @ model.covariance @ D.T + np.diag(variance + (standing * coulomb) ** 2)
+        J = self.jacobian(positions)
+        units = np.repeat([1.0, model.mechanism.length], 3)[:, None]  # moments like forces
+        left, sizes, right = np.linalg.svd(units * J)
+        seen = int((sizes > UNSEEN * sizes[0]).sum())
+        inverse = units * (left[:, :seen] / sizes[:seen] @ right[:seen])  # of Jᵀ
+        told = np.linalg.solve(S, np.column_stack([residual, J.T]))
+        unseen = left[:, seen:]
+        felt = np.sqrt(np.maximum((J * told[:, 1:].T).sum(axis=1), 0.0))
+        hidden = (unseen**2).sum(axis=1) > 1 - UNSEEN
+        floor = np.full(len(J), np.inf)
+        floor[~hidden] = (np.sqrt(self.threshold) + norm.isf(0.025)) / felt[~hidden]
+        wrench = inverse @ residual, inverse @ S @ inverse.T, floor, unseen
+        statistic = float(residual @ told[:, 0]), self.threshold
+        return WrenchEstimate(residual, S, *wrench, standing, *statistic)
+
+    def jacobian(self, positions: FloatArray) -> FloatArray:
+        """J (6, dof) of the frame: its twist, linear above angular, by each coordinate's rate."""
+        q, G = self.model.assemble(positions), self.model.velocity_map(positions)
+        tree = self.model.mechanism.model
+        own = pin.computeFrameJacobian(tree, self._data, q, self.frame, pin.LOCAL_WORLD_ALIGNED)
+        return np.asarray(own @ G)

@@ -1,0 +1,246 @@
+"""A robot under a controller, simulated sample by sample.
+
+Forces of a controller stay for an interval. In steps of it the robot moves by
+
+    M (u̇⁺ - u̇) / h = τ + τ_ext - C u̇ - g - Fv u̇⁺ - Fc Sign(u̇⁺),
+
+implicit in the friction, which may hold: u̇⁺ is where ½ xᵀA x - bᵀx + h Fcᵀ|x| is least, with
+A = M + h Fv and b = M u̇ + h (τ + τ_ext - C u̇ - g) [Moreau1988]. So large friction at small
+velocities, where the sequel's robot lives, needs no small steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from loopid.arguments import FloatArray, Positive, checked, random_generator, samples
+from loopid.control.laws import Law, Reference, Signals
+from loopid.control.motor_model import MotorModel
+from loopid.errors import OptionError
+from loopid.motion.simulation import Noise
+from loopid.records import record
+
+SAME, SWEEPS = 1e-12, 1000  # relative change of velocities that ends their iteration; at most
+FRICTION = ("Fc", "Fv")
+
+
+@record(kw_only=True, checked=True)
+class LoopOptions:
+    """How a control loop is simulated.
+
+    Attributes
+    ----------
+    interval : float
+        Between samples of the controller in s.
+    noise : Noise
+        Of measured forces and positions.
+    cutoff : float
+        In Hz, of the first-order low-pass that makes velocities of differences of positions.
+    delay : int
+        Samples after which a force acts.
+    step : float
+        Of the motion in s, at most.
+    refresh : float
+        Masses, Coriolis forces and gravity are those of at most so many s before.
+    """
+
+    interval: Positive = 0.01
+    noise: Noise = Noise()
+    cutoff: Positive = 20.0
+    delay: int = 0
+    step: Positive = 2e-3
+    refresh: Positive = 0.01
+
+    def __post_init__(self) -> None:
+        if self.delay < 0:
+            raise OptionError(f"delay must be samples from 0 on, not {self.delay}")
+
+
+USUAL = LoopOptions()
+
+
+@record
+class ControlRun:
+    """What happened: N samples.
+
+    Attributes
+    ----------
+    time : FloatArray
+        (N,) in s.
+    position, error, force : FloatArray
+        (N, dof): true positions, what they are off the reference, and forces of the motors.
+    """
+
+    time: FloatArray
+    position: FloatArray
+    error: FloatArray
+    force: FloatArray
+
+    def rms(self, first: float, last: float) -> FloatArray:
+        """Root mean square (dof,) of the errors between two times in s."""
+        own = (self.time >= first) & (self.time < last)
+        return np.asarray(np.sqrt((self.error[own] ** 2).mean(axis=0)))
+
+
+class ControlLoop:
+    """A simulated robot and its controller.
+
+    Parameters
+    ----------
+    robot : MotorModel
+        The robot as it is, a full model; its Coulomb and viscous friction is that of the motors.
+    controller : Law
+        What commands it.
+    options : LoopOptions, optional
+    seed : int
+        Same seed, same errors of measurement.
+
+    Attributes
+    ----------
+    external : FloatArray
+        (dof,), forces from outside on the independent coordinates, to be set at will.
+
+    Raises
+    ------
+    OptionError
+        When the model has other friction than Coulomb and viscous.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> from loopid.control import PID, ControlLoop, Controller, Gravity
+    >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"), "full", "Fc,Fv")
+    >>> robot, own = loopid.MotorModel(model), loopid.MotorModel(model)
+    >>> loop = ControlLoop(robot, Controller(PID(50.0, 5.0), Gravity(own)))
+    >>> home = np.tile(loop.position, (100, 1))
+    >>> run = loop.run(home, 0 * home, 0 * home)
+    >>> bool(np.abs(run.error).max() < 1e-9)
+    True
+    """
+
+    @checked
+    def __init__(
+        self,
+        robot: MotorModel,
+        controller: Law,
+        *,
+        options: LoopOptions = USUAL,
+        seed: int = 0,
+    ) -> None:
+        self.robot, self.controller, self.options = robot, controller, options
+        self.random = random_generator(seed)
+        terms = robot.force_model.parameters
+        names = robot.mechanism.independent
+        others = {p.kind for p in terms if p.kind in robot.friction_kinds} - {*FRICTION}
+        passive = {p.link for p in terms if p.kind in FRICTION} - {*names}
+        if others or passive:
+            raise OptionError(
+                "only Coulomb and viscous friction of independent coordinates is simulated, not "
+                f"{', '.join(sorted(others | passive))}"
+            )
+        labels = list(terms.labels)
+        self.coulomb, self.viscous = (
+            np.array([robot.values[labels.index(k)] if k in labels else 0.0 for k in own])
+            for own in ([f"{name}.{kind}" for name in names] for kind in FRICTION)
+        )
+        self.values = np.array(robot.values)
+        own = robot.mechanism.velocity_indices(names)
+        self.position = robot.configuration[robot.mechanism.first_positions[own]]
+        self.velocity, self.external = np.zeros(robot.dof), np.zeros(robot.dof)
+        self._measured, self._rate = self._read(), np.zeros(robot.dof)
+        self._felt, self._waiting = np.zeros(robot.dof), list[FloatArray]()
+        self._inertia, self._bias, self._age = np.zeros(0), np.zeros(0), np.inf
+
+    @checked
+    def load(self, link: str, body: FloatArray) -> None:
+        """Fix a body π (10,) to a link; of negative mass, it is taken off."""
+        self.values = self.values + self.robot.payload_columns(link) @ samples(body, 10, "body")[0]
+        self._age = np.inf
+
+    def run(
+        self,
+        positions: FloatArray,
+        velocities: FloatArray,
+        accelerations: FloatArray,
+        *,
+        at_sample: Callable[[int, Signals], None] = lambda number, signals: None,
+    ) -> ControlRun:
+        """Follow a reference (N, dof), sample by sample.
+
+        Parameters
+        ----------
+        at_sample : callable
+            Is told the number of each sample and what was measured, after the controller has
+            answered: to load the robot, to push it, to observe it.
+        """
+        wanted = [samples(each, self.robot.dof, "reference") for each in
+                  (positions, velocities, accelerations)]  # fmt: skip
+        count, book = len(wanted[0]), []
+        for k in range(count):
+            signals = self._signals()
+            force = self.controller.force(signals, Reference(*(each[k] for each in wanted)))
+            at_sample(k, signals)
+            book.append((self.position, wanted[0][k] - self.position, force))
+            self._waiting.append(force)
+            while len(self._waiting) > self.options.delay + 1:
+                self._waiting.pop(0)
+            self._move(self._waiting[0])
+        position, error, force = (
+            np.array(each, dtype=np.float64) for each in zip(*book, strict=True)
+        )
+        time = np.asarray(self.options.interval * np.arange(count), dtype=np.float64)
+        return ControlRun(time, position, error, force)
+
+    def _read(self) -> FloatArray:
+        step = self.options.noise.encoder_step
+        return step * np.round(self.position / step) if step else self.position
+
+    def _signals(self) -> Signals:
+        """Positions, velocities and the forces that acted since the sample before, as measured."""
+        interval, noise = self.options.interval, self.options.noise
+        kept, last = np.exp(-2 * np.pi * self.options.cutoff * interval), self._measured
+        self._measured = self._read()
+        self._rate = kept * self._rate + (1 - kept) * (self._measured - last) / interval
+        error = self.random.uniform(-noise.uniform, noise.uniform, self.robot.dof)
+        error = error + self.random.normal(scale=noise.gaussian, size=self.robot.dof)
+        return Signals(self._measured, self._rate, self._felt + error)
+
+    def _move(self, force: FloatArray) -> None:
+        """Let a force act for an interval."""
+        self._felt = force
+        if self._age >= self.options.refresh * (1 - SAME):
+            rigid, still = self.robot.rigid_regressor, np.zeros(self.robot.dof)
+            self._inertia = self.robot.mass_regressor(self.position) @ self.values
+            self._bias = rigid(self.position, self.velocity, still) @ self.values
+            self._age = 0.0
+        self._age += self.options.interval
+        steps = int(np.ceil(self.options.interval / self.options.step * (1 - SAME)))
+        h = self.options.interval / steps
+        A = self._inertia + h * np.diag(self.viscous)
+        push = h * (force + self.external - self._bias)
+        for _ in range(steps):
+            b = self._inertia @ self.velocity + push
+            self.velocity = _slowed(A, b, h * self.coulomb, self.velocity)
+            self.position = self.position + h * self.velocity
+
+
+def _slowed(A: FloatArray, b: FloatArray, least: FloatArray, x: FloatArray) -> FloatArray:
+    """Where ½ xᵀA x - bᵀx + leastᵀ|x| is least: velocities under friction that may hold."""
+    signs = np.sign(x)
+    free = signs != 0
+    matrix = np.where(free[:, None], A, np.eye(len(b)))
+    found = np.linalg.solve(matrix, np.where(free, b - least * signs, 0.0))
+    left = np.abs(b - A @ found)
+    if np.where(free, found * signs > 0, left <= least).all():
+        return np.asarray(found)
+    x = np.array(x)
+    for _ in range(SWEEPS):  # coordinate by coordinate
+        before = x.copy()
+        for i in range(len(x)):
+            pull = b[i] - A[i] @ x + A[i, i] * x[i]
+            x[i] = np.sign(pull) * max(abs(pull) - least[i], 0.0) / A[i, i]
+        if np.abs(x - before).max() <= SAME * np.abs(x).max(initial=1e-6):
+            break
+    return x

@@ -1,0 +1,329 @@
+"""How well a robot file explains a log: the evidence, once mistakes are undone.
+
+In the band of the motion, forces are explained by the bodies of the robot file, whose parameters
+may be off by half, by small offsets, and by friction and inertia of each drive, which are projected
+out. Sizes of the errors and the bodies follow from each other; their evidence [MacKay1992] compares
+what may have been undone. All that is tried at one pose shares one table of columns: forces of
+another size, or motors, and another time axis only weigh or exchange its columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import replace
+from math import inf, pi
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from loopid.arguments import BoolArray, FloatArray, IntArray, spread_rows
+from loopid.identification.information import body_sizes
+from loopid.kinematics.assembly import AssemblyOptions, try_assemble
+from loopid.kinematics.measured import JointCoordinates
+from loopid.kinematics.projection import closed_motion, singularity_measure
+from loopid.logs.recording import MaskOptions, Recording
+from loopid.records import record
+from loopid.regressors.closed_loop import motion_regressor
+from loopid.regressors.joint_terms import JointTerms
+from loopid.robot.mechanism import Mechanism
+
+# Standard deviation of joint terms, in forces by the robot file, and of the offset of any drive, or
+# of friction that differs with the direction, in its forces.
+FLAT, OFFSET = 10.0, 0.1
+LARGEST = 10.0  # gain, over the one with which all bodies would weigh as in the file
+TURN = 2 * pi  # motors hardly move further, in rad or characteristic lengths
+OWN = ("Fc", "Fv", "Ia")  # joint terms of motors that are projected out
+LEAST_INDEPENDENT, ITERATIONS = 10, 8  # samples, and steps to the weights of a fit
+# Loops are closed at other positions as well as it takes to know forces, to 1e-5 m.
+CLOSING = AssemblyOptions(tolerance=1e-5, short=1e-3, rough=0.1, shortest_step=0.1)
+TINY = 1e-300
+
+
+@record(kw_only=True)
+class SuspicionOptions:
+    """What counts as a mistake in a log.
+
+    Attributes
+    ----------
+    samples : int
+        That are looked at, evenly spread: more hardly add what is independent.
+    least_samples : int
+        Fewest of a motor.
+    prior : float
+        Standard deviation of the robot file's parameters, in sizes of the bodies.
+    model_error : float
+        Part of the force that errors have at least: no model is exact.
+    evidence : float
+        Logarithm of the ratio of evidences, less that of the number of motors whose mistake it may
+        be, from which a mistake is suspected: 3 is one in twenty.
+    rounds : int
+        Mistakes one after the other.
+    gain, common_gain : float
+        Least of one motor, and of all, that is worth a sentence: bodies that are off by half, or
+        made of another material, are none.
+    factor, ratio : float
+        The same of the time axis, on whose square accelerations hang, and of a motor's positions.
+    interval : float
+        Half of the 95 % interval at most, as a part of the size: a size that is not known is none.
+    few : int
+        Samples at which other positions are tried first.
+    closing : float
+        Part of the samples whose loops must close once a mistake is undone.
+    held, jump : float
+        Part of the changes of values that are as many rows apart as most, and median change in
+        steps of the encoder, from which values are held by a slower bus.
+    error, deviation : float
+        A log is strange from these errors, as a part of the force, or this sum of squared
+        deviations from the robot file on.
+    better : float
+        Errors of motors that were exchanged, over those before, at most.
+    """
+
+    samples: int = 120
+    least_samples: int = 30
+    prior: float = 0.5
+    model_error: float = 0.003
+    evidence: float = 3.0
+    rounds: int = 3
+    gain: float = 1.25
+    common_gain: float = 4.0
+    factor: float = 1.5
+    ratio: float = 1.5
+    interval: float = 0.5
+    few: int = 20
+    closing: float = 0.9
+    held: float = 0.8
+    jump: float = 3.0
+    error: float = 0.05
+    deviation: float = 12.0
+    better: float = 0.8
+
+
+class Undone(NamedTuple):
+    """What is undone in a log of d motors: each field is (d,)."""
+
+    gain: tuple[float, ...]  # that forces are divided by
+    ratio: tuple[float, ...]  # that positions are divided by
+    time: tuple[float, ...]  # that the time axis is divided by, the same of all
+    forces: tuple[int, ...]  # whose force each motor has
+    positions: tuple[int, ...]
+
+
+class Explanation(NamedTuple):
+    """How a log is explained once mistakes are undone."""
+
+    undone: Undone
+    evidence: float  # logarithm; -inf where the loops do not close
+    values: FloatArray  # (n,), in standard deviations
+    error: FloatArray  # (d,), in the root mean square
+
+
+class _Table(NamedTuple):
+    """Columns of d motors: what explains at rest, what rates add to it, the force.
+
+    What explains are offsets, bodies and joint terms by standard deviation, and what is known.
+    """
+
+    columns: FloatArray  # (d, N, 2 n + 3), less what is the drive's own; zero where nothing is used
+    products: FloatArray  # (d, 2 n + 3, 2 n + 3), means
+
+
+class Evidence:
+    """The samples of a log, and what explains them."""
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        recordings: Sequence[Recording],
+        joint_terms: JointTerms | None,
+        options: SuspicionOptions,
+    ) -> None:
+        self.mechanism, self.joint_terms, self.options = mechanism, joint_terms, options
+        self.names, d = recordings[0].actuators, len(recordings[0].actuators)
+        parts = [self._samples(one, options.samples // len(recordings)) for one in recordings]
+        self.q, self.rates, self.force, self.used, self.external = map(
+            np.concatenate, zip(*parts, strict=True)
+        )
+        coordinates = JointCoordinates(mechanism, self.names)
+        # Of joints that turn without end, too.
+        self.position = np.unwrap(coordinates.read(self.q.copy()), axis=0)
+        self.span = np.ptp(self.position, axis=0) / coordinates.known_scales
+        counts = np.maximum(self.used.sum(axis=0), 1)
+        self.size = np.sqrt(np.where(self.used, self.force**2, 0.0).sum(axis=0) / counts)
+        counted = np.isin(self.names, mechanism.actuated) & (counts >= options.least_samples)
+        self.present = np.flatnonzero(counted & (self.size > 0)).tolist()
+        ones, own = (1.0,) * d, tuple(range(d))
+        self.recorded = Undone(ones, ones, ones, own, own)
+        self.independent = np.zeros(d)  # samples of each
+        self.independent[self.present] = LEAST_INDEPENDENT
+        self._choose_columns()
+        self._tables: dict[Any, _Table | None] = {}
+
+    def _samples(self, recording: Recording, most: int) -> list[Any]:
+        motion, history = recording.motion, recording.history
+        rows = spread_rows(len(recording), most)
+        if history is None:
+            sign = np.sign(motion.velocities)
+        else:  # friction as the forces are filtered
+            speeds = [history.velocity[:, history.joints.index(name)] for name in self.names]
+            sign = np.column_stack([history.lowpassed(np.sign(speed)) for speed in speeds])
+        rates = [rate[rows] for rate in (sign, motion.velocities, motion.accelerations)]
+        q, force, used = motion.configurations, recording.motor_force, recording.used
+        external = recording.force - force
+        return [q[rows], np.stack(rates, axis=2), force[rows], used[rows], external[rows]]
+
+    def of_few(self) -> Evidence:
+        """The same of few samples, evenly spread."""
+        few, rows = copy(self), spread_rows(len(self.q), self.options.few)
+        for name in ("q", "rates", "force", "used", "external", "position"):
+            setattr(few, name, getattr(self, name)[rows])
+        few.independent, few._tables = np.minimum(self.independent, len(rows)), {}
+        return few
+
+    # Columns that explain forces.
+
+    def _choose_columns(self) -> None:
+        """Combinations of the regressor's columns: what the forces feel, and what is known."""
+        mechanism, bodies = self.mechanism, self.mechanism.standard_parameters("full")
+        named = () if self.joint_terms is None else self.joint_terms.parameters(mechanism)
+        others = [not (one.link in self.names and one.kind in OWN) for one in named]
+        self.kept, p = np.array([True] * len(bodies) + others), len(bodies)
+        K = np.add(*self._regressors(self.q, self.rates[:, :, 1:]))
+        self.expected = np.sqrt(((K[:, :, :p] @ bodies) ** 2).mean(axis=0))
+        per_force = 1 / np.where(self.expected > 0, self.expected, inf)
+        joints = np.sqrt(((K[:, :, p:] * per_force[:, None]) ** 2).mean(axis=(0, 1)))
+        flat = FLAT / np.where(joints > 0, joints, inf)
+        sizes = self.options.prior * body_sizes(mechanism, "full")
+        table = (K[:, :, :p] * sizes * per_force[:, None]).reshape(-1, p)
+        squares, turn = np.linalg.eigh(table.T @ table)
+        felt = sizes[:, None] * turn[:, squares > 1e-6 * squares[-1]]
+        known = np.append(bodies, np.zeros(len(flat)))
+        self.columns = np.column_stack([block_diag(felt, np.diag(flat)), known])
+        self.possible = np.sqrt(((K @ self.columns) ** 2).mean(axis=0).sum(axis=1)) + TINY
+
+    def _regressors(self, q: FloatArray, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """K (N, d, p) at rest, and what velocities and accelerations (N, d, 2) add."""
+        whole = closed_motion(self.mechanism, q, rates[:, :, 0], rates[:, :, 1])
+        still = np.zeros_like(whole.velocities)
+        rest, both = (
+            motion_regressor(self.mechanism, one, joint_terms=self.joint_terms)[:, :, self.kept]
+            for one in (replace(whole, velocities=still, accelerations=still), whole)
+        )
+        return rest, both - rest
+
+    def _add_tables(self, undone: Sequence[Undone]) -> None:
+        """Tables that are not known yet; where positions are others, assembled together."""
+        new = [key for key in dict.fromkeys(map(_pose, undone)) if key not in self._tables]
+        if not new:
+            return
+        ratio, positions, forces = map(np.array, zip(*new, strict=True))
+        order, ratio = positions.astype(int), ratio[:, None]
+        position = (self.position[:, order].swapaxes(0, 1) / ratio).reshape(-1, len(self.names))
+        rates = self.rates[:, order].swapaxes(0, 1)  # (S, N, d, 3)
+        moved = (rates[..., 1:] / ratio[..., None]).reshape(*position.shape, 2)
+        q, closed = np.tile(self.q, (len(new), 1)), np.ones(len(position), dtype=bool)
+        if any(key[:2] != _pose(self.recorded)[:2] for key in new):
+            found = try_assemble(self.mechanism, position, options=CLOSING)
+            q = np.where(found.assembled[:, None], found.configurations, self.mechanism.reference)
+            regular = singularity_measure(self.mechanism, q) >= MaskOptions().singularity
+            q[~regular], closed = self.mechanism.reference, found.assembled & regular
+        rest, moving = (K @ self.columns for K in self._regressors(q, moved))
+        rest[:, :, -1] -= np.tile(self.external, (len(new), 1))
+        offsets = np.tile(np.diag(OFFSET * self.expected), (len(q), 1, 1))
+        table = np.concatenate([offsets, rest, 0 * offsets, moving], axis=2)
+        parts = np.split(table, len(new)), np.split(closed, len(new))
+        for key, own, force, *part in zip(new, rates, forces.astype(int), *parts, strict=True):
+            self._tables[key] = self._table(own, force, *part)
+
+    def _table(
+        self, own: FloatArray, motors: IntArray, columns: FloatArray, closed: BoolArray
+    ) -> _Table | None:
+        """The table of forces of motors; None where the loops do not close, or of few samples."""
+        used = self.used[:, motors] & closed[:, None]
+        counts = used.sum(axis=0)
+        least = min(LEAST_INDEPENDENT, len(closed) // 4)
+        if closed.mean() < self.options.closing or counts[self.present].min() < least:
+            return None
+        columns = np.concatenate([columns, self.force[:, motors, None]], axis=2)
+        columns, own = ((one * used[:, :, None]).swapaxes(0, 1) for one in (columns, own))
+        Q = np.linalg.qr(own)[0]
+        columns = columns - Q @ (Q.swapaxes(1, 2) @ columns)
+        return _Table(
+            columns, columns.swapaxes(1, 2) @ columns / np.maximum(counts, 1)[:, None, None]
+        )
+
+    # What is asked.
+
+    def explained(self, undone: Sequence[Undone]) -> list[Explanation]:
+        """How the log is explained, at errors of the size that they have, and the evidence."""
+        self._add_tables(undone)
+        tables = [self._tables[_pose(one)] for one in undone]
+        d, n = len(self.names), len(self.names) + self.columns.shape[1] - 1
+        nothing = np.zeros((d, 2 * n + 3, 2 * n + 3))
+        products = np.stack([nothing if one is None else one.products for one in tables])
+        products = _folded(_folded(products, undone).swapaxes(2, 3), undone)
+        flat, gain = products.reshape(len(undone), d, -1), np.abs([one.gain for one in undone])
+        least = self.options.model_error * self.sizes(undone) + TINY
+        error = np.maximum(np.sqrt(products[:, :, -1, -1]), least)
+        for _ in range(ITERATIONS):
+            total = ((self.independent / error**2)[:, None] @ flat).reshape(-1, n + 2, n + 2)
+            H = np.eye(n) + total[:, :n, :n]
+            x = np.linalg.solve(H, total[:, :n, -1:] - total[:, :n, -2:-1])[:, :, 0]
+            z = np.column_stack([x, np.tile([1.0, -1.0], (len(x), 1))])
+            square = ((products @ z[:, None, :, None])[..., 0] * z[:, None]).sum(axis=2)
+            square = np.maximum(square, 0.0)
+            error = np.maximum(np.sqrt(square), least)
+        # Of the forces as measured, whatever they were divided by.
+        lost = (np.log(error * gain) + square / error**2 / 2) @ self.independent
+        lost += ((x**2).sum(axis=1) + np.linalg.slogdet(H)[1]) / 2
+        lost[[one is None for one in tables]] = inf
+        return list(map(Explanation, undone, (-lost).tolist(), x, error))
+
+    def weighed(self, undone: Undone) -> Explanation:
+        """Explained with samples that count by how correlated their errors are, from now on."""
+        (found,) = self.explained([undone])
+        table = self._tables[_pose(undone)]
+        assert table is not None
+        z = np.concatenate([found.values, [1.0, -1.0]])
+        columns = _folded(table.columns.swapaxes(1, 2)[None], [undone])[0]  # (d, n + 2, N)
+        for k in self.present:
+            error = (z @ columns[k])[self.used[:, undone.forces[k]]]
+            lag = max(float(error[1:] @ error[:-1]) / max(float(error @ error), TINY), 0.0)
+            self.independent[k] = max(len(error) * (1 - lag) / (1 + lag), LEAST_INDEPENDENT)
+        return self.explained([undone])[0]
+
+    def sizes(self, undone: Sequence[Undone]) -> FloatArray:
+        """Root mean squares (S, d) of the forces."""
+        order = np.array([one.forces for one in undone])
+        return np.asarray(self.size[order] / np.abs([one.gain for one in undone]))
+
+    def strange(self, found: Explanation, motors: Sequence[int]) -> bool:
+        """Whether errors of motors are large, or bodies are far from the robot file's."""
+        large = found.error > self.options.error * self.sizes([found.undone])[0]
+        far = float(found.values @ found.values) > self.options.deviation
+        return far or bool(large[list(motors)].any())
+
+    def largest_gain(self, undone: Undone, motors: Sequence[int]) -> float:
+        """With larger ones all bodies would weigh nothing."""
+        ratio = self.sizes([undone])[0] / self.possible
+        return float(LARGEST * max(1.0, ratio[list(motors)].max()))
+
+    def least_ratio(self, undone: Undone, motor: int) -> float:
+        """With smaller ones a motor would move further than one does."""
+        span = self.span[undone.positions[motor]] / abs(undone.ratio[motor])
+        return float(span / max(span, TURN))
+
+
+def _pose(undone: Undone) -> tuple[Any, ...]:
+    """What a table depends on."""
+    return undone.ratio, undone.positions, undone.forces
+
+
+def _folded(products: FloatArray, undone: Sequence[Undone]) -> FloatArray:
+    """Rows (S, d, 2 n + 3, ...) with rates on the right time axis, and forces over their gain."""
+    n = products.shape[2] // 2
+    time, gain = np.array([one.time for one in undone]), np.array([one.gain for one in undone])
+    explained = products[:, :, :n] + time[:, :, None, None] ** 2 * products[:, :, n:-1]
+    return np.concatenate([explained, products[:, :, -1:] / gain[:, :, None, None]], axis=2)

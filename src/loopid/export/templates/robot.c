@@ -1,0 +1,156 @@
+const char @NAME@_robot[] = @ROBOT@;
+const char *const @NAME@_motor_names[] = {@MOTOR_NAMES@};
+const char *const @NAME@_position_names[] = {@POSITION_NAMES@};
+const char *const @NAME@_parameter_names[] = {@PARAMETER_NAMES@};
+const char *const @NAME@_parameter_units[] = {@PARAMETER_UNITS@};
+const char *const @NAME@_parameter_expressions[] = {@PARAMETER_EXPRESSIONS@};
+@VALUES@
+static const double reference_q[] = {@REFERENCE_Q@};
+static const double reference_u[] = {@REFERENCE_U@};
+
+/* G, factors, residual and pivots at q. Returns the length of the Newton step from there to better. */
+static double linearise(struct @NAME@_state *state, double *better) {
+  const double *arguments[1];
+  double *results[4], measures[3];
+  arguments[0] = state->q;
+  results[0] = state->G;
+  results[1] = state->factors;
+  results[2] = better;
+  results[3] = measures;
+  @NAME@_casadi_linearise(arguments, results, 0, 0, 0);
+  state->residual = measures[0];
+  state->pivots = measures[2];
+  return measures[1];
+}
+
+/* Along the tangent a part of the way to u, then Newton's method. The state changes only where this
+   contracts from the first step on: then the root is the one on its branch (Kantorovich). */
+static int advance(struct @NAME@_state *state, const double *u, double part) {
+  struct @NAME@_state next = *state;
+  const double *arguments[5];
+  double *results[3], better[@GUARD@_NQ], length, longest;
+  int k;
+  arguments[0] = state->q;
+  arguments[1] = state->u;
+  arguments[2] = u;
+  arguments[3] = &part;
+  arguments[4] = state->G;
+  results[0] = next.q;
+  results[1] = next.u;
+  results[2] = &length;
+  @NAME@_casadi_predict(arguments, results, 0, 0, 0);
+  longest = @LONGEST_STEP@;
+  for (k = 0; k <= @GUARD@_NEWTON_STEPS; ++k) {
+    if (!(length <= longest)) return @GUARD@_NOT_REACHED;
+    longest = @CONTRACTION@ * length + @SHORT@;
+    length = linearise(&next, better);
+    if (k < @GUARD@_NEWTON_STEPS) memcpy(next.q, better, sizeof better);
+  }
+  if (!(length <= longest && next.residual <= @CLOSED@)) return @GUARD@_NOT_REACHED;
+  *state = next;
+  return state->pivots >= @NEAR_SINGULARITY@ ? @GUARD@_OK : @GUARD@_NEAR_SINGULAR;
+}
+
+int @NAME@_follow(struct @NAME@_state *state, const double *u) {
+  double left = 1.0, step = 1.0; /* parts of the whole way */
+  while (left > 0.0) {
+    const int last = step >= left;
+    if (advance(state, u, last ? 1.0 : step / left) != @GUARD@_NOT_REACHED) {
+      left = last ? 0.0 : left - step;
+      step *= 2.0;
+    } else {
+      step /= 2.0;
+      if (step < @SHORTEST_PART@) return @GUARD@_NOT_REACHED;
+    }
+  }
+  return advance(state, u, 1.0); /* closer */
+}
+
+int @NAME@_start(struct @NAME@_state *state, const double *u) {
+  double better[@GUARD@_NQ];
+  memset(state, 0, sizeof *state);
+  memcpy(state->q, reference_q, sizeof reference_q);
+  memcpy(state->u, reference_u, sizeof reference_u);
+  linearise(state, better);
+  return @NAME@_follow(state, u);
+}
+
+int @NAME@_assemble(struct @NAME@_state *state, const double *u) { return advance(state, u, 1.0); }
+
+static int check(const double *numbers, int count) {
+  int k;
+  for (k = 0; k < count; ++k)
+    if (!(numbers[k] - numbers[k] == 0.0)) return @GUARD@_NOT_FINITE;
+  return @GUARD@_OK;
+}
+
+int @NAME@_gravity(const struct @NAME@_state *state, const double *phi, double *force) {
+  const double *arguments[3];
+  arguments[0] = state->q;
+  arguments[1] = state->G;
+  arguments[2] = phi;
+  @NAME@_casadi_gravity(arguments, &force, 0, 0, 0);
+  return check(force, @GUARD@_DOF);
+}
+
+int @NAME@_forces(const struct @NAME@_state *state, const double *du, const double *ddu,
+                  const double *phi, double *force) {
+  const double *arguments[6];
+  arguments[0] = state->q;
+  arguments[1] = state->G;
+  arguments[2] = state->factors;
+  arguments[3] = du;
+  arguments[4] = ddu;
+  arguments[5] = phi;
+  @NAME@_casadi_forces(arguments, &force, 0, 0, 0);
+  return check(force, @GUARD@_DOF);
+}
+
+int @NAME@_regressor(const struct @NAME@_state *state, const double *du, const double *ddu, double *K) {
+  const double *arguments[5];
+  arguments[0] = state->q;
+  arguments[1] = state->G;
+  arguments[2] = state->factors;
+  arguments[3] = du;
+  arguments[4] = ddu;
+  @NAME@_casadi_regressor(arguments, &K, 0, 0, 0);
+  return check(K, @GUARD@_DOF * @GUARD@_PARAMETERS);
+}
+
+/* r = k (p - int (force + C'du - g - friction + r) dt), p = M du, over the time since the last call.
+   With C'du = dM/dt du - C du the gain of p less that integral of dM/dt du is the mean of M times the
+   gain of du. r at the end stands for r in between, which is stable at any bandwidth. */
+int @NAME@_observe(struct @NAME@_state *state, const double *du, const double *force, const double *phi,
+                   double bandwidth, double dt, double *external) {
+  enum { dof = @GUARD@_DOF };
+  double mass[dof * dof], bias[dof]; /* M, and C du + g + friction */
+  const double *arguments[5];
+  double *results[2];
+  int i, j;
+  arguments[0] = state->q;
+  arguments[1] = state->G;
+  arguments[2] = state->factors;
+  arguments[3] = du;
+  arguments[4] = phi;
+  results[0] = mass;
+  results[1] = bias;
+  @NAME@_casadi_dynamics(arguments, results, 0, 0, 0);
+  for (i = 0; i < dof; ++i) {
+    double gained = 0.5 * (bias[i] + state->bias[i]) - force[i];
+    if (state->observed) {
+      gained *= dt;
+      for (j = 0; j < dof; ++j)
+        gained += 0.5 * (mass[i + dof * j] + state->mass[i + dof * j]) * (du[j] - state->du[j]);
+      external[i] = (state->external[i] + bandwidth * gained) / (1.0 + bandwidth * dt);
+    } else {
+      external[i] = 0.0;
+    }
+  }
+  if (check(external, dof) || check(bias, dof) || check(mass, dof * dof)) return @GUARD@_NOT_FINITE;
+  memcpy(state->mass, mass, sizeof mass);
+  memcpy(state->bias, bias, sizeof bias);
+  memcpy(state->du, du, sizeof state->du);
+  memcpy(state->external, external, sizeof state->external);
+  state->observed = 1;
+  return @GUARD@_OK;
+}
