@@ -25,6 +25,7 @@ PRINTED = {
     "own_format": ("<Log 'run': 2241 samples", "<Recording 'run'"),
     "own_robot": ("left_crank_joint.Fc: 0.09", "better than it"),
     "real_log": ("8582 samples of leg1_stroke", "better than it", "leg4_stroke.Fc"),
+    "payload_on_the_knee": ("PID+G online 0.", "a leg came after 6 s, changes were found at [6."),
     "serial_arm": ("upper.mx + 0.4 lower.m", "shoulder.Fc: 0.", "payload.m: 0."),
 }
 NEEDED = {"mujoco_model": "mujoco", "cluster_of_logs": "dask"}

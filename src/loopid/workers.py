@@ -6,10 +6,13 @@ Small matrices are worked on by one BLAS thread: more threads only wait for each
 from __future__ import annotations
 
 import os
+import signal
+import sys
+import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
-from threading import Lock, Thread
+from threading import Lock
 from time import sleep
 from typing import Any, TypeVar
 
@@ -47,11 +50,13 @@ def _in_workers(
     import joblib  # slow, and seldom needed
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-    work = joblib.delayed(_in_worker)
-    tasks = (work(os.getpid(), function, item) for item in items)
-    options = {"batch_size": 1, "max_nbytes": None, "return_as": "generator"}
+    work = joblib.delayed(_on_one_thread)
+    tasks = (work(function, item) for item in items)
+    options: dict[str, Any] = {"batch_size": 1, "max_nbytes": None, "return_as": "generator"}
+    options |= {"backend": "loky", "initializer": _end_with, "initargs": (os.getpid(),)}
     try:
-        yield from joblib.Parallel(n_jobs, **options)(tasks)
+        with _sigterm_raises():
+            yield from joblib.Parallel(n_jobs, **options)(tasks)
     except TerminatedWorkerError as error:
         raise OptionError(
             f"a worker of n_jobs={n_jobs} died, as for want of memory: take fewer", n_jobs=n_jobs
@@ -69,17 +74,29 @@ def require_processes(count: int, name: str) -> None:
         )
 
 
-def _in_worker(parent: int, function: Callable[[Item], Result], item: Item) -> Result:
-    _end_with(parent)
-    return _on_one_thread(function, item)
-
-
 def _on_one_thread(function: Callable[[Item], Result], item: Item) -> Result:
     with one_blas_thread():
         return function(item)
 
 
-@cache
+@contextmanager
+def _sigterm_raises() -> Iterator[None]:
+    """Let SIGTERM end this process as Ctrl-C does: after its workers, even those that only start.
+
+    A handler that is not Python's own is left as it is, as are other threads than the main one.
+    """
+    own = signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    if not own or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
+    try:
+        yield
+    finally:
+        with suppress(ValueError):  # where another thread closes the generator
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
 def _end_with(parent: int) -> None:
     """End this worker soon after its parent: loky's own would wait for work for minutes."""
 
@@ -88,7 +105,7 @@ def _end_with(parent: int) -> None:
             sleep(0.5)
         os._exit(1)
 
-    Thread(target=watch, daemon=True).start()
+    threading.Thread(target=watch, daemon=True).start()
 
 
 # Who holds linear algebra at one thread, and what was before.

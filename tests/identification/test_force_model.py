@@ -189,6 +189,11 @@ def test_without_dask_the_extra_is_named(knee_model, recordings, monkeypatch):
         distributed_problem(knee_model, recordings)
 
 
+def test_recordings_without_samples_are_refused_by_name(knee_model, recordings):
+    with pytest.raises(DataError, match="has no samples"):
+        knee_model.samples(recordings[0].select(np.zeros(len(recordings[0].motion), dtype=bool)))
+
+
 def test_notebooks_show_tables(crank_model):
     html = crank_model.mechanism._repr_html_()
     assert (html.count("<tr>"), html.count("<td>")) == (5, 20)

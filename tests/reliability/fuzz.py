@@ -334,7 +334,7 @@ def clear(call: Call) -> None:
 
 
 # What is wrong with the contents of files is named by joints, or by what it does.
-CAUSES = ("shoulder", "elbow", "crank", "root_joint", "family",
+CAUSES = ("shoulder", "elbow", "crank", "rod_joint", "root_joint", "family",
           "deviation of the robot file", "motion file", "no parameter has an effect",
           "nothing to export")  # fmt: skip
 
@@ -380,7 +380,8 @@ def names_its_cause(call: Call, sentence: str) -> bool:
         names |= {Path(word).name, Path(word).stem, bare, bare.replace("-", "_")}
         names |= {bare.replace("-", " "), _number(bare)}
         names |= {repr(part) for part in bare.split(",")}
-    return any(name in sentence for name in names - {"", "."}) or ". is a folder" in sentence
+    folder = (". is a folder", ". holds no streams")  # of an empty path
+    return any(name in sentence for name in names - {"", "."} | set(folder))
 
 
 def _number(word: str) -> str:
@@ -415,8 +416,9 @@ def _faults_of_json(text: str, what: str) -> Iterator[str]:
         yield f"{what}: {error}"
 
 
-def small_paper(stack: ExitStack) -> None:
-    """Let the paper be reproduced from few samples."""
+def shortened(stack: ExitStack) -> None:
+    """Let the paper be reproduced from few samples, and nobody watch the viewer."""
+    stack.enter_context(patch("loopid.view.viewer.Viewer.wait"))
     few = partial(reproduce_paper, rate=0.5)
     stack.enter_context(patch("loopid.paper.reproduction.reproduce_paper", few))
 
@@ -431,7 +433,7 @@ def fuzz(
     work = folder / "work"
     work.mkdir()
     with ExitStack() as stack:
-        small_paper(stack)
+        shortened(stack)
         stack.callback(os.chdir, Path.cwd())
         os.chdir(work)
         for call in made(material, seed, numbers):

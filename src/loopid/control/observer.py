@@ -38,6 +38,8 @@ class WrenchEstimate:
     ----------
     residual, covariance : FloatArray
         (dof,) and (dof, dof): what the motors do not explain, in N or N m.
+    sensitivity : FloatArray
+        (dof, n), D: how the residual depends on the values of the model.
     wrench, wrench_covariance : FloatArray
         (6,) and (6, 6): the least one that explains the residual, without what no motor feels.
     floor : FloatArray
@@ -53,6 +55,7 @@ class WrenchEstimate:
 
     residual: FloatArray
     covariance: FloatArray
+    sensitivity: FloatArray
     wrench: FloatArray
     wrench_covariance: FloatArray
     floor: FloatArray
@@ -196,7 +199,7 @@ class WrenchObserver:
         floor[~hidden] = (np.sqrt(self.threshold) + norm.isf(0.025)) / felt[~hidden]
         wrench = inverse @ residual, inverse @ S @ inverse.T, floor, unseen
         statistic = float(residual @ told[:, 0]), self.threshold
-        return WrenchEstimate(residual, S, *wrench, standing, *statistic)
+        return WrenchEstimate(residual, S, D, *wrench, standing, *statistic)
 
     def jacobian(self, positions: FloatArray) -> FloatArray:
         """J (6, dof) of the frame: its twist, linear above angular, by each coordinate's rate."""

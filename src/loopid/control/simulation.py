@@ -101,6 +101,8 @@ class ControlLoop:
     ----------
     external : FloatArray
         (dof,), forces from outside on the independent coordinates, to be set at will.
+    signals : Signals
+        What the controller was told last.
 
     Raises
     ------
@@ -150,6 +152,7 @@ class ControlLoop:
         self.position = robot.configuration[robot.mechanism.first_positions[own]]
         self.velocity, self.external = np.zeros(robot.dof), np.zeros(robot.dof)
         self._measured, self._rate = self._read(), np.zeros(robot.dof)
+        self.signals = Signals(self.position, self.velocity, self.external)
         self._felt, self._waiting = np.zeros(robot.dof), list[FloatArray]()
         self._inertia, self._bias, self._age = np.zeros(0), np.zeros(0), np.inf
 
@@ -165,23 +168,23 @@ class ControlLoop:
         velocities: FloatArray,
         accelerations: FloatArray,
         *,
-        at_sample: Callable[[int, Signals], None] = lambda number, signals: None,
+        at_sample: Callable[[int, ControlLoop], object] = lambda number, loop: None,
     ) -> ControlRun:
         """Follow a reference (N, dof), sample by sample.
 
         Parameters
         ----------
         at_sample : callable
-            Is told the number of each sample and what was measured, after the controller has
-            answered: to load the robot, to push it, to observe it.
+            Is called with the number of each sample and the loop, after the controller has
+            answered: to load the robot, to push it, to observe its ``signals``.
         """
         wanted = [samples(each, self.robot.dof, "reference") for each in
                   (positions, velocities, accelerations)]  # fmt: skip
         count, book = len(wanted[0]), []
         for k in range(count):
-            signals = self._signals()
-            force = self.controller.force(signals, Reference(*(each[k] for each in wanted)))
-            at_sample(k, signals)
+            self.signals = self._sensed()
+            force = self.controller.force(self.signals, Reference(*(each[k] for each in wanted)))
+            at_sample(k, self)
             book.append((self.position, wanted[0][k] - self.position, force))
             self._waiting.append(force)
             while len(self._waiting) > self.options.delay + 1:
@@ -197,7 +200,7 @@ class ControlLoop:
         step = self.options.noise.encoder_step
         return step * np.round(self.position / step) if step else self.position
 
-    def _signals(self) -> Signals:
+    def _sensed(self) -> Signals:
         """Positions, velocities and the forces that acted since the sample before, as measured."""
         interval, noise = self.options.interval, self.options.noise
         kept, last = np.exp(-2 * np.pi * self.options.cutoff * interval), self._measured

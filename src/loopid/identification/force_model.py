@@ -206,7 +206,14 @@ class ForceModel:
         ----------
         n_jobs : int
             Processes that compute the regressor; the result is the same to the bit.
+
+        Raises
+        ------
+        DataError
+            When the recording has none, as where a filter leaves nothing of it.
         """
+        if not len(recording.motion.time):
+            raise DataError(f"{recording.name} has no samples")
         W = self._with_filtered_steps(self.regressor(recording.motion, n_jobs), recording)
         used, least = recording.used, None
         free = np.isin(recording.actuators, self.mechanism.free)

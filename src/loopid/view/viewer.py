@@ -168,7 +168,8 @@ class Viewer:
         with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
             words = [*HEADLESS, *root, *options, f"user-data-dir={profile}"]
             command = [program, *(f"--{word}" for word in words), self.url]
-            process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+            own = os.environ | {"TMPDIR": profile}  # where it leaves files behind
+            process = subprocess.Popen(command, stderr=subprocess.DEVNULL, env=own)
             try:
                 end = time.monotonic() + PATIENCE
                 while not (new := set(clients()) - known):
