@@ -32,7 +32,7 @@ CORE = (*GROUND, *ROOMS)  # each imports those to its left
 # Each imports the core, none another.
 TOOLS = ("formats", "diagnosis", "excitation", "control", "export")
 # What people see; each imports what is above and to its left.
-SHOWN = ("view", "report", "paper", "cli")
+SHOWN = ("view", "plots", "report", "paper", "cli")
 # Beside that: what a room or a file never imports.
 NEVER = {
     "base_parameters": {"pinocchio", "robot", "kinematics", "loading", "regressors"},

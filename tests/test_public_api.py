@@ -210,3 +210,25 @@ def test_unknown_arguments_are_type_errors_of_the_call(name):
     if name != "LoopidError":
         with pytest.raises(TypeError):
             getattr(loopid, name)(no_such_argument=1)
+
+
+def test_every_public_record_is_shown_in_notebooks_as_text(made):
+    from lxml import html
+
+    for kind in CLASSES & made.keys():
+        shown = html.fragments_fromstring(made[kind]._repr_html_())
+        assert {each.tag for part in shown for each in part.iter()} <= {
+            *("p", "pre", "table", "tr", "th", "td"),
+            *("tbody", "thead"),
+        }, kind
+
+
+def test_tables_of_results_are_data_frames(made):
+    from loopid.records import Tabular
+
+    tables = [each for each in made.values() if isinstance(each, Tabular)]
+    assert len(tables) >= 2
+    for each in tables:
+        frame = each.to_polars()
+        assert frame.height > 0
+        assert len(set(frame.columns)) == frame.width > 1

@@ -13,6 +13,7 @@ from . import (
     logs as logs,
     motion as motion,
     paper as paper,
+    plots as plots,
     regressors as regressors,
     report as report,
     robot as robot,

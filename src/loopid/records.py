@@ -6,14 +6,18 @@ import copyreg
 from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass, field, fields
 from functools import wraps
+from html import escape
 from operator import attrgetter
 from reprlib import Repr
-from typing import Any, TypeVar, dataclass_transform, overload
+from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from loopid.arguments import checked
+
+if TYPE_CHECKING:
+    import polars
 
 Class = TypeVar("Class", bound=type)
 
@@ -71,11 +75,11 @@ def _record(cls: type, kw_only: bool, is_checked: bool) -> type:
 
     made.__init__ = initialise
     made._compared = staticmethod(_reader([each.name for each in fields(made) if each.compare]))
-    own: dict[str, Any] = {"__repr__": _repr, "__reduce__": _reduce}
+    own: dict[str, Any] = {"__repr__": _repr, "_repr_html_": _html, "__reduce__": _reduce}
     if made.__eq__ is object.__eq__:  # who compares by a rule of its own hashes by it, too
         own |= {"__eq__": _eq, "__hash__": _hash}
     for name, method in own.items():
-        if getattr(made, name) is getattr(object, name):
+        if getattr(made, name, None) is getattr(object, name, None):
             setattr(made, name, method)
     return made  # type: ignore[no-any-return]
 
@@ -145,6 +149,36 @@ def _repr(self: Any) -> str:
             parts = [*parts[: LINES - 3], "..."]
         line = "\n  " + ",\n  ".join(parts) + "\n"
     return f"{type(self).__name__}({line})"
+
+
+def _html(self: Any) -> str:
+    """For notebooks: a table of the fields, or what the record prints by a rule of its own."""
+    own: Any = type(self).__repr__
+    if own is not _repr:
+        return f"<pre>{escape(repr(self))}</pre>"
+    shown = ((each.name, _short(getattr(self, each.name))) for each in fields(self) if each.repr)
+    rows = "\n".join(f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in shown)
+    return f"<p>{type(self).__name__}</p><table>\n{rows}\n</table>"
+
+
+class Tabular:
+    """What a data frame can hold."""
+
+    def _table(self) -> Any:
+        """Rows, each a mapping of names; or columns by their names."""
+        raise NotImplementedError
+
+    def to_polars(self) -> polars.DataFrame:
+        """The table as a data frame of Polars."""
+        import polars
+
+        return polars.DataFrame(self._table())
+
+    def to_pandas(self) -> Any:
+        """The table as a data frame of pandas, which must be installed."""
+        import pandas  # type: ignore[import-untyped]
+
+        return pandas.DataFrame(self._table())
 
 
 def same(one: Any, other: Any) -> bool:

@@ -15,12 +15,12 @@ from loopid.identification.problem import FitSamples
 from loopid.identification.result import FitResult, Quality, fit_quality
 from loopid.identification.saved import SavedFit
 from loopid.logs.recording import Recording
-from loopid.records import record
+from loopid.records import Tabular, record
 from loopid.robot.mechanism import Mechanism
 
 
 @record
-class Prediction:
+class Prediction(Tabular):
     """Measured forces beside those that a fit gives for the same motion.
 
     Attributes
@@ -33,6 +33,11 @@ class Prediction:
 
     recording: Recording
     predicted: FloatArray
+
+    def _table(self) -> dict[str, FloatArray]:
+        named = zip(self.recording.actuators, self.predicted.T, strict=True)
+        table: dict[str, FloatArray] = self.recording._table()
+        return table | {f"{motor} predicted": force for motor, force in named}
 
     @property
     def residual(self) -> FloatArray:

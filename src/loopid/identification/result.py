@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import fields
 from difflib import SequenceMatcher
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,10 +13,7 @@ from loopid.arguments import FloatArray, IntArray, checked, finite, frozen
 from loopid.errors import DataError, OptionError
 from loopid.identification.problem import FitProblem
 from loopid.parameters import ParameterSet, html_table
-from loopid.records import record
-
-if TYPE_CHECKING:
-    import polars
+from loopid.records import Tabular, record
 
 # Squared deviation of a force from its mean, relative to its square, that is but round-off.
 CONSTANT_FORCE = 1e-12
@@ -203,7 +200,7 @@ class Estimate:
 
 
 @record
-class FitResult(OfArrays):
+class FitResult(OfArrays, Tabular):
     """Estimated parameters with their uncertainty, found by their names.
 
     Attributes
@@ -334,17 +331,8 @@ class FitResult(OfArrays):
             for e in self.estimates
         ]
 
-    def to_polars(self) -> polars.DataFrame:
-        """The rows as a data frame of Polars."""
-        import polars
-
-        return polars.DataFrame(self.rows)
-
-    def to_pandas(self) -> Any:
-        """The rows as a data frame of pandas, which must be installed."""
-        import pandas  # type: ignore[import-untyped]
-
-        return pandas.DataFrame(self.rows)
+    def _table(self) -> list[dict[str, Any]]:
+        return self.rows
 
     def insignificant(self) -> tuple[str, ...]:
         """Names of the parameters whose 95 % interval includes zero."""

@@ -33,7 +33,7 @@ from loopid.identification.problem import FitSamples
 from loopid.identification.result import LEAST_FREEDOM, FitResult
 from loopid.logs.recording import Recording
 from loopid.parameters import KINDS
-from loopid.records import record
+from loopid.records import Tabular, record
 from loopid.regressors.joint_laws import JointState, joint_term
 from loopid.regressors.joint_terms import JointTerms, terms_of_file, together
 from loopid.workers import one_blas_thread
@@ -313,7 +313,7 @@ def _lengths(columns: FloatArray) -> FloatArray:
 
 
 @record
-class FrictionCurve:
+class FrictionCurve(Tabular):
     """Friction of a joint over its rate, with a 95 % band.
 
     Attributes
@@ -331,6 +331,10 @@ class FrictionCurve:
     rates: FloatArray
     values: FloatArray
     band: FloatArray
+
+    def _table(self) -> dict[str, FloatArray]:
+        low, high = self.band.T
+        return {"rate": self.rates, "friction": self.values, "low": low, "high": high}
 
 
 @checked

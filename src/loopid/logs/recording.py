@@ -18,7 +18,7 @@ from loopid.logs.wrenches import ExternalWrench, wrench_forces
 from loopid.motion.filtering import LowPass
 from loopid.motion.joints import JointMotion
 from loopid.parameters import html_table
-from loopid.records import record
+from loopid.records import Tabular, record
 from loopid.robot.mechanism import Mechanism
 
 # A low-pass filter of second order leaves 1 % of what a single sample or the end of a stretch does
@@ -149,7 +149,7 @@ class RateHistory:
 
 
 @record
-class Recording:
+class Recording(Tabular):
     """A motion of the whole robot with the motor forces that went with it.
 
     Attributes
@@ -219,6 +219,10 @@ class Recording:
 
     def __len__(self) -> int:
         return len(self.motion.time)
+
+    def _table(self) -> dict[str, FloatArray]:
+        named = zip(self.actuators, self.force.T, strict=True)
+        return {"time": self.motion.time} | {f"{motor} force": force for motor, force in named}
 
     def __repr__(self) -> str:
         shares = zip(self.actuators, self.used.mean(axis=0), strict=True)
