@@ -6,12 +6,14 @@ import warnings
 from dataclasses import dataclass
 from importlib import import_module
 
+import jsonschema
 import numpy as np
 import pytest
 
 from loopid import JointTerms, load_mechanism
 from loopid.cli import main
 from loopid.diagnosis import Suspicions
+from loopid.report import json_schema
 from made_runs import ARM, FRICTION, logged, wander
 
 
@@ -49,17 +51,13 @@ def nothing_suspected(request, monkeypatch):
 
 
 @pytest.fixture
-def blank_figures(monkeypatch):
-    """Figures are left empty where they are not what is tested: drawing takes seconds."""
-    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda *_, **__: None)
-
-
-@pytest.fixture
 def run_json(run):
     def call(*arguments: str) -> dict:
         done = run(*arguments, "--json")
         assert done.code == 0, done.err
-        return json.loads(done.out, parse_constant=lambda text: pytest.fail(f"not JSON: {text}"))
+        record = json.loads(done.out, parse_constant=lambda text: pytest.fail(f"not JSON: {text}"))
+        jsonschema.validate(record, json_schema(record["schema"].split()[1]))
+        return record
 
     return call
 

@@ -137,7 +137,6 @@ def test_impossible_bodies_are_refused(run, tmp_path):
     assert not any(place.exists() for place in places)
 
 
-@pytest.mark.usefixtures("blank_figures")
 def test_fits_without_bodies_are_refused_with_advice_that_works(run, arm_files, tmp_path):
     out, new = tmp_path / "out", tmp_path / "new.urdf"
     done = run("identify", *arm_files[:2], "--out", out, "--estimator", "ols")

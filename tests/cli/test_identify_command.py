@@ -7,14 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lxml.html import fromstring
 
 from loopid import JointTerms, load_mechanism
 from loopid.cli.logs import excite_command
 from loopid.identification import read_fit
-from loopid.report.identify import identification_record
+from loopid.report import identification_report
 from made_runs import logged, one_joint, wander
-
-LINK = re.compile(r"!\[[^]]*\]\(([^)]+)\)")
 
 
 def lines_of(text):
@@ -24,7 +23,7 @@ def lines_of(text):
 @pytest.fixture(scope="module")
 def record(study):
     """What the library says of the first run."""
-    return identification_record(study, excite_command(study.identification))
+    return identification_report(study, excite_command(study.identification, ["run.csv"])).data
 
 
 @pytest.fixture
@@ -43,7 +42,9 @@ def written(run, logs, once, tmp_path):
 
 def test_the_command_says_what_the_library_says(written, record):
     _, err, files = written
-    assert json.loads(files["identification.json"]) == json.loads(json.dumps(record))
+    told = json.loads(files["identification.json"])
+    assert re.sub(r"\S*run\.csv", "run.csv", told.pop("advice")) == record["advice"]
+    assert told == {key: value for key, value in record.items() if key != "advice"}
     about_the_log = set(lines_of(err))
     for line in lines_of(err):
         assert line.startswith("loopid: warning: ")
@@ -64,21 +65,21 @@ def test_friction_and_gravity_are_found(record, friction_values):
     assert 0.4 < record["training"][0]["samples"] / record["validation"][0]["samples"] < 2.5
 
 
-def test_tables_and_files_say_the_same(written, tmp_path):
+def test_the_terminal_shows_the_verdict_first_and_the_place_last(written, record):
+    lines = written[0].splitlines()
+    assert lines[0].startswith("3ups_rpu, gravity model: Fit for ")
+    assert lines[-1].startswith("Report: ")
+    assert lines[-1].endswith("report.html")
+    assert all(len(line) <= 80 for line in lines[:-1])
+    # 25 for 15 parameters, of which warnings take two.
+    assert len(lines) <= 23 + len(record["recommended_fit"]["base_parameters"]) - 15
+
+
+def test_terminal_page_and_files_say_the_same(written, tmp_path):
     out, _, files = written
-    assert "platform.m" in out
-    assert "all parameters by wls" in out
-    page = files["report.md"].decode()
-    links = LINK.findall(page)
-    assert len(links) == 5
-    assert all(len(files[link]) > 1000 for link in links)
-    pictures = {
-        f"{figure}.{kind}"
-        for figure in ("filter", "forces", "friction", "parameters", "spectrum")
-        for kind in ("svg", "png")
-    }
+    page = files["report.html"].decode()
     fits = {"parameters.yaml", "all_parameters.yaml"}
-    assert set(files) == {"report.md", "identification.json", *fits, *pictures}
+    assert set(files) == {"report.html", "identification.json", *fits}
     saved = json.loads(files["identification.json"])
     for name, record in (("parameters", "recommended_fit"), ("all_parameters", "fit")):
         (tmp_path / "fit.yaml").write_bytes(files[f"{name}.yaml"])
@@ -86,6 +87,23 @@ def test_tables_and_files_say_the_same(written, tmp_path):
     for entry in saved["fit"]["base_parameters"]:
         assert entry["name"] in out
         assert entry["name"] in page
+
+
+def test_figures_for_papers_are_drawn_where_asked_for(run, arm_files, tmp_path):
+    done = run("identify", *arm_files[:2], "--out", tmp_path, "--figures")
+    assert done.code == 0, done.err
+    drawn = {"filter", "forces", "friction", "parameters", "robot", "spectrum"}
+    for name in drawn:
+        assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert "<svg" in (tmp_path / f"{name}.svg").read_text()
+
+
+def test_all_tables_are_shown_where_asked_for(run, arm_files):
+    brief, whole = (run("identify", *arm_files[:2], *more).out for more in ((), ("--verbose",)))
+    assert brief.splitlines()[:4] == whole.splitlines()[:4]
+    assert "essential parameters" in whole
+    assert "essential parameters" not in brief
+    assert len(brief.splitlines()) < 25 < len(whole.splitlines())
 
 
 def test_terms_of_single_joints_are_fitted_and_compared(run_json, run, arm_files):
@@ -290,9 +308,8 @@ def test_unidentifiable_combinations_are_refused_with_the_motion_to_add(
     assert_refused(refused, words)
     # The command that the record tells works as it is typed, and its motion excites all of them.
     record = run_json("identify", arm_files[0], elbow_log, "--unidentifiable", "prior")
-    told = record["identifiability"]["command"]
-    places = {"DIR": str(tmp_path), "LOG": elbow_log}
-    command = [places.get(word, word) for word in shlex.split(told)]
+    places = {"motion": str(tmp_path)}
+    command = [places.get(word, word) for word in shlex.split(record["advice"])]
     designed = run(*command[1:], "--starts", "1", "--evaluations", "5", "--json")
     assert designed.code == 0, designed.err
     assert np.isfinite(json.loads(designed.out)["condition_number"])
@@ -300,7 +317,6 @@ def test_unidentifiable_combinations_are_refused_with_the_motion_to_add(
     assert_refused(done, ["'truncate'", "error, prior"])
 
 
-@pytest.mark.usefixtures("blank_figures")
 def test_values_of_the_robot_file_are_marked_everywhere(
     run, run_json, arm_files, elbow_log, tmp_path
 ):
@@ -313,13 +329,12 @@ def test_values_of_the_robot_file_are_marked_everywhere(
     assert {"shoulder.Fc", "shoulder.Fv"} <= set(assumed)
     assert read_fit(tmp_path / "parameters.yaml").result.assumed == tuple(assumed)
     assert len(told["unidentifiable"]) == told["structural_rank"] - told["rank"] > 0
-    page = (tmp_path / "report.md").read_text()
+    page = fromstring((tmp_path / "report.html").read_text())
+    rows = [[cell.text for cell in row] for row in page.iter("tr")]
     for direction in told["unidentifiable"]:
-        text = direction["combination"]
         assert direction["standard_error"] is None
-        assert text.split()[0] in done.out
-        assert f"| {text} | 0 | unidentifiable |" in page
-    assert told["command"] in "\n".join(record["findings"])
+        assert [direction["combination"], "0", "unidentifiable"] in rows
+    assert record["advice"] in page.text_content()
     for entry in record["fit"]["base_parameters"]:
         unbounded = entry["interval_95_percent"] == [None, None]
         assert unbounded == (entry["name"] in assumed)
@@ -414,9 +429,7 @@ def test_that_nothing_was_saved_is_said(run, arm_files):
     assert record["written"] == []
 
 
-@pytest.mark.usefixtures("blank_figures")
 def test_what_was_saved_is_said(run, arm_files, tmp_path):
     out = tmp_path / "results"
     last = run("identify", *arm_files[:2], "--out", out).out.splitlines()[-1]
-    assert last.startswith(f"Written to {out}: ")
-    assert {*last.split(": ")[1].split(", ")} == {file.name for file in out.iterdir()}
+    assert last == f"Report: {out / 'report.html'}"

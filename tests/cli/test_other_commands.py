@@ -99,7 +99,6 @@ def test_refusals_are_one_sentence_and_exit_code_2(run, arguments, words):
         assert word in last
 
 
-@pytest.mark.usefixtures("blank_figures")
 def test_the_paper_is_printed_and_written(run, small, monkeypatch, tmp_path):
     monkeypatch.setenv("COLUMNS", "160")
     done = run("paper", "--out", tmp_path / "paper", "--seed", "3")
@@ -110,9 +109,8 @@ def test_the_paper_is_printed_and_written(run, small, monkeypatch, tmp_path):
     assert "not found" not in done.out
     assert "0.1928 m22 - 0.3 m12 + mm xm" in done.out
     assert "14.1434" in done.out
-    page = (tmp_path / "paper" / "paper.md").read_text()
-    for link in re.findall(r"\(([^)]+\.svg)\)", page):
-        assert (tmp_path / "paper" / link).exists()
+    page = (tmp_path / "paper" / "report.html").read_text()
+    assert page.count("<figure") == 5
 
 
 def test_the_paper_writes_nothing_unless_asked(run, small, monkeypatch, tmp_path):
@@ -141,7 +139,6 @@ def test_a_row_that_is_not_found_ends_with_an_error(run, paper, monkeypatch):
     base = replace(found.base, rows=(*found.base.rows[:8], None, *found.base.rows[9:]))
     lacking = replace(found, base=base)
     monkeypatch.setattr("loopid.paper.reproduction.reproduce_paper", lambda *a, **b: lacking)
-    monkeypatch.setattr("loopid.paper.page.paper_tables", lambda found: [])
     done = run("paper")
     assert done.code == 2
     assert "not every row of the paper's Table II was found" in done.err
@@ -179,11 +176,11 @@ def test_shells_complete_options():
 
 
 @pytest.mark.parametrize("command", [["paper"], ["identify", "3ups_rpu", "nowhere.csv"]])
-def test_a_report_without_matplotlib_is_refused_before_the_work(
+def test_figures_without_matplotlib_are_refused_before_the_work(
     run, command, tmp_path, monkeypatch
 ):
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    done = run(*command, "--out", str(tmp_path / "out"))
+    done = run(*command, "--out", str(tmp_path / "out"), "--figures")
     assert done.code == 2
     assert "matplotlib is not installed: pip install 'loopid[plot]' brings it" in done.err
     assert not (tmp_path / "out").exists()

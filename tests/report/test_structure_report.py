@@ -10,12 +10,14 @@ from hypothesis import given
 from hypothesis.strategies import floats
 from rich.console import Console
 
+from bank_robots import few_of
 from closure_robots import files
 from linkages import rssr
-from loopid import find_base_parameters, load_mechanism, structural_observation
+from loopid import bundled_robots, find_base_parameters, load_mechanism, structural_observation
 from loopid.base_parameters import RankTolerances, expression
 from loopid.errors import AccuracyWarning, ModelWarning
 from loopid.motion import JointRange, MotionReview
+from loopid.report import check_report
 from loopid.report.structure import (
     base_record,
     base_tables,
@@ -165,4 +167,57 @@ def test_expressions_read_as_sums(terms, text):
 def test_a_motion_that_breaks_a_limit_is_said_so():
     record = motions_record("robot", {"1": replace(REVIEW, margin=0.9)}, {"1": 12.0})
     (table,) = motions_tables(record)
-    assert "singularity measure falls" in next(iter(table.columns[-1].cells))
+    assert "singularity measure falls" in str(next(iter(table.columns[-1].cells)))
+
+
+# At 80 columns.
+
+LARGE = [f"gepetto/{name}/robot.yaml" for name in ("cassie_like", "digit_like", "talos_like")]
+LARGE += ["mjcf/cassie.xml", "mjcf/robotiq_2f85.xml", "urdf_plus/six_bar.urdf"]
+
+
+def whole(table):
+    """Whether all numbers of a table are printed as they are, within 80 columns."""
+    console = Console(width=80)
+    with console.capture() as shown:
+        console.print(table)
+    text = shown.get()
+    assert max(map(len, text.splitlines()), default=0) <= 80
+    words = set(text.split())
+    for column in table.columns:
+        for cell in map(str, column.cells):
+            if column.justify == "right":
+                assert set(cell.split()) <= words, cell
+            assert all(word in words for word in cell.split() if len(word) < 12), cell
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize("name", bundled_robots())
+def test_tables_of_every_bundled_robot_fit_the_terminal(name, load_once):
+    for table in check_report(load_once(name)).brief:
+        whole(table)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize("name", few_of(LARGE, LARGE[0]))
+def test_tables_of_large_robots_fit_the_terminal(name, shared, load_once):
+    if name.endswith("xml"):
+        pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
+    report = check_report(load_once(shared / "models" / name))
+    for table in report.brief:
+        whole(table)
+    page = report.page().html()
+    assert len(page) < 1_000_000
+
+
+def test_a_joint_that_turns_without_end_has_an_angle_and_no_limits(four_bars):
+    robot = four_bars["3d"]
+    model = robot.model.copy()
+    model.upperPositionLimit = np.full(model.nq, np.finfo(float).max)  # as readers say it
+    robot = replace(robot, model=model)
+    crank, *others = check_record(robot)["joints"]
+    assert robot.joint(crank["name"]).nq == 2
+    assert crank["reference"] == pytest.approx([1.0])
+    assert (crank["lower"], crank["upper"]) == (None, None)
+    assert all(joint["upper"] is None for joint in others)
+    assert all(joint["lower"] == -7.0 for joint in others)

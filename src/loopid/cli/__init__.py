@@ -11,7 +11,7 @@ import sys
 
 import typer
 
-from loopid.cli.logs import export, identify, paper, payload, predict
+from loopid.cli.logs import compare, export, identify, paper, payload, predict
 from loopid.cli.robots import base, check, excite, motions, simulate, view
 from loopid.cli.shell import Command
 
@@ -26,6 +26,7 @@ for command in (
     identify,
     predict,
     payload,
+    compare,
     export,
     paper,
 ):

@@ -2,31 +2,22 @@
 
 from __future__ import annotations
 
-from functools import partial
+from collections.abc import Sequence
 from math import inf
-from shlex import quote
+from pathlib import Path
+from shlex import join
 from typing import TYPE_CHECKING, Any
 
 import typer
 from typer import Argument, Option
 
-from loopid.cli.robots import (
-    FILE,
-    JSON,
-    MAPPING,
-    MODEL,
-    OUT,
-    TERMS,
-    numbers,
-    of_robot,
-    recordings,
-    save_and_show,
-)
-from loopid.cli.shell import progress_bar, show
+from loopid.cli.robots import FILE, MAPPING, MODEL, TERMS, numbers, of_robot, recordings
+from loopid.cli.shell import answering, progress_bar, with_options
 from loopid.errors import LoopidError, OptionError
 from loopid.files import require_other_file
 
 if TYPE_CHECKING:
+    from loopid.cli.shell import Answer
     from loopid.identification.pipeline import Identification
     from loopid.robot.mechanism import Mechanism
 
@@ -42,6 +33,7 @@ ROWS = Option(None, metavar="M:N", help="Rows of each LOG, as its file counts th
 @of_robot
 def identify(
     robot: Mechanism,
+    answer: Answer,
     logs: list[str] = LOGS,
     mapping: str | None = MAPPING,
     model: str = MODEL,
@@ -72,18 +64,11 @@ def identify(
         True, "--undo-delay/--keep-delay", help="Whether a clear delay of the forces is undone."
     ),
     n_jobs: int = Option(1, "--jobs", metavar="N", help="Processes that compute the regressors."),
-    out: str | None = OUT,
-    as_json: bool = JSON,
 ) -> None:
     """Identify base parameters and friction from logs, with their uncertainty."""
     from loopid.diagnosis.study import StudyOptions, study_logs
     from loopid.identification.pipeline import FitOptions
-    from loopid.report.identify import (
-        identification_files,
-        identification_record,
-        identification_tables,
-    )
-    from loopid.report.look import require_report
+    from loopid.report.identify import identification_report
 
     options = StudyOptions(
         model=model,
@@ -98,7 +83,7 @@ def identify(
         ),
     )
     options.require_terms(robot)
-    require_report(out, str(robot.path), mapping, *logs, *(validate or ()))
+    answer.require(robot.path, mapping, *logs, *(validate or ()))
     if rows is not None and reference:
         raise OptionError("--rows would move LOG against its --reference: use --from and --to")
     runs = recordings(robot, logs, mapping, cutoff, rows)
@@ -115,38 +100,41 @@ def identify(
             options=options,
             progress=report,
         )
-    command = excite_command(found.identification)
-    save_and_show(
-        out,
-        partial(identification_files, found, command),
-        identification_record(found, command),
-        identification_tables(found, command),
-        as_json,
-    )
+    command = excite_command(found.identification, logs, mapping)
+    answer.show(identification_report(found, command))
 
 
-def excite_command(found: Identification) -> str:
-    """``loopid excite`` for a robot as it was loaded, its model and what the data tell little of.
+MOST_WANTED = 5  # parameters that a command names; of more, the motion is for all
 
-    To be typed after the log LOG.
-    """
+
+def excite_command(
+    found: Identification, logs: Sequence[str] = ("LOG",), mapping: str | None = None
+) -> str:
+    """``loopid excite`` for a robot as it was loaded, and what the logs tell little of."""
+    from loopid.loading.files import bundled_directory
+
     model = found.force_model
-    robot, terms = model.mechanism, model.joint_terms
-    options: dict[str, Any] = {"out": "DIR", "model": model.model}
-    options |= {"terms": terms and terms.choice(robot), **robot.options}
-    options |= {"after": "LOG", "for": found.identifiability.leads}
-    words = ["loopid excite", quote(str(robot.path))]
+    robot, terms, excite = model.mechanism, model.joint_terms, found.verdict.excite
+    wanted = excite if len(excite) <= MOST_WANTED else ()
+    options: dict[str, Any] = {"model": model.model, "terms": terms and terms.choice(robot)}
+    options |= {**robot.options, "mapping": mapping, "after": list(logs), "for": wanted}
+    bundled = robot.path.parent == bundled_directory()
+    words = ["loopid", "excite", robot.name if bundled else str(robot.path), "--out", "motion"]
     for name, value in options.items():
         option = f"--{name.replace('_', '-')}"
         if isinstance(value, dict):
             value = [f"{key}:={given}" for key, given in value.items()]
         each = value if isinstance(value, list | tuple) else [value]
         told = (one for one in each if one is not None and one is not False)
-        words += [option if one is True else f"{option} {quote(str(one))}" for one in told]
-    return " ".join(words)
+        words += [
+            part for one in told for part in ([option] if one is True else [option, str(one)])
+        ]
+    return join(words)
 
 
+@with_options(answer=answering)
 def predict(
+    answer: Answer,
     fit: str = Argument(..., metavar="FIT", help="Saved fit of 'loopid identify'."),
     logs: list[str] = LOGS,
     file: str | None = Option(
@@ -155,29 +143,26 @@ def predict(
     mapping: str | None = MAPPING,
     cutoff: float | None = CUTOFF,
     rows: str | None = ROWS,
-    out: str | None = OUT,
-    as_json: bool = JSON,
 ) -> None:
     """Compare the forces of logs with those that a saved fit gives for their motion."""
     from loopid.diagnosis.log_mistakes import warn_of_suspicions
     from loopid.identification.prediction import predict as predicted
     from loopid.identification.saved import read_fit
-    from loopid.report.forces import prediction_files, prediction_record, prediction_tables
-    from loopid.report.look import require_report
+    from loopid.report.forces import prediction_report
 
-    require_report(out)
+    answer.require(fit, mapping, *logs)
     saved = read_fit(fit)
     robot = saved.load_robot(file)
     runs = recordings(robot, logs, mapping, cutoff, rows)
     warn_of_suspicions(robot, runs, saved.force_model.joint_terms)
     found = [predicted(saved, robot, run) for run in runs]
-    files = partial(prediction_files, robot, found)
-    save_and_show(out, files, prediction_record(found), prediction_tables(found), as_json)
+    answer.show(prediction_report(robot, found))
 
 
 @of_robot
 def payload(
     robot: Mechanism,
+    answer: Answer,
     link: str = Argument(..., metavar="LINK", help="That the payload is fixed to."),
     unloaded: list[str] = Option(..., metavar="LOG", help="Without it; repeatable."),
     loaded_log: list[str] = Option(..., "--loaded", metavar="LOG", help="With it; repeatable."),
@@ -193,15 +178,15 @@ def payload(
     estimator: str = Option("wls", help="wls, ols or bisquare."),
     cutoff: float | None = CUTOFF,
     rows: str | None = ROWS,
-    as_json: bool = JSON,
 ) -> None:
     """Identify a payload from logs without and with it, or drive gains from a known one."""
     from loopid.diagnosis.log_mistakes import warn_of_suspicions
     from loopid.diagnosis.payload import KnownLoad, drive_gains, identify_payload
     from loopid.identification.force_model import find_force_model
     from loopid.regressors.joint_terms import JointTerms
-    from loopid.report.forces import gains_record, gains_tables, payload_record, payload_tables
+    from loopid.report.forces import gains_report, payload_report
 
+    answer.require(robot.path, mapping, *unloaded, *loaded_log)
     force_model = find_force_model(robot, model, JointTerms.of(robot, terms))
     light = recordings(robot, unloaded, mapping, cutoff, rows)
     heavy = recordings(robot, loaded_log, mapping, cutoff, rows)
@@ -209,11 +194,11 @@ def payload(
     runs: dict[str, Any] = {"unloaded": light, "loaded": heavy, "estimator": estimator}
     if known_mass is None:
         found = identify_payload(force_model, link, **runs)
-        show(payload_record(found), payload_tables(found), as_json)
+        answer.show(payload_report(found))
     else:
         place = numbers(centre, "--centre", 3)
         gains = drive_gains(force_model, link, KnownLoad(known_mass, place), **runs)
-        show(gains_record(gains), gains_tables(gains), as_json)
+        answer.show(gains_report(gains))
 
 
 def export(
@@ -238,7 +223,7 @@ def export(
     overwrite: bool = Option(
         False, "--overwrite", help="--urdf, --mjcf: the robot's own file is replaced."
     ),
-    as_json: bool = JSON,
+    as_json: bool = Option(False, "--json", help="Print JSON instead of text."),
 ) -> None:
     """Write a robot file, base parameters or C source with what a fit has found.
 
@@ -246,6 +231,7 @@ def export(
     """
     from loopid.export.everything import ExportOptions, export_fit
     from loopid.identification.saved import read_fit
+    from loopid.report.look import json_text
 
     saved = read_fit(fit)
     if yaml is not None:
@@ -261,25 +247,44 @@ def export(
     )
     places = [str(place) for place in written]
     if as_json:
-        show({"written": places}, (), as_json)
+        typer.echo(json_text({"schema": "loopid export 1", "written": places}))
     else:  # on lines of their own, whatever the width of the terminal
         typer.echo("\n".join(places))
 
 
+@with_options(answer=answering)
+def compare(
+    answer: Answer,
+    runs: list[str] = Argument(
+        ..., metavar="RUN...", help="Folders of 'loopid identify --out', or saved fits."
+    ),
+) -> None:
+    """Show saved fits beside each other: which parameters differ."""
+    from loopid.identification.saved import read_fit
+    from loopid.report.compare import comparison_report
+
+    answer.require(*runs)
+    names = [Path(run).name for run in runs]
+    files = [Path(run, "parameters.yaml") if Path(run).is_dir() else Path(run) for run in runs]
+    fits = map(read_fit, files)
+    known = dict(zip(names if len({*names}) == len(names) else runs, fits, strict=True))
+    answer.show(comparison_report(known))
+
+
+@with_options(answer=answering)
 def paper(
-    out: str | None = OUT,
+    answer: Answer,
     log: list[str] | None = Option(
         None, metavar="LOG", help="Of the real robot; a simulated stand-in without one."
     ),
     seed: int = Option(0, help="Of all noise."),
 ) -> None:
     """Reproduce the knee-rehabilitation paper: Tables I to V, figures 2 to 6."""
-    from loopid.paper.page import paper_files, paper_tables
+    from loopid.paper.page import paper_report
     from loopid.paper.reproduction import reproduce_paper
-    from loopid.report.look import require_report
 
-    require_report(out)
+    answer.require(*(log or ()))
     found = reproduce_paper(log or (), seed, progress_bar)
-    save_and_show(out, partial(paper_files, found), {}, paper_tables(found), as_json=False)
+    answer.show(paper_report(found))
     if not found.base.agrees:
         raise LoopidError("not every row of the paper's Table II was found")

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
-from functools import partial, wraps
-from inspect import Parameter, Signature, signature
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import typer
 from typer import Argument, Option
 
-from loopid.cli.shell import progress_bar, show
-from loopid.errors import OptionError, one_line
+from loopid.cli.shell import answering, progress_bar, with_options
+from loopid.errors import OptionError
 from loopid.files import require_other_file, write_file, write_files
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
+    from loopid.cli.shell import Answer
     from loopid.logs.recording import Recording
     from loopid.robot.mechanism import Mechanism
 
@@ -30,8 +27,6 @@ TERMS = (
     '"Fc,Fv; elbow: Ks; passive: Fv"; none.'
 )
 MAPPING = Option(None, metavar="YAML", help="Which columns of LOG are what, and their units.")
-JSON = Option(False, "--json", help="Print JSON instead of tables.")
-OUT = Option(None, metavar="DIR", help="Write report, figures and results to a folder.")
 
 
 def loaded(
@@ -67,35 +62,22 @@ def loaded(
         )
 
 
-def of_robot(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the options of ``loaded``, whose robot becomes its first argument."""
-    file, *options = signature(loaded, eval_str=True).parameters.values()
-    known = {"Mechanism": Any}  # which is imported when a robot is loaded
-    _, *own = signature(command, eval_str=True, locals=known).parameters.values()
-
-    @wraps(command)
-    def run(**given: Any) -> None:
-        robot = loaded(**{each.name: given.pop(each.name) for each in (file, *options)})
-        command(robot, **given)
-
-    parameters = [p.replace(kind=Parameter.KEYWORD_ONLY) for p in (file, *own, *options)]
-    run.__dict__["__signature__"] = Signature(parameters)
-    run.__annotations__ = {p.name: p.annotation for p in parameters}
-    return run
+of_robot = with_options(robot=loaded, answer=answering)
 
 
 @of_robot
-def check(robot: Mechanism, as_json: bool = JSON) -> None:
+def check(robot: Mechanism, answer: Answer) -> None:
     """Report joints, closures, mobility and distance to singularity."""
-    from loopid.report.structure import check_record, check_tables
+    from loopid.report.structure import check_report
 
-    record = check_record(robot)
-    show(record, check_tables(record), as_json)
+    answer.require(robot.path)
+    answer.show(check_report(robot))
 
 
 @of_robot
 def base(
     robot: Mechanism,
+    answer: Answer,
     model: str = MODEL,
     search: str = Option("exact", help="exact, subgroup, exhaustive or qr."),
     terms: str = Option("none", help=TERMS),
@@ -103,17 +85,17 @@ def base(
     samples: int | None = Option(None, help="Random closed poses; enough by default."),
     seed: int = Option(0, help="Of the random poses."),
     time_limit: float | None = Option(
-        None, metavar="S", help="Of the search, in s, with the best so far; 10 s."
+        None, metavar="S", help="Seconds for the search, at most; 10 by default."
     ),
-    as_json: bool = JSON,
 ) -> None:
     """Find the base parameters and the best way of writing them."""
     from loopid.base_parameters.base import find_felt_parameters
     from loopid.base_parameters.choice import SearchEffort
     from loopid.regressors.joint_terms import JointTerms, warn_of_omitted
     from loopid.regressors.structural import structural_observation
-    from loopid.report.structure import base_record, base_tables
+    from loopid.report.structure import base_report
 
+    answer.require(robot.path)
     joint_terms = JointTerms.of(robot, terms)
     warn_of_omitted(robot, joint_terms)
     with progress_bar("poses") as report:
@@ -122,31 +104,30 @@ def base(
         )
     effort = None if time_limit is None else SearchEffort(time_limit=time_limit)
     found = find_felt_parameters(observation, search, criterion=criterion, effort=effort)
-    record = base_record(robot, model, *found)
-    show(record, base_tables(record), as_json)
+    answer.show(base_report(robot, model, *found))
 
 
 @of_robot
 def motions(
     robot: Mechanism,
+    answer: Answer,
     program: str | None = MOTIONS,
     rate: float = Option(20.0, help="Samples per second."),
     margin: float = Option(0.02, help="Least singularity measure."),
-    as_json: bool = JSON,
 ) -> None:
     """Check motions against strokes, joint angles and distance to singularity."""
     from loopid.motion.files import read_motion_program
     from loopid.motion.joints import review_program
-    from loopid.report.structure import motions_record, motions_tables
+    from loopid.report.structure import motions_report
 
+    answer.require(robot.path, program)
     planned = read_motion_program(program or robot.name)
     with progress_bar("motions") as report:
         reviews = review_program(robot, planned, rate, margin=margin, progress=report)
-    record = motions_record(robot.name, reviews, planned.seconds)
-    show(record, motions_tables(record), as_json)
+    answer.show(motions_report(robot.name, reviews, planned.seconds))
 
 
-@of_robot
+@with_options(robot=loaded)
 def simulate(
     robot: Mechanism,
     program: str | None = MOTIONS,
@@ -184,7 +165,7 @@ def simulate(
 @of_robot
 def excite(
     robot: Mechanism,
-    out: str | None = OUT,
+    answer: Answer,
     model: str = MODEL,
     terms: str = Option("none", help=TERMS),
     criterion: str = Option("D", help="D, A, E or condition."),
@@ -225,7 +206,6 @@ def excite(
     time_limit: float | None = Option(None, help="In s, at which the design is stopped."),
     seed: int = Option(0, help="Of the random motions."),
     solver: str | None = Option(None, help="ipopt, where it is installed, or slsqp."),
-    as_json: bool = JSON,
 ) -> None:
     """Design a motion that excites the parameters, within what the robot can do.
 
@@ -236,10 +216,9 @@ def excite(
     from loopid.excitation.problem import DesignOptions
     from loopid.identification.force_model import find_force_model
     from loopid.regressors.joint_terms import JointTerms
-    from loopid.report.excitation import excitation_files, excitation_record, excitation_tables
-    from loopid.report.look import require_report
+    from loopid.report.excitation import excitation_report
 
-    require_report(out)
+    answer.require(robot.path, mapping, *(after or ()))
     limits = MotionLimits(
         share=share,
         positions=ranges(limit, "--limit"),
@@ -274,16 +253,10 @@ def excite(
             payload=payload,
             progress=watch,
         )
-    save_and_show(
-        out,
-        partial(excitation_files, found),
-        excitation_record(found),
-        excitation_tables(found),
-        as_json,
-    )
+    answer.show(excitation_report(found))
 
 
-@of_robot
+@with_options(robot=loaded)
 def view(
     robot: Mechanism,
     files: list[str] | None = Argument(
@@ -369,21 +342,3 @@ def recordings(
         return read_recordings(
             robot, paths or (), mapping, rows=row_range(rows), filter=options, progress=report
         )
-
-
-def save_and_show(
-    folder: str | None,
-    files: Callable[[], dict[str, bytes | str]],
-    record: dict[str, Any],
-    tables: Iterable[Table],
-    as_json: bool,
-) -> None:
-    """Write files to a folder where one is asked for, show tables or the record, and say where."""
-    written = [] if folder is None else write_files(folder, files())
-    show({**record, "written": [str(place) for place in written]}, tables, as_json)
-    if folder is None:
-        said = "Nothing was saved: --out DIR writes the report, figures and results to a folder."
-    else:
-        said = f"Written to {folder}: {', '.join(place.name for place in written)}"
-    if not as_json:
-        typer.echo(one_line(said))

@@ -5,20 +5,27 @@ from __future__ import annotations
 import os
 import re
 import shlex
+import shutil
 import sys
 import warnings
 from ast import literal_eval
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import wraps
+from inspect import Parameter, Signature, signature
+from pathlib import Path
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 from typer.core import TyperCommand
 
 from loopid.errors import LoopidError, one_line
+from loopid.files import require_folder, require_other_file, write_files
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from loopid.report.page import Report
 
 WIDTH = 80  # columns of a table where the terminal tells none, as by COLUMNS=0
 # Advice in Python's words, between spaces: keyword=value, a list, text, a number or a flag.
@@ -33,15 +40,21 @@ class Command(TyperCommand):
     """A command that refuses, warns and is interrupted in one line; a refusal is exit code 2."""
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command."""
+        """Run the command; what it warns of is said after what it shows."""
+        told = ctx.obj = list[str]()
 
-        def show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
-            say(f"warning: {in_options(str(message), self.params)}")
+        def keep(message: Warning | str, *_: Any, **__: Any) -> None:
+            text = in_options(str(message), self.params)
+            told.extend([text] if text not in told else [])
 
         try:
             with warnings.catch_warnings():
-                warnings.showwarning = show_warning
-                return super().invoke(ctx)
+                warnings.showwarning = keep
+                try:
+                    return super().invoke(ctx)
+                finally:
+                    for text in told:
+                        say(f"warning: {text}", whole=ctx.params.get("verbose", False))
         except LoopidError as error:
             refuse(in_options(str(error), self.params))
         except MemoryError as error:
@@ -85,25 +98,135 @@ def refuse(reason: str) -> NoReturn:
     raise typer.Exit(2)
 
 
-def say(line: str) -> None:
-    """Write a line to the error stream, if it takes any: results do not depend on it."""
+def say(line: str, *, whole: bool = True) -> None:
+    """Write a line to the error stream, if it takes any: results do not depend on it.
+
+    On a terminal it ends where its line does, unless it is to be ``whole``.
+    """
+    text = one_line(f"loopid: {line}")
+    if not whole and sys.stderr and sys.stderr.isatty():
+        text = shorten(text, shutil.get_terminal_size().columns - 1, placeholder=" ...")
     with suppress(OSError):
-        typer.echo(one_line(f"loopid: {line}"), err=True)
+        typer.echo(text, err=True)
 
 
-def show(record: dict[str, Any], tables: Iterable[Table], as_json: bool) -> None:
-    """Print tables, or the record as JSON."""
-    from rich.console import Console
+# Files that commands write to a folder: no input may be one of them.
+WRITTEN = (
+    *("report.html", "check.json", "base.json", "identification.json", "parameters.yaml"),
+    *("all_parameters.yaml", "excitation.json", "motion.yaml", "motion.csv", "prediction.json"),
+    *("payload.json", "comparison.json"),
+)
 
-    from loopid.report.look import json_text
 
-    if as_json:
-        typer.echo(json_text(record))
-        return
-    console = Console()
-    console.width = console.width or WIDTH
-    for table in tables:
-        console.print(table)
+@dataclass(frozen=True)
+class Answer:
+    """How a command's user wants to see what it finds, and what was warned of on the way."""
+
+    context: Any
+    folder: str | None
+    as_json: bool
+    verbose: bool
+    figures: bool
+
+    def require(self, *inputs: str | Path | None) -> None:
+        """Refuse, before the work is done, what could not be drawn or written safely.
+
+        No input may be one of the files that would be written to the folder.
+        """
+        if self.figures:
+            from loopid.report.chart import require_matplotlib
+
+            require_matplotlib()
+        if self.folder is not None:
+            require_folder(self.folder)
+            for name in WRITTEN:
+                require_other_file(Path(self.folder, name), *(each for each in inputs if each))
+
+    def show(self, report: Report) -> None:
+        """Write the report where a folder is given, and print it: the verdict first."""
+        from loopid.report.look import json_text
+        from loopid.report.page import Run
+
+        run = Run(command=shlex.join(["loopid", *sys.argv[1:]]), warnings=tuple(self.context.obj))
+        written: list[Path] = []
+        if self.folder is not None:
+            written = write_files(self.folder, report.files(run, figures=self.figures))
+        if self.as_json:
+            data = {**report.data, "written": [str(place) for place in written]}
+            typer.echo(json_text(data))
+            return
+        self._print(report)
+        if self.folder is None:
+            typer.echo("Nothing was saved: --out DIR writes report.html and results to a folder.")
+            return
+        typer.echo(one_line(f"Report: {written[0]}"))
+
+    def _print(self, report: Report) -> None:
+        from rich.console import Console
+
+        from loopid.report.look import Words
+
+        console = Console(highlight=False)
+        console.width = console.width or WIDTH
+        verdict = in_options(report.verdict, self.context.command.params)
+        console.print(Words(f"{report.title}: {verdict}"))
+        if report.advice:
+            typer.echo(in_lines(report.advice, console.width))
+        for table in report.tables() if self.verbose else report.brief:
+            console.print(table)
+
+
+def answering(
+    context: typer.Context,
+    out: str | None = typer.Option(
+        None, metavar="DIR", help="Write report.html and results to a folder."
+    ),
+    figures: bool = typer.Option(
+        False, "--figures", help="With --out: figures for papers, as SVG and PNG."
+    ),
+    verbose: bool = typer.Option(False, "--verbose", "-v", help="All tables, whole warnings."),
+    as_json: bool = typer.Option(False, "--json", help="Print JSON instead of text."),
+) -> Any:
+    """How the user wants to see what is found (``Answer``)."""
+    return Answer(context, out, as_json, verbose, figures)
+
+
+def with_options(**makers: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the options of other functions; what these make of them are its arguments."""
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        names = {name: list(signature(make).parameters) for name, make in makers.items()}
+        known = dict.fromkeys(("Mechanism", "Answer"), Any)  # imported when they are made
+        own = signature(command, eval_str=True, locals=known).parameters.values()
+        more = (
+            p
+            for make in makers.values()
+            for p in signature(make, eval_str=True).parameters.values()
+        )
+        all_ = [*(p for p in own if p.name not in makers), *more]
+        all_ = [p.replace(kind=Parameter.KEYWORD_ONLY) for p in all_]
+        all_.sort(key=lambda p: p.name != "file")  # the robot comes first
+
+        @wraps(command)
+        def run(**given: Any) -> None:
+            made = {n: makers[n](**{k: given.pop(k) for k in names[n]}) for n in makers}
+            command(**made, **given)
+
+        run.__dict__["__signature__"] = Signature(all_)
+        run.__annotations__ = {p.name: p.annotation for p in all_}
+        return run
+
+    return decorate
+
+
+def in_lines(command: str, width: int) -> str:
+    """A command on lines that a shell takes together."""
+    lines = [""]
+    for word in map(shlex.quote, shlex.split(command)):
+        if lines[-1] and len(lines[-1]) + len(word) > width - 4:
+            lines.append("   ")
+        lines[-1] += f" {word}"
+    return " \\\n".join(lines)
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from loopid.arguments import checked
 from loopid.diagnosis.log_mistakes import Suspicions, diagnose
@@ -12,6 +13,7 @@ from loopid.errors import ModelWarning, warn
 from loopid.identification.force_model import AUTOMATIC, find_force_model
 from loopid.identification.pipeline import FitOptions, Identification, identify
 from loopid.identification.prediction import Candidate
+from loopid.identification.verdict import Verdict
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.records import record
@@ -76,6 +78,20 @@ class Study:
     term_sets: TermComparison
     reduction: Reduction
     essential: Candidate
+
+    @property
+    def verdict(self) -> Verdict:
+        """That of the identification; a mistake in a log, or a missing term, is mended first."""
+        found = self.identification.verdict
+        for one in self.suspicions:
+            for sentence in one.sentences:
+                return replace(
+                    found, excite=(), improvement=f"mending {one.recording} ({sentence})"
+                )
+        if not self.term_sets.chosen.errors[1].as_good:
+            better = f'terms="{self.term_sets.enough[1].choice}"'
+            return replace(found, excite=(), improvement=f"identifying with {better} instead")
+        return found
 
 
 @checked

@@ -28,6 +28,7 @@ from loopid.identification.prediction import Candidate, judge
 from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import FitResult, fit_quality, nearest_first
 from loopid.identification.terms import TermOptions, choose_terms
+from loopid.identification.verdict import Verdict
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.parameters import html_table
@@ -200,11 +201,9 @@ class Identification:
         return None if found is None else found.common
 
     @property
-    def verdict(self) -> str:
-        """Whether the recommended values are better than the robot file on new data: a sentence."""
-        if self.recommended is not self.baseline:
-            return self.recommended.verdict
-        return f"{self[CONSISTENT].verdict[:-1]}, so that the latter is recommended."
+    def verdict(self) -> Verdict:
+        """What the recommended values are good for, and what would improve them most."""
+        return Verdict.of(self)
 
     def __repr__(self) -> str:
         model, told = self.force_model, self.identifiability

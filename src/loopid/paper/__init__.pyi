@@ -1,2 +1,2 @@
-from .page import paper_files as paper_files, paper_tables as paper_tables
+from .page import paper_report as paper_report
 from .reproduction import PaperReproduction as PaperReproduction, reproduce_paper as reproduce_paper

@@ -5,8 +5,8 @@ In every table here, ± is half the width of a 95 % interval.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import cos, radians, sin
-from typing import Any
 
 import numpy as np
 from rich.table import Table
@@ -31,20 +31,10 @@ from loopid.paper.reproduction import (
     SimulatedFit,
     TwoSteps,
 )
-from loopid.report.look import (
-    BLUE,
-    GREY,
-    ORANGE,
-    RED,
-    THIN,
-    drawing,
-    force_panels,
-    markdown_table,
-    plain_table,
-    rendered,
-    thinned,
-)
-from loopid.report.structure import motions_record, motions_tables
+from loopid.report.chart import Chart, Mark, Panel
+from loopid.report.look import json_fields, json_value, plain_table
+from loopid.report.page import Part, Report, Section
+from loopid.report.structure import base_record, motions_record, motions_tables
 
 FITS = 3.0  # standard errors within which a value of the paper fits
 
@@ -55,11 +45,6 @@ STRUCTURE, SHARES, SIMULATED, INFLUENCE, ROBOT = (
     "Which base parameters matter",
     "Identification of the robot",
 )
-FIGURES = {
-    SHARES: ("figure_2", "figure_3"),
-    INFLUENCE: ("figure_4",),
-    ROBOT: ("figure_5", "figure_6"),
-}
 NOTES = {
     STRUCTURE: (
         "The paper's times are from another machine, a desktop with a 2.6 GHz Core i7: they cannot "
@@ -71,8 +56,8 @@ NOTES = {
     ),
     SIMULATED: (
         "± is half the width of a 95 % interval, here and below. A fit of eight parameters is "
-        "biased by the seven that it leaves out: its intervals are about *expected*, the value "
-        "that it has on average."
+        "biased by the seven that it leaves out: its intervals are about what is expected, the "
+        "value on average."
     ),
     INFLUENCE: (
         "p_i is the norm of the forces by the first i parameters over that of all forces, with the "
@@ -92,70 +77,65 @@ STAND_IN = (
     "show its first trajectory."
 )
 
-LIGHT_BLUE = "#9ecae1"
-Lines = tuple[tuple[Any, ...], ...]  # forces (N, 4), a label and a style each
 
-
-def _captions(source: str) -> dict[str, str]:
-    gravity = "by the robot file, and fitted to the first 60 % with the robot file as prior."
-    total = "by the robot file, and by eight parameters fitted to the first 60 %."
-    return {
-        "figure_2": "Inertial, Coriolis and centrifugal forces of limbs 1 and 4, simulated.",
-        "figure_3": "Gravitational and friction forces of limbs 1 and 4, simulated.",
-        "figure_4": "Influence of the first i base parameters, simulated.",
-        "figure_5": f"Gravity of limbs 1 and 4: {source} less friction, {gravity}",
-        "figure_6": f"Total force of limbs 1 and 4: {source}, {total}",
+def paper_report(found: PaperReproduction) -> Report:
+    """All tables and figures, in the paper's order."""
+    search, rows = found.base.base.search, found.base.rows
+    proof = "proven best" if search.certified else "not proven best"
+    simulated, actual = found.simulated, found.actual
+    fits = {
+        **{"simulated_fifteen": simulated.fifteen, "simulated_eight": simulated.eight},
+        **{"robot_eight": actual.eight, "robot_fifteen": actual.fifteen},
+        "robot_informed": actual.informed,
     }
+    sections = [Section(title, (NOTES[title], *parts)) for title, parts in _parts(found).items()]
+    return Report(
+        name="paper",
+        title="The 3UPS+RPU knee-rehabilitation robot, reproduced",
+        verdict=(
+            f"{len(rows) - rows.count(None)} of the {len(rows)} rows of the paper's Table II are "
+            f"found anew, with cond(V22) {search.condition_number:.4f}, {proof} of "
+            f"{search.candidates:,} choices, in {1e3 * found.base.seconds:.3g} ms."
+        ),
+        record={
+            "geometry": found.geometry,
+            "base": base_record(found.base.mechanism, "gravity", found.base.base),
+            "rows": list(rows),
+            "fits": {n: json_fields(fit, "values", "standard_errors") for n, fit in fits.items()},
+            "influence": json_value(simulated.influence),
+            "stand_in": actual.is_stand_in,
+        },
+        brief=[part for each in sections for part in each.parts if isinstance(part, Table)],
+        sections=lambda: sections,
+    )
 
 
-# By whether a simulated robot stands in for the real one.
-CAPTIONS = {True: _captions("simulated"), False: _captions("measured")}
-
-
-def paper_tables(found: PaperReproduction) -> list[Table]:
-    """All tables, in the paper's order."""
-    return [table for tables in _sections(found).values() for table in tables]
-
-
-def paper_files(found: PaperReproduction) -> dict[str, bytes | str]:
-    """The page and the figures, by file name."""
-    return {"paper.md": paper_page(found), **paper_figures(found)}
-
-
-def paper_page(found: PaperReproduction) -> str:
-    """All tables and figures as Markdown."""
-    captions = CAPTIONS[found.actual.is_stand_in]
-    parts = ["# The 3UPS+RPU knee-rehabilitation robot, reproduced", ""]
-    for title, tables in _sections(found).items():
-        parts += [f"## {title}", "", NOTES[title], ""]
-        if title == ROBOT and found.actual.is_stand_in:
-            parts += [STAND_IN, ""]
-        parts += [markdown_table(table) for table in tables]
-        for figure in FIGURES.get(title, ()):
-            parts += [f"![{captions[figure]}]({figure}.svg)", "", f"*{captions[figure]}*", ""]
-    return "\n".join(parts)
-
-
-def _sections(found: PaperReproduction) -> dict[str, list[Table]]:
-    experiment, simulated = found.experiment, found.simulated
+def _parts(found: PaperReproduction) -> dict[str, tuple[Part, ...]]:
+    """Tables and charts by the title of their section."""
+    experiment, simulated, actual = found.experiment, found.simulated, found.actual
     seconds = {name: float(m.time[-1]) for name, m in experiment.motions.items()}
     motions = motions_record(experiment.mechanism.name, experiment.reviews, seconds)
+    stand_in = [STAND_IN] if actual.is_stand_in else []
     return {
-        STRUCTURE: [
+        STRUCTURE: (
             geometry_table(found.geometry),
             base_table(found.base),
             transfer_table(found.base),
             search_table(found.base),
-        ],
-        SHARES: [*motions_tables(motions), shares_table(found.shares)],
-        SIMULATED: [
+        ),
+        SHARES: (
+            *motions_tables(motions),
+            shares_table(found.shares),
+            *share_charts(found.shares),
+        ),
+        SIMULATED: (
             simulated_table(simulated),
             fifteen_table(simulated),
             conditions_table(simulated),
             steps_table(found.two_steps),
-        ],
-        INFLUENCE: [influence_table(simulated)],
-        ROBOT: [actual_table(found.actual), errors_table(found.actual)],
+        ),
+        INFLUENCE: (influence_table(simulated), influence_chart(simulated)),
+        ROBOT: (*stand_in, actual_table(actual), errors_table(actual), *actual_charts(actual)),
     }
 
 
@@ -340,104 +320,88 @@ def _reach(result: FitResult, k: int, value: str = ".3g", reach: str = ".2g") ->
     return f"{result.values[k]:{value}} ± {(high - low) / 2:{reach}}"
 
 
-def paper_figures(found: PaperReproduction) -> dict[str, bytes]:
-    """All figures as SVG and PNG, by file name."""
+def _limbs(
+    time: FloatArray, marks: Sequence[tuple[str, FloatArray, str]], reach: FloatArray | None = None
+) -> tuple[Panel, ...]:
+    """A panel a shown limb, with lines of forces (N, 4), and a band about the last."""
+    panels = []
+    for letter, limb in zip("ab", LIMBS, strict=True):
+        k = limb - 1
+        lines = [Mark(name, time, force[:, k], look) for name, force, look in marks]
+        if reach is not None:
+            last = marks[-1][1][:, k]
+            low, high = last - reach[:, k], last + reach[:, k]
+            lines.insert(1, Mark("95 %", time, low, "fit", "band", high))
+        panels.append(Panel(f"({letter}) limb {limb}: force (N)", tuple(lines)))
+    return tuple(panels)
+
+
+def share_charts(shares: ForceShares) -> tuple[Chart, Chart]:
+    """Figures 2 and 3: what the simulated forces of limbs 1 and 4 are made of."""
+    parts = (("inertial", shares.inertial, "N", "file"), ("Coriolis", shares.coriolis, "mN", "fit"))
+    panels = tuple(
+        Panel(
+            f"limb {limb}: {name} ({unit})",
+            (Mark("", shares.time, force[:, limb - 1] * (1e3 if unit == "mN" else 1.0), look),),
+        )
+        for limb in LIMBS
+        for name, force, unit, look in parts
+    )
+    both = ("gravity", shares.gravity, "file"), ("friction", shares.friction, "fit")
+    captions = (
+        "Figure 2: inertial, Coriolis and centrifugal forces of limbs 1 and 4, simulated.",
+        "Figure 3: gravitational and friction forces of limbs 1 and 4, simulated.",
+    )
     return (
-        draw_shares(found.shares)
-        | draw_gravity_and_friction(found.shares)
-        | draw_influence(found.simulated)
-        | draw_gravity(found.actual)
-        | draw_action(found.actual)
+        Chart("figure_2", captions[0], "time (s)", panels, columns=2, zoom=True),
+        Chart("figure_3", captions[1], "time (s)", _limbs(shares.time, both), zoom=True),
     )
 
 
-def draw_shares(shares: ForceShares) -> dict[str, bytes]:
-    """Figure 2: inertial forces, and Coriolis and centrifugal ones, of limbs 1 and 4."""
-    rows = thinned(len(shares.time))
-    parts = (
-        ("inertial", shares.inertial, "N", BLUE),
-        ("Coriolis", 1e3 * shares.coriolis, "mN", RED),
-    )
-    with drawing(len(LIMBS), len(parts)) as (figure, axes):
-        for row, limb in zip(axes, LIMBS, strict=True):
-            for ax, (name, force, unit, color) in zip(row, parts, strict=True):
-                ax.plot(shares.time[rows], force[rows, limb - 1], color=color)
-                ax.set(title=f"limb {limb}: {name}", ylabel=f"force ({unit})")
-        for ax in axes[-1]:
-            ax.set_xlabel("time (s)")
-        return rendered(figure, "figure_2")
-
-
-def draw_gravity_and_friction(shares: ForceShares) -> dict[str, bytes]:
-    """Figure 3: gravitational and friction forces of limbs 1 and 4."""
-    rows = thinned(len(shares.time))
-    lines = (
-        (shares.gravity[rows], "gravity", {"color": BLUE}),
-        (shares.friction[rows], "friction", {"color": ORANGE, "linestyle": "--"}),
-    )
-    return _draw_limbs("figure_3", shares.time[rows], lines)
-
-
-def draw_influence(simulated: SimulatedFit) -> dict[str, bytes]:
+def influence_chart(simulated: SimulatedFit) -> Chart:
     """Figure 4: p_i of the first i base parameters, and what they explain."""
-    number, first = np.arange(1, len(simulated.influence) + 1), len(EIGHT)
-    with drawing(height=2.2) as (figure, axes):
-        ax = axes[0, 0]
-        for some, color, label in (
-            (number <= first, BLUE, "pᵢ (eq. 12)"),
-            (number > first, LIGHT_BLUE, None),
-        ):
-            ax.bar(number[some], simulated.influence[some], color=color, label=label)
-        explained = "explained: 1 − ‖T − Aᵢ‖ / ‖T‖"
-        ax.plot(number, simulated.explained, "o-", color=RED, markersize=3, label=explained)
-        ax.axhline(100.0, color=GREY, linewidth=0.6)
-        ax.set(xlabel="first i base parameters, order of Table II", ylabel="% of the forces")
-        ax.set(xticks=number, title="influence of the base parameters")
-        ax.set_ylim(min(0.0, 1.1 * simulated.explained.min()), 1.4 * simulated.influence.max())
-        ax.legend(loc="upper left", ncols=1)
-        ax.grid(axis="x", visible=False)
-        return rendered(figure, "figure_4")
+    place = np.arange(1.0, len(simulated.influence) + 1)
+    lines = (
+        ("pᵢ (eq. 12)", simulated.influence, "file"),
+        ("explained: 1 − ‖T − Aᵢ‖ / ‖T‖", simulated.explained, "fit"),
+    )
+    marks = [Mark(name, place, values, look) for name, values, look in lines]
+    marks += [Mark("", place, values, look, "dots") for _, values, look in lines]
+    panel = Panel("part of the forces (%)", tuple(marks))
+    caption = "Figure 4: influence of the first i base parameters, simulated."
+    return Chart("figure_4", caption, "first i base parameters, order of Table II", (panel,))
 
 
-def draw_gravity(actual: ActualFit) -> dict[str, bytes]:
-    """Figure 5: gravity of limbs 1 and 4, from the log, by the robot file and as fitted."""
+def actual_charts(actual: ActualFit) -> tuple[Chart, Chart]:
+    """Figures 5 and 6: gravity and total force of limbs 1 and 4, from the log and by the fits."""
     source = "simulated" if actual.is_stand_in else "measured"
-    lines = (
-        (actual.gravity, f"{source} less friction", THIN),
-        (actual.cad_gravity, "robot file", {"color": BLUE}),
-        (actual.informed_gravity, "fit, 95 %", {"color": RED}),
+    gaps = ~actual.used  # lines break where the force was not used
+    figures = {
+        f"Figure 5: gravity of limbs 1 and 4: {source} less friction, by the robot file, and "
+        "fitted to the first 60 % with the robot file as prior.": (
+            (f"{source} less friction", actual.gravity, "measured"),
+            ("robot file", actual.cad_gravity, "file"),
+            ("fit", actual.informed_gravity, "fit"),
+        ),
+        f"Figure 6: total force of limbs 1 and 4: {source}, by the robot file, and by eight "
+        "parameters fitted to the first 60 %.": (
+            (source, actual.force, "measured"),
+            ("robot file", actual.cad_force, "file"),
+            ("eight parameters", actual.eight_force, "fit"),
+        ),
+    }
+    first, second = (
+        Chart(
+            f"figure_{number}",
+            caption,
+            "time (s)",
+            _limbs(
+                actual.time,
+                [(name, np.where(gaps, np.nan, force), look) for name, force, look in lines],
+                actual.informed_reach if number == 5 else None,
+            ),
+            zoom=True,
+        )
+        for number, (caption, lines) in enumerate(figures.items(), start=5)
     )
-    return _draw_log("figure_5", actual, lines, actual.informed_reach)
-
-
-def draw_action(actual: ActualFit) -> dict[str, bytes]:
-    """Figure 6: total force of limbs 1 and 4, from the log, by the robot file and by the eight."""
-    lines = (
-        (actual.force, "simulated" if actual.is_stand_in else "measured", THIN),
-        (actual.cad_force, "robot file", {"color": BLUE}),
-        (actual.eight_force, "eight parameters", {"color": RED}),
-    )
-    return _draw_log("figure_6", actual, lines)
-
-
-def _draw_log(
-    name: str, actual: ActualFit, lines: Lines, reach: FloatArray | None = None
-) -> dict[str, bytes]:
-    """Lines along a log, which break where its force was not used."""
-    rows = thinned(len(actual.time))
-    gaps = ~actual.used[rows]
-    broken = tuple((np.where(gaps, np.nan, force[rows]), *look) for force, *look in lines)
-    return _draw_limbs(name, actual.time[rows], broken, None if reach is None else reach[rows])
-
-
-def _draw_limbs(
-    name: str, time: FloatArray, lines: Lines, reach: FloatArray | None = None
-) -> dict[str, bytes]:
-    """A panel a shown limb with lines of forces (N, 4), and a band about the last."""
-    shown = [limb - 1 for limb in LIMBS]
-    of_limbs = [(force[:, shown], *look) for force, *look in lines]
-    panels = {f"({letter}) limb {limb}": "N" for letter, limb in zip("ab", LIMBS, strict=True)}
-    band = None if reach is None else (reach[:, shown], None)
-    with drawing(len(LIMBS)) as (figure, axes):
-        force_panels(figure, axes, time, of_limbs, panels, band)
-        return rendered(figure, name)
+    return first, second

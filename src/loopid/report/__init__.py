@@ -1,1 +1,5 @@
-"""What people see: tables, pages, records and figures."""
+"""What people see: verdicts, tables, pages, records and figures."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

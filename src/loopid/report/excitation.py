@@ -1,4 +1,4 @@
-"""The report of ``loopid excite``: record, tables, check list, figures, and the motion itself."""
+"""The report of ``loopid excite``: record, tables, charts, and the motion itself."""
 
 from __future__ import annotations
 
@@ -12,30 +12,46 @@ from loopid.arguments import FloatArray
 from loopid.excitation.design import ExcitationDesign
 from loopid.files import csv_text
 from loopid.motion.trajectories import FourierCurve, SplineCurve, Waypoint
-from loopid.report.look import (
-    BLUE,
-    GREY,
-    ORANGE,
-    RED,
-    drawing,
-    drawn,
-    json_fields,
-    json_text,
-    json_value,
-    markdown_page,
-    plain_log_labels,
-    plain_table,
-    rendered,
-    thinned,
-)
+from loopid.report.chart import Chart, Mark, Panel
+from loopid.report.look import json_fields, json_value, number, plain_table
+from loopid.report.page import Report, Section
+from loopid.report.structure import force_unit
 from loopid.yaml_files import yaml_writer
 
 NAME = "excitation"  # of the motion in its file
 MOST_BARS = 40  # parameters whose standard errors are drawn
-CAPTIONS = {
-    "motion": "Motors: position (line), its limits (dashed), and force by the robot file.",
-    "errors": "Predicted standard errors, of the largest ones, before and after.",
-}
+
+
+def excitation_report(found: ExcitationDesign) -> Report:
+    """A designed motion: what it tells, and what it keeps."""
+    model, before = found.force_model, found.before.standard_errors
+    known = np.isfinite(before)
+    broken = [check.name for check in found.checks if check.violations]
+    kept = f"breaks {', '.join(broken)}" if broken else "breaks no limit"
+    change = ""
+    if known.any():
+        share = np.median((found.standard_errors / before)[known])
+        earlier = "with the logs alone" if found.after_logs else "by the first motion tried"
+        change = f", with standard errors {share:.2g} times those {earlier} (median)"
+    verdict = (
+        f"A motion of {found.motion.duration:g} s {kept} and tells "
+        f"{np.isfinite(found.standard_errors).sum()} of {len(found.parameters)} parameters"
+        f"{change}; the condition number is {found.criteria.condition_number:.3g}"
+        + ("." if found.converged else ", which more evaluations may improve.")
+    )
+    return Report(
+        name="excitation",
+        title=f"{model.mechanism.name}, {model.model} model, excitation",
+        verdict=verdict,
+        record=excitation_record(found),
+        brief=[_errors(found)],
+        sections=lambda: [
+            Section("Motion", (motion_chart(found), _summary(found))),
+            Section("What it tells", (errors_chart(found), _errors(found), _noise(found))),
+            Section("What it keeps", (_checks(found),)),
+        ],
+        results=lambda: {"motion.csv": motion_table(found), "motion.yaml": motion_file(found)},
+    )
 
 
 def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
@@ -60,11 +76,6 @@ def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
     }
 
 
-def excitation_tables(found: ExcitationDesign) -> list[Table]:
-    """What the motion tells, standard errors with the noise that they assume, check list."""
-    return [_summary(found), _errors(found), _noise(found), _checks(found)]
-
-
 def _summary(found: ExcitationDesign) -> Table:
     criteria, force_model = found.criteria, found.force_model
     title = f"{force_model.mechanism.name}: a motion of {found.motion.duration:g} s"
@@ -79,7 +90,7 @@ def _summary(found: ExcitationDesign) -> Table:
         ("solver", f"{found.solver}, {found.evaluations} evaluations, {found.seconds:.1f} s"),
         ("converged", "yes" if found.converged else "no: more evaluations may do better"),
     )
-    return plain_table(f"{title} for the {force_model.model} model", ("", ">"), rows)
+    return plain_table(f"{title} for the {force_model.model} model", ("", ""), rows)
 
 
 def _errors(found: ExcitationDesign) -> Table:
@@ -105,31 +116,18 @@ def _noise(found: ExcitationDesign) -> Table:
 
 
 def _checks(found: ExcitationDesign) -> Table:
-    rows = []
-    for check in found.checks:
-        limits = f"{check.lower:.4g} ... {check.upper:.4g}"
-        if not np.isfinite(check.upper):
-            limits = f"from {check.lower:.4g}"
-        elif not np.isfinite(check.lower):
-            limits = f"up to {check.upper:.4g}"
-        name = f"{check.name} ({check.unit})" if check.unit else check.name
-        motion = f"{check.lowest:.4g} ... {check.highest:.4g}"
-        rows.append((name, motion, limits, check.violations))
+    rows = (
+        (
+            check.name,
+            *map(number, (check.lowest, check.highest, check.lower, check.upper)),
+            check.unit,
+            check.violations,
+        )
+        for check in found.checks
+    )
     title = "check list, on a grid ten times finer than the design's"
-    return plain_table(title, ("", ">motion", ">limits", ">broken"), rows)
-
-
-def excitation_files(found: ExcitationDesign) -> dict[str, bytes | str]:
-    """Motion, report, record and figures, by file name."""
-    title = f"Excitation of {found.force_model.mechanism.name}"
-    return {
-        "motion.csv": motion_table(found),
-        "motion.yaml": motion_file(found),
-        "report.md": markdown_page(title, excitation_tables(found), CAPTIONS),
-        "excitation.json": json_text(excitation_record(found)) + "\n",
-        **_draw_motion(found),
-        **_draw_errors(found),
-    }
+    columns = ("", ">least", ">most", ">from", ">to", "unit", ">broken")
+    return plain_table(title, columns, rows)
 
 
 def motion_table(found: ExcitationDesign) -> str:
@@ -187,48 +185,38 @@ def _step(names: tuple[str, ...], here: FloatArray, waypoint: Waypoint) -> dict[
     return {"to": _pose(names, waypoint.position), "seconds": seconds}
 
 
-def _draw_motion(found: ExcitationDesign) -> dict[str, bytes]:
-    """Position of each motor with its limits, and its force."""
-    motors, rows = found.motors, thinned(len(found.motors))
-    mechanism = found.force_model.mechanism
+def motion_chart(found: ExcitationDesign) -> Chart:
+    """Position of each motor with its limits, and its force below."""
+    motors, mechanism, panels = found.motors, found.force_model.mechanism, list[Panel]()
     limits = {check.name: (check.lower, check.upper) for check in found.checks}
-    with drawing(len(motors.names), height=1.2) as (figure, axes):
-        for k, (ax, name) in enumerate(zip(axes[:, 0], motors.names, strict=True)):
-            slides = mechanism.velocity_indices([name])[0] in mechanism.prismatic
-            position = ax.plot(motors.time[rows], motors.position[rows, k], color=BLUE)
-            for end in limits.get(f"position of {name}", ()):
-                if np.isfinite(end):
-                    ax.axhline(end, color=BLUE, linestyle="--", linewidth=0.7)
-            side = ax.twinx()
-            force = side.plot(motors.time[rows], found.forces[rows, k], color=ORANGE, linewidth=0.7)
-            side.grid(visible=False)
-            side.spines["right"].set_visible(True)
-            ax.set(title=drawn(name), ylabel="m" if slides else "rad")
-            side.set_ylabel("N" if slides else "N m", color=ORANGE)
-        axes[-1, 0].set_xlabel("time (s)")
-        handles = [*position, *force]
-        figure.legend(handles, ["position", "force"], loc="outside lower center", ncols=2)
-        return rendered(figure, "motion")
+    span = motors.time[[0, -1]]
+    for k, name in enumerate(motors.names):
+        unit = "m" if force_unit(mechanism, name) == "N" else "rad"
+        marks = [Mark("position", motors.time, motors.position[:, k], "fit")]
+        for end in limits.get(f"position of {name}", ()):
+            if np.isfinite(end):
+                marks.append(Mark("limit", span, np.full(2, end), "limit"))
+        force = Mark("force by the robot file", motors.time, found.forces[:, k], "file")
+        panels += [
+            Panel(f"{name} ({unit})", tuple(marks)),
+            Panel(f"force ({force_unit(mechanism, name)})", (force,), small=True),
+        ]
+    caption = "Motors: position with its limits, and force by the robot file. Drag to zoom in."
+    return Chart("motion", caption, "time (s)", tuple(panels), zoom=True)
 
 
-def _draw_errors(found: ExcitationDesign) -> dict[str, bytes]:
-    """Standard errors as bars, before and after."""
+def errors_chart(found: ExcitationDesign) -> Chart:
+    """Standard errors of the least known parameters, before and after."""
     count = min(len(found.parameters), MOST_BARS)
     worst = np.sort(np.argsort(-found.standard_errors, kind="stable")[:count])
-    place = np.arange(count)
-    with drawing(height=max(1.8, 0.14 * count + 0.8)) as (figure, axes):
-        ax = axes[0, 0]
-        before, after = found.before.standard_errors[worst], found.standard_errors[worst]
-        finite = np.isfinite(before)
-        label = "after the logs" if found.after_logs else "first motion"
-        ax.barh(place[finite] - 0.2, before[finite], 0.4, color=GREY, label=label)
-        ax.barh(place + 0.2, after, 0.4, color=BLUE, label="with this motion")
-        for k in place[~finite]:
-            ax.text(after[k], k - 0.2, " unidentifiable before", va="center", color=RED, size=5)
-        ax.set_yticks(place, [drawn(found.parameters.labels[j]) for j in worst], fontsize=5)
-        ax.invert_yaxis()
-        ax.set(xscale="log", xlabel="standard error (kg, kg m, kg m², ...)")
-        ax.set(title="predicted standard errors")
-        plain_log_labels(ax.xaxis, (1.0,))
-        figure.legend(loc="outside lower center", ncols=2)
-        return rendered(figure, "errors")
+    place = np.arange(count, dtype=np.float64)
+    before, after = found.before.standard_errors[worst], found.standard_errors[worst]
+    label = "with the logs" if found.after_logs else "first motion"
+    marks = (
+        Mark(label, before, place, "faint", "dots"),
+        Mark("with this motion", after, place, "fit", "dots"),
+    )
+    labels = tuple(found.parameters.labels[j] for j in worst)
+    panel = Panel("standard error (kg, kg m, kg m², ...)", marks, labels=labels, log="x")
+    caption = "Predicted standard errors; one dot alone: unidentifiable without the motion."
+    return Chart("errors", caption, "", (panel,))

@@ -1,33 +1,105 @@
-"""Reports of ``loopid predict`` and ``loopid payload``: records, tables, figures and files."""
+"""Reports of ``loopid predict`` and ``loopid payload``: records, tables, charts and files."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import PurePath
 from typing import Any
 
+import numpy as np
 from rich.table import Table
 
 from loopid.diagnosis.payload import GainFit, PayloadFit
 from loopid.errors import RankError
 from loopid.identification.prediction import Prediction
 from loopid.identification.result import Quality
-from loopid.report.look import (
-    BLUE,
-    RED,
-    THIN,
-    drawing,
-    drawn,
-    force_panels,
-    force_unit,
-    json_fields,
-    json_text,
-    json_value,
-    plain_table,
-    rendered,
-    thinned,
-)
+from loopid.identification.verdict import GOOD, ROUGH
+from loopid.report.chart import Chart, Mark, Panel
+from loopid.report.look import json_fields, json_value, number, plain_table
+from loopid.report.page import Report, Section
+from loopid.report.structure import force_unit
 from loopid.robot.mechanism import Mechanism
+
+
+def prediction_report(mechanism: Mechanism, predictions: Sequence[Prediction]) -> Report:
+    """Forces of logs beside those of a fit."""
+    worst, motor, log = max(_errors(predictions), default=(np.nan, "", ""))
+    grade = "Good" if worst <= GOOD else "Rough" if worst <= ROUGH else "Bad"
+    samples = sum(int(found.moving.samples.sum()) for found in predictions)
+    least = np.nanmin([found.moving.r_squared for found in predictions])
+    tables, names = prediction_tables(predictions), list[str]()
+    for found in predictions:
+        name = f"prediction_{PurePath(found.recording.name).name}"
+        while name in names:  # two logs of one name in different folders
+            name += "_"
+        names.append(name)
+    return Report(
+        name="prediction",
+        title=f"{mechanism.name}: forces predicted",
+        verdict=(
+            f"{grade} predictions: where motors move, errors are at most {100 * worst:.2g} % of a "
+            f"motor's force ({motor}, {log}) and R² at least {least:.3f}, over {samples:,} samples."
+        ),
+        record=prediction_record(predictions),
+        brief=tables,
+        sections=lambda: [
+            Section(found.recording.name, (prediction_chart(mechanism, found, name), table))
+            for name, found, table in zip(names, predictions, tables, strict=True)
+        ],
+        results=lambda: {
+            f"{name}.csv": found.csv() for name, found in zip(names, predictions, strict=True)
+        },
+    )
+
+
+def _errors(predictions: Sequence[Prediction]) -> Iterator[tuple[float, str, str]]:
+    """Errors in parts of the force where it moves, with motor and recording."""
+    for found in predictions:
+        run, used = found.recording, found.recording.used
+        squares = np.where(used, run.force, 0.0) ** 2
+        for k, motor in enumerate(run.actuators):
+            size = float(squares[:, k].sum() / max(used[:, k].sum(), 1)) ** 0.5
+            if size > 0:
+                yield float(found.moving.residual_rms[k]) / size, motor, run.name
+
+
+def payload_report(found: PayloadFit) -> Report:
+    """A body that was carried."""
+    told, tables = payload_record(found), payload_tables(found)
+    sure = sum(low > 0 or high < 0 for low, high in found.intervals())
+    clear = f"{sure} of {len(told['values'])} values differ clearly from zero"
+    verdict = f"The forces tell no mass of the payload alone; {clear}."
+    if told["mass"] is not None:
+        places = ", ".join(number(x, 3) for x in told["centre"])
+        low, high = told["intervals_95_percent"][told["values"].index(told["mass"])]
+        verdict = (
+            f"The payload weighs {told['mass']:.4g} kg (95 %: {low:.4g} to {high:.4g}), its centre "
+            f"is at ({places}) m in the link's frame, and {clear}."
+        )
+    return Report(
+        name="payload",
+        title=f"Payload on {found.link}",
+        verdict=verdict,
+        record=told,
+        brief=tables,
+        sections=lambda: [Section("Payload", tuple(tables))],
+    )
+
+
+def gains_report(found: GainFit) -> Report:
+    """Gains of drives, by a payload that is known."""
+    off, tables = [low > 1 or high < 1 for low, high in found.intervals()], gains_tables(found)
+    return Report(
+        name="gains",
+        title="Gains of the drives",
+        verdict=(
+            f"True forces are {found.gains.min():.3g} to {found.gains.max():.3g} times the logged "
+            f"ones, clearly not 1 for {sum(off)} of {len(off)} motors."
+        ),
+        record=gains_record(found),
+        brief=tables,
+        sections=lambda: [Section("Gains", tuple(tables))],
+    )
 
 
 def prediction_record(predictions: Sequence[Prediction]) -> dict[str, Any]:
@@ -64,37 +136,24 @@ def prediction_tables(predictions: Sequence[Prediction]) -> list[Table]:
     ]
 
 
-def prediction_files(
-    mechanism: Mechanism, predictions: Sequence[Prediction]
-) -> dict[str, bytes | str]:
-    """The record, and a table and a figure of each recording, by file name."""
-    record = json_text(prediction_record(predictions))
-    files: dict[str, bytes | str] = {"prediction.json": record + "\n"}
-    for found in predictions:
-        stem = f"prediction_{PurePath(found.recording.name).name}"
-        while f"{stem}.csv" in files:  # two logs of one name in different folders
-            stem += "_"
-        files[f"{stem}.csv"] = found.csv()
-        files |= draw_prediction(mechanism, found, stem)
-    return files
-
-
-def draw_prediction(mechanism: Mechanism, found: Prediction, name: str) -> dict[str, bytes]:
+def prediction_chart(mechanism: Mechanism, found: Prediction, name: str) -> Chart:
     """Measured and predicted forces of each motor, and what is left, over one time axis."""
-    recording, scores = found.recording, found.moving.r_squared
-    rows = thinned(len(recording))
-    lines = (
-        (recording.force[rows], "measured", THIN),
-        (found.predicted[rows], "predicted", {"color": RED}),
-        (found.residual[rows], "measured less predicted", {"color": BLUE, "linewidth": 0.6}),
-    )
-    panels = {
-        f"{drawn(motor)}: R² {score:.3f}": force_unit(mechanism, motor)
-        for motor, score in zip(recording.actuators, scores, strict=True)
-    }
-    with drawing(len(panels), height=1.3) as (figure, axes):
-        force_panels(figure, axes, recording.motion.time[rows], lines, panels)
-        return rendered(figure, name)
+    run, panels = found.recording, list[Panel]()
+    for k, (motor, score) in enumerate(zip(run.actuators, found.moving.r_squared, strict=True)):
+        unit, used = force_unit(mechanism, motor), run.used[:, k]
+        marks = (
+            Mark("measured", run.motion.time, run.force[:, k], "measured"),
+            Mark("predicted", run.motion.time, found.predicted[:, k], "fit"),
+        )
+        left = found.residual[:, k]
+        parts = (
+            Mark("standing or saturated", run.motion.time, left, "faint"),
+            Mark("measured less predicted", run.motion.time, np.where(used, left, np.nan), "file"),
+        )
+        panels.append(Panel(f"{motor}: force ({unit}), R² {score:.3f}", marks))
+        panels.append(Panel(f"residual ({unit})", parts, small=True))
+    caption = f"Forces of {run.name}. Drag along time to zoom in, double-click to see all again."
+    return Chart(name, caption, "time (s)", tuple(panels), zoom=True)
 
 
 def payload_record(found: PayloadFit) -> dict[str, Any]:
@@ -109,7 +168,8 @@ def payload_record(found: PayloadFit) -> dict[str, Any]:
     try:
         centre, spread = found.centre()
     except RankError:
-        return record
+        told = "mass", "centre", "centre_intervals_95_percent"
+        return record | dict.fromkeys(told)
     return record | {
         "mass": found.mass,
         "centre": json_value(centre),
@@ -122,7 +182,7 @@ def payload_tables(found: PayloadFit) -> list[Table]:
     record = payload_record(found)
     keys = ("parameters", "values", "intervals_95_percent", "units")
     told = list(zip(*(record[key] for key in keys), strict=True))
-    for k, axis in enumerate("xyz" if "centre" in record else ""):
+    for k, axis in enumerate("xyz" if record["centre"] else ""):
         if record["centre"][k] is not None:
             reach = record["centre_intervals_95_percent"][k]
             told.append((f"centre of mass, {axis}", record["centre"][k], reach, "m"))

@@ -1,4 +1,4 @@
-"""The report of ``loopid identify``: record, findings, tables, page, figures and files."""
+"""The report of ``loopid identify``: verdict, findings, tables, charts and files."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from loopid.arguments import FloatArray, spread_rows
 from loopid.diagnosis.log_mistakes import Suspicions
 from loopid.diagnosis.selection import PredictionError
 from loopid.diagnosis.study import Study
 from loopid.diagnosis.term_sets import TermComparison
 from loopid.identification.cutoff import CutoffChoice
-from loopid.identification.information import Identifiability, WeakDirection
+from loopid.identification.information import Identifiability, WeakDirection, body_sizes
 from loopid.identification.pipeline import Identification
 from loopid.identification.prediction import Candidate, prediction_reach
 from loopid.identification.result import FitResult
@@ -20,48 +21,78 @@ from loopid.identification.saved import SavedFit
 from loopid.identification.terms import friction_columns, friction_curve, frictional_joints
 from loopid.logs.recording import Recording
 from loopid.regressors.joint_terms import NO_TERMS
-from loopid.report.look import (
-    BLUE,
-    GREY,
-    ORANGE,
-    RED,
-    RESULTS,
-    THIN,
-    drawing,
-    drawn,
-    force_panels,
-    force_unit,
-    json_fields,
-    json_text,
-    json_value,
-    markdown_page,
-    plain_log_labels,
-    plain_table,
-    rendered,
-    thinned,
-)
+from loopid.report.chart import MOST_DOTS, Chart, Mark, Panel
+from loopid.report.look import json_fields, json_value, number, plain_table, with_error
+from loopid.report.page import Part, Report, Section
+from loopid.report.structure import force_unit, robot_chart
 
-CAPTIONS = {
-    "filter": "Cut-offs that were tried: errors on data that were not fitted, and how far "
-    "predictions vary with the data.",
-    "forces": "Forces on data that were not fitted.",
-    "spectrum": "Structurally identifiable combinations, and their effect in the data.",
-    "parameters": "Base parameters against the robot file.",
-    "friction": "Friction of the motors over their rates with its 95 % band, and what is left of "
-    "the fitted forces without all other parts of the model.",
-}
-# Of the least effect that is drawn, where unidentifiable combinations are drawn.
-BELOW = 0.1
+FIGURE_OF_WEAK = 0.1  # of the least effect that is drawn, where unidentifiable ones are drawn
 MOST, MARGIN = 0.95, 1.3  # quantile of its band, and times that, that an axis shows
 CURVE_POINTS = 200  # of a friction curve on either side of standstill
-LONGEST_LABEL = 28  # characters of a parameter's name beside its interval
 
 
-def identification_record(study: Study, command: str | None = None) -> dict[str, Any]:
-    """All findings of a study, ready for JSON.
+def identification_report(study: Study, command: str = "") -> Report:
+    """What a study of logs found; the command designs the motion that its verdict asks for."""
+    found, judged = study.identification, study.verdict
+    model = found.force_model
+    rows = list[tuple[str, ...]]()
+    for each in found.fit.estimates:
+        value, error = _value_and_error(found.fit, each.name)
+        rows.append(
+            (each.name, value, "as in the file" if error == "-" else f"± {error}", each.unit)
+        )
+    return Report(
+        name="identification",
+        title=f"{model.mechanism.name}, {model.model} model",
+        verdict=str(judged),
+        record=identification_record(study),
+        brief=[plain_table("", ("", ">", "", ""), rows)],
+        sections=lambda: _sections(study),
+        results=lambda: _fits(found),
+        advice=command if judged.excite else "",
+    )
 
-    ``command`` is one that designs the motion to add, where who asks has commands.
-    """
+
+def _sections(study: Study) -> list[Section]:
+    """Forces, values, friction, what the data tell, other candidates, terms, filter, robot."""
+    found = study.identification
+    whole, told = found["all parameters"], found.identifiability
+    values: list[Part] = [parameters_chart(found), _estimates_table("", found, found.fit)]
+    if found.fit.standard_parameters is not None:
+        values.append(_bodies_table(found))
+    said: list[Part] = [spectrum_chart(told)]
+    if told.unidentifiable or told.weak:
+        said.append(_weak_table(told))
+    others: list[Part] = [_essential_table(study)]
+    if found.recommended is not whole:
+        title = f"all parameters by {whole.fit.estimator}"
+        others.append(_estimates_table(title, found, whole.fit))
+    friction = friction_chart(found)
+    filtering: list[Part] = [] if found.cutoff is None else [filter_chart(found.cutoff)]
+    filtering += [_noise_table(whole.fit), _gains_table(study), _dropped_table(found)]
+    return [
+        Section("Forces on new data", (forces_chart(found), *_candidates_tables(study))),
+        Section(f"Recommended values: {found.recommended.name}", tuple(values)),
+        *([Section("Friction", (friction,))] if friction.panels else []),
+        Section("What the data tell", tuple(said)),
+        Section("Robot", (robot_chart(found.force_model.mechanism),)),
+        Section("In words", tuple(findings(study))),
+        Section("Other candidates", tuple(others)),
+        Section("Joint terms", (_terms_table(study.term_sets),)),
+        Section("Filter and samples", tuple(filtering)),
+    ]
+
+
+def _fits(found: Identification) -> dict[str, bytes | str]:
+    """The recommended fit, and that of all parameters where it is another."""
+    fits = {"parameters.yaml": found.fit}
+    if found.recommended is not found["all parameters"]:
+        fits["all_parameters.yaml"] = found["all parameters"].fit
+    return {n: SavedFit.of(found.force_model, fit).content(n) for n, fit in fits.items()}
+
+
+def identification_record(study: Study) -> dict[str, Any]:
+    """All findings of a study, ready for JSON."""
     found, reduction = study.identification, study.reduction
     model, told = found.force_model, found.identifiability
     terms = model.joint_terms
@@ -76,7 +107,11 @@ def identification_record(study: Study, command: str | None = None) -> dict[str,
         "fit": SavedFit.of(model, found["all parameters"].fit).record(),
         "recommended": found.recommended.name,
         "recommended_fit": SavedFit.of(model, found.fit).record(),
-        "verdict": found.verdict,
+        "judged": json_fields(
+            study.verdict,
+            *("use", "motor", "error", "ratio", "significant", "parameters"),
+            *("excite", "improvement"),
+        ),
         "prior_deviation": json_value(found.prior_deviation),
         "cutoff": found.cutoff
         and {
@@ -91,7 +126,6 @@ def identification_record(study: Study, command: str | None = None) -> dict[str,
         "fitted_bodies_pay": study.term_sets.bodies_pay,
         "identifiability": {
             **json_fields(told, "structural_rank", "rank"),
-            "command": command,
             "better_than_robot_file": told.well_determined,
             "parameters": list(told.parameters.labels),
             "structural_effects": json_value(told.excitation.structural),
@@ -105,7 +139,7 @@ def identification_record(study: Study, command: str | None = None) -> dict[str,
         "delay": found.delay
         and json_fields(found.delay, "joints", "common", "interval", "each", "intervals", "undone"),
         "suspicions": [_suspicions(one) for one in study.suspicions],
-        "findings": findings(study, command),
+        "findings": findings(study),
     }
 
 
@@ -176,23 +210,20 @@ def _term_sets(found: TermComparison) -> list[dict[str, Any]]:
     ]
 
 
-def findings(study: Study, command: str | None = None) -> list[str]:
-    """What a reader should know before trusting the numbers, one sentence each."""
+def findings(study: Study) -> list[str]:
+    """What a reader should know beside the numbers, one sentence each."""
     found = study.identification
-    cutoffs = sorted({recording.cutoff for recording in found.training}, key=lambda c: c or 0.0)
-    filters = ", ".join("unfiltered" if c is None else f"{c:.3g} Hz" for c in cutoffs)
-    told, essential = found.identifiability, study.reduction.result.parameters.labels
-    whole = found["all parameters"]
-    said = [
-        f"Condition number of the weighted regressor: {whole.fit.condition_number:.4g}; cut-off of "
-        f"the filter: {filters}.",
-        f"{told.structural_rank} combinations of parameters are structurally identifiable; the "
-        f"data excite {told.rank} of them, and tell {told.well_determined} better than the robot "
-        "file.",
-    ]
+    told, cutoff = found.identifiability, found.training[0].cutoff
     terms = found.force_model.joint_terms
     choice = NO_TERMS if terms is None else terms.choice(found.force_model.mechanism)
-    said.append(f"Joint terms: {choice}.")
+    filtered = "unfiltered" if cutoff is None else f"filtered at {cutoff:.3g} Hz"
+    condition = found["all parameters"].fit.condition_number
+    said = [
+        _recommendation(found),
+        f"The data were {filtered}; the condition number of the weighted regressor is "
+        f"{condition:.4g}.",
+        f"The joint terms are {choice}. {_terms_finding(study.term_sets)}",
+    ]
     runs = (*found.training, *found.validation)
     frames = dict.fromkeys(frame for run in runs for frame in run.wrenches)
     if frames:
@@ -202,33 +233,11 @@ def findings(study: Study, command: str | None = None) -> list[str]:
     if found.delay is not None and found.delay.clear:
         said.append(f"{found.delay.sentence.capitalize()}.")
     said += [f"In {one.recording}, {text}." for one in study.suspicions for text in one.sentences]
-    said.append(_terms_finding(study.term_sets))
-    if found.cutoff is not None:
-        said.append(_cutoff_finding(found.cutoff))
     if told.unidentifiable:
         said.append(
             "Unidentifiable combinations are as in the robot file, so the values of "
             f"{', '.join(told.assumed)} rest on it."
         )
-    if told.unidentifiable or told.weak:
-        designer = command or f"design_excitation with parameters={list(told.leads)}"
-        said.append(
-            "What is unidentifiable or weakly identifiable is excited by the motion that "
-            f"{designer} designs."
-        )
-    said += [candidate.verdict for candidate in _candidates(study)[1:]]
-    said.append(_recommendation(found))
-    insignificant = whole.fit.insignificant()
-    if insignificant or not whole.beats_baseline:
-        said.append(
-            "Of all parameters together, these are not significant (the 95 % interval includes "
-            f"zero): {', '.join(insignificant) or 'none alone'}."
-        )
-    said.append(
-        f"{len(essential)} of {len(whole.values)} parameters are essential for "
-        "predictions; their ± holds if the others are as in the robot file, and joint terms that "
-        "it gives no value of are zero."
-    )
     return said
 
 
@@ -252,14 +261,6 @@ def _error_text(error: PredictionError) -> str:
     return f"{error.mean:.3g} ± {error.standard_error:.2g}"
 
 
-def _cutoff_finding(choice: CutoffChoice) -> str:
-    return (
-        f"The cut-off of the filter is {choice.chosen:.3g} Hz, of {len(choice.cutoffs)} tried from "
-        f"{choice.cutoffs[0]:.3g} to {choice.cutoffs[-1]:.3g} Hz: there fits of parts of the data "
-        "predict the others well, and vary least."
-    )
-
-
 def _recommendation(found: Identification) -> str:
     said = f"Recommended, and written to parameters.yaml: {found.recommended.name}"
     if found.recommended is found.baseline:
@@ -275,41 +276,26 @@ def _recommendation(found: Identification) -> str:
     )
 
 
-def identification_tables(study: Study, command: str | None = None) -> list[Table]:
-    """Parameters, prediction errors, what was left out, findings."""
-    found = study.identification
-    told, name, whole = (
-        found.identifiability,
-        found.force_model.mechanism.name,
-        found["all parameters"],
-    )
-    tables = [_estimates_table(f"{name}: all parameters by {whole.fit.estimator}", whole.fit)]
-    if told.unidentifiable or told.weak:
-        tables.append(_weak_table(told))
-    tables.append(_essential_table(study))
-    tables += [_candidates_table(study), _terms_table(study.term_sets)]
-    tables += [_noise_table(whole.fit), _gains_table(study), _dropped_table(found)]
-    if found.recommended is not whole:
-        title = f"recommended: {found.recommended.name}"
-        tables.append(_estimates_table(title, found.fit))
-    if found.fit.standard_parameters is not None:
-        tables.append(_bodies_table(found))
-    return [*tables, plain_table("findings", ("",), ([text] for text in findings(study, command)))]
+def _value_and_error(fit: FitResult, name: str) -> tuple[str, str]:
+    """As they are shown; no error of what is as in the robot file."""
+    estimate = fit[name]
+    return with_error(estimate.value, 0.0 if name in fit.assumed else estimate.standard_error)
 
 
-def _estimates_table(title: str, fit: FitResult) -> Table:
+def _estimates_table(title: str, found: Identification, fit: FitResult) -> Table:
+    columns = ("parameter", ">value", ">± std", ">95 % from", ">to", ">file", "unit")
     rows = (
         (
-            estimate.name,
-            f"{estimate.value:.4g}",
-            f"{estimate.standard_error:.2g}",
-            f"{estimate.relative_std:.1f}",
-            "{:.4g} ... {:.4g}".format(*estimate.interval),
-            estimate.unit,
+            each.name,
+            *_value_and_error(fit, each.name),
+            *map(number, each.interval),
+            number(known) if j in found.force_model.body_columns else "-",
+            each.unit,
         )
-        for estimate in fit.estimates
+        for j, (each, known) in enumerate(
+            zip(fit.estimates, found.force_model.prior.tolist(), strict=True)
+        )
     )
-    columns = ("leading parameter", ">value", ">± std", ">std %", ">95 % interval", "unit")
     return plain_table(title, columns, rows)
 
 
@@ -345,23 +331,33 @@ def _bodies_table(found: Identification) -> Table:
     return plain_table(f"bodies: {found.recommended.name}", columns, rows)
 
 
-def _candidates_table(study: Study) -> Table:
-    """Prediction errors of the robot file, all parameters and the essential ones."""
+def _candidates_tables(study: Study) -> list[Table]:
+    """Prediction errors of the robot file, all parameters, the essential ones, and others."""
     found, candidates, rows = study.identification, _candidates(study), list[list[object]]()
-    rows.append(["parameters fitted", *(c.fitted for c in candidates)])
-    for k, actuator in enumerate(found.force_model.mechanism.independent):
-        for part, name in enumerate(("fit", "new")):
-            rows.append([f"{actuator}, {name}"])
-            for candidate in candidates:
-                quality = (candidate.training, candidate.validation)[part]
-                rms, error = quality.residual_rms[k], candidate.rms_errors[part][k]
-                cell = f"{rms:.3g}±{error:.2g} ({quality.r_squared[k]:.2f})"
-                rows[-1].append(cell if quality.samples[k] else "-")
-    ratios = ("{:.2f} ± {:.2f}".format(*c.error_ratio) for c in candidates[1:])
-    rows.append(["squared error, new", "1", *ratios])
-    columns = "", *(f">{candidate.name.removesuffix(' parameters')}" for candidate in candidates)
-    title = "prediction errors on fitted and on new data: RMS ± std (R²)"
-    return plain_table(title, columns, rows)
+    for k, motor in enumerate(found.force_model.mechanism.independent):
+        for j, each in enumerate(candidates):
+            rows.append(["" if j else motor, each.name])
+            parts = zip((each.training, each.validation), each.rms_errors, strict=True)
+            for quality, errors in parts:
+                there = bool(quality.samples[k])
+                rms = with_error(float(quality.residual_rms[k]), float(errors[k]))
+                rows[-1] += [*rms, f"{quality.r_squared[k]:.3f}"] if there else ["-"] * 3
+    columns = "motor", "fit", ">fitted", ">±", ">R²", ">new", ">±", ">R²"
+    ratios = (
+        (each.name, each.fitted, *with_error(*each.error_ratio), _grade(each, found))
+        for each in candidates
+    )
+    title = "squared errors on new data, over those of the robot file with fitted joint terms"
+    return [
+        plain_table(title, ("fit", ">fitted parameters", ">ratio", ">± std", ""), ratios),
+        plain_table("errors on fitted and on new data: RMS ± std, R²", columns, rows),
+    ]
+
+
+def _grade(each: Candidate, found: Identification) -> str:
+    if each.beats_baseline:
+        return "better"
+    return "worse" if each.loses_to_baseline else "" if each is found.baseline else "not clear"
 
 
 def _terms_table(found: TermComparison) -> Table:
@@ -370,10 +366,10 @@ def _terms_table(found: TermComparison) -> Table:
     for each in found.sets:
         rows.append([each.choice + (" (chosen)" if each is found.chosen else "")])
         for k in (0, 1):
-            best = " enough" if each is found.enough[k] else ""
+            best = " *" if each is found.enough[k] else "  "
             rows[-1] += [str(each.parameters[k]), _error_text(each.errors[k]) + best]
-    columns = "terms", ">fitted", ">bodies of the robot file", ">fitted", ">bodies fitted"
-    title = "joint terms: squared error on new data ± std, in error variances of the fit"
+    columns = "terms", ">fitted", ">robot file's bodies", ">fitted", ">bodies fitted"
+    title = "squared error on new data ± std, in error variances of the fit; * enough"
     return plain_table(title, columns, rows)
 
 
@@ -410,159 +406,145 @@ def _dropped_table(found: Identification) -> Table:
     )
 
 
-def identification_files(study: Study, command: str | None = None) -> dict[str, bytes | str]:
-    """Page, figures, record and results, by file name."""
-    figures, found = identification_figures(study), study.identification
-    captions = {name: text for name, text in CAPTIONS.items() if f"{name}.svg" in figures}
-    title = f"Identification of {found.force_model.mechanism.name}"
-    page, data, *names = RESULTS
-    whole = found["all parameters"]
-    other = None if found.recommended is whole else whole.fit
-    fits = dict(zip(names, (found.fit, other), strict=True))
-    return {
-        page: markdown_page(title, identification_tables(study, command), captions),
-        data: json_text(identification_record(study, command)) + "\n",
-        **{
-            name: SavedFit.of(found.force_model, fit).content(name)
-            for name, fit in fits.items()
-            if fit is not None
-        },
-        **figures,
-    }
+# Charts.
 
 
-def identification_figures(study: Study) -> dict[str, bytes]:
-    """All figures as SVG and PNG, by file name."""
-    found = study.identification
-    spectrum = draw_spectrum(found.identifiability)
-    friction = draw_friction(found)
-    return draw_forces(study) | spectrum | draw_parameters(found) | friction | draw_filter(study)
-
-
-def draw_filter(study: Study) -> dict[str, bytes]:
-    """Errors and spread of predictions at the cut-offs that were tried, where there were any."""
-    choice = study.identification.cutoff
-    if choice is None:
-        return {}
-    with drawing(height=1.8) as (figure, axes):
-        ax = axes[0, 0]
-        ax.plot(choice.cutoffs, 100 * choice.errors, "o-", color=BLUE, markersize=2.5)
-        ax.plot(choice.cutoffs, 100 * choice.spreads, "s--", color=GREY, markersize=2.5)
-        ax.axvline(choice.chosen, color=RED, linewidth=0.8)
-        ax.set(xscale="log", yscale="log", xlabel="cut-off (Hz)", ylabel="part of the force (%)")
-        ax.set_title(f"predictions below {choice.judged:.3g} Hz of data that were not fitted")
-        for axis in (ax.xaxis, ax.yaxis):
-            plain_log_labels(axis, (1.0, 2.0, 5.0))
-        names = "error", "deviation of the predictions", "chosen"
-        figure.legend(ax.lines, names, loc="outside lower center", ncols=3)
-        return rendered(figure, "filter")
-
-
-def draw_forces(study: Study) -> dict[str, bytes]:
-    """Forces of each actuator on the first validation recording, measured and predicted."""
-    found = study.identification
-    recording, mechanism = found.validation[0], found.force_model.mechanism
-    rows = thinned(len(recording))
-    gaps, W = ~recording.used[rows], found.new.regressor[rows]
-    measured, by_file, fitted = (
-        np.where(gaps, np.nan, force)  # lines break where the force says nothing
-        for force in (recording.force[rows], W @ found.baseline.values, W @ found.fit.values)
+def forces_chart(found: Identification) -> Chart:
+    """Forces of each motor on the first validation recording, and what no fit explains."""
+    run, mechanism = found.validation[0], found.force_model.mechanism
+    time, W, panels = run.motion.time, found.new.regressor[: len(run)], list[Panel]()
+    some = spread_rows(len(run), MOST_DOTS)
+    reach = prediction_reach(W[some], found.fit.covariance)
+    by_file, fitted = W @ found.baseline.values, W @ found.fit.values
+    for k, motor in enumerate(mechanism.independent):
+        used = run.used[:, k]  # lines break where the force says nothing
+        measured, file, fit = (
+            np.where(used, force[:, k], np.nan) for force in (run.force, by_file, fitted)
+        )
+        low, high = fit[some] - reach[:, k], fit[some] + reach[:, k]
+        marks = (
+            Mark("measured", time, measured, "measured"),
+            Mark("95 % interval", time[some], low, "fit", "band", high),
+            Mark("robot file, fitted joint terms", time, file, "file"),
+            Mark("recommended", time, fit, "fit"),
+        )
+        left = (
+            Mark("measured less robot file", time, measured - file, "faint"),
+            Mark("measured less recommended", time, measured - fit, "residual"),
+        )
+        unit = force_unit(mechanism, motor)
+        panels += [
+            Panel(f"{motor}: force ({unit})", marks),
+            Panel(f"residual ({unit})", left, small=True),
+        ]
+    caption = (
+        f"Forces of {run.name} that were not fitted. Drag along time to zoom in, double-click to "
+        "see all again."
     )
-    lines = (
-        (measured, "measured", THIN),
-        (by_file, "robot file, joint terms", {"color": BLUE, "linestyle": "--"}),
-        (fitted, "recommended", {"color": RED}),
+    return Chart("forces", caption, "time (s)", tuple(panels), zoom=True)
+
+
+def parameters_chart(found: Identification) -> Chart:
+    """Intervals of the parameters of bodies about the values of the robot file."""
+    alone = found.recommended is found.baseline
+    fit = found["all parameters"].fit if alone else found.fit
+    model = found.force_model
+    bodies, base = model.body_columns, model.base
+    sizes = body_sizes(model.mechanism, model.model)
+    sizes = np.linalg.norm(base.matrix[bodies][:, : len(sizes)] * sizes, axis=1)
+    ends = (fit.intervals()[bodies] - model.prior[bodies, None]) / sizes[:, None]
+    known = np.isfinite(ends).all(axis=1)
+    place = np.arange(len(bodies), dtype=np.float64)
+    low, high = ends.T
+    middle = (fit.values - model.prior)[bodies] / sizes
+    marks = (
+        Mark("robot file", np.zeros(2), np.array([-0.5, len(bodies) - 0.5]), "faint"),
+        Mark("95 % interval", low[known], place[known], "fit", "span", high[known]),
+        Mark("all parameters" if alone else "recommended", middle, place, "fit", "dots"),
     )
-    panels = {drawn(joint): force_unit(mechanism, joint) for joint in mechanism.independent}
-    band = prediction_reach(W, found.fit.covariance), "its 95 % interval"
-    with drawing(len(panels), height=1.3) as (figure, axes):
-        force_panels(figure, axes, recording.motion.time[rows], lines, panels, band)
-        return rendered(figure, "forces")
+    labels = tuple(fit.parameters.labels[j] for j in bodies)
+    caption = (
+        "Parameters of the bodies less those of the robot file, in sizes: a body's mass times its "
+        "length, or that squared."
+    )
+    panel = Panel("fit less robot file (sizes)", marks, labels=labels)
+    return Chart("parameters", caption, "", (panel,))
 
 
-def draw_friction(found: Identification) -> dict[str, bytes]:
+def friction_chart(found: Identification) -> Chart:
     """Friction of each motor by the recommended fit, over the forces that it explains."""
     fit, data, mechanism = found.fit, found.data, found.force_model.mechanism
     joints = [joint for joint in frictional_joints(fit) if joint in data.actuators]
-    if not joints:
-        return {}
     velocities = np.concatenate([run.motion.velocities for run in found.training])
-    rows = thinned(len(data))
-    with drawing(len(joints), height=1.3) as (figure, axes):
-        for ax, joint in zip(axes[:, 0], joints, strict=True):
-            k = data.actuators.index(joint)
-            rate, used = velocities[rows, k], data.used[rows, k]
-            own = friction_columns(fit, joint)
-            left = data.residual(fit.values)[rows, k]
-            left = left + data.regressor[rows, k][:, own] @ fit.values[own]
-            dots = {"color": GREY, "alpha": 0.5, "markersize": 3, "markeredgewidth": 0}
-            ax.plot(rate[used], left[used], ".", label="data less all else", **dots)
-            fastest = float(np.abs(rate).max(initial=0.0)) or 1.0
-            rates = fastest * np.linspace(-1, 1, 2 * CURVE_POINTS)  # none is 0, where it jumps
-            curve = friction_curve(fit, joint, rates, joint_terms=found.force_model.joint_terms)
-            sure = bool(np.isfinite(curve.band).all())
-            for half in (slice(CURVE_POINTS), slice(CURVE_POINTS, None)):
-                ax.plot(rates[half], curve.values[half], color=RED, label="friction")
-                band = (curve.band if sure else np.full(curve.band.shape, np.nan))[half].T
-                look = {"color": RED, "alpha": 0.3, "linewidth": 0}
-                ax.fill_between(rates[half], *band, label="its 95 % band", **look)
-            unit = force_unit(mechanism, joint)
-            # Next to standstill hardly anything is known: bands there would flatten the rest.
-            most = MARGIN * float(np.quantile(np.abs(curve.band), MOST)) if sure else None
-            ax.set(title=drawn(joint), ylabel=f"friction ({unit})")
-            if most:
-                ax.set_ylim(-most, most)
-        slides = mechanism.velocity_indices(joints[-1:])[0] in mechanism.prismatic
-        axes[-1, 0].set_xlabel(f"rate ({'m/s' if slides else 'rad/s'})")
-        handles, labels = axes[0, 0].get_legend_handles_labels()
-        once = dict(zip(labels, handles, strict=True))
-        figure.legend(once.values(), once, loc="outside lower center", ncols=3)
-        return rendered(figure, "friction")
+    rows, panels = spread_rows(len(data), MOST_DOTS), list[Panel]()
+    residual = data.residual(fit.values)[rows]
+    for joint in joints:
+        k, own = data.actuators.index(joint), friction_columns(fit, joint)
+        rate, used = velocities[rows, k], data.used[rows, k]
+        left = residual[:, k] + data.regressor[rows, k][:, own] @ fit.values[own]
+        marks = [Mark("measured less all else", rate[used], left[used], "measured", "dots")]
+        fastest = float(np.abs(rate).max(initial=0.0)) or 1.0
+        rates = fastest * np.linspace(-1, 1, 2 * CURVE_POINTS)  # none is 0, where it jumps
+        curve = friction_curve(fit, joint, rates, joint_terms=found.force_model.joint_terms)
+        sure = bool(np.isfinite(curve.band).all())
+        for half in (slice(CURVE_POINTS), slice(CURVE_POINTS, None)):
+            low, high = curve.band[half].T
+            if sure:
+                marks.append(Mark("95 % interval", rates[half], low, "fit", "band", high))
+            marks.append(Mark("friction", rates[half], curve.values[half], "fit"))
+        # Next to standstill hardly anything is known: bands there would flatten the rest.
+        most = MARGIN * float(np.quantile(np.abs(curve.band), MOST)) if sure else 0.0
+        title = f"{joint}: friction ({force_unit(mechanism, joint)})"
+        panels.append(Panel(title, tuple(marks), (-most, most) if most else None))
+    caption = "Friction over the rate of each motor (m/s or rad/s), by the recommended fit."
+    return Chart("friction", caption, "rate", tuple(panels), columns=min(2, len(panels)) or 1)
 
 
-def draw_spectrum(found: Identifiability) -> dict[str, bytes]:
+def spectrum_chart(found: Identifiability) -> Chart:
     """Effects of the combinations on forces: in random states of the robot, and in the data."""
     structural, effects = 100 * found.excitation.structural, 100 * found.excitation.effects
-    place, rank, sure = 1 + np.arange(len(effects)), found.rank, found.well_determined
+    place: FloatArray = np.arange(1.0, len(effects) + 1.0)
+    rank, sure = found.rank, found.well_determined
     known, weak, none = slice(0, sure), slice(sure, rank), slice(rank, None)
     shown = np.append(structural[structural > 0], effects[:rank])
-    floor = np.full(len(effects), BELOW * shown.min(initial=1.0))
-    with drawing(height=2.3) as (figure, axes):
-        ax = axes[0, 0]
-        ax.plot(place, structural, "o-", color=GREY, markersize=2.5, linewidth=0.6)
-        ax.plot(place[known], effects[known], "o", color=BLUE, markersize=3.5)
-        ax.plot(place[weak], effects[weak], "s", color=ORANGE, markersize=3.5)
-        ax.plot(place[none], floor[none], "v", color=RED, markersize=4)
-        labels = "structure", "data", "weak: worse than the robot file", "unidentifiable: no effect"
-        there = [True, sure > 0, rank > sure, rank < len(effects)]
-        handles = [line for line, drawn in zip(ax.lines, there, strict=True) if drawn]
-        names = [name for name, drawn in zip(labels, there, strict=True) if drawn]
-        ax.set(yscale="log", xlabel="combination of parameters", ylabel="effect on forces (%)")
-        ax.set_title("singular spectrum: one size of each combination")
-        plain_log_labels(ax.yaxis, (1.0,))
-        figure.legend(handles, names, loc="outside lower center", ncols=2)
-        return rendered(figure, "spectrum")
+    floor = np.full(len(effects), FIGURE_OF_WEAK * shown.min(initial=1.0))
+    kinds = (
+        ("data", known, effects, "file"),
+        ("weak: worse than the robot file", weak, effects, "weak"),
+        ("unidentifiable: no effect", none, floor, "fit"),
+    )
+    marks = [
+        Mark("structure", place, structural, "faint"),
+        *(
+            Mark(n, place[part], y[part], look, "dots")
+            for n, part, y, look in kinds
+            if y[part].size
+        ),
+    ]
+    panel = Panel("effect on the forces (%)", tuple(marks), log="y")
+    caption = (
+        "What a change of each combination of parameters by its size does to the forces: in random "
+        f"states of the robot, and in the data. {found.rank} of {found.structural_rank} are "
+        f"excited, {found.well_determined} are known better than by the robot file."
+    )
+    return Chart("spectrum", caption, "combination of parameters", (panel,))
 
 
-def draw_parameters(found: Identification) -> dict[str, bytes]:
-    """Intervals of all parameters about the robot file's values, in standard errors."""
-    whole = found.recommended is found.baseline
-    fit = found["all parameters"].fit if whole else found.fit
-    labels, error = fit.parameters.labels, fit.standard_errors
-    bodies = found.force_model.body_columns
-    place = np.arange(len(bodies))[::-1]
-    offset = (fit.values - found.force_model.prior)[bodies] / error[bodies]
-    reach = np.ptp(fit.intervals(), axis=1) / 2
-    with drawing(height=0.7 + 0.16 * len(bodies)) as (figure, axes):
-        ax = axes[0, 0]
-        bars = (reach / error)[bodies]
-        ax.errorbar(offset, place, xerr=bars, fmt="o", color=BLUE, markersize=3, linewidth=1)
-        ax.axvline(0.0, color=GREY, linewidth=0.8)
-        names = [
-            f"{drawn(labels[j], LONGEST_LABEL)}  ±{reach[j]:.2g} {fit.parameters[j].unit}"
-            for j in bodies
-        ]
-        ax.set_yticks(place, names)
-        figure.suptitle("base parameters against the robot file", fontsize=8)
-        figure.supxlabel("fit less robot file, in standard errors (bars: 95 %)", fontsize=7.5)
-        return rendered(figure, "parameters")
+def filter_chart(found: CutoffChoice) -> Chart:
+    """Errors and spread of predictions at the cut-offs that were tried."""
+    errors, spreads = 100 * found.errors, 100 * found.spreads
+    both = np.concatenate([errors, spreads])
+    ends = np.array([np.nanmin(both), np.nanmax(both)])
+    marks = (
+        Mark("error", found.cutoffs, errors, "file"),
+        Mark("deviation of the predictions", found.cutoffs, spreads, "other"),
+        Mark("", found.cutoffs, errors, "file", "dots"),
+        Mark("", found.cutoffs, spreads, "other", "dots"),
+        Mark("chosen", np.full(2, found.chosen), ends, "fit"),
+    )
+    title = f"predictions below {found.judged:.3g} Hz of data that were not fitted (% of the force)"
+    caption = (
+        "Cut-offs of the low-pass filter that were tried: errors on data that were not fitted, and "
+        f"how far predictions vary with the data; {found.chosen:.3g} Hz is best."
+    )
+    return Chart("filter", caption, "cut-off (Hz)", (Panel(title, marks, log="xy"),))

@@ -1,4 +1,4 @@
-"""Reports of ``loopid check``, ``base`` and ``motions``: records for JSON, tables of the same."""
+"""Reports of ``loopid check``, ``base`` and ``motions``, and the robot's picture."""
 
 from __future__ import annotations
 
@@ -10,14 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.table import Table
 
+from loopid.arguments import FloatArray
 from loopid.base_parameters.base import BaseParameters, expression
 from loopid.diagnosis.modes import compare_modes
 from loopid.kinematics import mobility
 from loopid.kinematics.constraint import Constraint
+from loopid.kinematics.poses import frame_poses
 from loopid.kinematics.projection import NEAR_SINGULARITY, Factorisation, singularity_measure
 from loopid.loading.load import inertia_defects, odd_masses, unequal_links
 from loopid.regressors.joint_terms import OF_FILE, FileForce, file_forces
-from loopid.report.look import facts, json_fields, json_value, plain_table
+from loopid.report.chart import Chart, Mark, Panel
+from loopid.report.look import facts, json_fields, json_value, number, plain_table
+from loopid.report.page import Report, Section
 from loopid.robot.closures import JointCoupling, LoopClosure
 from loopid.robot.mechanism import Mechanism
 
@@ -31,7 +35,39 @@ SEARCH = (
 KINDS = {"FreeFlyer": "floating", "Spherical": "spherical", "Planar": "planar"}
 
 MOST_TERMS = 6  # of a doubtful combination, in tables
-# loopid check: joints, closures, mobility, distance to singularity.
+
+
+def check_report(mechanism: Mechanism) -> Report:
+    """What a robot is: joints, closures, mobility, distance to singularity."""
+    found = check_record(mechanism)
+    joints, *tables = check_tables(found)
+    wrong = [
+        *(["its reference is singular"] if found["singular_reference"] else []),
+        *(["its reference is near a singularity"] if found["near_singularity"] else []),
+        *(f"the motors leave {name} free" for name in found["undetermined"]),
+        *found["inertia_defects"],
+        *found["odd_masses"],
+    ]
+    more = f", and {len(wrong) - 1} more below" if len(wrong) > 1 else ""
+    closes = f"The robot closes its loops to {found['closure_residual']:.1e} m"
+    verdict = (
+        f"{closes if found['closures'] else 'The robot has no loops'}, has "
+        f"{found['degrees_of_freedom']} degrees of freedom for {len(found['actuated'])} motors "
+        f"and a singularity measure of {found['singularity_measure']:.3g} (1 is best): "
+        + (f"look at this first: {wrong[0]}{more}." if wrong else "ready for identification.")
+    )
+    return Report(
+        name="check",
+        title=mechanism.name,
+        verdict=verdict,
+        record=found,
+        brief=[joints, *tables],
+        sections=lambda: [
+            Section("Robot", (robot_chart(mechanism),)),
+            Section("Joints", (joints,)),
+            Section("Closures and mobility", tuple(tables)),
+        ],
+    )
 
 
 def check_record(mechanism: Mechanism) -> dict[str, Any]:
@@ -83,8 +119,8 @@ def _file_force(force: FileForce) -> dict[str, Any]:
 
 
 def _joint(mechanism: Mechanism, name: str) -> dict[str, Any]:
-    joint, (lower, upper) = mechanism.joint(name), mechanism.position_limits
-    q = slice(joint.idx_q, joint.idx_q + joint.nq)
+    joint, reference = mechanism.joint(name), mechanism.reference_values(mechanism.reference)[name]
+    limits = [json_value(end) for end in mechanism.limits(name)] if joint.nv == 1 else [None] * 2
     if joint.nv == 1:
         kind = "prismatic" if joint.idx_v in mechanism.prismatic else "revolute"
     else:
@@ -93,9 +129,9 @@ def _joint(mechanism: Mechanism, name: str) -> dict[str, Any]:
         "name": name,
         "type": kind,
         "actuated": name in mechanism.actuated,
-        "reference": json_value(mechanism.reference[q]),
-        "lower": json_value(lower[q]),
-        "upper": json_value(upper[q]),
+        "reference": reference if isinstance(reference, list) else [reference],
+        "lower": limits[0],
+        "upper": limits[1],
     }
 
 
@@ -153,13 +189,11 @@ def check_tables(record: dict[str, Any]) -> list[Table]:
 def _joint_table(record: dict[str, Any]) -> Table:
     rows = []
     for joint in record["joints"]:
-        values = (
-            " ".join("-" if x is None else f"{round(x, 4) + 0.0:.4f}" for x in joint[key])
-            for key in ("reference", "lower", "upper")
-        )
+        ends = (number(joint[key]) for key in ("lower", "upper"))
         role = "actuated" if joint["actuated"] else "passive"
-        rows.append((joint["name"], joint["type"], role, *values))
-    columns = ("joint", "type", "role", ">reference", ">lower", ">upper")
+        reference = " ".join(f"{round(x, 4) + 0.0:.4f}" for x in joint["reference"])
+        rows.append((joint["name"], joint["type"], role, reference, *ends))
+    columns = ("joint", "type", "role", "reference", ">lower", ">upper")
     return plain_table(f"{record['mechanism']}: joints (m, rad)", columns, rows)
 
 
@@ -230,7 +264,35 @@ def _summary(record: dict[str, Any]) -> dict[str, str]:
     return {name: text for name, text in rows.items() if text}
 
 
-# loopid base: base parameters and how sure they are.
+def base_report(
+    mechanism: Mechanism,
+    model: str,
+    base: BaseParameters,
+    motors_alone: BaseParameters | None = None,
+) -> Report:
+    """Base parameters, and how sure they are."""
+    found = base_record(mechanism, model, base, motors_alone)
+    parameters, *others = base_tables(found)
+    doubtful = f", {len(found['doubtful'])} more are doubtful" if found["doubtful"] else ""
+    conditions = found["nullspace_condition_number"], found["condition_number"]
+    both = ", ".join("infinite" if c is None else f"{c:.4g}" for c in conditions)
+    verdict = (
+        f"Forces tell {found['rank']} combinations of {found['standard_parameters']} parameters"
+        f" (singular-value gap {found['rank_gap']:.1e}){doubtful}; written as below, cond(V22) "
+        f"and cond(W_B) are {both}: {certificate(found['search'])}."
+    )
+    return Report(
+        name="base",
+        title=f"{mechanism.name}, {model} model",
+        verdict=verdict,
+        record=found,
+        brief=[_parameters("", found)],
+        sections=lambda: [
+            Section("Base parameters", (parameters,)),
+            Section("How sure they are", tuple(others)),
+            Section("Robot", (robot_chart(mechanism),)),
+        ],
+    )
 
 
 def base_record(
@@ -365,7 +427,31 @@ def _rounded_up(value: float) -> str:
     return f"{float(Context(prec=3, rounding=ROUND_CEILING).create_decimal(repr(value))):.3g}"
 
 
-# loopid motions: each motion beside the robot's limits.
+def motions_report(
+    mechanism: str, reviews: Mapping[str, MotionReview], seconds: Mapping[str, float]
+) -> Report:
+    """Motions beside the robot's limits."""
+    found = motions_record(mechanism, reviews, seconds)
+    motions, tables = found["motions"], motions_tables(found)
+    wrong = [motion for motion in motions if motion["problems"]]
+    room = [m for m in motions if m["clearance"] is not None]
+    nearest = min(room, key=lambda m: m["clearance"], default=None)
+    limit = "there are no limits"
+    if nearest is not None:
+        limit = f"{nearest['nearest_limit']} is nearest to a limit ({nearest['clearance']:.3g})"
+    verdict = (
+        f"{len(motions) - len(wrong)} of {len(motions)} motions can be run: {limit}, and the "
+        f"least singularity measure is {min(m['singularity'] for m in motions):.3g}"
+        + (f"; {wrong[0]['name']}: {wrong[0]['problems'][0]}." if wrong else ".")
+    )
+    return Report(
+        name="motions",
+        title=f"{mechanism}: motions",
+        verdict=verdict,
+        record=found,
+        brief=tables,
+        sections=lambda: [Section("Motions", tuple(tables))],
+    )
 
 
 def motions_record(
@@ -398,12 +484,83 @@ def motions_tables(record: dict[str, Any]) -> list[Table]:
         (
             m["name"],
             f"{m['seconds']:.1f}",
-            "no limits" if m["clearance"] is None else f"{m['clearance']:.4f} {m['nearest_limit']}",
+            number(m["clearance"]),
+            m["nearest_limit"] or "none",
             f"{m['singularity']:.4f}",
             f"{max(m['speeds'].values()):.4f}",
             "; ".join(m["problems"]) or "none",
         )
         for m in record["motions"]
     )
-    columns = ("motion", ">time", ">least clearance", ">singularity", ">top speed", "problems")
+    columns = (
+        *("motion", ">time", ">clearance", "nearest limit"),
+        *(">singularity", ">top speed", "problems"),
+    )
     return [plain_table(f"{record['mechanism']}: motions", columns, rows)]
+
+
+# The robot's picture.
+
+# Part of the largest extent below which a robot is flat.
+FLAT = 1e-6
+VIEWS = {"front": (0, 2), "side": (1, 2), "top": (0, 1)}  # axes that go right and up
+ACROSS = np.array([[0.82, -0.57, 0.0], [-0.25, -0.36, 0.9]])  # right and up, from a corner
+
+
+def force_unit(mechanism: Mechanism, joint: str) -> str:
+    """Unit of a motor's force: N where it slides, N m where it turns."""
+    return "N" if mechanism.velocity_indices([joint])[0] in mechanism.prismatic else "N m"
+
+
+def robot_chart(mechanism: Mechanism) -> Chart:
+    """Links, joints and closures at the reference, seen from some sides."""
+    model, q = mechanism.model, mechanism.reference[None]
+    names = [frame.name for frame in model.frames]
+    joints = frame_poses(mechanism, q, [names.index(n) for n in mechanism.joints], jacobians=False)
+    hubs = np.vstack([np.zeros(3), joints.origin[0]])
+    turns = np.concatenate([np.eye(3)[None], joints.rotation[0]])
+    ends = [k for closure in mechanism.closures for k in closure.frame_ids]
+    met = frame_poses(mechanism, q, ends, jacobians=False).origin[0] if ends else np.zeros((0, 3))
+    parents = list(model.parents)
+    links = [(parents[k], hubs[k]) for k in range(1, len(hubs))]
+    links += [(model.frames[k].parentJoint, place) for k, place in zip(ends, met, strict=True)]
+    grown = {parent for parent, _ in links}
+    for k in (k for k in range(1, len(hubs)) if k not in grown):  # to its centre of mass
+        links.append((k, hubs[k] + turns[k] @ model.inertias[k].lever))
+    base = [place for parent, place in links if parent == 0]
+    hubs[0] = np.mean(base, axis=0) if base else hubs[0]
+    motors = np.array([name in mechanism.actuated for name in mechanism.joints], dtype=bool)
+    lines = {"base": (True, "faint"), "links": (False, "measured")}
+    dots = {
+        "motors": (hubs[1:][motors], "fit"),
+        "passive joints": (hubs[1:][~motors], "file"),
+        "closures": (met, "other"),
+    }
+
+    def panel(title: str, seen: FloatArray) -> Panel:
+        marks = []
+        for name, (fixed, look) in lines.items():
+            parts = [(hubs[k], place) for k, place in links if (k == 0) == fixed]
+            gap = np.full((len(parts), 1, 3), np.nan)
+            if parts:
+                flat = np.concatenate([np.array(parts), gap], axis=1).reshape(-1, 3) @ seen.T
+                marks.append(Mark(name, flat[:, 0], flat[:, 1], look))
+        for name, (at, look) in dots.items():
+            if len(at):
+                marks.append(Mark(name, at @ seen[0], at @ seen[1], look, "dots"))
+        return Panel(title, tuple(marks), equal=True)
+
+    extent = np.ptp(np.vstack([hubs, met]), axis=0)
+    flat = extent <= FLAT * extent.max()
+    sides = {n: np.eye(3)[list(axes)] for n, axes in VIEWS.items() if not flat[list(axes)].any()}
+    views = sides or {"front": np.eye(3)[[0, 2]]}
+    if not flat.any():
+        views["from a corner"] = ACROSS
+    title = "{} (m)".format
+    caption = (
+        f"{mechanism.name} at its reference. Where loops are cut, frames meet: "
+        + ("; ".join(f"{c.frame_a} and {c.frame_b}" for c in mechanism.closures) or "it has none")
+        + "."
+    )
+    panels = tuple(panel(title(name), seen) for name, seen in views.items())
+    return Chart("robot", caption, "", panels, columns=len(panels))

@@ -34,6 +34,7 @@ COMPONENTS = {
     "JointModelTranslation": LINEAR,
 }
 OUTSIDE = 1e-9  # m or rad: the round-off of a position at its limit
+NO_LIMIT = 1e100  # readers write the largest float where a file gives no limit
 LISTED = 8  # names in a sentence
 
 
@@ -290,7 +291,7 @@ class Mechanism:
         lower, upper = self.model.lowerPositionLimit.copy(), self.model.upperPositionLimit.copy()
         several = np.repeat(np.array(self.model.nqs) != 1, self.model.nqs)
         none = several | ((lower == 0) & (upper == 0))
-        lower[none], upper[none] = -np.inf, np.inf
+        lower[none | (lower < -NO_LIMIT)], upper[none | (upper > NO_LIMIT)] = -np.inf, np.inf
         return frozen(lower), frozen(upper)
 
     def outside(self, q: FloatArray) -> BoolArray:

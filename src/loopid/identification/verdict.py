@@ -1,0 +1,109 @@
+"""A verdict on an identification: fit for what, how sure, and what would improve it most."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from loopid.records import record
+
+if TYPE_CHECKING:
+    from loopid.identification.pipeline import Identification
+
+# Error on new data as a part of a motor's force, in the root mean square: what a controller's
+# feedforward can be built on, and what it still profits from.
+GOOD, ROUGH = 0.1, 0.3
+NAMED = 1  # parameters that the sentence names
+
+
+@record
+class Verdict:
+    """What an identification is good for; printed, it is one sentence.
+
+    Attributes
+    ----------
+    use : str
+        What the recommended fit is fit for.
+    motor : str
+        Whose force is predicted worst.
+    error : float
+        Of that motor on new data, in parts of its force, in the root mean square.
+    ratio : tuple of float
+        Mean squared error on new data over that with the robot file's bodies, and its standard
+        error; of the best fit where the robot file's bodies are recommended.
+    significant, parameters : int
+        Parameters of the recommended fit, and how many of them clearly differ from zero.
+    excite : tuple of str
+        Parameters that a further motion should excite: ``design_excitation(model,
+        parameters=verdict.excite, after=recordings)``.
+    improvement : str
+        What would improve the fit most.
+    """
+
+    use: str
+    motor: str
+    error: float
+    ratio: tuple[float, float]
+    significant: int
+    parameters: int
+    excite: tuple[str, ...]
+    improvement: str
+
+    @classmethod
+    def of(cls, found: Identification) -> Verdict:
+        """Of an identification."""
+        new, quality = found.new, found.recommended.validation
+        squares = np.array(new.problem.force_squares()) / np.maximum(quality.samples, 1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            errors = np.where(squares > 0, quality.residual_rms / np.sqrt(squares), np.nan)
+        worst = 0 if np.isnan(errors).all() else int(np.nanargmax(errors))
+        significant = len(found.fit.values) - len(found.fit.insignificant())
+        excite = found.identifiability.leads or _least_known(found)
+        judged = [each for each in found.candidates.values() if each is not found.baseline]
+        best = found.recommended if found.recommended in judged else judged[-1]
+        return cls(
+            _use(found, float(errors[worst])),
+            new.actuators[worst],
+            float(errors[worst]),
+            best.error_ratio,
+            significant,
+            len(found.fit.values),
+            excite,
+            f"exciting {_listed(excite)}" if excite else "a longer log",
+        )
+
+    def __str__(self) -> str:
+        ratio, error = self.ratio
+        return (
+            f"{self.use}: on new data errors are at most {100 * self.error:.2g} % of a motor's "
+            f"force ({self.motor}), squared {ratio:.2f} ± {error:.2f} of the robot file's, and "
+            f"{self.significant} of {self.parameters} values differ clearly from zero; "
+            f"{self.improvement} would improve it most."
+        )
+
+
+def _use(found: Identification, error: float) -> str:
+    if not error <= ROUGH:
+        return "Not fit for use"
+    use = "Fit for predicting forces" if error <= GOOD else "Fit for rough predictions of forces"
+    if found.recommended is found.baseline:
+        return f"{use} with the robot file's bodies, as fitted ones are not clearly better"
+    told = found.identifiability
+    if error <= GOOD and told.well_determined == told.structural_rank:
+        return f"{use} and as parameters of the robot"
+    return f"{use} in motions like these, but not parameter by parameter"
+
+
+def _least_known(found: Identification) -> tuple[str, ...]:
+    """Parameters whose estimates are not clear from zero, the least known first."""
+    alone = found.recommended is found.baseline  # of the bodies it has no estimates
+    fit = found["all parameters"].fit if alone else found.fit
+    weak, order = set(fit.insignificant()), np.argsort(-fit.relative_std, kind="stable")
+    return tuple(name for j in order if (name := fit.parameters.labels[j]) in weak)
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = len(names) - NAMED
+    return ", ".join(names[:NAMED]) + (f" and {more} more" if more > 0 else "")

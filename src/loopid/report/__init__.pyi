@@ -1,0 +1,16 @@
+from .chart import Chart as Chart, Mark as Mark, Panel as Panel
+from .compare import comparison_report as comparison_report
+from .excitation import excitation_report as excitation_report
+from .forces import (
+    gains_report as gains_report,
+    payload_report as payload_report,
+    prediction_report as prediction_report,
+)
+from .identify import identification_report as identification_report
+from .page import Page as Page, Report as Report, Run as Run, Section as Section
+from .schema import json_schema as json_schema
+from .structure import (
+    base_report as base_report,
+    check_report as check_report,
+    motions_report as motions_report,
+)

@@ -1,0 +1,211 @@
+"""The forms of all records; ``json_schema`` tells them to programs in other languages.
+
+A form is a type; a list with the form of its entries; a dict of keys with their forms, all of which
+are there, or with the one key ``str``: of any keys; or a tuple of a form and None.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from loopid.errors import OptionError
+from loopid.report.page import VERSION
+
+Real = float | None  # null for infinity, and for what is unknown
+Text = str | None
+
+_NAMED = {"mechanism": str, "model": str}
+_SEARCH = {
+    **dict.fromkeys(("name", "criterion", "reason"), str),
+    **dict.fromkeys(("candidates", "evaluated", "nodes"), int),
+    **dict.fromkeys(("condition_number", "gap", "tolerance", "seconds"), Real),
+    **{"certified": bool, "ties": int | None},
+}
+_CHOICE = {
+    **{"nonzero_parameters": int, "rank": int, "search": _SEARCH},
+    **dict.fromkeys(("rank_gap", "condition_number", "nullspace_condition_number"), Real),
+    "doubtful": [
+        {"expression": str, "terms": {str: float}}
+        | {"singular_value": float, "rounding": Real, "source": str}
+    ],
+    "base_parameters": [{"name": str, "terms": {str: float}, "expression": str}],
+}
+_BASE = {
+    **_NAMED,
+    **{"standard_parameters": int, **_CHOICE, "undetermined": [str]},
+    "motors_alone": (_CHOICE, None),
+}
+_QUALITY = {"rms": [Real], "r_squared": [Real]}
+_TERM_SET = {"fitted": int, "error": float, "standard_error": Real, "enough": bool}
+_DIRECTION = {"combination": str, "effect": float, "standard_error": Real, "change": [float]}
+_RECORDING = {
+    **{"name": str, "samples": int, "used": [int], "cutoff": Real},
+    **{key: [str] for key in ("dropped", "wrenches")},
+}
+_ERRORS = _QUALITY | {"rms_standard_error": [Real]}
+FIT = {str: object}  # its own ``format`` and ``version`` say its form: ``read_fit`` reads it
+FORMS: dict[str, dict[Any, Any]] = {
+    "check": {
+        "mechanism": str,
+        "joints": [
+            {"name": str, "type": str, "actuated": bool}
+            | {"reference": [float], "lower": Real, "upper": Real}
+        ],
+        "closures": [
+            {"name": str, "frames": [str], "joints": [str]}
+            | {"type": str, "rows": int, "rank": int, "residual": float}
+        ],
+        **dict.fromkeys(("closure_rows", "closure_rank", "redundant_rows", "coordinates"), int),
+        **dict.fromkeys(("degrees_of_freedom", "generic_degrees_of_freedom"), int),
+        **dict.fromkeys(("rank_gap", "least_singular_value", "closure_residual"), Real),
+        **dict.fromkeys(("singularity_measure", "characteristic_length"), Real),
+        **dict.fromkeys(("singular_reference", "near_singularity"), bool),
+        **{key: [str] for key in ("bodies", "actuated", "passive", "independent", "undetermined")},
+        **{key: [str] for key in ("redundant_actuation", "unequal_links", "odd_masses")},
+        "inertia_defects": [str],
+        "identical": {str: [str]},
+        "assembly_modes": [
+            {"mode": int, "used": bool, "rank": int | None, "distance": float}
+            | {"meets_drawn_pose": bool, "parallel_pairs": int, "reference": {str: object}}
+        ],
+        "in_file_not_in_model": [
+            {"what": str, "value": Real, "relative_size": Real}
+            | dict.fromkeys(("joint", "term", "unit", "included_by"), Text)
+        ],
+    },
+    "base": _BASE,
+    "motions": {
+        "mechanism": str,
+        "motions": [
+            {"name": str, "seconds": float, "ranges": {str: [float]}, "nearest_limit": Text}
+            | dict.fromkeys(("clearance", "singularity", "singular_time"), Real)
+            | {"speeds": {str: float}, "problems": [str]}
+        ],
+    },
+    "excitation": {
+        **_NAMED,
+        **{"criterion": str, "solver": str, "converged": bool},
+        **dict.fromkeys(("condition_number", "log_det", "trace", "least_eigenvalue"), Real),
+        **dict.fromkeys(("min_singularity_measure", "duration", "seconds"), Real),
+        **dict.fromkeys(("violations", "evaluations"), int),
+        **{key: [str] for key in ("coordinates", "parameters")},
+        **{"noise": {str: float}, "standard_errors": [Real], "errors_before": [Real]},
+        "checks": [
+            {"name": str, "unit": str, "violations": int}
+            | dict.fromkeys(("lowest", "highest", "lower", "upper", "time"), Real)
+        ],
+    },
+    "identification": {
+        **_NAMED,
+        **{key: [str] for key in ("actuators", "expressions", "essential_parameters", "findings")},
+        **{key: [_RECORDING] for key in ("training", "validation")},
+        **{"robot_file": [float], "essential": [float], "recommended": str},
+        **{"fit": FIT, "recommended_fit": FIT, "prior_deviation": Real},
+        "judged": {
+            **dict.fromkeys(("use", "motor", "improvement"), str),
+            **{"error": Real, "ratio": [Real], "significant": int, "parameters": int},
+            "excite": [str],
+        },
+        "cutoff": (
+            {"chosen": float, "judged": float, "bound": str, "clear": [bool | float]}
+            | {key: [Real] for key in ("cutoffs", "errors", "spreads")},
+            None,
+        ),
+        **{"joint_terms": {str: [str]}, "fitted_bodies_pay": bool},
+        "term_sets": [
+            {"terms": str, "chosen": bool, "robot_file": _TERM_SET, "fitted_bodies": _TERM_SET}
+        ],
+        "identifiability": {
+            **dict.fromkeys(("structural_rank", "rank", "better_than_robot_file"), int),
+            **{"parameters": [str], "structural_effects": [float], "effects": [float]},
+            **{key: [_DIRECTION] for key in ("unidentifiable", "weak")},
+        },
+        "candidates": [
+            {"name": str, "fitted": int, "training": _ERRORS, "validation": _ERRORS}
+            | {"error_ratio": Real, "error_ratio_standard_error": Real, "beats_baseline": bool}
+        ],
+        "delay": (
+            {"joints": [str], "common": float, "interval": [Real], "each": [Real]}
+            | {"intervals": [[Real]], "undone": [float]},
+            None,
+        ),
+        "suspicions": [
+            {"recording": str, "sentences": [str]}
+            | {"gains": [{"joint": str, "gain": float, "interval": [Real]}]}
+        ],
+    },
+    "prediction": {
+        "recordings": [
+            {"name": str, "actuators": [str], "dropped": [str], "wrenches": [str]}
+            | dict.fromkeys(("moving", "standing_or_saturated"), _QUALITY | {"samples": [int]})
+        ]
+    },
+    "payload": {
+        **{"link": str, "parameters": [str], "units": [str], "values": [float]},
+        **{"intervals_95_percent": [[Real]], "mass": Real, "centre": ([Real], None)},
+        "centre_intervals_95_percent": ([[Real]], None),
+    },
+    "gains": {"actuators": [str], "gains": [float], "intervals_95_percent": [[Real]]},
+    "comparison": {
+        "runs": [
+            dict.fromkeys(("name", "robot", "model"), str)
+            | {"estimator": Text, "rms": ([Real], None)}
+        ],
+        "parameters": [
+            dict.fromkeys(("name", "expression", "unit"), str)
+            | {"values": [Real], "standard_errors": [Real], "apart": Real}
+        ],
+    },
+    "paper": {
+        **{"geometry": {str: float}, "base": _BASE, "rows": [int | None], "stand_in": bool},
+        **{"fits": {str: {"values": [float], "standard_errors": [Real]}}, "influence": [float]},
+    },
+    "export": {},
+}
+
+
+def json_schema(name: str) -> dict[str, Any]:
+    """The JSON Schema of a record: of ``--json``, and of the file that stands beside a report.
+
+    Parameters
+    ----------
+    name : str
+        A key of ``FORMS``, as in the record's ``schema``: ``"loopid check 1"`` is ``check``.
+
+    Raises
+    ------
+    OptionError
+        When there is none of that name.
+
+    Examples
+    --------
+    >>> from loopid.report import json_schema
+    >>> json_schema("gains")["properties"]["actuators"]
+    {'type': 'array', 'items': {'type': 'string'}}
+    """
+    if name not in FORMS:
+        raise OptionError.unknown("record", name, FORMS)
+    said = {} if name == "export" else {"verdict": str, "advice": str}
+    schema = _schema(said | FORMS[name])
+    schema["required"] = ["schema", *schema["required"]]
+    schema["properties"] |= {
+        "schema": {"const": f"loopid {name} {VERSION}"},
+        "written": _schema([str]),
+    }
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def _schema(form: Any) -> dict[str, Any]:
+    if isinstance(form, tuple):
+        return {"anyOf": [_schema(form[0]), {"type": "null"}]}
+    if isinstance(form, list):
+        return {"type": "array", "items": _schema(form[0])}
+    if not isinstance(form, dict):
+        return {} if form is object else TypeAdapter(form).json_schema()
+    if str in form:
+        return {"type": "object", "additionalProperties": _schema(form[str])}
+    properties = {key: _schema(each) for key, each in form.items()}
+    closed = {"required": list(form), "additionalProperties": False}
+    return {"type": "object", "properties": properties, **closed}

@@ -1,0 +1,159 @@
+"""Charts: one description, drawn on the page and for papers; what is drawn is what was given."""
+
+import re
+import struct
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+from lxml.html import tostring
+
+from loopid.errors import MissingExtraError
+from loopid.report import Chart, Mark, Panel
+from loopid.report.chart import COLUMN, HIGH, RESOLUTION, STEPS, WIDE, ticks
+
+TIME = np.linspace(0.0, 10.0, 50_000)
+
+
+def points(path):
+    """Subpaths of whole numbers, from point to point, as the page's script reads them."""
+    parts = [np.array(re.findall(r"-?\d+", part), int) for part in path.split("M")[1:]]
+    return [part[: len(part) // 2 * 2].reshape(-1, 2).cumsum(axis=0) for part in parts]
+
+
+def paths(panel):
+    root = Chart("name", "caption", "x", (panel,)).html()
+    found = [path for path in root.iter("path") if path.get("class") != "grid"]
+    ends = [
+        np.array(root.find(".//div[@data-x]").get(f"data-{axis}").split(), float) for axis in "xy"
+    ]
+    return found, ends
+
+
+def back(drawn, ends):
+    """Points of the square as numbers of the axes."""
+    (left, right), (low, high) = ends
+    return np.stack(
+        [left + drawn[:, 0] * (right - left) / WIDE, high + drawn[:, 1] * (low - high) / HIGH], 1
+    )
+
+
+def test_a_line_is_drawn_where_its_numbers_are():
+    x, y = np.linspace(-2, 3, 100), np.random.default_rng(0).normal(size=100)
+    (path,), ends = paths(Panel("t", (Mark("a", x, y),)))
+    (drawn,) = points(path.get("d"))
+    found = back(drawn, ends)
+    np.testing.assert_allclose(found[:, 0], x, atol=5.5 / WIDE)
+    np.testing.assert_allclose(found[:, 1], y, atol=1.1 * np.ptp(y) / HIGH)
+
+
+def test_a_long_line_keeps_its_extremes_and_its_gaps():
+    rng = np.random.default_rng(1)
+    y = np.sin(TIME) + 0.01 * rng.normal(size=len(TIME))
+    spikes = rng.choice(len(TIME), 20, replace=False)
+    y[spikes] += 3.0
+    y[20_000:30_000] = np.nan
+    mark = Mark("a", TIME, y).thinned()
+    assert len(mark.x) <= 3 * STEPS
+    for k in np.flatnonzero(y > 2.5):
+        assert np.nanmax(mark.y[np.abs(mark.x - TIME[k]) < 10.0 / STEPS]) >= y[k]
+    known = TIME[[19_999, 30_000]]
+    inside = mark.x[(known[0] < mark.x) & (mark.x < known[1])]
+    assert np.isnan(mark.y[np.isin(mark.x, inside)]).all()
+    assert len(inside)
+    given = dict(zip(TIME.tolist(), y.tolist(), strict=True))
+    for at, value in zip(mark.x.tolist(), mark.y.tolist(), strict=True):
+        assert value == given[at] or np.isnan(value)  # nothing is made up
+    (path,), _ = paths(Panel("t", (Mark("a", TIME, y),)))
+    assert len(points(path.get("d"))) == 2
+
+
+def test_bands_spans_and_dots_have_their_ends():
+    x, low, high = np.arange(3.0), np.array([0.0, 1.0, 2.0]), np.array([4.0, 5.0, 6.0])
+    marks = Mark("b", x, low, kind="band", to=high), Mark("s", low, x, kind="span", to=high)
+    (band, span), ends = paths(Panel("t", marks))
+    loop = back(points(band.get("d"))[0], ends)
+    assert band.get("d").endswith("z")
+    np.testing.assert_allclose(loop[:, 1], [0, 1, 2, 6, 5, 4], atol=0.01)
+    numbers = re.findall(r"M(-?\d+) (-?\d+)H(-?\d+)", span.get("d"))
+    assert len(numbers) == 3
+    (left, right), _ = ends
+    for (a, _, b), first, last in zip(numbers, low, high, strict=True):
+        placed = [left + int(n) * (right - left) / WIDE for n in (a, b)]
+        np.testing.assert_allclose(placed, [first, last], atol=0.01)
+
+
+def test_logarithmic_axes_leave_out_what_has_no_logarithm():
+    mark = Mark("a", np.array([1.0, 10.0, 0.0, 100.0]), np.array([1.0, 1e3, 1.0, 1e6]))
+    (path,), ends = paths(Panel("t", (mark,), log="xy"))
+    drawn = [back(part, ends) for part in points(path.get("d"))]
+    np.testing.assert_allclose(drawn[0], [[0, 0], [1, 3]], atol=0.01)
+    np.testing.assert_allclose(drawn[1][0], [2, 6], atol=0.01)
+
+
+def test_a_length_is_the_same_both_ways_where_it_is_asked_for():
+    panel = Panel("t", (Mark("a", np.array([0.0, 1.0]), np.array([0.0, 5.0])),), equal=True)
+    across, high = panel.limits()
+    assert np.ptp(across) == pytest.approx(np.ptp(high))
+
+
+@pytest.mark.parametrize("ends", [(0.0, 1.0), (-3.7e-5, 2e-5), (1e6, 1.02e6), (13.37, 22.4)])
+def test_ticks_are_few_round_and_between_the_ends(ends):
+    found = ticks(*ends)
+    places = [at for at, _ in found]
+    assert 2 <= len(found) <= 7
+    assert ends[0] <= min(places) < max(places) <= ends[1]
+    assert all(float(text) == pytest.approx(at, abs=1e-12) for at, text in found)
+    assert len({text for _, text in found}) == len(found)
+
+
+def test_decades_are_ticked_and_parts_of_one():
+    assert [text for _, text in ticks(-3.1, 4.2, log=True)][:2] == ["1e-2", "1e0"]
+    assert [text for _, text in ticks(-0.1, 1.1, log=True)] == ["1", "2", "5", "10"]
+
+
+@pytest.mark.parametrize("empty", [np.zeros(0), np.full(3, np.nan), np.full(3, 5.0)])
+def test_nothing_to_draw_is_drawn_as_nothing(empty):
+    chart = Chart("n", "c", "x", (Panel("t", (Mark("a", empty, empty),)),))
+    assert b"nan" not in tostring(chart.html())
+
+
+def test_names_stay_text():
+    name = '<img src=x onerror="alert(1)"> $a$ \x1b[31m'
+    panel = Panel(name, (Mark(name, TIME, TIME),), labels=(name,))
+    chart = Chart("n", name, name, (panel,))
+    root = chart.html()
+    assert not list(root.iter("img"))
+    assert "onerror" in root.text_content()
+    assert set(chart.files()) == {"n.svg", "n.png"}
+
+
+# For papers.
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    marks = (
+        Mark("line", TIME, np.sin(TIME), "measured"),
+        Mark("band", TIME, np.sin(TIME) - 1, "fit", "band", np.sin(TIME) + 1),
+        Mark("dots", TIME, np.cos(TIME), "file", "dots"),
+    )
+    spans = (Mark("span", np.zeros(2), np.arange(2.0), "fit", "span", np.ones(2)),)
+    panels = Panel("force (N)", marks), Panel("named", spans, labels=("a", "b" * 90))
+    chart = Chart("forces", "caption", "time (s)", panels)
+    return chart.files(), chart.files()
+
+
+def test_a_figure_is_as_wide_as_a_column_and_the_same_bytes_again(drawn):
+    files, again = drawn
+    assert files == again
+    width, height = struct.unpack(">II", files["forces.png"][16:24])
+    assert width == pytest.approx(COLUMN * RESOLUTION, abs=1)
+    assert 1.0 < height / RESOLUTION < 9.5
+    assert ET.fromstring(files["forces.svg"]).tag == "{http://www.w3.org/2000/svg}svg"
+
+
+def test_without_matplotlib_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
+    with pytest.raises(MissingExtraError, match=r"matplotlib is not installed.*loopid\[plot\]"):
+        Chart("n", "c", "x", (Panel("t", (Mark("a", TIME, TIME),)),)).files()

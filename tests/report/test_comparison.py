@@ -1,0 +1,55 @@
+"""Fits beside each other: which values differ, told as the definition tells it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from loopid.errors import OptionError
+from loopid.identification import SavedFit
+from loopid.report import comparison_report
+
+
+@pytest.fixture(scope="module")
+def fits(study):
+    """A fit of all parameters, and the same with two values moved by so many standard errors."""
+    found = study.identification
+    fit = found["all parameters"].fit
+    moved = fit.values.copy()
+    moved[3] += 5.0 * np.sqrt(2.0) * fit.standard_errors[3]
+    moved[7] -= 2.0 * np.sqrt(2.0) * fit.standard_errors[7]
+    both = fit, replace(fit, values=moved)
+    return [SavedFit.of(found.force_model, each) for each in both]
+
+
+def test_values_that_differ_clearly_are_named(fits):
+    report = comparison_report(dict(zip(("a", "b"), fits, strict=True)))
+    rows = report.record["parameters"]
+    assert [row["name"] for row in rows] == list(fits[0].parameters.labels)
+    apart = np.array([row["apart"] for row in rows])
+    np.testing.assert_allclose(apart[[3, 7]], [5.0, 2.0], rtol=1e-6)
+    assert np.delete(apart, [3, 7]).max() == 0.0
+    assert f"1 of {len(rows)} parameters" in report.verdict
+    assert rows[3]["name"] in report.verdict
+    (table,) = report.brief
+    marks = [str(cell) for cell in table.columns[-1].cells]
+    assert [k for k, mark in enumerate(marks) if mark] == [3]
+
+
+def test_a_parameter_of_one_fit_alone_is_said_so(fits):
+    one, other = fits
+    less = other.model_copy(update={"base_parameters": other.base_parameters[:-1]})
+    report = comparison_report({"a": one, "b": less})
+    assert report.record["parameters"][-1]["values"][1] is None
+    assert report.verdict.endswith("1 are not in all of them.")
+
+
+def test_many_fits_are_in_tables_of_three(fits):
+    report = comparison_report({f"run {k}": fits[k % 2] for k in range(7)})
+    assert len(report.brief) == 3
+    assert len(report.page().html()) < 3_000_000
+
+
+def test_one_fit_alone_is_refused(fits):
+    with pytest.raises(OptionError, match="two fits or more"):
+        comparison_report({"a": fits[0]})

@@ -1,0 +1,99 @@
+"""Records keep the forms that are told of them; a form that is broken is seen."""
+
+import json
+
+import jsonschema
+import numpy as np
+import pytest
+
+import loopid
+from loopid.diagnosis import GainFit
+from loopid.errors import OptionError
+from loopid.identification import Prediction, SavedFit
+from loopid.motion import MotionReview
+from loopid.paper import paper_report
+from loopid.report import (
+    base_report,
+    check_report,
+    comparison_report,
+    excitation_report,
+    gains_report,
+    identification_report,
+    json_schema,
+    motions_report,
+    prediction_report,
+)
+from loopid.report.schema import FORMS
+
+
+@pytest.fixture(scope="module")
+def five_bar(load_once):
+    return load_once("five_bar")
+
+
+REPORTS = {
+    "check": lambda get: check_report(get("knee")),
+    "check, loops none": lambda get: check_report(get("linkage")("ball rssr")),
+    "base": lambda get: base(get("knee"), "gravity"),
+    "base, free": lambda get: base(get("linkage")("ball rssr"), "full"),
+    "motions": lambda get: motions_report(
+        "five_bar", {"a": MotionReview((), 0.05, 2.5, 0.01, {"a": 0.3})}, {"a": 12.0}
+    ),
+    "excitation": lambda get: excitation_report(design(get("five_bar"))),
+    "identification": lambda get: identification_report(get("study"), "loopid excite"),
+    "prediction": lambda get: prediction_report(get("knee"), [prediction(get("study"))]),
+    "gains": lambda get: gains_report(GainFit(("a", "b"), np.ones(2), np.eye(2), 5.0, np.zeros(1))),
+    "comparison": lambda get: comparison_report(saved(get("study"))),
+    "paper": lambda get: paper_report(get("paper")),
+}
+
+
+def base(robot, model):
+    observation = loopid.structural_observation(robot, model)
+    alone = observation.motors_alone
+    found = loopid.find_base_parameters(observation)
+    other = None if alone is None else loopid.find_base_parameters(alone)
+    return base_report(robot, model, found, other)
+
+
+def design(robot):
+    options = loopid.DesignOptions(duration=4.0, starts=1, evaluations=2, solver="slsqp")
+    return loopid.design_excitation(
+        loopid.find_force_model(robot, joint_terms=None), options=options
+    )
+
+
+def prediction(study):
+    found = study.identification
+    run = found.validation[0]
+    return Prediction(run, found.force_model.samples(run).predicted(found.fit.values))
+
+
+def saved(study):
+    found = study.identification
+    fits = found.fit, found["all parameters"].fit, found.force_model.prior
+    names = "recommended", "all", "values alone"
+    return dict(zip(names, (SavedFit.of(found.force_model, fit) for fit in fits), strict=True))
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize("kind", REPORTS)
+def test_records_have_the_form_that_is_told(kind, request):
+    report = REPORTS[kind](request.getfixturevalue)
+    assert report.name == kind.split(",")[0]
+    data = json.loads(json.dumps(report.data, allow_nan=False))
+    schema = json_schema(report.name)
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.validate(data | {"written": []}, schema)
+    for key in set(FORMS[report.name]) | {"schema", "verdict"}:  # all of it is asked for
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate({k: v for k, v in data.items() if k != key}, schema)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(data | {"more": 1}, schema)
+
+
+def test_all_forms_are_tested_and_others_unknown():
+    tested = {kind.split(",")[0] for kind in REPORTS}
+    assert set(FORMS) - tested == {"payload", "export"}  # by tests of commands, as all are
+    with pytest.raises(OptionError, match="choose one of check"):
+        json_schema("chek")
