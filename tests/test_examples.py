@@ -16,15 +16,15 @@ PRINTED = {
     "control_loop": ("forces in N that hold the robot: [", "forces in N that accelerate it: ["),
     "from_zero": (
         "2 degrees of freedom, 2 of 3 closure rows",
-        "better than it",
+        "Fit for predicting forces",
         "knee_drive.Fc",
         "kg",
     ),
     "inverse_dynamics": ("the same accelerations: True",),
     "mujoco_model": ("8 base parameters of 30", "by MuJoCo: [-0.7"),
     "own_format": ("<Log 'run': 2241 samples", "<Recording 'run'"),
-    "own_robot": ("left_crank_joint.Fc: 0.09", "better than it"),
-    "real_log": ("8582 samples of leg1_stroke", "better than it", "leg4_stroke.Fc"),
+    "own_robot": ("left_crank_joint.Fc: 0.09", "Fit for predicting forces"),
+    "real_log": ("8582 samples of leg1_stroke", "on new data errors are", "leg4_stroke.Fc"),
     "payload_on_the_knee": ("PID+G online 0.", "a leg came after 6 s, changes were found at [6."),
     "serial_arm": ("upper.mx + 0.4 lower.m", "shoulder.Fc: 0.", "payload.m: 0."),
 }

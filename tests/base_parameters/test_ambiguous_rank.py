@@ -9,6 +9,8 @@ from choice_problems import parameters
 from hypothesis import given, strategies as st
 
 from loopid.base_parameters import (
+    CRITERIA,
+    SEARCHES,
     DoubtfulCombination,
     RankTolerances,
     analyse,
@@ -54,6 +56,24 @@ def test_noise_that_may_be_signal_does_not_count_and_is_listed(level, rank, doub
     lost = np.linalg.norm(noisy(level) @ found.null_basis, 2) / np.linalg.norm(noisy(level), 2)
     most = max((one.singular_value for one in found.doubtful), default=1e-12)
     assert lost <= 2 * most
+
+
+# The subgroup search refuses problems of so few columns.
+@pytest.mark.parametrize("search", sorted({*SEARCHES} - {"subgroup"}))
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_columns_far_shorter_than_others_leave_a_valid_choice(search, criterion):
+    """What is chosen gives the regressor again, but for what is doubtful."""
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        n = int(rng.integers(4, 10))
+        r = int(rng.integers(2, n))
+        W = rng.normal(size=(40, r)) @ rng.normal(size=(r, n))
+        W[:, rng.choice(n, rng.integers(1, n), replace=False)] *= 10.0 ** -rng.integers(7, 14)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", AccuracyWarning)
+            base = find_base_parameters(observe(W), search, criterion=criterion)
+        assert base.reconstruction_error(W) < 1e-6
+        assert np.isfinite(base.nullspace_condition_number)
 
 
 @given(st.integers(0, 6), st.integers(0, 6), st.integers(0, 6))

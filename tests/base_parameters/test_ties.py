@@ -57,6 +57,17 @@ def test_parameters_that_act_alike_stand_for_each_other(criterion, twins):
     assert found.dependent == tuple(range(3 * twins - 3))
 
 
+@pytest.mark.parametrize("off", [0.0, 1e-10, 2e-10, 4e-10])
+def test_ties_at_the_least_level_there_is_are_counted(off):
+    """Two pairs of orthogonal columns, one of them hardly so, and shorter than the other."""
+    W = np.array([[1.0, off, 2.0, -1.0], [0.0, 1.0, 1.0, 2.0]])
+    null_basis = np.linalg.svd(W)[2][2:].T
+    problem = ChoiceProblem(
+        structure(null_basis, W @ structure(null_basis).row_factor.T), "regressor"
+    )
+    assert ExactSearch().search(problem).ties == len(brute_force(problem).tied) == 2
+
+
 @pytest.mark.parametrize("angle", [1e-5, 1e-6, 1e-7, 1e-8])
 def test_nearly_parallel_columns_are_told_apart(angle):
     """Columns of equal norm at a small angle: which of them stays matters at first order."""

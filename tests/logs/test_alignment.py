@@ -6,7 +6,7 @@ from hypothesis import given, strategies as st
 
 from loopid.errors import LogError
 from loopid.logs import LogTolerances, read_log
-from loopid.logs.mapping import Channel
+from loopid.logs.columns import Channel
 from loopid.logs.streams import Stream, align as align_joints
 
 GAP_PERIODS = LogTolerances().gap

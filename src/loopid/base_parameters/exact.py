@@ -126,7 +126,8 @@ class _Interval:
         self._fine = self.tolerance / 16
         lowest = min(float(block.svd[1][-1]) + margin(block.count, block.size) for block in blocks)
         self.highest = lowest**2
-        self.floor = least_largest * (1 - 4 * self._fine)
+        # Below what any selection has, so that one that ties there is met.
+        self.floor = least_largest * (1 - 4 * self.tolerance)
         top = max(float(block.svd[1][0]) ** 2 for block in blocks)
         self.ceiling = min(top, self.levels.ratio * self.highest) * (1 + 4 * self._fine)
 

@@ -68,10 +68,10 @@ class RankTolerances:
 
     least: float = 1e-7
     zero: float = 1e-12
-    change: float = 0.05
+    change: float = 0.02
     draws: int = 8
     reach: float = 1e3
-    farthest: float = 1e-3
+    farthest: float = 1e-2
     faint: float = 1e-5
     presumed: float = 1e-6
 

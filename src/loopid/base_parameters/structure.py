@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import scipy.linalg
 
 from loopid.arguments import FloatArray, IntArray, checked, finite
 from loopid.base_parameters.rank import DoubtfulCombination, RankTolerances, decide_rank, decomposed
@@ -99,11 +100,14 @@ def analyse(observation: Observation, tolerances: RankTolerances = RankTolerance
         # Columns of equal length give the most accurate null vectors, unless small ones are noise.
         scales = found.scales[columns] if found.doubtful else 1 / np.linalg.norm(R, axis=0)
         values, right = decomposed(R * scales)
-        basis, _ = np.linalg.qr(right[rank:].T * scales[:, None])
-    # Rows of round-off are zeros: enough of them would make a V22 with an excellent condition
-    # number and no meaning.
-    precision = _precision(found.gap, doubtful=bool(found.doubtful))
-    basis[np.linalg.norm(basis, axis=1) < precision] = 0.0
+        basis = _orthonormal(right[rank:].T * scales[:, None])
+        # Rows of round-off are zeros: enough of them would make a V22 with an excellent condition
+        # number and no meaning.
+        precision = _precision(found.gap, doubtful=bool(found.doubtful))
+        basis[np.linalg.norm(basis, axis=1) < precision] = 0.0
+        basis, _ = np.linalg.qr(basis)
+        factor = values[:rank, None] * right[:rank] / scales
+        factor -= (factor @ basis) @ basis.T  # so that both have the same regular choices
     return Structure(
         parameters=observation.parameters.select(columns),
         columns=columns,
@@ -111,10 +115,22 @@ def analyse(observation: Observation, tolerances: RankTolerances = RankTolerance
         rank=rank,
         rank_gap=found.gap,
         null_basis=basis,
-        row_factor=values[:rank, None] * right[:rank] / scales,
+        row_factor=factor,
         doubtful=found.doubtful,
         tolerances=tolerances,
     )
+
+
+def _orthonormal(vectors: FloatArray) -> FloatArray:
+    """A basis of vectors (n, d), each row as exact as its size allows.
+
+    Rows of very different size lose nothing to the longer ones where these come first, and pivots
+    are chosen [Higham2002, section 19.4].
+    """
+    order = np.argsort(-np.linalg.norm(vectors, axis=1), kind="stable")
+    basis = np.empty_like(vectors)
+    basis[order] = scipy.linalg.qr(vectors[order], mode="economic", pivoting=True)[0]
+    return basis
 
 
 def _precision(gap: float, *, doubtful: bool) -> float:

@@ -37,7 +37,7 @@ TURN = 2 * pi  # motors hardly move further, in rad or characteristic lengths
 OWN = ("Fc", "Fv", "Ia")  # joint terms of motors that are projected out
 LEAST_INDEPENDENT, ITERATIONS = 10, 8  # samples, and steps to the weights of a fit
 # Loops are closed at other positions as well as it takes to know forces, to 1e-5 m.
-CLOSING = AssemblyOptions(tolerance=1e-5, short=1e-3, rough=0.1, shortest_step=0.1)
+CLOSING = AssemblyOptions(tolerance=1e-5, short=1e-3, rough=0.1, shortest_step=0.25)
 TINY = 1e-300
 
 
@@ -92,7 +92,7 @@ class SuspicionOptions:
     factor: float = 1.5
     ratio: float = 1.5
     interval: float = 0.5
-    few: int = 20
+    few: int = 16
     closing: float = 0.9
     held: float = 0.8
     jump: float = 3.0

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import combinations
-from math import exp, inf, log, pi, sqrt
+from math import exp, inf, isfinite, log, pi, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,8 +28,9 @@ from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import one_blas_thread
 
-# So many sizes are tried around the best, of which their mean and deviation follow, so many times.
-TRIED, ROUNDS, REACH = 5, 4, 3.0  # the last in deviations
+# Between the neighbours of the best size so many are tried, so many times; then so many steps of
+# Newton's method follow.
+TRIED, ZOOMS, STEPS = 9, 2, 3
 CLOSELY = 2  # mistakes of positions that are looked at closely
 INTERVAL = 1.96  # standard deviations
 
@@ -335,30 +336,29 @@ def _finds(model: Evidence, found: Explanation, *, assembled: bool) -> list[_Fin
                 tried.append((float(likely[best]), name, motors, float(sizes[best])))
     if assembled:
         tried = sorted(tried, key=lambda one: -one[0])[:CLOSELY]
-    return [
-        _find(model, first, found, name, motors, size)
-        for evidence, name, motors, size in tried
-        if evidence > -inf
-    ]
+    finds = (_find(model, first, found, name, motors, size) for _, name, motors, size in tried)
+    return [find for find in finds if find is not None]
 
 
 def _find(
     model: Evidence, first: Evidence, found: Explanation, name: str, motors: Motors, size: float
-) -> _Find:
-    """A mistake at the most likely size near one, by a first look."""
+) -> _Find | None:
+    """A mistake at the most likely size near one, by a first look; None where there is none."""
     kind, deviation, lost = KINDS[name], 0.0, 0.0
     if kind.sizes:
         at, step, sign = log(abs(size)), log(kind.sizes[1] / kind.sizes[0]), np.sign(size)
-        for _ in range(ROUNDS):
-            tried = at + step * np.linspace(-1.0, 1.0, TRIED)
+        for _ in range(ZOOMS):
+            tried = np.linspace(at - step, at + step, TRIED)
             evidence = kind.evidence(first, found.undone, motors, sign * np.exp(tried))
-            if evidence.max() == -inf:  # loops close around here, not here
-                break
-            weights = np.exp(evidence - evidence.max())
-            at = float(np.average(tried, weights=weights))
-            variance = float(np.average((tried - at) ** 2, weights=weights))
-            deviation = sqrt(variance + (tried[1] - tried[0]) ** 2 / 16)
-            step = min(step, REACH * deviation)
+            at, step = float(tried[evidence.argmax()]), 2 * step / (TRIED - 1)
+        for _ in range(STEPS):
+            sizes = sign * np.exp([at - step, at, at + step])
+            low, middle, high = kind.evidence(first, found.undone, motors, sizes).tolist()
+            if not (isfinite(low + high) and low + high < 2 * middle):  # no size is told
+                return None
+            curvature, slope = (2 * middle - low - high) / step**2, (high - low) / (2 * step)
+            at, deviation = at + min(max(slope / curvature, -step), step), 1 / sqrt(curvature)
+            step = min(step, deviation)
         size = float(sign * exp(at))
         # How much of what was possible beforehand still is: any sign, as large as any other.
         possible = len(kind.signs) * log(kind.sizes[-1] / kind.sizes[0])

@@ -29,10 +29,10 @@ LONGEST_NAME = 60  # of files and functions that are named after the robot
 LONGEST_TEXT = 4000  # bytes: C99 promises strings of 4095
 CLOSED = 1e-9  # m
 SHORTEST_PART = 2.0**-16  # of the way from the reference, before it is given up
-# Ways of the motors, in rad or characteristic lengths, of which the header tells the half of what C
-# bears: to and fro along the direction that moves the others most, at the worst of random poses.
+# Ways of the motors, in rad or characteristic lengths; the header tells a quarter of what C bears,
+# to and fro along the direction that moves the others most, at the worst of random poses.
 WAYS = [float(f"{digit}e{power}") for power in range(-6, 0) for digit in (1, 2, 5)]
-NEWTON_STEPS, POSES, WORST = 3, 500, 50
+NEWTON_STEPS, POSES, WORST = 3, 100, 20
 ONE_SIGNATURE = """/* CasADi's functions share one signature, of which not all is used. */
 #if defined(__GNUC__)
 #pragma GCC diagnostic ignored "-Wunused-parameter"
@@ -223,8 +223,8 @@ def _motor_lines(mechanism: Mechanism, units: Sequence[str]) -> str:
 
 def _way_lines(mechanism: Mechanism, units: Sequence[str], functions: Mapping[str, Any]) -> str:
     """The table of the longest ways."""
-    if not mechanism.rows:
-        return "     any way, as there are no loops"
+    if not (mechanism.rows and mechanism.measured):
+        return "     any way, as no loop moves"
     lengths, lines = {"m": mechanism.length, "rad": 1.0}, []
     for steps, way in enumerate(longest_ways(mechanism, functions), start=1):
         ways = " or ".join(f"{way * lengths[unit]:.2g} {unit}" for unit in sorted({*units}))
@@ -234,33 +234,43 @@ def _way_lines(mechanism: Mechanism, units: Sequence[str], functions: Mapping[st
 
 def longest_ways(mechanism: Mechanism, functions: Mapping[str, Any]) -> FloatArray:
     """Ways (steps,) of the motors that as many Newton steps bear, in rad or lengths: see WAYS."""
-    parts, q = partition(mechanism), random_configurations(mechanism, POSES)
-    units, dependent = (mechanism.coordinate_scales[part] for part in parts)
-    G = project(mechanism, q).G[:, parts[1]] * (units / dependent[:, None])
-    _, gains, directions = np.linalg.svd(G)
-    worst = np.argsort(-gains[:, 0])[:WORST]
-    towards = directions[worst, 0] / np.abs(directions[worst, 0]).max(axis=1, keepdims=True) * units
-    towards, q = np.concatenate([towards, -towards]), np.concatenate([q[worst], q[worst]])
+    q, towards = _worst_motions(mechanism)
     before, longest = motor_positions(mechanism, q), np.zeros(NEWTON_STEPS)
     predict, linearise = (functions[name].map(len(q)) for name in ("predict", "linearise"))
-    start = q.T, before.T
+    G, whole = linearise(q.T)[0], np.ones((1, len(q)))
     for way in WAYS:
-        target, rates = (before + way * towards).T, linearise(start[0])[0]
-        there, _, length = predict(*start, target, np.ones((1, len(q))), rates)
-        # As in C: each step a part of the one before, the last but one of those that are taken.
-        lengths, bearable, reached = [length.full()], list[bool](), list[bool]()
+        there, _, length = predict(q.T, before.T, (before + way * towards).T, whole, G)
+        # As in C: each step is a part of the one before, up to one that is not taken any more.
+        bounds, bearable, reached = USUAL.longest_step, list[bool](), list[bool]()
         for _ in range(NEWTON_STEPS + 1):
+            good = bool((length.full() <= bounds).all())
+            bounds = USUAL.contraction * length.full() + USUAL.short
             _, _, there, measures = linearise(there)
-            bound = USUAL.contraction * lengths[-1] + USUAL.short
-            lengths.append(measures[1, :].full())
-            bearable.append(bool((lengths[-1] <= bound).all()))
-            reached.append(bool((measures[0, :].full() <= _closed(mechanism)).all()))
-        bearable[0] &= bool((lengths[0] <= USUAL.longest_step).all())
+            residual, length = measures[0, :], measures[1, :]
+            bearable.append(good and bool((length.full() <= bounds).all()))
+            reached.append(bool((residual.full() <= _closed(mechanism)).all()))
         passed = np.logical_and.accumulate(bearable)[1:] & reached[1:]
-        longest[passed] = way / 2
+        longest[passed] = way / 4
         if not passed.any():
             break
     return longest
+
+
+def _worst_motions(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
+    """Closed poses (N, nq), and units (N, dof) that the motors move by for the others to move most.
+
+    The motor that moves most then does so by 1 rad or the characteristic length.
+    """
+    q, (chosen, dependent) = random_configurations(mechanism, POSES), partition(mechanism)
+    motors = np.isin(mechanism.independent, mechanism.measured)
+    units, G = mechanism.coordinate_scales, project(mechanism, q).G[:, :, motors]
+    gains = G[:, dependent] / units[dependent, None] * units[chosen[motors]]
+    _, sizes, directions = np.linalg.svd(gains)
+    worst = np.argsort(-sizes[:, 0])[:WORST]
+    most, towards = directions[worst, 0], np.zeros((len(worst), len(chosen)))
+    most /= np.abs(most).max(axis=1, keepdims=True)
+    towards[:, motors] = most * units[chosen[motors]]
+    return np.concatenate([q[worst]] * 2), np.concatenate([towards, -towards])
 
 
 def motor_positions(mechanism: Mechanism, q: FloatArray) -> FloatArray:
@@ -299,8 +309,8 @@ def _strings(texts: Iterable[str]) -> str:
 def _string(text: str) -> str:
     """A C string; every character but plain ones by its octal codes.
 
-    Names come from files of any origin. They stand in strings only: in comments, a backslash at the
-    end of a line or a trigraph would let them out.
+    Names come from files of any origin: a backslash at the end of a line or a trigraph would let
+    them out.
     """
     codes = text.encode("utf-8", "backslashreplace")
     if len(codes) > LONGEST_TEXT:

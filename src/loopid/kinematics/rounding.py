@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.sparse.csgraph import connected_components
 
-from loopid.arguments import FloatArray
+from loopid.arguments import FloatArray, IntArray
 from loopid.kinematics.constraint import Constraint, scaled_residual
 from loopid.kinematics.poses import integrate
 from loopid.kinematics.projection import (
@@ -32,8 +32,10 @@ from loopid.records import record
 from loopid.robot.closures import CLOSURE_KINDS, FramePair, LoopClosure, PairRates
 from loopid.robot.mechanism import Mechanism, motion_subspace
 
-# Numbers with fewer decimals are round by design; those with more have all the digits there are.
-LEAST_DECIMALS, MOST_DECIMALS = 5, 12
+# Lengths and angles with fewer decimals are round by design; those with more have all the digits
+# there are.
+LEAST_DECIMALS, LEAST_OF_ANGLES, MOST_DECIMALS = 4, 3, 12
+NEARLY_SQUARE = 2e-3  # rad, that 1.57 and 3.14 miss multiples of 90° by
 DIGITS_LEFT = 1e-14  # that composing placements leaves of a number with few decimals
 SQUARE = 1e-9  # rad, from a multiple of 90° that is drawn as such
 CORRECTIONS = 3  # of the dependent coordinates, each leaves the square of what there was
@@ -60,16 +62,21 @@ class Accuracy:
 def geometry_accuracy(mechanism: Mechanism) -> Accuracy:
     """What the robot file says of its rounding, or what its numbers and closures show."""
     if mechanism.rounding is not None:
-        angle = mechanism.rounding / mechanism.length
-        return Accuracy(mechanism.rounding, angle, "the rounding that is given")
+        length = max(mechanism.rounding, mechanism.closure_residual)
+        return Accuracy(length, length / mechanism.length, "the rounding that is given or needed")
     numbers: tuple[list[float], list[float]] = ([], [])
     for place in _placements(mechanism.model):
         numbers[0].extend(place.translation)
         numbers[1].extend(x for x in pin.rpy.matrixToRpy(place.rotation) if not _square(x))
     numbers[0].extend(closure.length for closure in mechanism.closures)
-    decimals = [_decimals(np.array(part)) for part in numbers]
-    length, angle = (0.5 * 10.0**-count if count else 0.0 for count in decimals)
-    said = [f"{n} decimals of {what}" for n, what in zip(decimals, ("m", "rad"), strict=True) if n]
+    angles = np.array(numbers[1])
+    length, said = _rounded_to(np.array(numbers[0]), LEAST_DECIMALS, "m")
+    angle, more = _rounded_to(angles, LEAST_OF_ANGLES, "rad")
+    missed = np.abs(angles - np.pi / 2 * np.round(angles / (np.pi / 2)))
+    missed = missed[(np.abs(angles) > 1) & (_decimals(angles) <= LEAST_OF_ANGLES)]
+    if (tilt := float(missed[missed < NEARLY_SQUARE].max(initial=0.0))) > angle:
+        angle, more = tilt, [f"{tilt:.0e} rad from a multiple of 90°"]
+    said += more
     if mechanism.closure_residual > length:
         length, said = mechanism.closure_residual, ["what the closures leave open"]
     return Accuracy(length, angle, ", ".join(said))
@@ -90,16 +97,29 @@ def _square(angle: float) -> bool:
     return bool(abs(np.sin(2 * angle)) < 2 * SQUARE)
 
 
-def _decimals(values: FloatArray) -> int:
-    """Decimals that most of the numbers have which are not round by design; 0 if all they can."""
+def _decimals(values: FloatArray) -> IntArray:
+    """Decimals that each number has."""
     counts = np.arange(MOST_DECIMALS + 2)
     rounded = np.round(values[:, None] * 10.0**counts) / 10.0**counts
     ends = np.abs(rounded - values[:, None]) <= DIGITS_LEFT * np.maximum(np.abs(values), 1)[:, None]
     ends[:, -1] = True
-    needed = ends.argmax(axis=1)
-    needed = needed[needed >= LEAST_DECIMALS]
-    most = int(np.median(needed)) if len(needed) else 0
-    return most if most <= MOST_DECIMALS else 0
+    return np.asarray(ends.argmax(axis=1))
+
+
+def _rounded_to(values: FloatArray, least: int, unit: str) -> tuple[float, list[str]]:
+    """Half a unit of the last digit of numbers that are not round by design; 0 if all they can.
+
+    Most of them have as many decimals, or as many significant digits: then the largest counts.
+    """
+    decimals = _decimals(values)
+    values, decimals = values[decimals >= least], decimals[decimals >= least]
+    if not len(values) or (usual := int(np.median(decimals))) > MOST_DECIMALS:
+        return 0.0, []
+    before = np.floor(np.log10(np.abs(values))).astype(int) + 1  # digits before the point
+    digits = int(np.median(before + decimals))
+    if (before + decimals == digits).sum() > (decimals == usual).sum():
+        return 0.5 * 10.0 ** (before.max() - digits), [f"{digits} digits of {unit}"]
+    return 0.5 * 10.0**-usual, [f"{usual} decimals of {unit}"]
 
 
 def within_accuracy(

@@ -12,17 +12,11 @@ from numpy.typing import ArrayLike
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative, finite, samples
 from loopid.errors import DataError, OptionError
+from loopid.logs.columns import Channel, ColumnFinder, free_name, wrench_name
 from loopid.logs.formats import array_table
 from loopid.logs.free import free_values
 from loopid.logs.headers import UNITS, unit_names, unit_of
-from loopid.logs.mapping import (
-    QUANTITIES,
-    Channel,
-    ColumnFinder,
-    LogMapping,
-    free_name,
-    wrench_name,
-)
+from loopid.logs.mapping import QUANTITIES, LogMapping
 from loopid.logs.streams import (
     Dropped,
     LogTolerances,

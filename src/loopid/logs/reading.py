@@ -11,10 +11,11 @@ import numpy as np
 from loopid.arguments import FloatArray, checked
 from loopid.errors import DataWarning, FileError, LogError, OptionError, warn
 from loopid.files import why_no_file
+from loopid.logs.columns import ColumnFinder
 from loopid.logs.formats import LogFormat, stream_name
 from loopid.logs.free import POSE, continued, require_known_motion
 from loopid.logs.log import Log
-from loopid.logs.mapping import QUANTITIES, ColumnFinder, LogMapping, read_mapping
+from loopid.logs.mapping import QUANTITIES, LogMapping, read_mapping
 from loopid.logs.streams import LogTolerances, Stream, make_stream, on_joints, rows_text
 from loopid.logs.wrenches import frame_index
 from loopid.registry import log_formats

@@ -15,8 +15,9 @@ import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative
 from loopid.errors import DataWarning, LogError, warn
+from loopid.logs.columns import Channel, TimeColumn
 from loopid.logs.formats import NO_STAMP, Table, numbers_in
-from loopid.logs.mapping import QUANTITIES, Channel, JointMap, TimeColumn
+from loopid.logs.mapping import QUANTITIES, JointMap
 from loopid.records import record
 
 LEAST_ROWS = 4  # of a stream, and of a stretch without gaps: shorter ones are none

@@ -42,7 +42,7 @@ LISTED = 8  # names in a sentence
 class Body:
     """A rigid body that carries parameters: all the links fixed to one joint."""
 
-    link: str  # the link that the joint carries; the parameters are in its frame
+    link: str  # the link that the joint carries; the parameters are in the frame of the joint
     joint_id: int  # index of the joint in the Pinocchio model
 
 

@@ -29,7 +29,7 @@
    state, and all functions but _start and _follow always take the same steps.
 
    How far each motor may go from one _assemble to the next, by the number of Newton steps in it, which
-   -D@GUARD@_NEWTON_STEPS=n sets: half of what closed the loops to @CLOSED@ m at the worst of @POSES@
+   -D@GUARD@_NEWTON_STEPS=n sets: a quarter of what closed the loops to @CLOSED@ m at the worst of @POSES@
    random poses away from singularities. What is too far is refused.
 
 @WAYS@
@@ -41,7 +41,7 @@
 extern "C" {
 #endif
 
-#define @GUARD@_DOF @DOF@ /* motors, and what coordinates they leave free */
+#define @GUARD@_DOF @DOF@ /* independent motors, and coordinates that they leave free */
 #define @GUARD@_PARAMETERS @PARAMETERS@ /* columns of K */
 #define @GUARD@_NQ @NQ@ /* positions of all joints */
 #ifndef @GUARD@_NEWTON_STEPS

@@ -1,0 +1,417 @@
+"""Which columns of a log are what: as a mapping says, or else by names that are usual."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import chain, count, product
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from loopid.arguments import IntArray
+from loopid.errors import DataWarning, LogError, warn
+from loopid.logs.formats import MOST_LISTED, NANOSECONDS, NO_STAMP, stamps_in
+from loopid.logs.free import POSE
+from loopid.logs.headers import Heading, endings, heading, unit_names, unit_of, words
+from loopid.logs.mapping import QUANTITIES, Columns, LogMapping, StreamColumns, TimeColumns
+from loopid.logs.wrenches import COMPONENTS
+
+if TYPE_CHECKING:
+    import polars
+
+# Quantities of the wrenches, in the order of the mapping.
+wrench_name = "wrench {}".format
+# Of joints that no motor moves, by their names.
+free_name = "free {}".format
+
+# Names that are known without a mapping, as ``words``: of the time,
+TIME_PAIRS = tuple(
+    (f"{prefix}{seconds}", f"{prefix}{rest}")
+    for prefix in ("time_", "", "stamp_", "header_stamp_")
+    for seconds, rest in (("sec", "nanosec"), ("secs", "nsecs"))
+)
+TIMES = {"time", "t", "timestamp", "time_stamp", "stamp", "elapsed_time", "header_stamp"}
+# of quantities, with the name of a joint,
+WITH_JOINT = {
+    "position": ("position", "pos", "angle", "q"),
+    "force": ("force", "effort", "torque", "tau"),
+}
+# or with the number of a motor, from 0 or from 1 on, as in "force_0", "tau1" and "joint 1 torque".
+WITH_NUMBER = {
+    "position": ("position", "joint_position", "pos", "angle", "joint_angle", "q", "actual_q"),
+    "force": ("force", "effort", "torque", "control_action", "joint_torque", "tau", "tau_j"),
+}
+NUMBERED = ("{word}_{k}", "joint_{k}_{word}", "{word}_joint_{k}", "axis_{k}_{word}")
+# Relative difference of scales that are the same: how many digits people give.
+SAME_SCALE = 1e-2
+
+
+class Place(NamedTuple):
+    """A column of a stream."""
+
+    stream: str
+    column: str
+
+    def __str__(self) -> str:
+        return f"{self.stream}:{self.column}"
+
+
+class Channel(NamedTuple):
+    """What a column holds: value = scale * number + offset, in SI units."""
+
+    quantity: str  # of QUANTITIES
+    joint: str
+    column: str
+    scale: float
+    offset: float
+    straight: bool | None = None  # whether the header's unit is of slides; None where it says none
+
+
+class TimeColumn(NamedTuple):
+    """A column of times; a second one may add whole nanoseconds below one second."""
+
+    name: str
+    unit: int  # ns
+    rest: str | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The one or two columns."""
+        return (self.name,) if self.rest is None else (self.name, self.rest)
+
+    def stamps(self, source: str, cells: polars.DataFrame) -> IntArray:
+        """Whole nanoseconds (R,), ``NO_STAMP`` where there is no time."""
+        stamps = stamps_in(source, cells[self.name], self.unit)
+        if self.rest is None:
+            return stamps
+        rest = stamps_in(source, cells[self.rest], 1)
+        valid = (stamps != NO_STAMP) & (rest >= 0) & (rest < NANOSECONDS["s"])
+        return np.where(valid, stamps + np.where(valid, rest, 0), NO_STAMP)
+
+
+@dataclass(frozen=True)
+class ColumnFinder:
+    """Finds columns of a log by name, as a mapping says or as they are usually called."""
+
+    source: str  # the log, for messages
+    streams: Mapping[str, tuple[str, ...]]  # names of the columns
+    mapping: LogMapping
+    ordered: bool = True  # whether columns of a stream stand in an order that says something
+    choice: str | None = None  # the key of the mapping that chooses among the streams
+
+    def channels(self, joints: tuple[str, ...]) -> dict[str, list[Channel]]:
+        """The columns of all quantities by stream, that of the first position first."""
+        found: dict[Place, Channel] = {}
+        wanted = [
+            quantity
+            for quantity in QUANTITIES
+            if quantity in WITH_JOINT or getattr(self.mapping, quantity) is not None
+        ]
+        of_motors = (self._channels_of(quantity, joints) for quantity in wanted)
+        for place, channel in chain(*of_motors, self._wrenches(), self._free()):
+            if place in found:
+                raise self._refused(
+                    f"column {place.column!r} is mapped twice: each {channel.quantity} has a "
+                    "column of its own",
+                    column=place.column,
+                )
+            found[place] = channel
+        streams: dict[str, list[Channel]] = {}
+        for place, channel in found.items():
+            streams.setdefault(place.stream, []).append(channel)
+        for stream, channels in streams.items():
+            times = self.time(stream).names
+            for channel in channels:
+                if channel.column in times:
+                    raise self._refused(
+                        f"column {channel.column!r} is the time, so that it cannot be the "
+                        f"{channel.quantity} of {channel.joint}, too",
+                        column=channel.column,
+                    )
+        return streams
+
+    def _channels_of(
+        self, quantity: str, joints: tuple[str, ...]
+    ) -> Iterator[tuple[Place, Channel]]:
+        """Columns of a quantity, one for each motor, with their scales and offsets."""
+        places = self._motor_columns(joints, quantity)
+        if len(places) != len(joints):
+            raise self._refused(
+                f"there are {len(places)} columns for the {quantity}, but the robot has "
+                f"{len(joints)} motors: {', '.join(joints)}",
+                columns=tuple(map(str, places)),
+                joints=joints,
+            )
+        scales = self.mapping.by_joint(self.source, f"{quantity}_scale", joints)
+        offsets = self.mapping.by_joint(self.source, f"{quantity}_offset", joints)
+        for joint, place, scale, offset in zip(joints, places, scales, offsets, strict=True):
+            said = heading(place.column, joint)
+            linear = self._linear(quantity, place.column, said, scale, f"{quantity}_scale")
+            yield place, Channel(quantity, joint, place.column, linear[0], offset, linear[1])
+
+    def _wrenches(self) -> Iterator[tuple[Place, Channel]]:
+        """Columns of the wrenches, each of them a quantity."""
+        for k, given in enumerate(self.mapping.wrenches):
+            places = self._listed_columns(given)
+            if len(places) != len(COMPONENTS):
+                raise self._refused(
+                    f"there are {len(places)} columns for the wrench on {given.frame}, but it "
+                    f"takes {len(COMPONENTS)}: {', '.join(COMPONENTS)}",
+                    columns=tuple(map(str, places)),
+                )
+            numbers = zip(places, COMPONENTS, given.six("scale"), given.six("offset"), strict=True)
+            for place, component, scale, offset in numbers:
+                column, said = place.column, heading(place.column)
+                scale, straight = self._linear("force", column, said, scale, "scale of wrenches")
+                if straight is not None and straight != component.startswith("force"):
+                    raise self._refused(
+                        f"the unit of column {column!r} is not that of the {component} on "
+                        f"{given.frame}: forces stand before moments",
+                        column=column,
+                    )
+                yield place, Channel(wrench_name(k), component, column, scale, offset)
+
+    def _free(self) -> Iterator[tuple[Place, Channel]]:
+        """Columns of joints that no motor moves, each joint a quantity."""
+        for joint, columns in self.mapping.free.items():
+            if len(columns) not in (1, len(POSE)):
+                raise self._refused(
+                    f"there are {len(columns)} columns for {joint}, but it takes one or, of a "
+                    f"floating base, {', '.join(POSE)}",
+                    columns=tuple(columns),
+                )
+            for component, place in zip(POSE, map(self._called, columns), strict=False):
+                said = heading(place.column)
+                scale, _ = self._linear("position", place.column, said, None, "a header's unit")
+                yield place, Channel(free_name(joint), component, place.column, scale, 0.0)
+
+    def _linear(
+        self, quantity: str, column: str, said: Heading, given: float | None, key: str
+    ) -> tuple[float, bool | None]:
+        """Scale of a column, as the mapping or else its header says, and what that unit is of."""
+        known = None if said.unit is None else unit_of(quantity, said.unit)
+        if given is not None:
+            if known is not None and abs(abs(given) / known.scale - 1) > SAME_SCALE:
+                warn(
+                    f"{self.source}: column {column!r} is in {known.name}, which is "
+                    f"{known.scale:.4g}, but {key} of the mapping says {given:.4g}: the mapping "
+                    "holds",
+                    DataWarning,
+                )
+            return given, None
+        if known is not None:
+            return known.scale, known.straight
+        if said.unit is not None and said.sure:
+            raise self._refused(
+                f"column {column!r} is in {said.unit!r}, which is no known unit of a {quantity} "
+                f"({', '.join(unit_names(quantity))}): give {key} in a mapping",
+                column=column,
+                unit=said.unit,
+                valid=tuple(unit_names(quantity)),
+            )
+        return 1.0, None
+
+    @cached_property
+    def _times(self) -> dict[str, TimeColumn]:
+        return {}
+
+    def time(self, stream: str) -> TimeColumn:
+        """The time of a stream; a LogError when it is not found, or there are several."""
+        if stream not in self._times:
+            given = self.mapping.time
+            found = self._found_time(stream) if given is None else self._given_time(given, stream)
+            self._times[stream] = found
+        return self._times[stream]
+
+    def _found_time(self, stream: str) -> TimeColumn:
+        here = self.streams[stream]
+        for pair in TIME_PAIRS:
+            names = [name for name in here if words(name) in pair]
+            both = {words(name): name for name in names}
+            if len(names) == len(both) == 2:
+                return TimeColumn(both[pair[0]], NANOSECONDS["s"], both[pair[1]])
+        found = [name for name in here if {words(name), words(heading(name).name)} & TIMES]
+        if len(found) == 1:
+            return TimeColumn(found[0], self._nanoseconds(found[0]))
+        problem = f"several columns for the time ({', '.join(found)})" if found else "no time"
+        raise self._refused(
+            f"{stream} has {problem}: call one column time, or name it in a mapping; "
+            f"{self._choices()}",
+            stream=stream,
+            columns=tuple(found),
+        )
+
+    def _given_time(self, given: TimeColumns, stream: str) -> TimeColumn:
+        columns = [n for n in (given.column, given.seconds, given.nanoseconds) if n is not None]
+        here = {heading(name).name: name for name in self.streams[stream]}
+        here |= {name: name for name in self.streams[stream]}
+        for name in columns:
+            if name not in here:
+                raise self._refused(
+                    f"{stream} has no column {name!r} for the time: {self._choices()}",
+                    stream=stream,
+                    given=name,
+                )
+        first, *rest = (here[name] for name in columns)
+        unit = NANOSECONDS["s"] if rest else self._nanoseconds(first, given.unit)
+        return TimeColumn(first, unit, *rest)
+
+    def _nanoseconds(self, column: str, given: str | None = None) -> int:
+        """The unit of a column of times, as the mapping or else its header says."""
+        said = heading(column)
+        scale = None if given is None else NANOSECONDS[given] / NANOSECONDS["s"]
+        scale, _ = self._linear("time", column, said, scale, "the unit of the time")
+        return round(scale * NANOSECONDS["s"])
+
+    def _motor_columns(self, joints: tuple[str, ...], quantity: str) -> list[Place]:
+        """Columns of a quantity in the order of the motors."""
+        given: Columns | None = getattr(self.mapping, quantity)
+        if isinstance(given, StreamColumns):
+            return self._listed_columns(given)
+        if given is not None:
+            names = self.mapping.by_joint(self.source, quantity, joints)
+            return [self._called(name) for name in names]
+        if self._places and all(map(_are_numbered, self.streams.values())):
+            raise self._refused(
+                f"it starts with numbers: name its columns by their numbers in a mapping; "
+                f"{self._choices()}"
+            )
+        own = [self._of_joint(joint, quantity) for joint in joints]
+        if not all(own) and (numbered := self._numbered(quantity)):
+            return numbered
+        return [
+            self._only(joint, quantity, found) for joint, found in zip(joints, own, strict=True)
+        ]
+
+    def _listed_columns(self, given: StreamColumns) -> list[Place]:
+        """Columns in the order of the motors; by default all of a stream but its time."""
+        if given.stream is None:
+            return [self._called(name) for name in given.columns or []]
+        if given.stream not in self.streams:
+            valid = tuple(self.streams)
+            raise self._refused(
+                f"there is no stream {given.stream!r}: choose among {', '.join(valid)}",
+                given=given.stream,
+                valid=valid,
+            )
+        if given.columns is not None:
+            return [self._called(f"{given.stream}:{name}") for name in given.columns]
+        if not self.ordered:
+            raise self._refused(
+                f"the columns of {given.stream} stand in no order: list them in that of the "
+                f"motors; {self._choices()}",
+                stream=given.stream,
+            )
+        times, names = self.time(given.stream).names, self.streams[given.stream]
+        return [Place(given.stream, name) for name in names if name not in times]
+
+    def _numbered(self, quantity: str) -> list[Place]:
+        """Columns such as position_0, position_1, ... or tau1, tau2, ..."""
+        for word, pattern in product(WITH_NUMBER.get(quantity, ()), NUMBERED):
+            for first in (0, 1):
+                places: list[Place] = []
+                for k in count(first):
+                    found = self._matching([pattern.format(word=word, k=k)])
+                    if not found:
+                        break
+                    places.append(self._only(f"motor {k}", quantity, found))
+                if places:
+                    return places
+        return []
+
+    def _of_joint(self, joint: str, quantity: str) -> list[Place]:
+        """Columns such as leg1.force, leg1_force, force.leg1; a position may be leg1, too."""
+        names = [
+            pattern.format(joint, word)
+            for word in WITH_JOINT[quantity]
+            for pattern in ("{}.{}", "{}_{}", "{1}.{0}", "{1}_{0}")
+        ]
+        return self._matching(names, (joint,) if quantity == "position" else ())
+
+    def _only(self, joint: str, quantity: str, found: Sequence[Place]) -> Place:
+        if not found:
+            raise self._refused(
+                f"there is no {quantity} of {joint}: call a column {joint}.{quantity}, or name it "
+                f"in a mapping; {self._choices()}",
+                quantity=quantity,
+                joint=joint,
+            )
+        if len(found) > 1:
+            several = self.choice is not None and len(self.streams) > 1
+            also = f", or a {self.choice}," if several else ""
+            raise self._refused(
+                f"there are {len(found)} columns for the {quantity} of {joint}: "
+                f"{', '.join(map(str, found))}; name one{also} in a mapping",
+                quantity=quantity,
+                joint=joint,
+                columns=tuple(map(str, found)),
+            )
+        return found[0]
+
+    def _called(self, reference: str) -> Place:
+        """The column called ``column`` or ``stream:column``, with or without its unit."""
+        found = [place for place in self._places if reference in (place.column, str(place))]
+        found = found or [
+            place
+            for place in self._places
+            for name in (heading(place.column).name,)
+            if reference in (name, f"{place.stream}:{name}")
+        ]
+        if len(found) != 1:
+            columns = tuple(map(str, found))
+            choice = f"write {' or '.join(columns)}" if found else self._choices()
+            said = f"there {'are several columns' if found else 'is no column'} {reference!r}"
+            raise self._refused(f"{said}: {choice}", given=reference, columns=columns)
+        return found[0]
+
+    def _matching(self, names: Sequence[str], alone: Sequence[str] = ()) -> list[Place]:
+        """Columns with one of the names: as they are, by their words, or at the end of a path.
+
+        Some names stand alone only.
+        """
+        wanted = [name.casefold() for name in (*names, *alone)]
+        by_words = [words(name) for name in (*names, *alone)]
+        paths = [words(name) for name in names]
+        for found, keys in zip(self._by_name, (wanted, by_words, paths), strict=True):
+            places = [place for key in dict.fromkeys(keys) for place in found.get(key, ())]
+            if places:
+                return list(dict.fromkeys(places))
+        return []
+
+    @cached_property
+    def _places(self) -> list[Place]:
+        return [Place(stream, column) for stream, names in self.streams.items() for column in names]
+
+    @cached_property
+    def _by_name(self) -> tuple[dict[str, list[Place]], ...]:
+        """Columns by name whatever the case, by words, and by the words at the end of a path."""
+        whole: dict[str, list[Place]] = {}
+        by_words: dict[str, list[Place]] = {}
+        by_end: dict[str, list[Place]] = {}
+        for place in self._places:
+            whole.setdefault(place.column.casefold(), []).append(place)
+            name = heading(place.column).name
+            for key in {words(place.column), words(name)}:
+                by_words.setdefault(key, []).append(place)
+            for key in endings(name):
+                by_end.setdefault(key, []).append(place)
+        return whole, by_words, by_end
+
+    def _choices(self) -> str:
+        """The columns, for messages."""
+        several = len(self.streams) > 1
+        names = [str(place) if several else place.column for place in self._places]
+        nameless = [stream for stream, names in self.streams.items() if _are_numbered(names)]
+        more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
+        ends = f" (no header in {', '.join(nameless)})" if nameless else ""
+        return f"choose among {', '.join(n[:60] for n in names[:MOST_LISTED])}{more}{ends}"
+
+    def _refused(self, said: str, **facts: object) -> LogError:
+        return LogError(f"{self.source}: {said}", source=self.source, **facts)
+
+
+def _are_numbered(names: Sequence[str]) -> bool:
+    """Whether columns have no names of their own."""
+    return list(names) == [str(k + 1) for k in range(len(names))]
