@@ -378,18 +378,18 @@ def names_its_cause(call: Call, sentence: str) -> bool:
     for word in map(one_line, call.words[1:]):
         bare = word.lstrip("-")
         names |= {Path(word).name, Path(word).stem, bare, bare.replace("-", "_")}
-        names |= {bare.replace("-", " "), _number(bare)}
+        names |= {bare.replace("-", " "), *_number(bare)}
         names |= {repr(part) for part in bare.split(",")}
     folder = (". is a folder", ". holds no streams")  # of an empty path
     return any(name in sentence for name in names - {"", "."} | set(folder))
 
 
-def _number(word: str) -> str:
-    """A number as Python writes it."""
+def _number(word: str) -> set[str]:
+    """A number as Python writes it, and as sentences do."""
     try:
-        return str(float(word))
+        return {str(float(word)), f"{float(word):g}"}
     except ValueError:
-        return ""
+        return set()
 
 
 def _faults_of_success(call: Call, found: Outcome) -> Iterator[str]:

@@ -30,7 +30,7 @@ from loopid.workers import one_blas_thread
 
 # Between the neighbours of the best size so many are tried, so many times; then so many steps of
 # Newton's method follow.
-TRIED, ZOOMS, STEPS = 9, 2, 3
+TRIED, ZOOMS, STEPS = 7, 2, 2
 CLOSELY = 2  # mistakes of positions that are looked at closely
 INTERVAL = 1.96  # standard deviations
 
