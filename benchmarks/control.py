@@ -180,23 +180,26 @@ def speed(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
             robot.model, data, q, v, v
         )
     }
+    loop, near = loopid.ClosedLoop(robot), model.assemble(u)
     calls |= {
+        "ClosedLoop.assemble, dynamic_regressor": lambda: loop.dynamic_regressor(
+            loop.assemble(u + next(steps), start=near), rate, rest
+        ),
         "MotorModel.forces": lambda: model.forces(u + next(steps), rate, rest),
         "MotorModel.gravity": lambda: model.gravity(u + next(steps)),
         "MotorModel.mass": lambda: model.mass(u + next(steps)),
         "MotorModel.coriolis": lambda: model.coriolis(u + next(steps), rate),
     }
-    model.assemble(u)
     for kind in ("none", "exponential", "directional"):
         rls = RecursiveLeastSquares(np.zeros(23), 1e3 * np.eye(23), np.ones(4), forgetting=kind)
         calls[f"update of 23 parameters, {kind}"] = partial(rls.update, K, K[:, 0])
     for name, call in calls.items():
         best = np.inf
-        for _ in range(20):
+        for _ in range(7):
             begin = process_time()
-            for _ in range(200):
+            for _ in range(100):
                 call()
-            best = min(best, (process_time() - begin) / 200)
+            best = min(best, (process_time() - begin) / 100)
         yield {"call": name, "µs": round(1e6 * best, 1)}
 
 
