@@ -259,9 +259,9 @@ def test_motors_that_move_joints_together_share_their_stamps(
 DOCS = Path(__file__).parents[2] / "docs" / "log_files.md"
 
 
-@pytest.mark.parametrize("number", range(5))
+@pytest.mark.parametrize("number", range(6))
 def test_the_examples_of_the_documentation_are_mappings(knee, write_mapping, number):
     examples = re.findall("```yaml\n(.*?)```", DOCS.read_text(), re.DOTALL)
     mapping = read_mapping(write_mapping(examples[number]))
-    assert len(examples) == 5
+    assert len(examples) == 6
     assert {"position", "force"} <= mapping.model_fields_set or mapping.wrenches

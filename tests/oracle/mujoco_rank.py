@@ -102,6 +102,32 @@ def positions(robot, compiled, q):
     return found
 
 
+def rates(robot, compiled, q):
+    """The map T (nv of MuJoCo, nv) of velocities, and what turning axes add to accelerations."""
+    T, kinds = np.zeros((compiled.nv, robot.model.nv)), compiled.jnt_type.tolist()
+    for name in robot.joints:
+        joint = robot.joint(name)
+        if name not in [compiled.joint(k).name for k in range(compiled.njnt)] and joint.nv == 1:
+            continue  # a length of a tendon
+        free = joint.shortname() == "JointModelFreeFlyer"
+        number = kinds.index(mujoco.mjtJoint.mjJNT_FREE) if free else compiled.joint(name).id
+        first, own = int(compiled.jnt_dofadr[number]), slice(joint.idx_v, joint.idx_v + joint.nv)
+        T[first : first + joint.nv, own] = np.eye(joint.nv)
+        if free:  # MuJoCo's linear velocity is along the axes of the world
+            turn = pin.Quaternion(q[joint.idx_q + 3 : joint.idx_q + 7]).toRotationMatrix()
+            T[first : first + 3, own.start : own.start + 3] = turn
+
+    def turned(v):
+        """Accelerations (nv,) at velocities, by axes that turn with a floating base."""
+        found = np.zeros(robot.model.nv)
+        for name in robot.floating:
+            k = robot.joint(name).idx_v
+            found[k : k + 3] = np.cross(v[k + 3 : k + 6], v[k : k + 3])
+        return found
+
+    return T, turned
+
+
 class Oracle:
     """A robot in MuJoCo; ``bodies`` are those that carry parameters."""
 

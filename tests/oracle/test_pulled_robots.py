@@ -3,7 +3,6 @@
 import json
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import cable_robots
@@ -27,7 +26,7 @@ from made_runs import simulated
 
 pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
 import mujoco
-from mujoco_rank import Oracle, positions
+from mujoco_rank import Oracle, positions, rates
 
 COUNT = 12
 AXES = {"x": "x", "y": "y", "z": "z", "roll": "rx", "pitch": "ry", "yaw": "rz"}
@@ -66,19 +65,9 @@ class Theirs:
 
     def inverse(self, q, v, a):
         """Forces (nv,) that move the tree so."""
-        robot, data = self.robot, self.data
-        data.qpos[:] = positions(robot, self.model, q)
-        for k in range(self.model.njnt):
-            first = int(self.model.jnt_dofadr[k])
-            joint = robot.joint(self.model.joint(k).name)
-            own = slice(joint.idx_v, joint.idx_v + joint.nv)
-            rate, acceleration = v[own].copy(), a[own].copy()
-            if joint.nv == 6:  # MuJoCo's linear part is that of the world
-                turn = pin.Quaternion(q[joint.idx_q + 3 : joint.idx_q + 7]).toRotationMatrix()
-                acceleration[:3] = turn @ (acceleration[:3] + np.cross(rate[3:], rate[:3]))
-                rate[:3] = turn @ rate[:3]
-            data.qvel[first : first + joint.nv] = rate
-            data.qacc[first : first + joint.nv] = acceleration
+        data, (T, turned) = self.data, rates(self.robot, self.model, q)
+        data.qpos[:] = positions(self.robot, self.model, q)
+        data.qvel[:], data.qacc[:] = T @ v, T @ (a + turned(v))
         mujoco.mj_inverse(self.model, data)
         return data.qfrc_inverse.copy()
 

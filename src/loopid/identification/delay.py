@@ -332,7 +332,8 @@ class _Search:
         longest = options.part * max(length for run in runs for length in run.lengths)
         self.longest = min(options.longest, longest)
         # Motors that act on all coordinates together are not told apart.
-        self.count = 1 if robot.redundant else len(robot.independent)
+        self.count = 1 if robot.redundant else len(robot.actuated)
+        self.driven = ~np.isin(robot.independent, robot.free)
         samples = FitSamples.combined([_samples(run, robot.independent) for run in runs])
         self.motion = self._told(samples)
 
@@ -391,7 +392,8 @@ class _Search:
     def _with_rates(self, samples: FitSamples, values: FloatArray, count: int) -> FitSamples:
         """With columns of what a delay of all motors, or of each, does to the forces at values."""
         rates = _rates(samples, samples.predicted(values), [run.time for run in self.runs])
-        columns = -rates[:, :, None] * (1.0 if count == 1 else np.eye(count))
+        acting = self.driven[:, None] * (1.0 if count == 1 else np.eye(rates.shape[1], count))
+        columns = -rates[:, :, None] * acting
         names = samples.parameters.parameters + _numbered("delay", count).parameters
         return replace(
             samples,

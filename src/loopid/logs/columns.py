@@ -13,6 +13,7 @@ import numpy as np
 from loopid.arguments import IntArray
 from loopid.errors import DataWarning, LogError, warn
 from loopid.logs.formats import MOST_LISTED, NANOSECONDS, NO_STAMP, stamps_in
+from loopid.logs.free import POSE
 from loopid.logs.headers import Heading, endings, heading, unit_names, unit_of, words
 from loopid.logs.mapping import QUANTITIES, Columns, LogMapping, StreamColumns, TimeColumns
 from loopid.logs.wrenches import COMPONENTS
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
 # Quantities of the wrenches, in the order of the mapping.
 wrench_name = "wrench {}".format
+# Of joints that no motor moves, by their names.
+free_name = "free {}".format
 
 # Names that are known without a mapping, as ``words``: of the time,
 TIME_PAIRS = tuple(
@@ -107,7 +110,7 @@ class ColumnFinder:
             if quantity in WITH_JOINT or getattr(self.mapping, quantity) is not None
         ]
         of_motors = (self._channels_of(quantity, joints) for quantity in wanted)
-        for place, channel in chain(*of_motors, self._wrenches()):
+        for place, channel in chain(*of_motors, self._wrenches(), self._free()):
             if place in found:
                 raise self._refused(
                     f"column {place.column!r} is mapped twice: each {channel.quantity} has a "
@@ -169,6 +172,20 @@ class ColumnFinder:
                         column=column,
                     )
                 yield place, Channel(wrench_name(k), component, column, scale, offset)
+
+    def _free(self) -> Iterator[tuple[Place, Channel]]:
+        """Columns of joints that no motor moves, each joint a quantity."""
+        for joint, columns in self.mapping.free.items():
+            if len(columns) not in (1, len(POSE)):
+                raise self._refused(
+                    f"there are {len(columns)} columns for {joint}, but it takes one or, of a "
+                    f"floating base, {', '.join(POSE)}",
+                    columns=tuple(columns),
+                )
+            for component, place in zip(POSE, map(self._called, columns), strict=False):
+                said = heading(place.column)
+                scale, _ = self._linear("position", place.column, said, None, "a header's unit")
+                yield place, Channel(free_name(joint), component, place.column, scale, 0.0)
 
     def _linear(
         self, quantity: str, column: str, said: Heading, given: float | None, key: str

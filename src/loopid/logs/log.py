@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative, finite, samples
 from loopid.errors import DataError, OptionError
-from loopid.logs.columns import Channel, ColumnFinder, wrench_name
+from loopid.logs.columns import Channel, ColumnFinder, free_name, wrench_name
 from loopid.logs.formats import array_table
+from loopid.logs.free import free_values
 from loopid.logs.headers import UNITS, unit_names, unit_of
 from loopid.logs.mapping import QUANTITIES, LogMapping
 from loopid.logs.streams import (
@@ -64,6 +65,9 @@ class Log:
         What was left out on the way here.
     wrenches : tuple of ExternalWrench
         Of N samples, that the surroundings exerted on the robot.
+    free : mapping
+        Joints that no motor moves to where sensors tell that they are: (N, 1) in m or rad, of a
+        floating base (N, 7), the position of its frame and a quaternion with w last.
 
     Examples
     --------
@@ -86,6 +90,7 @@ class Log:
     idle_speed: NotNegative | None = None
     dropped: tuple[Dropped, ...] = ()
     wrenches: tuple[ExternalWrench, ...] = ()
+    free: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         time = _increasing(self.time)
@@ -101,6 +106,8 @@ class Log:
                 object.__setattr__(self, name, values)
         for wrench in self.wrenches:
             samples(wrench.values, len(COMPONENTS), f"the wrench on {wrench.frame}", len(time))
+        free = {name: free_values(name, own, len(time)) for name, own in self.free.items()}
+        object.__setattr__(self, "free", free)
         if self.saturation is not None:
             limits = samples(self.saturation, len(self.joints), "saturation", 1)[0]
             if not limits.min() > 0:
@@ -125,6 +132,7 @@ class Log:
         saturation: ArrayLike | None = None,
         idle_speed: float | None = None,
         wrenches: Sequence[ExternalWrench] = (),
+        free: Mapping[str, ArrayLike] | None = None,
         name: str = "log",
     ) -> Log:
         """A log of what was measured or simulated, from arrays or columns of a DataFrame.
@@ -152,6 +160,8 @@ class Log:
             In m/s or rad/s, see ``Log``.
         wrenches : sequence of ExternalWrench
             Of N samples, that the surroundings exert on the robot.
+        free : mapping, optional
+            Where joints are that no motor moves, see ``Log``.
 
         Raises
         ------
@@ -185,6 +195,10 @@ class Log:
                 one.values, len(COMPONENTS), f"the wrench on {one.frame}", len(at)
             )
             for k, one in enumerate(wrenches)
+        }
+        signals |= {
+            free_name(joint): free_values(joint, own, len(at))
+            for joint, own in (free or {}).items()
         }
         dropped: tuple[Dropped, ...] = ()
         if stretches is None:
@@ -302,6 +316,7 @@ class Log:
         }
         kept["stretches"] = renumbered(self.stretches, good)
         kept["wrenches"] = tuple(replace(one, values=one.values[good]) for one in self.wrenches)
+        kept["free"] = {joint: values[good] for joint, values in self.free.items()}
         return replace(self, **kept, dropped=(*self.dropped, *dropped))
 
     def delayed(self, delay: float | Mapping[str, float] | ArrayLike) -> Log:
@@ -443,8 +458,8 @@ def _on_even_grid(
         return time, signals, stretches, ()
     channels = [
         Channel(what, name, f"{name}.{what}", 1.0, 0.0)
-        for what in signals
-        for name in (joints if what in QUANTITIES else COMPONENTS)
+        for what, values in signals.items()
+        for name in (joints if what in QUANTITIES else map(str, range(values.shape[1])))
     ]
     stamps = np.round((time - time[0]) * 1e9).astype(np.int64)
     columns = [column for values in signals.values() for column in values.T]
@@ -459,7 +474,9 @@ def _by_field(
     """Signals on the grid as fields of a log, those of the wrenches in these."""
     placed = (replace(one, values=signals[wrench_name(k)]) for k, one in enumerate(wrenches))
     found: dict[str, Any] = {name: signals[name] for name in signals if name in QUANTITIES}
-    return {**found, "wrenches": tuple(placed)}
+    prefix = free_name("")
+    free = {n.removeprefix(prefix): signals[n] for n in signals if n.startswith(prefix)}
+    return {**found, "wrenches": tuple(placed), "free": free}
 
 
 def _off_even(time: FloatArray, stretches: IntArray) -> Iterator[float]:

@@ -143,7 +143,8 @@ class LogMapping(Section):
     the offset, are in m, rad, N, N m and s; numbers hold for all joints, or are given by joint.
     Without a scale, columns are in the unit of their header, or else in these units.
     In all of them, the motors of ``joint_maps`` stand for the joints that they move. ``wrenches``
-    are what the surroundings exert on frames of the robot, each of six columns.
+    are what the surroundings exert on frames of the robot, each of six columns. ``free`` gives the
+    columns of joints that no motor moves: one, or the seven of a floating base.
     ``delay`` is how much later forces are than positions, in s, of all joints or by joint, or how
     late the time stamps of whole streams are, by their names.
     ``topic`` chooses among those of a bag, ``group`` among those of an HDF5 file.
@@ -175,6 +176,7 @@ class LogMapping(Section):
     idle_speed: NotNegative | None = None
     joint_maps: list[JointMap] = Field(default_factory=list)
     wrenches: list[WrenchColumns] = Field(default_factory=list)
+    free: dict[str, list[str]] = Field(default_factory=dict)
     delay: OneOrEach[float] = 0.0
     unpacked_ratio: Positive = UNPACKED_RATIO
 

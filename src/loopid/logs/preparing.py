@@ -19,9 +19,10 @@ from loopid.arguments import BoolArray, FloatArray, IntArray, checked, row_block
 from loopid.errors import AssemblyError, DataWarning, LogError, OptionError, warn
 from loopid.kinematics.assembly import AssemblyOptions, try_assemble
 from loopid.kinematics.projection import project, singularity_measure
+from loopid.logs.free import FreeMotion, free_motion, require_known_motion
 from loopid.logs.log import Log, renumbered
 from loopid.logs.mapping import LogMapping
-from loopid.logs.reading import read_log, require_known_motion
+from loopid.logs.reading import read_log
 from loopid.logs.recording import FilterOptions, MaskOptions, RateHistory, Recording, reach_of
 from loopid.logs.streams import Dropped
 from loopid.logs.wrenches import ExternalWrench
@@ -99,7 +100,7 @@ def prepare_recording(
     >>> loopid.prepare_recording(robot, log)
     <Recording 'run': 70 samples, filtered at 3.75 Hz, forces used: crank_joint 100%>
     """
-    require_known_motion(robot)
+    require_known_motion(robot, log.free)
     if log.joints != robot.actuated:
         raise OptionError(
             f"log {log.name} is of {', '.join(log.joints)}, but the motors of {robot.name} are "
@@ -113,22 +114,23 @@ def prepare_recording(
     log = long_enough(log, lowpass)
     signals = filter_log(log, lowpass)
     rows, ends = kept_rows(log, lowpass, filter)
-    found = assemble_samples(robot, log, signals.position, rows, masks, progress=progress)
+    free = free_motion(robot, log.free, log.parts(), [*map(log.rate, log.parts())], lowpass)
+    measured = measured_values(robot, log, signals.position, free.configurations)
+    found = assemble_samples(robot, log, measured, rows, masks, progress=progress)
     stretches, rows = renumbered(log.stretches[rows], found.good), rows[found.good]
     saturated = near_saturation(log, limits, lowpass, masks)[rows]
     idle = standing(robot, log, signals.velocity, rows, lowpass, masks)
     if (idle | saturated).all():
         said = f"{log.name}: no force can be used, as all motors stand or are saturated"
         raise LogError(said, source=log.name)
-    columns = [log.joints.index(name) for name in robot.independent]
-    motion = JointMotion(
-        log.time[rows],
-        found.configurations,
-        signals.velocity[rows][:, columns],
-        signals.acceleration[rows][:, columns],
-        found.singularity,
-    )
+    motion = motion_of(robot, log, signals, free, rows, found)
     force, used = on_independent(robot, motion, signals.force[rows], ~(idle | saturated))
+    if {*log.free} & {*robot.floating} and not log.wrenches:
+        warn(
+            f"{log.name}: no wrench of the surroundings is given, so that the robot counts as in "
+            "free flight",
+            DataWarning,
+        )
     recording = Recording(
         name=log.name,
         actuators=robot.independent,
@@ -363,12 +365,11 @@ def assemble_samples(
     *,
     progress: Progress | None = None,
 ) -> Assembled:
-    """Assemble some rows of a log, with its motors at positions (N, m), one after the other.
+    """Assemble some rows of a log, with ``robot.measured`` at positions (N, c), in order.
 
     Samples that do not close or are near a singularity are left out, with a warning.
     """
-    columns = [log.joints.index(name) for name in robot.independent]
-    measured, time, start = position[rows][:, columns], log.time[rows], None
+    measured, time, start = position[rows], log.time[rows], None
     configurations, singularity, residual, closed = [], [], [], []
     for block in row_blocks(len(rows), BLOCK):
         outcome = try_assemble(robot, measured[block], start=start, trajectory=True)
@@ -417,9 +418,45 @@ def assemble_samples(
     return Assembled(np.concatenate(configurations)[regular], measure[regular], good, dropped)
 
 
+def measured_values(
+    robot: Mechanism, log: Log, position: FloatArray, free: FloatArray
+) -> FloatArray:
+    """Values (N, c) of ``robot.measured``: of motors (N, m), of others from configurations."""
+    others = [name for name in robot.measured if name not in log.joints]
+    columns = {name: position[:, k] for k, name in enumerate(log.joints)}
+    for name in others:
+        joint = robot.joint(name)
+        values = free[:, joint.idx_q : joint.idx_q + joint.nq]
+        turn = np.arctan2(values[:, -1], values[:, 0])
+        columns[name] = np.unwrap(turn) if joint.nq == 2 else values[:, 0]
+    return np.stack([columns[name] for name in robot.measured], axis=1)
+
+
+def motion_of(
+    robot: Mechanism,
+    log: Log,
+    signals: Signals,
+    free: FreeMotion,
+    rows: IntArray,
+    found: Assembled,
+) -> JointMotion:
+    """What all joints do at rows (K,) that are assembled, with bases as they were measured.
+
+    No loop feels where a base is.
+    """
+    q, v, a = found.configurations, free.velocities.copy(), free.accelerations.copy()
+    for joint in (robot.joint(name) for name in log.free if name in robot.floating):
+        pose = slice(joint.idx_q, joint.idx_q + joint.nq)
+        q[:, pose] = free.configurations[rows][:, pose]
+    motors, independent = (robot.velocity_indices(n) for n in (log.joints, robot.independent))
+    v[:, motors], a[:, motors] = signals.velocity, signals.acceleration
+    rates, accelerations = v[rows][:, independent], a[rows][:, independent]
+    return JointMotion(log.time[rows], q, rates, accelerations, found.singularity)
+
+
 def _with_exchanged(robot: Mechanism, position: FloatArray) -> str:
     """Which two motors' positions must be exchanged for all samples to close; empty if none."""
-    position, names = position[spread_rows(len(position), TRIED)], robot.independent
+    position, names = position[spread_rows(len(position), TRIED)], robot.measured
     for i, j in combinations(range(len(names)), 2):
         order = np.arange(len(names))
         order[[i, j]] = j, i
@@ -548,10 +585,11 @@ def on_independent(
 ) -> tuple[FloatArray, BoolArray]:
     """Gᵀ Sᵀ τ (N, dof) of forces (N, m) of all motors: what redundant motors add to the others.
 
-    A row is used where all motors that act on it are.
+    A row is used where all motors that act on it are. None acts on free coordinates.
     """
     if not robot.redundant:
-        return force, used
+        more = (0, 0), (0, len(robot.free))
+        return np.pad(force, more), np.pad(used, more, constant_values=True)
     motors, q = robot.velocity_indices(robot.actuated), motion.configurations
     shares = np.concatenate([project(robot, q[rows]).G[:, motors] for rows in row_blocks(len(q))])
     acting = np.abs(shares) > NO_SHARE * np.abs(shares).max(axis=(0, 2), initial=0.0)[:, None]

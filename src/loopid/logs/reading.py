@@ -13,12 +13,13 @@ from loopid.errors import DataWarning, FileError, LogError, OptionError, warn
 from loopid.files import why_no_file
 from loopid.logs.columns import ColumnFinder
 from loopid.logs.formats import LogFormat, stream_name
+from loopid.logs.free import POSE, continued, require_known_motion
 from loopid.logs.log import Log
 from loopid.logs.mapping import QUANTITIES, LogMapping, read_mapping
 from loopid.logs.streams import LogTolerances, Stream, make_stream, on_joints, rows_text
 from loopid.logs.wrenches import frame_index
 from loopid.registry import log_formats
-from loopid.robot.mechanism import Mechanism, lock_options
+from loopid.robot.mechanism import Mechanism
 
 
 @checked
@@ -60,7 +61,7 @@ def read_log(
     MissingExtraError
         When the library that reads the format is not installed.
     OptionError
-        When the motors do not tell where the robot is, or no row is within ``rows``.
+        When motors and free joints do not tell where the robot is, or no row is within ``rows``.
     LogError
         When it is no log of this robot: unreadable, columns not found, times that do not increase,
         too many bad rows, the wrong unit, nothing that moves.
@@ -88,14 +89,14 @@ def read_log(
     <Log 'run': 200 samples of crank_joint over 1.99 s in 1 stretch>
     """
     place = Path(path)
-    require_known_motion(robot)
+    if not isinstance(mapping, LogMapping):
+        mapping = LogMapping() if mapping is None else read_mapping(mapping)
+    require_known_motion(robot, mapping.free)
     reason = why_no_file(place)
     if reason == "does not exist":
         raise FileError(f"there is no log {place}", file=place)
     if reason not in ("", "is a folder"):
         raise LogError(f"log {place} {reason}", file=place)
-    if not isinstance(mapping, LogMapping):
-        mapping = LogMapping() if mapping is None else read_mapping(mapping)
     for wrench in mapping.wrenches:
         frame_index(robot, wrench.frame)
     found = read_streams(place, robot.actuated, mapping, rows=rows, tolerances=tolerances)
@@ -165,23 +166,6 @@ def open_log(path: Path, mapping: LogMapping) -> LogFormat:
             )
     chosen = getattr(mapping, kind.choice) if kind.choice else None
     return kind(path, chosen, mapping.unpacked_ratio)
-
-
-def require_known_motion(robot: Mechanism) -> None:
-    """Refuse robots whose configuration does not follow from one position a motor."""
-    if robot.free:
-        raise OptionError(
-            f"a log of the motors does not tell where {', '.join(robot.free)} of "
-            f"{robot.name} are, which the motors leave free: lock them ({lock_options(robot)})",
-            free=robot.free,
-        )
-    several = [name for name in robot.actuated if robot.joint(name).nv != 1]
-    if several:
-        raise OptionError(
-            f"a log has one position a motor, but {', '.join(several)} of {robot.name} turn "
-            "about several axes: name the motors in 'name_mot'",
-            joints=tuple(several),
-        )
 
 
 # ---- what a robot lets expect ------------------------------------------------------------------
@@ -303,14 +287,19 @@ def _without_glitches(stream: Stream, allowed: LogTolerances) -> Stream:
 
 
 def _unwrapped(robot: Mechanism, stream: Stream) -> Stream:
-    """The stream with joints that turn without end counted on, not reset after each turn."""
-    values = tuple(
+    """The stream with turns counted on that are reset after a turn; quaternions keep their sign."""
+    values = [
         np.unwrap(signal)
         if what.quantity == "position" and robot.joint(what.joint).nq == 2
         else signal
         for what, signal in zip(stream.channels, stream.values, strict=True)
-    )
-    return replace(stream, values=values)
+    ]
+    for quantity in {what.quantity for what in stream.channels} - {*QUANTITIES}:
+        own = [k for k, what in enumerate(stream.channels) if what.quantity == quantity]
+        if len(own) == len(POSE):
+            for k, signal in zip(own, continued(np.stack(values)[own].T).T, strict=True):
+                values[k] = signal
+    return replace(stream, values=tuple(values))
 
 
 def _warn_of_excess(stream: Stream, what: str, limit: float, sizes: FloatArray) -> None:

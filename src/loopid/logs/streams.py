@@ -18,7 +18,6 @@ from loopid.errors import DataWarning, LogError, warn
 from loopid.logs.columns import Channel, TimeColumn
 from loopid.logs.formats import NO_STAMP, Table, numbers_in
 from loopid.logs.mapping import QUANTITIES, JointMap
-from loopid.logs.wrenches import COMPONENTS
 from loopid.records import record
 
 LEAST_ROWS = 4  # of a stream, and of a stretch without gaps: shorter ones are none
@@ -250,9 +249,11 @@ def align(streams: Sequence[Stream], joints: tuple[str, ...], gap: float) -> Ali
         )
     time = np.concatenate(grids)
     stretches = np.repeat(np.arange(len(grids)), [len(grid) for grid in grids])
-    there = dict.fromkeys(channel.quantity for stream in streams for channel in stream.channels)
-    columns = {name: joints if name in QUANTITIES else COMPONENTS for name in there}
-    tables = {name: np.empty((len(time), len(columns[name]))) for name in there}
+    columns: dict[str, tuple[str, ...]] = {}
+    for channel in (channel for stream in streams for channel in stream.channels):
+        name, own = channel.quantity, columns.get(channel.quantity, ())
+        columns[name] = joints if name in QUANTITIES else (*own, channel.joint)
+    tables = {name: np.empty((len(time), len(own))) for name, own in columns.items()}
     dropped = []
     for stream, stamps in zip(streams, times, strict=True):
         for quantity, table in tables.items():

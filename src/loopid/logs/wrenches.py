@@ -17,7 +17,7 @@ from loopid.errors import DataError, OptionError
 from loopid.kinematics.poses import frame_poses
 from loopid.kinematics.projection import project
 from loopid.records import record
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.mechanism import Mechanism, link_frames
 
 # The components of a wrench, in the order of their columns: force, then moment.
 COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
@@ -133,7 +133,7 @@ def frame_index(robot: Mechanism, name: str) -> int:
     names = [frame.name for frame in model.frames]
     if name not in names:
         raise OptionError.unknown(f"frame of {robot.name}", name, dict.fromkeys(names))
-    index = names.index(name)
+    index = link_frames(model).get(name, names.index(name))
     if not robot.supports([index]).any():
         raise OptionError(
             f"frame {name} of {robot.name} does not move: a wrench on it moves nothing",

@@ -214,7 +214,7 @@ class Chart:
             E.span(E.i({"class": f"key {kind} {look}"}), name) for name, look, kind in self.legend
         )
         figure = E.figure(
-            {"class": "zoom" if self.zoom else "", "style": f"--columns:{self.columns}"},
+            {"class": "zoom" if self.zoom else "", "style": f"--Columns:{self.columns}"},
             E.div({"class": "legend"}, *keys),
             E.div({"class": "panels"}, *map(_panel_html, self.panels)),
         )
@@ -342,7 +342,7 @@ def _panel_html(panel: Panel) -> HtmlElement:
         for side, marks, ends in (("left", x_ticks, across), ("bottom", y_ticks, high))
     )
     return E.div(
-        {"class": classes, "style": f"--rows:{len(panel.labels)}", **ends},
+        {"class": classes, "style": f"--Rows:{len(panel.labels)}", **ends},
         E.h4(panel.title),
         E.output(),
         E.div({"class": "up"}, *y_axis),
