@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pinocchio as pin
+from pydantic import ValidationError
 
 from loopid.errors import RobotFileError
 from loopid.loading.description import ClosureDescription
@@ -20,6 +21,7 @@ from loopid.loading.urdf_tree import (
     placement,
     required,
 )
+from loopid.yaml_files import first_problem
 
 if TYPE_CHECKING:
     from yourdfpy.urdf import Joint
@@ -68,9 +70,13 @@ def _couplings(urdf: UrdfFile) -> dict[str, ClosureDescription]:
             (ratio,) = numbers(child(element, "ratio"), "value")
             if ratio == 0:
                 raise RobotFileError("<ratio> is zero")
-        joints = dict.fromkeys(to_successor, 1.0) | dict.fromkeys(to_predecessor, -ratio)
-        name = required(element, "name")
-        found[to_successor[-1]] = ClosureDescription(type="coupling", name=name, joints=joints)
+            joints = dict.fromkeys(to_successor, 1.0) | dict.fromkeys(to_predecessor, -ratio)
+            name = required(element, "name")
+            try:
+                coupling = ClosureDescription(type="coupling", name=name, joints=joints)
+            except ValidationError as error:
+                raise RobotFileError(first_problem(error)) from error
+        found[to_successor[-1]] = coupling
     return found
 
 
