@@ -51,8 +51,8 @@ def test_everything_at_once(run_json, tmp_path, model):
     places = {name: tmp_path / f"new.{name}" for name in ("urdf", "yaml")}
     options = [word for name, place in places.items() for word in (f"--{name}", place)]
     done = run_json("export", "five_bar", fit, *options, "--c", tmp_path / "c")
-    names = [*places.values(), tmp_path / "c" / "five_bar.h", tmp_path / "c" / "five_bar.c"]
-    assert done == {"written": [str(name) for name in names]}
+    code = [tmp_path / "c" / f"five_bar.{kind}" for kind in ("h", "c", "casadi")]
+    assert done["written"] == [str(name) for name in (*places.values(), *code)]
     assert read_fit(places["yaml"]).record() == read_fit(fit).record()
     assert "five_bar_values[FIVE_BAR_PARAMETERS]" in (tmp_path / "c" / "five_bar.h").read_text()
     text = (ROOT / "five_bar.yaml").read_text()

@@ -119,7 +119,8 @@ def test_predict_compares_a_log_with_a_fit(saved, run, tmp_path):
 def test_a_robot_that_moved_is_asked_for(saved, run, tmp_path):
     text = saved.read_text()
     lost = tmp_path / "lost.yaml"
-    lost.write_text(text.replace("five_bar.yaml", "gone.yaml").replace("name: five_bar", "name: x"))
+    renamed = text.replace('"name": "five_bar"', '"name": "x"')
+    lost.write_text(renamed.replace("five_bar.yaml", "gone.yaml"))
     found = run("predict", str(lost), str(LOG))
     assert found.code == 2
     assert "--robot" in found.err

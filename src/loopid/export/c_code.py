@@ -150,7 +150,7 @@ def export_c(
     >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"), joint_terms=None)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     [path.name for path in loopid.export_c(model, folder)]
-    ['five_bar.h', 'five_bar.c']
+    ['five_bar.h', 'five_bar.c', 'five_bar.casadi']
     """
     return c_source(model, name=name, values=values).save(folder)
 

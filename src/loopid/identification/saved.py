@@ -535,7 +535,7 @@ def _digest(record: dict[str, Any]) -> str:
 def _ending(path: str | Path) -> str:
     ending = Path(path).suffix.lower()
     if ending not in ENDINGS:
-        raise OptionError.unknown("ending", ending or str(path), ENDINGS)
+        raise OptionError.unknown(f"ending of {path}", ending, ENDINGS)
     return ending
 
 
