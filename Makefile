@@ -25,7 +25,9 @@ test: .venv/test
 
 # What is numerical, but for Monte Carlo and refusals, with the linear algebra of processors without
 # AVX-512, and without AVX.
-NUMERICAL := tests/regressors tests/identification \
+NUMERICAL := tests/regressors \
+    $(addprefix tests/identification/test_,consistent_fit.py correlation.py delay.py \
+    identifiability.py identify.py least_squares.py numbers.py problem.py terms.py) \
     tests/export/test_identified_robots.py \
     $(addprefix tests/kinematics/test_,projection.py mobility.py) \
     $(addprefix tests/base_parameters/test_,ambiguous_rank.py exact_search.py known_robots.py \

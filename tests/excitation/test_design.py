@@ -261,6 +261,7 @@ def test_without_ipopt_slsqp_designs_and_the_extra_is_named(gravity, monkeypatch
         design_excitation(gravity, options=replace(QUICK, solver="ipopt"))
 
 
+@pytest.mark.validate
 def test_more_evaluations_never_give_a_worse_motion(gravity):
     found = [
         design_excitation(gravity, options=replace(QUICK, starts=2, evaluations=most))

@@ -357,7 +357,7 @@ def drive(mechanism, count, step, seed=0):
     return u, found.configurations
 
 
-@pytest.mark.parametrize("robot", bundled_robots())
+@pytest.mark.parametrize("robot", few_of(bundled_robots(), "3ups_rpu", "five_bar", "delta"))
 def test_a_control_loop(compiled, robot):
     """All joints and forces, sample by sample."""
     found = force_model(robot, "gravity")

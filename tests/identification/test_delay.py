@@ -52,6 +52,7 @@ def test_a_delay_is_found_within_its_interval(case, delay):
     assert found.clear == (abs(delay) > DelayOptions().clear * half)
 
 
+@pytest.mark.draws
 def test_intervals_hold_the_delay(case):
     model, _, log = case
     inside = []

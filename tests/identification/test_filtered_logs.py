@@ -239,6 +239,7 @@ def test_a_saved_fit_predicts_with_the_filter_that_it_was_judged_with(tmp_path):
     assert predict(fit, model.mechanism, given).recording is given
 
 
+@pytest.mark.draws
 def test_a_payload_is_found_with_the_filter_that_predicts_best():
     """Encoders of 10 bits: at the provisional cut-off of five bands the mass is far off."""
     robot = load_mechanism("five_bar")

@@ -76,6 +76,7 @@ def coloured(image, colour):
 
 
 @IN_A_BROWSER
+@pytest.mark.validate
 def test_pictures_show_the_poses_and_whether_loops_are_closed(five_bar):
     from PIL import Image
 
