@@ -166,7 +166,7 @@ def arrays(run: JointMotion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def speed(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
-    """Processor time of one sample; the load of the machine shows in the bare call of Pinocchio."""
+    """Least processor time of a sample; what else runs shows in the bare call of Pinocchio."""
     import pinocchio as pin
 
     model = loopid.MotorModel(models()["full"])
@@ -195,11 +195,11 @@ def speed(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
         calls[f"update of 23 parameters, {kind}"] = partial(rls.update, K, K[:, 0])
     for name, call in calls.items():
         best = np.inf
-        for _ in range(7):
+        for _ in range(200):
             begin = process_time()
-            for _ in range(100):
+            for _ in range(10):
                 call()
-            best = min(best, (process_time() - begin) / 100)
+            best = min(best, (process_time() - begin) / 10)
         yield {"call": name, "µs": round(1e6 * best, 1)}
 
 

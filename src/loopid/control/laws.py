@@ -232,11 +232,14 @@ class OnlineGravity:
 
 
 class AdaptiveGravity:
-    """Gravity whose values adapt by what they miss: π̇ = γ Bᵀ Kᵀ s, s = ė + λ e [Slotine1987].
+    """Gravity and friction whose values adapt by what they miss: φ̇ = B γ Bᵀ Kᵀ s [Slotine1987].
+
+    s = ė + λ e; friction is that of the commanded velocity.
 
     Parameters
     ----------
     model : MotorModel
+        With ``smoothing``, as commanded velocities pass through zero.
     interval : float
         Between samples in s.
     gains : FloatArray
@@ -263,9 +266,9 @@ class AdaptiveGravity:
 
     def force(self, signals: Signals, reference: Reference) -> FloatArray:
         """Forces (dof,)."""
-        K = self.model.regressor(signals.position)
-        s = reference.velocity - signals.velocity
-        s = s + self.bandwidth * (reference.position - signals.position)
+        u, rate = signals.position, reference.velocity
+        K = self.model.regressor(u) + self.model.friction_regressor(u, rate)
+        s = rate - signals.velocity + self.bandwidth * (reference.position - u)
         slope = self.columns.T @ (K.T @ s)
         self.values = self.values + self.interval * self.columns @ (self.gains * slope)
         return np.asarray(K @ self.values)
