@@ -134,7 +134,7 @@ class Answer:
         No input may be one of the files that would be written to the folder.
         """
         if self.figures:
-            from loopid.report.chart import require_matplotlib
+            from loopid.plots.chart import require_matplotlib
 
             require_matplotlib()
         if self.folder is not None:
