@@ -98,7 +98,7 @@ def test_the_terminal_shows_the_recommended_values(report, study):
     assert names == list(fit.parameters.labels)
     for value, error, estimate in zip(values, errors, fit.estimates, strict=True):
         assert float(value) == pytest.approx(estimate.value, rel=5e-4, abs=estimate.standard_error)
-        assert (error == "as in the file") == (estimate.name in fit.assumed)
+        assert (error == "= file") == (estimate.name in fit.assumed)
 
 
 def test_values_in_the_tables_are_those_of_the_fit(report, study):

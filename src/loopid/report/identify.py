@@ -37,9 +37,7 @@ def identification_report(study: Study, command: str = "") -> Report:
     rows = list[tuple[str, ...]]()
     for each in found.fit.estimates:
         value, error = _value_and_error(found.fit, each)
-        rows.append(
-            (each.name, value, "as in the file" if error == "-" else f"± {error}", each.unit)
-        )
+        rows.append((each.name, value, "= file" if error == "-" else f"± {error}", each.unit))
     return Report(
         name="identification",
         title=f"{model.mechanism.name}, {model.model} model",

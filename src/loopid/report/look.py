@@ -23,6 +23,7 @@ from rich.text import Text
 from loopid.errors import one_line, short_name
 
 SHORTEST = 12  # columns that a name is shortened to, if at all
+MOST_ROWS = 16  # of a table that is not folded
 
 
 class Words:
@@ -59,13 +60,14 @@ class Heading(Words):
 def plain_table(title: str, columns: Sequence[str], rows: Iterable[Iterable[object]]) -> Table:
     """A table whose cells are shown as they are; columns that begin with ``>`` hold numbers.
 
-    Columns without names have no header; a table without a title has no rules.
+    Columns without names have no header; a table without a title has no rules and little room.
     """
     headed = any(name.strip(">") for name in columns)
     table = Table(
         title=Words(title, "bold") if title else None,  # type: ignore[arg-type]
         title_justify="left",
         box=(box.SIMPLE_HEAD if headed else box.SIMPLE) if title else None,
+        padding=(0, 1) if title else (0, 1, 0, 0),
         header_style="dim",
         show_header=headed,
     )
@@ -78,6 +80,18 @@ def plain_table(title: str, columns: Sequence[str], rows: Iterable[Iterable[obje
             *(Words(str(cell), whole=own) for cell, own in zip(row, numbers, strict=True))
         )
     return table
+
+
+def folded(table: Table, console: Console) -> Table:
+    """The table with its second half beside the first, where it is long and there is room."""
+    half = -(-table.row_count // 2)
+    if half <= MOST_ROWS // 2 or 2 * console.measure(table).maximum + 2 > console.width:
+        return table
+    names = [str(c.header) if c.justify == "left" else f">{c.header}" for c in table.columns]
+    rows = list(zip(*(map(str, column.cells) for column in table.columns), strict=True))
+    rows += [("",) * len(names)] * (len(rows) % 2)
+    both = ((*one, "│", *other) for one, other in zip(rows[:half], rows[half:], strict=True))
+    return plain_table("", [*names, "", *names], both)
 
 
 def facts(title: str, entries: Mapping[str, object]) -> Table:
