@@ -10,7 +10,13 @@ import pytest
 
 from closure_robots import body, files, frame, joint, tie
 from linkages import PLATE, described, four_bar
-from loopid import JointTerms, find_base_parameters, load_mechanism, structural_observation
+from loopid import (
+    JointTerms,
+    RankTolerances,
+    find_base_parameters,
+    load_mechanism,
+    structural_observation,
+)
 from loopid.base_parameters import analyse
 from loopid.errors import AccuracyWarning, ModelWarning
 from loopid.kinematics import geometry_accuracy, largest_residual, same_motion, within_accuracy
@@ -186,10 +192,16 @@ def test_axes_of_crosses_that_hardly_miss_each_other(tmp_path, model, miss):
     assert len(leaders) == {1e-6: 3, 1e-8: 1, 1e-9: 0}[miss]
 
 
-@pytest.mark.parametrize("robot", ["four_bar", "delta"])
-def test_exact_robots_leave_no_doubt(robot):
-    mechanism = load_mechanism(robot)
-    assert analyse(structural_observation(mechanism)).doubtful == ()
+@pytest.mark.parametrize("robot", ["four_bar", "delta", 0.1, 0.01])
+def test_exact_robots_leave_no_doubt(robot, load):
+    """However little counts as round-off: small parallelograms come near singular poses."""
+    exact = (
+        load_mechanism(robot) if isinstance(robot, str) else load(*parallelogram("3d", 0, robot))
+    )
+    observation = structural_observation(exact, "full")
+    structures = [analyse(observation, RankTolerances(zero=zero)) for zero in (1e-12, 1e-15)]
+    assert [structure.doubtful for structure in structures] == [(), ()]
+    assert structures[0].rank == structures[1].rank
 
 
 def test_other_geometry_keeps_what_is_drawn_special_and_closes_again(load):

@@ -134,7 +134,7 @@ class Answer:
         No input may be one of the files that would be written to the folder.
         """
         if self.figures:
-            from loopid.report.chart import require_matplotlib
+            from loopid.plots.chart import require_matplotlib
 
             require_matplotlib()
         if self.folder is not None:
@@ -164,7 +164,7 @@ class Answer:
     def _print(self, report: Report) -> None:
         from rich.console import Console
 
-        from loopid.report.look import Words
+        from loopid.report.look import Words, folded
 
         console = Console(highlight=False)
         console.width = console.width or WIDTH
@@ -173,7 +173,7 @@ class Answer:
         if report.advice:
             typer.echo(in_lines(report.advice, console.width))
         for table in report.tables() if self.verbose else report.brief:
-            console.print(table)
+            console.print(table if table.title else folded(table, console))
 
 
 def answering(
