@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import typer
@@ -14,7 +15,8 @@ from rich.console import Console
 
 import loopid
 from loopid.cli import app
-from loopid.cli.shell import in_options, progress_bar
+from loopid.cli.shell import in_options
+from loopid.workers import progress_bar
 
 SOURCE = Path(loopid.__file__).parent
 COMMANDS = typer.main.get_command(app).commands
@@ -171,3 +173,14 @@ def test_progress_is_shown_for_logs_of_any_name(monkeypatch):
         report(1, 2)
         terminal.print("x")
     assert "{0}[red]\\x1b]0;" in stream.getvalue()
+
+
+def test_progress_is_shown_in_notebooks(monkeypatch):
+    ipython, shown = pytest.importorskip("IPython"), []
+    monkeypatch.setattr(ipython, "get_ipython", lambda: SimpleNamespace(kernel=True))
+    display = "IPython.core.display_functions.display"
+    monkeypatch.setattr(display, lambda bar, **_: shown.append(bar.progress))
+    with progress_bar("poses") as report:
+        for k in range(1, 1001):
+            report(k, 1000)
+    assert shown == [*range(101)]
