@@ -206,15 +206,26 @@ def proxy():
 CALL = '<body><script>new Image().src = "http://example.invalid/x"</script>'
 
 
-@pytest.mark.parametrize("name", ["identification", "hostile", "one that calls", "policy"])
-def test_no_request_leaves_a_page(pages, tmp_path, proxy, name):
+def framed(*pages, widths=(800,)):
+    """A page with these in frames, as a window of Chromium's is no narrower than 500 pixels."""
+    sources = [page.replace("&", "&amp;").replace('"', "&quot;") for page in pages]
+    frames = [
+        f"<iframe style='border:0;width:{width}px' srcdoc=\"{source}\"></iframe>"
+        for source in sources
+        for width in widths
+    ]
+    return "<!DOCTYPE html><body>" + "".join(frames)
+
+
+@pytest.mark.parametrize("calls", [False, True])
+def test_no_request_leaves_a_page(pages, tmp_path, proxy, calls):
+    """Seen with one that calls; the policy stops a script that got into a page nevertheless."""
     address, asked = proxy
-    # Seen with a page that calls; the policy stops a script that got into a page nevertheless.
-    odd = {"one that calls": CALL, "policy": pages["check"].replace("<body>", CALL)}
+    shown = framed(*pages.values(), pages["check"].replace("<body>", CALL))
     options = f"--proxy-server=http://{address}", "--proxy-bypass-list=<-loopback>", "--dump-dom"
-    browse({**pages, **odd}[name], tmp_path, *options)
+    browse(CALL if calls else shown, tmp_path, *options)
     own = [path for path in asked if "example.invalid" in path or "127.0.0.1:1/" in path]
-    assert bool(own) == (name == "one that calls")
+    assert bool(own) == calls
 
 
 ZOOM = """
@@ -249,25 +260,19 @@ def test_a_chart_zooms_in_all_its_panels_and_tells_its_values(tmp_path):
     assert all(ends[0] <= float(tick) <= ends[1] for tick in ticks)
 
 
-@pytest.mark.parametrize("width", [360, 768, 1440])
-def test_a_page_is_no_wider_than_its_screen(pages, tmp_path, width):
-    page = pages["identification"].replace(
-        "</body>",
-        "<script>document.body.dataset.wide = [document.documentElement.scrollWidth, "
-        "window.innerWidth]</script></body>",
-    )
-    # In a frame, as a window of Chromium's is no narrower than 500 pixels.
-    source = page.replace("&", "&amp;").replace('"', "&quot;")
-    frame = f"<!DOCTYPE html><iframe style='border:0;width:{width}px'></iframe>"
-    shown = browse(
-        frame.replace("<iframe", f'<iframe srcdoc="{source}"') + PEEK, tmp_path, "--dump-dom"
-    )
-    wide, inner = map(int, fromstring(shown).find("body").get("data-wide").split(","))
-    assert inner == width
-    assert wide <= width
-
-
 PEEK = """<script>
-const frame = document.querySelector("iframe");
-frame.onload = () => { document.body.dataset.wide = frame.contentDocument.body.dataset.wide; };
+window.onload = () => {
+  document.body.dataset.wide = JSON.stringify([...document.querySelectorAll("iframe")].map(
+    frame => [frame.contentWindow.innerWidth, frame.contentDocument.documentElement.scrollWidth]));
+};
 </script>"""
+
+
+def test_a_page_is_no_wider_than_its_screen(pages, tmp_path):
+    widths = 360, 768, 1440
+    page = framed(pages["identification"], pages["check"], widths=widths) + PEEK
+    shown = json.loads(
+        fromstring(browse(page, tmp_path, "--dump-dom")).find("body").get("data-wide")
+    )
+    assert [inner for inner, _ in shown] == [*widths, *widths]
+    assert all(wide <= inner for inner, wide in shown)

@@ -124,14 +124,8 @@ def _checks(found: ExcitationDesign) -> Table:
 
 def motion_table(found: ExcitationDesign) -> str:
     """Position, velocity and acceleration of every motor over time, as CSV."""
-    motors = found.motors
-    names = [
-        f"{motor}.{what}"
-        for what in ("position", "velocity", "acceleration")
-        for motor in motors.names
-    ]
-    columns = motors.time, motors.position, motors.velocity, motors.acceleration
-    return csv_text(["time", *names], *columns, digits=12)
+    table = found.motors._table()
+    return csv_text([*table], *table.values(), digits=12)
 
 
 def motion_file(found: ExcitationDesign) -> str:
