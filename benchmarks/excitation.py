@@ -118,6 +118,30 @@ def seeds() -> None:
     print(f"{kept} of 100 without violations")
 
 
+BUDGETS = (25, 50, 100, 200)  # evaluations, shared by two starts
+
+
+def budgets() -> None:
+    """Criterion (D) of 20 seeds by four budgets: more evaluations never give a worse motion."""
+    worse = 0
+    for name, count in (("five_bar", 20), (robots_folder() / UR10, 3)):
+        robot = loopid.load_mechanism(name)
+        model = loopid.find_force_model(robot, "full", None)
+        limits = loopid.MotionLimits(share=0.9, collisions=False)
+        for seed in range(count):
+            options = [
+                loopid.DesignOptions(seed=seed, starts=2, evaluations=each) for each in BUDGETS
+            ]
+            found = [
+                loopid.design_excitation(model, limits=limits, options=each).criteria.log_det
+                for each in options
+            ]
+            worse += int((np.diff(found) < 0).any())
+            listed = "  ".join(f"{value:8.2f}" for value in found)
+            print(f"{robot.name:10s} seed {seed:2d}  log det  {listed}", flush=True)
+    print(f"{worse} seeds with a motion that is worse for more evaluations")
+
+
 def monte_carlo(runs: int = 1000) -> None:
     """Scatter of the estimates from simulated logs by the default pipeline, over the predicted."""
     for name, model, kinds, noise in (
@@ -220,7 +244,8 @@ def refusals() -> None:
 
 
 CASES: dict[str, Callable[[], None]] = {
-    case.__name__: case for case in (ur10, figaroh, knee, feasible, seeds, monte_carlo, refusals)
+    case.__name__: case
+    for case in (ur10, figaroh, knee, feasible, seeds, budgets, monte_carlo, refusals)
 }
 
 if __name__ == "__main__":

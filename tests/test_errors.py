@@ -25,7 +25,7 @@ from loopid.errors import (
     one_line,
     warn,
 )
-from loopid.report.chart import require_matplotlib
+from loopid.plots.chart import require_matplotlib
 
 
 @given(st.text(st.characters(), max_size=8))

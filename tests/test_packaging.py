@@ -88,3 +88,10 @@ def test_classifiers_are_known_and_name_the_pythons():
     assert set(PROJECT["classifiers"]) <= classifiers
     minors = {f"Programming Language :: Python :: 3.{minor}" for minor in (11, 12, 13)}
     assert minors <= set(PROJECT["classifiers"])
+
+
+def test_rattler_build_understands_the_recipe():
+    build = pytest.importorskip("rattler_build", reason="needs pip install py-rattler-build")
+    (found,) = build.Stage0Recipe.from_file(ROOT / "conda" / "recipe.yaml").render()
+    about = found.recipe.package
+    assert (about.name, about.version) == ("loopid", loopid.__version__)

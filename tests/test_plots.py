@@ -1,4 +1,4 @@
-"""Results on axes: what is drawn are the numbers, and names stay text."""
+"""Charts on axes: what is drawn are the numbers, and names stay text."""
 
 from dataclasses import replace
 
@@ -12,54 +12,62 @@ matplotlib = pytest.importorskip("matplotlib")
 from matplotlib.figure import Figure  # noqa: E402
 
 
-@pytest.fixture
-def axes():
-    return Figure().subplots()
-
-
 @pytest.fixture(scope="module")
 def prediction(study):
     found = study.identification
     return loopid.predict(found.fit, found.force_model, found.validation[0])
 
 
-def test_lines_are_forces_and_residuals(prediction, axes):
-    plots.plot_forces(prediction, "leg2_stroke", axes)
-    measured, predicted = (line.get_ydata() for line in axes.lines)
+def test_lines_are_forces_and_residuals(prediction, knee):
+    chart = plots.forces_chart(knee, prediction, motors=["leg2_stroke"])
+    axes = Figure().subplots(2)
+    chart.draw(axes)
+    measured, predicted = (line.get_ydata() for line in axes[0].lines)
     np.testing.assert_array_equal(measured, prediction.recording.force[:, 1])
     np.testing.assert_array_equal(predicted, prediction.predicted[:, 1])
-    apart = plots.plot_residual(prediction, "leg2_stroke", Figure().subplots()).lines[0]
-    np.testing.assert_allclose(apart.get_ydata(), measured - predicted)
+    standing, moving = (line.get_ydata() for line in axes[1].lines)
+    used = prediction.recording.used[:, 1]
+    assert (np.isnan(standing) == used).all()
+    np.testing.assert_allclose(np.where(used, moving, standing), measured - predicted)
     with pytest.raises(loopid.LoopidError):
-        plots.plot_forces(prediction, "leg9_stroke", axes)
+        plots.forces_chart(knee, prediction, motors=["leg9_stroke"])
 
 
-def test_parameters_stand_beside_their_names_with_their_intervals(study, axes):
-    fit, model = study.identification.fit, study.identification.force_model
-    plots.plot_parameters(fit, axes, model.prior)
-    assert [text.get_text() for text in axes.get_yticklabels()] == list(fit.parameters.labels)
-    (bars,) = axes.containers
-    drawn = np.array([part[:, 0] for part in bars.lines[2][0].get_segments()])
-    told = np.isfinite(fit.intervals()).all(axis=1)
-    assert (np.ptp(drawn, axis=1) > 0).tolist() == told.tolist()
-    includes = ~told | (drawn[:, 0] <= 0) & (drawn[:, 1] >= 0)
-    names = np.array(fit.parameters.labels)[includes]
-    assert set(names) == set(fit.insignificant())
+def test_names_are_no_mathematics(knee):
+    axes = Figure().subplots(4)
+    name = "$\\frac{x"
+    chart = plots.robot_chart(knee)
+    panels = [replace(panel, title=name) for panel in chart.panels]
+    replace(chart, panels=tuple(panels)).draw(axes)
+    axes[0].figure.canvas.draw()
+    assert axes[0].get_title(loc="left") == name
 
 
-def test_names_are_no_mathematics(study, axes):
-    curve = loopid.friction_curve(
-        study.identification.fit,
-        "leg1_stroke",
-        np.linspace(-0.1, 0.1, 5),
-        joint_terms=study.identification.force_model.joint_terms,
-    )
-    plots.plot_friction(replace(curve, joint="$\\frac{x"), axes)
-    plots.plot_robot(
-        loopid.view.Scene(study.identification.force_model.mechanism).at(
-            study.identification.force_model.mechanism.reference
-        ),
-        Figure().add_subplot(projection="3d"),
-    )
-    assert axes.lines[0].get_label() == "$\\frac{x"
-    np.testing.assert_array_equal(axes.lines[0].get_ydata(), curve.values)
+def test_a_robot_is_drawn_where_it_is(knee):
+    """Closures meet at the reference; at another configuration the platform's joints have moved."""
+    other = loopid.random_configurations(knee, 1, seed=3)[0]
+    here, there = plots.robot_chart(knee), plots.robot_chart(knee, other)
+    for chart in (here, there):
+        (met,) = [mark for mark in chart.panels[0].marks if mark.name == "closures"]
+        np.testing.assert_allclose(met.x[0::2], met.x[1::2], atol=1e-9)
+        np.testing.assert_allclose(met.y[0::2], met.y[1::2], atol=1e-9)
+    assert here != there
+
+
+def test_values_are_beside_those_of_the_robot_file(study):
+    """A bar a run, whose middle is its value."""
+    found = study.identification
+    fits = {
+        name: loopid.identification.SavedFit.of(found.force_model, found[name].fit)
+        for name in ("robot file", "all parameters")
+    }
+    (panel,) = plots.comparison_chart(fits).panels
+    assert len(panel.labels) == len(found.fit.values)
+    for name, fit in fits.items():
+        (dots,) = [mark for mark in panel.marks if mark.name == name]
+        index = panel.marks.index(dots)
+        spans = panel.marks[index - 1]
+        np.testing.assert_allclose(spans.x + spans.to, 2 * dots.x, atol=1e-9)
+        errors = np.array([each.standard_error or 0.0 for each in fit.base_parameters])
+        wide = np.ptp([spans.x, spans.to], axis=0) > 0
+        assert (wide == (errors > 0)).all()

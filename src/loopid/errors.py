@@ -13,6 +13,16 @@ def one_line(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
+def short_name(name: str, longest: int) -> str:
+    """A name on one line, its middle left out where it takes more columns."""
+    from rich.cells import cell_len  # characters of some scripts are twice as wide
+
+    line = one_line(name)
+    width = cell_len(line)
+    half = (longest - 1) * len(line) // max(2 * width, 1)
+    return line if width <= longest else f"{line[:half]}…{line[len(line) - half :]}"
+
+
 class LoopidError(Exception):
     """Root of every error that loopid raises on purpose: one sentence, and the facts in it.
 

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from loopid.paper import paper_report
 from loopid.paper.page import actual_table, base_table, simulated_table
-from loopid.report import Chart
+from loopid.plots import Chart
 
 
 @pytest.fixture(scope="module")

@@ -1,9 +1,11 @@
 """What an error advises is done to the letter, and works."""
 
+import json
 import shutil
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import beside_tests  # noqa: F401
@@ -13,7 +15,12 @@ import pytest
 from recorded_logs import states, write_ros2
 
 import loopid
+from loopid import JointTerms
+from loopid.control import RecursiveLeastSquares, WrenchObserver
+from loopid.diagnosis import eliminate_parameters
 from loopid.errors import LoopidError
+from loopid.identification import Bisquare, Convergence, FitSamples, WeightedLeastSquares
+from loopid.kinematics import SamplingOptions
 from loopid.loading import bundled_directory
 from loopid.motion import JointMotion
 from made_runs import ARM, modelled
@@ -30,11 +37,12 @@ class Log:
     names: tuple[str, ...] = NAMES
     columns: tuple[np.ndarray, ...] = ROWS
     mapping: Mapping[str, Any] = field(default_factory=dict)
+    name: str = "run.csv"
 
     def __call__(self, folder):
-        path = folder / "run.csv"
+        path = folder / self.name
         np.savetxt(path, np.column_stack(self.columns), "%.17g", ",", header=",".join(self.names))
-        robot = loopid.load_mechanism("four_bar")
+        robot = load("four_bar")
         return loopid.read_log(path, robot, mapping=loopid.logs.LogMapping(**self.mapping))
 
 
@@ -44,6 +52,8 @@ def names(*given, **mapping):
 
 MS = (1e3 * TIME, *ROWS[1:])
 TWICE = (*ROWS, ROWS[2])
+RATED = {"velocity": {"crank_joint": "crank_joint.velocity"}}
+RATES = (*ROWS, 57.3 * np.cos(TIME))
 OF_LOGS = {
     "the unit of the time": (
         Log(columns=MS),
@@ -93,6 +103,31 @@ OF_LOGS = {
         "give position_scale in a mapping if the column is right",
         names("time", "crank_joint.position [mm]", NAMES[2], position_scale=1.0),
     ),
+    "positions in degrees": (
+        Log(columns=(TIME, 57.3 * (2 + ROWS[1]), ROWS[2])),
+        "give position_scale in a mapping",
+        Log(columns=(TIME, 57.3 * (2 + ROWS[1]), ROWS[2]), mapping={"position_scale": 0.01745}),
+    ),
+    "rates in another unit": (
+        Log((*NAMES, "crank_joint.velocity"), RATES, RATED),
+        "is it in another unit (velocity_scale)",
+        Log((*NAMES, "crank_joint.velocity"), RATES, RATED | {"velocity_scale": 0.01745}),
+    ),
+    "a number for another motor": (
+        names(*NAMES, force_scale={"crank": 2.0}),
+        "give the motors crank_joint",
+        names(*NAMES, force_scale={"crank_joint": 2.0}),
+    ),
+    "a delay of another motor": (
+        names(*NAMES, delay={"crank": 0.01}),
+        "give joints among crank_joint",
+        names(*NAMES, delay={"crank_joint": 0.01}),
+    ),
+    "a log of no known format": (
+        Log(name="run.dat"),
+        "give the format in a mapping",
+        Log(name="run.dat", mapping={"format": "csv"}),
+    ),
 }
 
 
@@ -105,8 +140,8 @@ class Robot:
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __call__(self, folder):
-        for bundled in ("four_bar.urdf", "3ups_rpu.urdf"):
-            shutil.copy(bundled_directory() / bundled, folder)
+        shutil.copy(bundled_directory() / "four_bar.urdf", folder)
+        (folder / "arm.urdf").write_text(ARM)
         (folder / self.name).write_text(self.content)
         return loopid.load_mechanism(folder / self.name, **self.options)
 
@@ -128,6 +163,41 @@ def urdf(old="", new=""):
 
 
 MASS = '<mass value="3.0"'
+END = """<joint name="end" type="fixed"><parent link="lower"/><child link="ground"/></joint>
+</robot>"""
+PIN = """<link name="pin_parent"/><joint name="mount" type="fixed"><parent link="ground"/>
+<child link="pin_parent"/></joint><joint name="{}" type="revolute"><parent link="ground"/>
+<child link="lower"/><origin xyz="0 0 0.7"/><axis xyz="0 1 0"/></joint></robot>"""
+TIED = """closures: [{type: distance, frames: [lower, ground], length: 0.6}]
+name_mot: [elbow]"""
+COUPLED = "couplings: [{{joints: {{shoulder: 1, elbow: -1}}}}{}]"
+SOLID = "<inertial><mass>1</mass><inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia></inertial>"
+SDF = """<sdf version="1.9"><model name="arm"><link name="one">{solid}</link>
+<link name="two">{inertial}</link>{more}
+<joint name="j2" type="revolute"><parent>one</parent><child>two</child>{axis}</joint>
+</model></sdf>"""
+ON_THE_WORLD = '<joint name="j1" type="fixed"><parent>world</parent><child>one</child></joint>'
+NESTED = """<model name="hand"{}>{}<link name="palm"/></model><joint name="grip" type="fixed">
+<parent>two</parent><child>hand::palm</child></joint>"""
+AXIS = "<axis><xyz>0 1 0</xyz></axis>"
+
+
+def sdf(more=ON_THE_WORLD, inertial=SOLID, **options):
+    """Two links, one of them on a hinge."""
+    parts = {"more": more, "inertial": inertial, "solid": SOLID, "axis": AXIS}
+    return Robot("arm.sdf", SDF.format(**parts), options)
+
+
+def edited(old, new):
+    """The four-bar with other words in its YAML."""
+    assert old in FOUR_BAR
+    return Robot("four_bar.yaml", FOUR_BAR.replace(old, new))
+
+
+def locked(name):
+    return Robot("arm.urdf", ARM, {"lock": [name]})
+
+
 OF_ROBOTS = {
     "a tag": (yaml("margin: !!float 0.02"), "is not read: remove it", yaml("margin: 0.02")),
     "an odd number": (
@@ -151,36 +221,150 @@ OF_ROBOTS = {
         "add a freejoint",
         Robot("b.xml", MJCF.format("<freejoint/>")),
     ),
+    "no motor": (
+        edited("[crank_joint]", "[]"),
+        "choose 'name_mot' among crank_joint, coupler_joint",
+        edited("[crank_joint]", "[coupler_joint]"),
+    ),
+    "an unknown frame": (
+        edited("coupler_end,", "coupler_tip,"),
+        "choose among base, crank, coupler,",
+        edited("coupler_end,", "coupler_end,"),
+    ),
+    "a closure in one body": (
+        yaml("closures: [{type: 3d, frames: [coupler, coupler_end]}]"),
+        "it closes no loop, leave it out",
+        yaml(""),
+    ),
+    "a coupling of frames": (
+        edited("['3d']", "[coupling]"),
+        "list it as one of 'couplings'",
+        Robot("arm.yaml", COUPLED.format("")),
+    ),
+    "couplings that contradict each other": (
+        Robot("arm.yaml", COUPLED.format(", {joints: {shoulder: 2, elbow: -2}, offset: 5}")),
+        "leave one of them out",
+        Robot("arm.yaml", COUPLED.format("")),
+    ),
+    "a turn of a hinge": (locked("elbow.wx"), "lock elbow, or a turn of a", locked("elbow")),
+    "an unknown joint to lock": (locked("elbows"), "choose one of shoulder,", locked("shoulder")),
+    "a name that Pinocchio has": (
+        urdf('joint name="elbow"', 'joint name="universe"'),
+        "rename it",
+        urdf(),
+    ),
+    "a loop at the root": (
+        urdf("</robot>", END),
+        "write it as a closure in a YAML",
+        Robot("arm.yaml", TIED),
+    ),
+    "a draft of URDF+": (
+        urdf("</robot>", "<loop_constraint name='a'/></robot>"),
+        "remove it, and write its closure into a YAML beside it",
+        Robot("arm.yaml", COUPLED.format("")),
+    ),
+    "a frame that is taken": (
+        urdf("</robot>", PIN.format("pin")),
+        "which is taken: rename it",
+        urdf("</robot>", PIN.format("bolt")),
+    ),
+    "an SDF called URDF": (
+        Robot("arm.urdf", sdf().content),
+        "let its name end in .sdf",
+        Robot("arm.sdf", sdf().content),
+    ),
+    "an SDF on the world that is to float": (
+        sdf(floating_base=True),
+        "take out its joint with the world",
+        sdf("", floating_base=True),
+    ),
+    "a part of an SDF in another file": (sdf("<include/>"), "is not read: write it out", sdf()),
+    "a frame that places a model": (
+        sdf(NESTED.format(' placement_frame="palm"', "")),
+        "is not read: write its <pose>",
+        sdf(NESTED.format("", "<pose>0 0 1 0 0 0</pose>")),
+    ),
+    "an inertial that Gazebo makes": (
+        sdf(inertial='<inertial auto="true"/>'),
+        "(auto): write it out",
+        sdf(),
+    ),
 }
 
 
+load = cache(loopid.load_mechanism)
+observed = cache(loopid.structural_observation)
+
+
 def base(search):
-    def make(_):
-        robot = loopid.load_mechanism("3ups_rpu")
-        observation = loopid.structural_observation(robot, "full")
-        return loopid.find_base_parameters(observation, search)
+    return lambda _: loopid.find_base_parameters(observed(load("3ups_rpu"), "full"), search)
+
+
+def weighed(model, **gravity):
+    """Base parameters of an arm, with another direction of gravity."""
+
+    def make(folder):
+        arm = Robot("arm.yaml", json.dumps(gravity))(folder)
+        return loopid.find_base_parameters(loopid.structural_observation(arm, model))
 
     return make
 
 
-def fitted(estimator, instruments=False):
-    def make(_):
-        model = loopid.find_force_model(loopid.load_mechanism("four_bar"), joint_terms=None)
-        q = loopid.random_configurations(model.mechanism, 50, seed=0)
-        motion = JointMotion(np.arange(50) / 10, q, *np.zeros((2, 50, 1)), np.ones(50))
-        samples = model.samples(modelled(model, motion, model.prior, noise=0.0))
-        if instruments:
-            samples = samples.with_instruments(samples.regressor)
-        return loopid.fit(samples, estimator)
+@cache
+def forces(name="four_bar", model="gravity"):
+    return loopid.find_force_model(load(name), model, None)
+
+
+def saved(name, fit, model="gravity"):
+    """A fit that is saved, or the values of the robot file."""
+
+    def make(folder):
+        found = forces(name, model)
+        values = loopid.fit(found.samples(recorded(found))) if fit else found.prior
+        return loopid.read_fit(loopid.save_fit(folder / "fit.json", found, values))
 
     return make
+
+
+def recorded(model):
+    """A recording of random states."""
+    rows, robot = 200, model.mechanism
+    q = loopid.random_configurations(robot, rows, seed=0)
+    rates = np.random.default_rng(0).normal(size=(2, rows, len(robot.independent)))
+    return modelled(model, JointMotion(np.arange(rows) / 10, q, *rates, np.ones(rows)), model.prior)
+
+
+RNG = np.random.default_rng(0)
+W, NOISE = RNG.normal(size=(200, 1, 2)), 0.1 * RNG.normal(size=(200, 1))
+BOTH = loopid.ParameterSet.from_labels(["arm.m", "arm.mx"])
+SPIKES = 5.0 * np.where(np.arange(200) % 2, 1, -1)[:, None]
+
+
+def sampled(W=W, errors=NOISE, instruments=None):
+    found = FitSamples.of(BOTH, ["motor"], W, W @ [2.0, 0.5] + errors)
+    return found if instruments is None else found.with_instruments(instruments)
+
+
+def fitted(estimator, **samples):
+    return lambda _: loopid.fit(sampled(**samples), estimator)
+
+
+def motor_model(robot, fit=None):
+    return lambda _: loopid.MotorModel(robot, fit)
+
+
+@cache
+def designed(**options):
+    """A design, as short as can be."""
+    options = loopid.DesignOptions(size=3, duration=5.0, evaluations=0, starts=1, **options)
+    return loopid.design_excitation(forces("parallelogram"), options=options)
 
 
 def bag(choose):
     """A bag of ROS 2 without its description, of which a path is read."""
 
     def make(folder):
-        robot = loopid.load_mechanism("four_bar")
+        robot = load("four_bar")
         columns = np.round(1e9 * TIME), ROWS[1][:, None], ROWS[2][:, None]
         if not (folder / "run").exists():
             write_ros2(folder / "run", states("ros2", robot.actuated, *columns), "db3")
@@ -196,20 +380,34 @@ def hdf5(**options):
         with h5py.File(folder / "run.h5", "w") as file:
             for name, column in zip(NAMES, ROWS, strict=True):
                 file.create_dataset(name, data=column, **options)
-        return loopid.read_log(folder / "run.h5", loopid.load_mechanism("four_bar"))
+        return loopid.read_log(folder / "run.h5", load("four_bar"))
 
     return make
 
 
-def exported(**options):
+def exported(own=False, terms=False, **options):
+    """The robot's own file, or another, with the values of the file, joint terms among them."""
+
     def make(folder):
         for end in ("yaml", "urdf"):
             shutil.copy(bundled_directory() / f"five_bar.{end}", folder)
         robot = loopid.load_mechanism(folder / "five_bar.yaml")
-        own = {**options, **({"path": folder / "five_bar.urdf"} if "path" in options else {})}
-        return loopid.export_robot_file(robot, robot.standard_parameters("full"), **own)
+        values, parameters = robot.standard_parameters(), robot.parameters()
+        if terms:
+            parameters += JointTerms(robot.actuated).parameters(robot)
+            values = np.append(values, np.ones(4))
+        named = {"parameters": parameters} if "parameters" in options else {}
+        path = folder / ("five_bar.urdf" if own else "new.urdf")
+        return loopid.export_robot_file(robot, values, path, **{**options, **named})
 
     return make
+
+
+def changed(fit, folder):
+    """A saved fit, read again with another digest."""
+    file = folder / "fit.json"
+    file.write_text(file.read_text().replace('"digest": "', '"digest": "0'))
+    return loopid.read_fit(file)
 
 
 def moved(**options):
@@ -230,13 +428,153 @@ def moved(**options):
     return make
 
 
-OTHERS = {
-    "a search without end": (base("exhaustive"), "use search='exact'", base("exact")),
+EXACT = 0 * NOISE
+OF_FITS = {
     "no instruments": (
         fitted("iv"),
         "pass samples.with_instruments(instruments)",
-        fitted("iv", instruments=True),
+        fitted("iv", instruments=W),
     ),
+    "weak instruments": (
+        fitted("iv", instruments=RNG.normal(size=W.shape)),
+        "are they of the same motion?",
+        fitted("iv", instruments=W + RNG.normal(size=W.shape)),
+    ),
+    "columns that depend on each other": (
+        fitted("wls", W=W[:, :, [0, 0]]),
+        "or use a motion that excites them",
+        fitted("wls"),
+    ),
+    "no forces": (
+        fitted("wls", errors=-W @ [2.0, 0.5]),
+        "its weight is undefined; use ols",
+        fitted("ols", errors=-W @ [2.0, 0.5]),
+    ),
+    "weights that do not converge": (
+        fitted(WeightedLeastSquares(Convergence(iterations=1))),
+        "in 1 iterations: use ols",
+        fitted("ols"),
+    ),
+    "robust forces without errors": (
+        fitted("bisquare", errors=EXACT),
+        "the scale of its errors is undefined; use ols",
+        fitted("ols", errors=EXACT),
+    ),
+    "no normal core": (
+        fitted(Bisquare(tuning=1.0), errors=SPIKES + NOISE),
+        "use wls, or a larger tuning",
+        fitted(Bisquare(tuning=9.0), errors=SPIKES + NOISE),
+    ),
+    "a robust fit that does not converge": (
+        fitted(Bisquare(iterations=1)),
+        "use wls, or a larger",
+        fitted("wls"),
+    ),
+    "a robust fit of factors": (
+        lambda _: Bisquare().fit(sampled().problem),
+        "use fit(samples, estimator)",
+        fitted("bisquare"),
+    ),
+    "nothing to compare smaller models with": (
+        lambda _: eliminate_parameters(sampled(errors=EXACT), sampled(errors=EXACT)),
+        "fit measured forces, or simulated ones with noise",
+        lambda _: eliminate_parameters(sampled(), sampled(errors=NOISE[::-1])),
+    ),
+    "references of another estimator": (
+        lambda _: loopid.FitOptions().require_references(1),
+        "references are for estimator='iv'",
+        lambda _: loopid.FitOptions(estimator="iv").require_references(1) is None,
+    ),
+    "a fit that is not saved": (
+        lambda _: loopid.predict(
+            loopid.fit(forces().samples(recorded(forces()))), load("four_bar"), recorded(forces())
+        ),
+        "give found.force_model in place of the robot",
+        lambda _: loopid.predict(
+            loopid.fit(forces().samples(recorded(forces()))), forces(), recorded(forces())
+        ),
+    ),
+    "a saved fit that was changed": (
+        lambda folder: changed(saved("four_bar", fit=True)(folder), folder),
+        "write it anew by save_fit",
+        saved("four_bar", fit=True),
+    ),
+    "no values": (
+        motor_model(load("four_bar")),
+        "give find_force_model(robot, 'full')",
+        motor_model(forces(model="full")),
+    ),
+    "masses in a gravity model": (
+        lambda _: loopid.MotorModel(forces()).mass([1.0]),
+        "identify with the model 'full'",
+        lambda _: loopid.MotorModel(forces(model="full")).mass([1.0]),
+    ),
+    "an observer without deviations": (
+        lambda _: WrenchObserver(loopid.MotorModel(forces(model="full")), 0.01, frame="rocker"),
+        "give noise, or what is unmodelled",
+        lambda _: WrenchObserver(
+            loopid.MotorModel(forces(model="full")), 0.01, frame="rocker", noise=0.1
+        ),
+    ),
+    "values that are not told yet": (
+        lambda _: RecursiveLeastSquares(np.zeros(2), None, np.ones(1)).covariance,
+        "begin with a covariance",
+        lambda _: RecursiveLeastSquares(np.zeros(2), np.eye(2), np.ones(1)).covariance,
+    ),
+}
+OF_ANALYSES = {
+    "a search without end": (base("exhaustive"), "use search='exact'", base("exact")),
+    "no weight": (
+        weighed("gravity", gravity=[0, 0, 0]),
+        "choose the full model",
+        weighed("full", gravity=[0, 0, 0]),
+    ),
+    "no weight that moves a joint": (
+        weighed("gravity", gravity=[0, -9, 0]),
+        "or another 'gravity' in a YAML",
+        weighed("gravity", gravity=[0, 0, -9]),
+    ),
+    "too few samples": (
+        lambda _: loopid.find_base_parameters(observed(load("five_bar"), samples=1)),
+        "so more samples are needed",
+        lambda _: loopid.find_base_parameters(observed(load("five_bar"), samples=50)),
+    ),
+    "a margin that no pose has": (
+        lambda _: loopid.random_configurations(
+            load("five_bar"), 3, options=SamplingOptions(margin=1.0, attempts=1)
+        ),
+        "lower the margin",
+        lambda _: loopid.random_configurations(
+            load("five_bar"), 3, options=SamplingOptions(margin=0.1)
+        ),
+    ),
+    "too few coordinates": (
+        lambda _: loopid.assemble(load("five_bar"), [[1.0]], ["left_crank_joint"]),
+        "give more",
+        lambda _: loopid.assemble(
+            load("five_bar"), [[2.0, 0.7]], ["left_crank_joint", "right_crank_joint"]
+        ),
+    ),
+    "too many coordinates": (
+        lambda _: loopid.assemble(
+            load("four_bar"), [[1.0, -0.3]], ["crank_joint", "coupler_joint"]
+        ),
+        "leave some out",
+        lambda _: loopid.assemble(load("four_bar"), [[1.0]], ["crank_joint"]),
+    ),
+    "a design in coordinates that there are not": (
+        lambda _: designed(coordinates="platform"),
+        "use coordinates='joints'",
+        lambda _: designed(coordinates="joints", shape="spline"),
+    ),
+    "friction of poses": (
+        lambda _: loopid.design_excitation(forces("parallelogram", "full"), options=POSES),
+        "use shape='fourier' or 'spline'",
+        lambda _: designed(coordinates="joints", shape="spline"),
+    ),
+}
+POSES = loopid.DesignOptions(shape="poses")
+OF_FILES = {
     "a bag without its description": (
         bag(lambda folder: folder / "run"),
         "or give one of the files in it",
@@ -249,9 +587,14 @@ OTHERS = {
     ),
     "numbers in another packing": (hdf5(scaleoffset=6), "by gzip or lzf", hdf5(compression="gzip")),
     "the robot's own file": (
-        exported(path=""),
+        exported(own=True),
         "or replace it by overwrite=True",
-        exported(path="", overwrite=True),
+        exported(own=True, overwrite=True),
+    ),
+    "values of joint terms without names": (
+        exported(terms=True),
+        "give their names where joint terms are among them",
+        exported(terms=True, parameters=True),
     ),
     "a robot that was moved": (
         moved(),
@@ -259,7 +602,7 @@ OTHERS = {
         moved(file="new/other.yaml"),
     ),
 }
-CASES = {**OF_LOGS, **OF_ROBOTS, **OTHERS}
+CASES = {**OF_LOGS, **OF_ROBOTS, **OF_FITS, **OF_ANALYSES, **OF_FILES}
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -9,8 +9,8 @@ import pytest
 from lxml.html import tostring
 
 from loopid.errors import MissingExtraError
-from loopid.report import Chart, Mark, Panel
-from loopid.report.chart import COLUMN, HIGH, RESOLUTION, STEPS, WIDE, ticks
+from loopid.plots import Chart, Mark, Panel
+from loopid.plots.chart import COLUMN, HIGH, RESOLUTION, STEPS, WIDE, ticks
 
 TIME = np.linspace(0.0, 10.0, 50_000)
 

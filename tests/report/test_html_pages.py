@@ -14,20 +14,15 @@ import numpy as np
 import pytest
 from lxml.html import fromstring
 
-from loopid.identification import Prediction
+import loopid
+from closure_robots import body, urdf
+from loopid.diagnosis import examine
+from loopid.identification import FitSamples
 from loopid.logs import Recording
-from loopid.report import (
-    Chart,
-    Mark,
-    Page,
-    Panel,
-    Run,
-    Section,
-    check_report,
-    identification_report,
-    prediction_report,
-)
+from loopid.plots import Chart, Mark, Panel
+from loopid.report import Page, Run, Section, check_report, identification_report
 from loopid.report.look import plain_table
+from made_runs import HINGE, quietly, record, wander
 
 HOSTILE = (
     "<script>alert(1)</script>",
@@ -112,30 +107,52 @@ def test_sections_can_be_put_together_anew(study):
     assert len(page.xpath("//figure")) == 1
 
 
-class EightMotors:
-    """A robot as far as a page asks for one."""
+def eight_motors():
+    """An arm with eight hinges."""
+    links = ["ground", *(f"link{k}" for k in range(8))]
+    bodies = (body(link, (0.05, 0.02, 0.1), 2.0) for link in links[1:])
+    axes = ("0 0 1", "0 1 0", "1 0 0") * 3
+    hinges = (
+        HINGE.format(f"motor{k}", *links[k : k + 2], 0.2, axes[k]) for k in range(len(links) - 1)
+    )
+    return urdf(*bodies, *hinges)
 
-    name, prismatic = "eight", np.arange(8)
 
-    def velocity_indices(self, names):
-        return np.array([int(name[-1]) for name in names])
+def longer(study, count):
+    """The study with so many samples, the same over and over."""
+
+    def repeated(array):
+        return np.resize(array, (count, *array.shape[1:]))
+
+    found = study.identification
+    motion, data = found.training[0].motion, found.data
+    columns = {field.name: repeated(getattr(motion, field.name)) for field in fields(motion)}
+    motion = replace(motion, **columns | {"time": 0.001 * np.arange(count)})
+    force = repeated(data.force)
+    runs = (Recording.of_motion(motion, force, data.actuators),)
+    samples = FitSamples.of(data.parameters, data.actuators, repeated(data.regressor), force)
+    more = {"training": runs, "validation": runs, "data": samples, "new": samples}
+    return replace(study, identification=replace(found, **more))
 
 
-def test_a_long_log_of_many_motors_makes_a_small_page_quickly(study):
-    """100,000 rows and 8 motors."""
-    rng, count = np.random.default_rng(0), 100_000
-    motion = study.identification.training[0].motion
-    each = {field.name: getattr(motion, field.name) for field in fields(motion)}
-    longer = {name: np.resize(array, (count, *array.shape[1:])) for name, array in each.items()}
-    longer["time"] = 0.001 * np.arange(count)
-    force, noise = np.cumsum(rng.normal(size=(count, 8)), axis=0), rng.normal(size=(count, 8))
-    used, stretches = rng.random((count, 8)) < 0.999, np.zeros(count, dtype=np.int64)
-    names = tuple(f"motor_{k}" for k in range(8))
-    run = Recording("run", names, replace(motion, **longer), force, used, stretches)
+@pytest.mark.parametrize("robot", ["knee", pytest.param("arm", marks=pytest.mark.validate)])
+def test_the_page_of_a_long_log_is_small_and_made_quickly(robot, request, tmp_path):
+    """100,000 rows, of eight motors when all are tried."""
+    if robot == "knee":
+        study = request.getfixturevalue("study")
+    else:
+        (tmp_path / "arm.urdf").write_text(eight_motors())
+        arm = loopid.load_mechanism(tmp_path / "arm.urdf")
+        terms, values = loopid.JointTerms.with_values(arm, "Fc=2,Fv=3")
+        run = record(arm, wander(arm, 0, size=8 * (0.5,)), (terms, values))
+        model = loopid.find_force_model(arm, "gravity", terms)
+        study = quietly(examine, quietly(loopid.identify, model, [run]))
+    study = longer(study, 100_000)
     start = process_time()
-    page = prediction_report(EightMotors(), [Prediction(run, force + noise)]).page().html()
-    assert process_time() - start < 10.0  # 2 s on a machine that does nothing else
-    assert 100_000 < len(page.encode()) < 3_000_000
+    files = identification_report(study).files()
+    took = process_time() - start
+    assert took < 10.0  # 3.7 s with eight motors
+    assert len(files["report.html"].encode()) < 3_000_000  # 1.2 MB
 
 
 # In a browser.
@@ -189,15 +206,26 @@ def proxy():
 CALL = '<body><script>new Image().src = "http://example.invalid/x"</script>'
 
 
-@pytest.mark.parametrize("name", ["identification", "hostile", "one that calls", "policy"])
-def test_no_request_leaves_a_page(pages, tmp_path, proxy, name):
+def framed(*pages, widths=(800,)):
+    """A page with these in frames, as a window of Chromium's is no narrower than 500 pixels."""
+    sources = [page.replace("&", "&amp;").replace('"', "&quot;") for page in pages]
+    frames = [
+        f"<iframe style='border:0;width:{width}px' srcdoc=\"{source}\"></iframe>"
+        for source in sources
+        for width in widths
+    ]
+    return "<!DOCTYPE html><body>" + "".join(frames)
+
+
+@pytest.mark.parametrize("calls", [False, True])
+def test_no_request_leaves_a_page(pages, tmp_path, proxy, calls):
+    """Seen with one that calls; the policy stops a script that got into a page nevertheless."""
     address, asked = proxy
-    # Seen with a page that calls; the policy stops a script that got into a page nevertheless.
-    odd = {"one that calls": CALL, "policy": pages["check"].replace("<body>", CALL)}
+    shown = framed(*pages.values(), pages["check"].replace("<body>", CALL))
     options = f"--proxy-server=http://{address}", "--proxy-bypass-list=<-loopback>", "--dump-dom"
-    browse({**pages, **odd}[name], tmp_path, *options)
+    browse(CALL if calls else shown, tmp_path, *options)
     own = [path for path in asked if "example.invalid" in path or "127.0.0.1:1/" in path]
-    assert bool(own) == (name == "one that calls")
+    assert bool(own) == calls
 
 
 ZOOM = """
@@ -232,25 +260,19 @@ def test_a_chart_zooms_in_all_its_panels_and_tells_its_values(tmp_path):
     assert all(ends[0] <= float(tick) <= ends[1] for tick in ticks)
 
 
-@pytest.mark.parametrize("width", [360, 768, 1440])
-def test_a_page_is_no_wider_than_its_screen(pages, tmp_path, width):
-    page = pages["identification"].replace(
-        "</body>",
-        "<script>document.body.dataset.wide = [document.documentElement.scrollWidth, "
-        "window.innerWidth]</script></body>",
-    )
-    # In a frame, as a window of Chromium's is no narrower than 500 pixels.
-    source = page.replace("&", "&amp;").replace('"', "&quot;")
-    frame = f"<!DOCTYPE html><iframe style='border:0;width:{width}px'></iframe>"
-    shown = browse(
-        frame.replace("<iframe", f'<iframe srcdoc="{source}"') + PEEK, tmp_path, "--dump-dom"
-    )
-    wide, inner = map(int, fromstring(shown).find("body").get("data-wide").split(","))
-    assert inner == width
-    assert wide <= width
-
-
 PEEK = """<script>
-const frame = document.querySelector("iframe");
-frame.onload = () => { document.body.dataset.wide = frame.contentDocument.body.dataset.wide; };
+window.onload = () => {
+  document.body.dataset.wide = JSON.stringify([...document.querySelectorAll("iframe")].map(
+    frame => [frame.contentWindow.innerWidth, frame.contentDocument.documentElement.scrollWidth]));
+};
 </script>"""
+
+
+def test_a_page_is_no_wider_than_its_screen(pages, tmp_path):
+    widths = 360, 768, 1440
+    page = framed(pages["identification"], pages["check"], widths=widths) + PEEK
+    shown = json.loads(
+        fromstring(browse(page, tmp_path, "--dump-dom")).find("body").get("data-wide")
+    )
+    assert [inner for inner, _ in shown] == [*widths, *widths]
+    assert all(wide <= inner for inner, wide in shown)

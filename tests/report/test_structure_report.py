@@ -24,7 +24,7 @@ from loopid.report.structure import (
     certificate,
     check_record,
     motions_record,
-    motions_tables,
+    motions_table,
 )
 
 REVIEW = MotionReview((), 0.05, 2.5, 0.01, {"a": 0.3})
@@ -166,7 +166,7 @@ def test_expressions_read_as_sums(terms, text):
 
 def test_a_motion_that_breaks_a_limit_is_said_so():
     record = motions_record("robot", {"1": replace(REVIEW, margin=0.9)}, {"1": 12.0})
-    (table,) = motions_tables(record)
+    table = motions_table(record)
     assert "singularity measure falls" in str(next(iter(table.columns[-1].cells)))
 
 

@@ -7,8 +7,8 @@ import re
 import pytest
 from rich.console import Console
 
-from loopid.errors import one_line
-from loopid.report.look import json_text, number, plain_table, shortened, with_error
+from loopid.errors import one_line, short_name
+from loopid.report.look import json_text, number, plain_table, with_error
 
 
 def printed(table, width, **options):
@@ -84,8 +84,8 @@ def test_names_are_neither_live_nor_changed(name):
 
 
 def test_a_name_that_fits_is_whole():
-    assert shortened("elbow.Fc", 8) == "elbow.Fc"
-    assert shortened("a\x1bb", 20) == "a\\x1bb"
+    assert short_name("elbow.Fc", 8) == "elbow.Fc"
+    assert short_name("a\x1bb", 20) == "a\\x1bb"
 
 
 def test_records_hold_names_but_no_control_codes():

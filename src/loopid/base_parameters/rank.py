@@ -26,6 +26,7 @@ EQUAL = 1e-6  # relative; round-off decides no pivot
 DIGITS = 6  # nor the order of combinations
 SHORT = 1e-2  # of the least combination that counts
 SLIGHT = 1e-3  # of the largest term: smaller ones are left out of doubtful combinations
+ROUND_OFF = 1e-14  # of the characteristic length: no number is more accurate after some operations
 
 
 @record(kw_only=True)
@@ -40,8 +41,8 @@ class RankTolerances:
     zero : float
         Up to this a singular value or a column is round-off, and not even doubtful.
     change : float
-        Part of itself, root mean square, by which a singular value changes with other numbers that
-        the robot file would round alike, if it is they that make it.
+        Part of itself, in the median, by which a singular value changes with other numbers that the
+        robot file would round alike, if it is they that make it.
     draws : int
         Other geometries that are tried to see that.
     reach, farthest : float
@@ -150,7 +151,10 @@ def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
         )
     sizes, right = decomposed((observation.factor * scales)[:, columns])
     values = sizes / sizes[0]
-    rank, source = _counted(observation, scales, values, tolerances)
+    directions = np.zeros((len(right), len(scales)))
+    directions[:, columns] = right
+    last = _not_round_off(observation, scales, values, directions, tolerances)
+    rank, source = _counted(observation, scales, values[:last], tolerances)
     if rank == observation.rows < len(columns):
         raise RankError(
             f"the rank may be larger: it equals the number of rows, {rank}, so more samples are "
@@ -159,11 +163,9 @@ def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
             parameters=len(columns),
         )
     below = np.append(values, 0.0)[rank]
-    last = rank + int((values[rank:] > tolerances.zero).sum())
     doubtful: tuple[DoubtfulCombination, ...] = ()
     if last > rank:
-        forces = np.zeros((last - rank, len(scales)))
-        forces[:, columns] = values[rank:last, None] * right[rank:last]
+        forces = values[rank:last, None] * directions[rank:last]
         doubtful = _combinations(observation, forces, scales, source)
         # Nothing that counts is felt of columns so much shorter than what counts.
         shortest = sizes[0] * min(np.sqrt(values[rank - 1] * below), SHORT * values[rank - 1])
@@ -231,6 +233,29 @@ def decomposed(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     return values, right
 
 
+def _not_round_off(
+    observation: Observation,
+    scales: FloatArray,
+    values: FloatArray,
+    directions: FloatArray,
+    tolerances: RankTolerances,
+) -> int:
+    """How many singular values (n,) of directions (n, p) are made by more than round-off.
+
+    Near singular poses round-off is large; so is what other geometry would change. A value that
+    numbers of all digits would make is none.
+    """
+    counted, last = (
+        max(1, int((values > bound).sum())) for bound in (tolerances.least, tolerances.zero)
+    )
+    if last == counted:
+        return last
+    part = slice(counted, last)
+    roundings = _roundings(observation, scales, directions[part], values[part], known=False)
+    real = np.flatnonzero(~(roundings <= ROUND_OFF * observation.length))
+    return counted + int(real.max(initial=-1)) + 1
+
+
 def _counted(
     observation: Observation, scales: FloatArray, values: FloatArray, tolerances: RankTolerances
 ) -> tuple[int, str]:
@@ -240,7 +265,7 @@ def _counted(
     rounding; the first that stays the same is evidence of rank, and so are all above it.
     """
     counted = max(1, int((values > tolerances.least).sum()))
-    rounding, least = observation.rounding, values[values > tolerances.zero][-1]
+    rounding, least = observation.rounding, values[-1]
     if rounding is None:
         return counted, ""
     accuracy, near = rounding.accuracy, tolerances.reach * rounding.accuracy / observation.length
@@ -252,7 +277,7 @@ def _counted(
     for draws, part in ((2, tolerances.change / 10), (tolerances.draws, tolerances.change)):
         factors = rounding.factors(draws, accuracy if not rounding.accuracy else None)
         spectra = np.linalg.svd(factors * scales, compute_uv=False)[:, :counted]
-        changes = np.sqrt(((spectra[1:] - spectra[0]) ** 2).mean(axis=0))
+        changes = np.median(np.abs(spectra[1:] - spectra[0]), axis=0)  # single ones are singular
         same = np.flatnonzero(changes <= part * spectra[0])
         if len(same) and same[-1] == counted - 1:
             return counted, ""

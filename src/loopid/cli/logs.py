@@ -12,9 +12,10 @@ import typer
 from typer import Argument, Option
 
 from loopid.cli.robots import FILE, MAPPING, MODEL, TERMS, numbers, of_robot, recordings
-from loopid.cli.shell import answering, progress_bar, with_options
+from loopid.cli.shell import answering, with_options
 from loopid.errors import LoopidError, OptionError
 from loopid.files import require_other_file
+from loopid.workers import progress_bar
 
 if TYPE_CHECKING:
     from loopid.cli.shell import Answer

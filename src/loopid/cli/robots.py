@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import typer
 from typer import Argument, Option
 
-from loopid.cli.shell import answering, progress_bar, with_options
+from loopid.cli.shell import answering, with_options
 from loopid.errors import OptionError
 from loopid.files import require_other_file, write_file, write_files
+from loopid.workers import progress_bar
 
 if TYPE_CHECKING:
     from loopid.cli.shell import Answer

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import block_diag
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, spread_rows
+from loopid.arguments import BoolArray, FloatArray, IntArray, row_blocks, spread_rows
 from loopid.identification.information import body_sizes
 from loopid.kinematics.assembly import AssemblyOptions, try_assemble
 from loopid.kinematics.measured import JointCoordinates
@@ -35,6 +35,7 @@ FLAT, OFFSET = 10.0, 0.1
 LARGEST = 10.0  # gain, over the one with which all bodies would weigh as in the file
 TURN = 2 * pi  # motors hardly move further, in rad or characteristic lengths
 OWN = ("Fc", "Fv", "Ia")  # joint terms of motors that are projected out
+TOGETHER = 64  # mistakes whose products are in memory
 LEAST_INDEPENDENT, ITERATIONS = 10, 8  # samples, and steps to the weights of a fit
 # Loops are closed at other positions as well as it takes to know forces, to 1e-5 m.
 CLOSING = AssemblyOptions(tolerance=1e-5, short=1e-3, rough=0.1, shortest_step=0.25)
@@ -111,6 +112,9 @@ class Undone(NamedTuple):
     positions: tuple[int, ...]
 
 
+Pose = tuple[tuple[float, ...], tuple[int, ...], tuple[int, ...]]
+
+
 class Explanation(NamedTuple):
     """How a log is explained once mistakes are undone."""
 
@@ -127,7 +131,14 @@ class _Table(NamedTuple):
     """
 
     columns: FloatArray  # (d, N, 2 n + 3), less what is the drive's own; zero where nothing is used
-    products: FloatArray  # (d, 2 n + 3, 2 n + 3), means
+    counts: IntArray  # (d,), samples that are used
+
+    def at(self, time: FloatArray) -> FloatArray:
+        """Columns (d, N, n + 2) with rates on the right time axis: what explains, and the force."""
+        n = self.columns.shape[2] // 2
+        moving = time[:, None, None] ** 2 * self.columns[:, :, n:-1]
+        explained = self.columns[:, :, :n] + moving
+        return np.concatenate([explained, self.columns[:, :, -1:]], axis=2)
 
 
 class Evidence:
@@ -159,7 +170,8 @@ class Evidence:
         self.independent = np.zeros(d)  # samples of each
         self.independent[self.present] = LEAST_INDEPENDENT
         self._choose_columns()
-        self._tables: dict[Any, _Table | None] = {}
+        self._tables: dict[Pose, _Table | None] = {}
+        self._known_products: dict[tuple[Pose, tuple[float, ...]], FloatArray] = {}
 
     def _samples(self, recording: Recording, most: int) -> list[Any]:
         motion, history = recording.motion, recording.history
@@ -179,7 +191,8 @@ class Evidence:
         few, rows = copy(self), spread_rows(len(self.q), self.options.few)
         for name in ("q", "rates", "force", "used", "external", "position"):
             setattr(few, name, getattr(self, name)[rows])
-        few.independent, few._tables = np.minimum(self.independent, len(rows)), {}
+        few.independent = np.minimum(self.independent, len(rows))
+        few._tables, few._known_products = {}, {}
         return few
 
     # Columns that explain forces.
@@ -249,22 +262,24 @@ class Evidence:
         columns = np.concatenate([columns, self.force[:, motors, None]], axis=2)
         columns, own = ((one * used[:, :, None]).swapaxes(0, 1) for one in (columns, own))
         Q = np.linalg.qr(own)[0]
-        columns = columns - Q @ (Q.swapaxes(1, 2) @ columns)
-        return _Table(
-            columns, columns.swapaxes(1, 2) @ columns / np.maximum(counts, 1)[:, None, None]
-        )
+        return _Table(columns - Q @ (Q.swapaxes(1, 2) @ columns), np.maximum(counts, 1))
 
     # What is asked.
 
     def explained(self, undone: Sequence[Undone]) -> list[Explanation]:
         """How the log is explained, at errors of the size that they have, and the evidence."""
         self._add_tables(undone)
-        tables = [self._tables[_pose(one)] for one in undone]
-        d, n = len(self.names), len(self.names) + self.columns.shape[1] - 1
-        nothing = np.zeros((d, 2 * n + 3, 2 * n + 3))
-        products = np.stack([nothing if one is None else one.products for one in tables])
-        products = _folded(_folded(products, undone).swapaxes(2, 3), undone)
-        flat, gain = products.reshape(len(undone), d, -1), np.abs([one.gain for one in undone])
+        parts = (self._explained(undone[rows]) for rows in row_blocks(len(undone), TOGETHER))
+        return [one for part in parts for one in part]
+
+    def _explained(self, undone: Sequence[Undone]) -> list[Explanation]:
+        """The same of some, whose tables are known."""
+        n = len(self.names) + self.columns.shape[1] - 1
+        gain = np.array([one.gain for one in undone])
+        products = np.stack([self._products(_pose(one), one.time) for one in undone])
+        products[:, :, -1] /= gain[:, :, None]
+        products[:, :, :, -1] /= gain[:, :, None]
+        flat, gain = products.reshape(*gain.shape, -1), np.abs(gain)
         least = self.options.model_error * self.sizes(undone) + TINY
         error = np.maximum(np.sqrt(products[:, :, -1, -1]), least)
         for _ in range(ITERATIONS):
@@ -278,18 +293,29 @@ class Evidence:
         # Of the forces as measured, whatever they were divided by.
         lost = (np.log(error * gain) + square / error**2 / 2) @ self.independent
         lost += ((x**2).sum(axis=1) + np.linalg.slogdet(H)[1]) / 2
-        lost[[one is None for one in tables]] = inf
+        lost[[self._tables[_pose(one)] is None for one in undone]] = inf
         return list(map(Explanation, undone, (-lost).tolist(), x, error))
+
+    def _products(self, pose: Pose, time: tuple[float, ...]) -> FloatArray:
+        """Mean products (d, n + 2, n + 2) of the columns at a pose and on a time axis."""
+        if (pose, time) not in self._known_products:
+            table, n = self._tables[pose], len(self.names) + self.columns.shape[1] - 1
+            found = np.zeros((len(self.names), n + 2, n + 2))
+            if table is not None:
+                columns = table.at(np.array(time))
+                found = columns.swapaxes(1, 2) @ columns / table.counts[:, None, None]
+            self._known_products[pose, time] = found
+        return self._known_products[pose, time]
 
     def weighed(self, undone: Undone) -> Explanation:
         """Explained with samples that count by how correlated their errors are, from now on."""
         (found,) = self.explained([undone])
         table = self._tables[_pose(undone)]
         assert table is not None
-        z = np.concatenate([found.values, [1.0, -1.0]])
-        columns = _folded(table.columns.swapaxes(1, 2)[None], [undone])[0]  # (d, n + 2, N)
+        columns = table.at(np.array(undone.time))
         for k in self.present:
-            error = (z @ columns[k])[self.used[:, undone.forces[k]]]
+            z = np.concatenate([found.values, [1.0, -1.0 / undone.gain[k]]])
+            error = (columns[k] @ z)[self.used[:, undone.forces[k]]]
             lag = max(float(error[1:] @ error[:-1]) / max(float(error @ error), TINY), 0.0)
             self.independent[k] = max(len(error) * (1 - lag) / (1 + lag), LEAST_INDEPENDENT)
         return self.explained([undone])[0]
@@ -316,14 +342,6 @@ class Evidence:
         return float(span / max(span, TURN))
 
 
-def _pose(undone: Undone) -> tuple[Any, ...]:
+def _pose(undone: Undone) -> Pose:
     """What a table depends on."""
     return undone.ratio, undone.positions, undone.forces
-
-
-def _folded(products: FloatArray, undone: Sequence[Undone]) -> FloatArray:
-    """Rows (S, d, 2 n + 3, ...) with rates on the right time axis, and forces over their gain."""
-    n = products.shape[2] // 2
-    time, gain = np.array([one.time for one in undone]), np.array([one.gain for one in undone])
-    explained = products[:, :, :n] + time[:, :, None, None] ** 2 * products[:, :, n:-1]
-    return np.concatenate([explained, products[:, :, -1:] / gain[:, :, None, None]], axis=2)

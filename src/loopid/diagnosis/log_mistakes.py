@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import combinations
-from math import exp, inf, isfinite, log, pi, sqrt
+from math import inf, log, pi, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -239,13 +239,6 @@ class _Kind(NamedTuple):
         possible = [size for size in self.sizes or (1.0,) if least <= size <= most]
         return np.outer(self.signs, possible).ravel()
 
-    def evidence(
-        self, model: Evidence, undone: Undone, motors: Motors, sizes: FloatArray
-    ) -> FloatArray:
-        """Logarithms of the evidence with a mistake of each size undone, too."""
-        tried = [self.undone(undone, motors, size) for size in sizes.tolist()]
-        return np.array([one.evidence for one in model.explained(tried)])
-
 
 GAINS, BOTH = tuple(np.logspace(-4, 4, 17).tolist()), (1.0, -1.0)
 EXCHANGED = (
@@ -318,55 +311,93 @@ class _Find(NamedTuple):
         return MotorGain(names[k], gains[k], (gains[k] - reach, gains[k] + reach))
 
 
+Tried = tuple[str, Motors, float]  # a kind of mistake, of motors, at a size
+
+
 def _finds(model: Evidence, found: Explanation, *, assembled: bool) -> list[_Find]:
     """Mistakes of the kinds for which loops are closed anew, or of the others.
 
     Closing loops takes long: those that are best at few samples are looked at closely.
     """
-    first, tried = model.of_few() if assembled else model, list[tuple[float, str, Motors, float]]()
+    first, tried = model.of_few() if assembled else model, list[list[Tried]]()
     for name, kind in KINDS.items():
         count = kind.motors or len(model.present)
         if kind.assembled != assembled or (name == "common_gain" and count == 1):
             continue
         for motors in combinations(model.present, count):
             if (kind.sizes and not assembled) or model.strange(found, motors):
-                sizes = kind.tried(model, found.undone, motors)
-                likely = kind.evidence(first, found.undone, motors, sizes)
-                best = int(likely.argmax())
-                tried.append((float(likely[best]), name, motors, float(sizes[best])))
+                sizes = kind.tried(model, found.undone, motors).tolist()
+                tried.append([(name, motors, size) for size in sizes])
+    evidence = iter(_evidence(first, found, [one for each in tried for one in each]).tolist())
+    likely = [max((next(evidence), -k, one) for k, one in enumerate(each)) for each in tried]
     if assembled:
-        tried = sorted(tried, key=lambda one: -one[0])[:CLOSELY]
-    finds = (_find(model, first, found, name, motors, size) for _, name, motors, size in tried)
-    return [find for find in finds if find is not None]
+        likely = sorted(likely, key=lambda each: -each[0])[:CLOSELY]
+    plain = [(one, 0.0) for *_, one in likely if not KINDS[one[0]].sizes]
+    sized = _sized(first, found, [one for *_, one in likely if KINDS[one[0]].sizes])
+    return _closely(model, found, [*sized, *plain])
 
 
-def _find(
-    model: Evidence, first: Evidence, found: Explanation, name: str, motors: Motors, size: float
-) -> _Find | None:
-    """A mistake at the most likely size near one, by a first look; None where there is none."""
-    kind, deviation, lost = KINDS[name], 0.0, 0.0
-    if kind.sizes:
-        at, step, sign = log(abs(size)), log(kind.sizes[1] / kind.sizes[0]), np.sign(size)
-        for _ in range(ZOOMS):
-            tried = np.linspace(at - step, at + step, TRIED)
-            evidence = kind.evidence(first, found.undone, motors, sign * np.exp(tried))
-            at, step = float(tried[evidence.argmax()]), 2 * step / (TRIED - 1)
-        for _ in range(STEPS):
-            sizes = sign * np.exp([at - step, at, at + step])
-            low, middle, high = kind.evidence(first, found.undone, motors, sizes).tolist()
-            if not (isfinite(low + high) and low + high < 2 * middle):  # no size is told
-                return None
-            curvature, slope = (2 * middle - low - high) / step**2, (high - low) / (2 * step)
-            at, deviation = at + min(max(slope / curvature, -step), step), 1 / sqrt(curvature)
-            step = min(step, deviation)
-        size = float(sign * exp(at))
-        # How much of what was possible beforehand still is: any sign, as large as any other.
-        possible = len(kind.signs) * log(kind.sizes[-1] / kind.sizes[0])
-        lost = max(log(possible / max(sqrt(2 * pi) * deviation, 1e-6)), 0)
-        lost += log(len(model.present)) if kind.motors == 1 else 0.0
-    (after,) = model.explained([kind.undone(found.undone, motors, size)])
-    reach = INTERVAL * deviation * abs(size)
-    return _Find(name, motors, after, after.evidence - lost, size, reach)
+def _undone(found: Explanation, tried: Sequence[Tried]) -> list[Undone]:
+    """What is undone with each mistake alone undone, too."""
+    return [KINDS[kind].undone(found.undone, motors, size) for kind, motors, size in tried]
+
+
+def _evidence(model: Evidence, found: Explanation, tried: Sequence[Tried]) -> FloatArray:
+    """Logarithms of the evidence with each mistake alone undone, too."""
+    return np.array([one.evidence for one in model.explained(_undone(found, tried))])
+
+
+def _sized(
+    model: Evidence, found: Explanation, tried: Sequence[Tried]
+) -> list[tuple[Tried, float]]:
+    """Mistakes at the most likely sizes near those that were tried, all searched for together.
+
+    With standard deviations of the logarithms of their sizes; those that tell no size are left out.
+    """
+    sign, at = np.sign([size for *_, size in tried]), np.log(np.abs([size for *_, size in tried]))
+    step = np.array([log(KINDS[kind].sizes[1] / KINDS[kind].sizes[0]) for kind, *_ in tried])
+
+    def resized(logarithms: FloatArray) -> list[Tried]:
+        sizes = (sign[:, None] * np.exp(logarithms)).tolist()
+        return [(*one[:2], x) for one, own in zip(tried, sizes, strict=True) for x in own]
+
+    def around(places: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Logarithms (k, t) at places in steps, and the evidence there."""
+        grid = at[:, None] + step[:, None] * places
+        return grid, _evidence(model, found, resized(grid)).reshape(grid.shape)
+
+    for _ in range(ZOOMS):
+        grid, evidence = around(np.linspace(-1, 1, TRIED))
+        at, step = grid[np.arange(len(grid)), evidence.argmax(axis=1)], 2 * step / (TRIED - 1)
+    told, deviation = np.ones(len(at), dtype=bool), np.zeros(len(at))
+    for _ in range(STEPS):
+        _, evidence = around(np.array([-1.0, 0.0, 1.0]))
+        told &= np.isfinite(evidence).all(axis=1)
+        low, middle, high = np.where(told[:, None], evidence, 0.0).T
+        told &= low + high < 2 * middle
+        bend = np.where(told, 2 * middle - low - high, 1.0) / step**2
+        slope = np.where(told, high - low, 0.0) / (2 * step)
+        at, deviation = at + np.clip(slope / bend, -step, step), bend**-0.5
+        step = np.minimum(step, deviation)
+    both = zip(resized(at[:, None]), deviation.tolist(), told.tolist(), strict=True)
+    return [(one, own) for one, own, clear in both if clear]
+
+
+def _closely(
+    model: Evidence, found: Explanation, tried: Sequence[tuple[Tried, float]]
+) -> list[_Find]:
+    """Mistakes with what all samples say, and what is lost by the choice of a size and a motor."""
+    after, finds = model.explained(_undone(found, [one for one, _ in tried])), list[_Find]()
+    for ((name, motors, size), deviation), explained in zip(tried, after, strict=True):
+        kind, lost = KINDS[name], 0.0
+        if kind.sizes:
+            # How much of what was possible beforehand still is: any sign, as large as any other.
+            possible = len(kind.signs) * log(kind.sizes[-1] / kind.sizes[0])
+            lost = max(log(possible / max(sqrt(2 * pi) * deviation, 1e-6)), 0)
+            lost += log(len(model.present)) if kind.motors == 1 else 0.0
+        reach = INTERVAL * deviation * abs(size)
+        finds.append(_Find(name, motors, explained, explained.evidence - lost, size, reach))
+    return finds
 
 
 def _clear(

@@ -28,10 +28,12 @@ The inverse Hessian is the covariance (Laplace). What of a variance rests on the
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, checked, finite
+from loopid.arguments import BoolArray, FloatArray, IntArray, Positive, checked, finite
 from loopid.errors import DataError, ModelWarning, OptionError, warn
 from loopid.identification.correlation import CorrelationOptions, with_scatter, within_runs
 from loopid.identification.estimator import WorkingFit
@@ -81,18 +83,18 @@ class ConsistentOptions:
     Raises
     ------
     OptionError
-        When an option is out of its range.
+        When deviations do not ascend.
     """
 
     deviations: tuple[float, float] = (0.4, 1.0)
     farthest: float = 3.0
-    freedom: float = 4.0
-    flat: float = 10.0
-    precision: float = 1e-8
-    massless: float = 1e-3
-    tolerance: float = 1e-8
-    settled: float = 1e-4
-    iterations: int = 200
+    freedom: Positive = 4.0
+    flat: Positive = 10.0
+    precision: Positive = 1e-8
+    massless: Positive = 1e-3
+    tolerance: Positive = 1e-8
+    settled: Positive = 1e-4
+    iterations: Annotated[int, Field(ge=1)] = 200
 
     def __post_init__(self) -> None:
         least, largest = self.deviations
@@ -102,11 +104,6 @@ class ConsistentOptions:
                 f"{self.farthest}, not {self.deviations}",
                 given=self.deviations,
             )
-        for name in ("freedom", "flat", "precision", "massless", "tolerance", "settled"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise OptionError(f"{name} must be above 0, not {getattr(self, name)}")
-        if self.iterations < 1:
-            raise OptionError(f"iterations must be from 1 on, not {self.iterations}")
 
 
 @checked

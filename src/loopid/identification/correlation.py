@@ -17,12 +17,14 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Annotated
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from pydantic import Field
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, row_blocks
-from loopid.errors import DataWarning, OptionError, warn
+from loopid.arguments import BoolArray, FloatArray, IntArray, Share, row_blocks
+from loopid.errors import DataWarning, warn
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.problem import ROUND_OFF
 from loopid.identification.result import FitResult, NoiseModel
@@ -57,34 +59,16 @@ class CorrelationOptions:
         Effective samples, relative to all, below which a user is warned.
     false_alarm : float
         Probability that a user is warned of a scatter between recordings that is chance.
-
-    Raises
-    ------
-    OptionError
-        When a number is out of its range.
     """
 
-    largest_order: int = 20
-    pairs_per_coefficient: int = 10
-    white_floor: float = 0.001
-    corrections: int = 6
-    kept_innovation: float = 0.5
-    least_runs: int = 3
-    clearly_fewer: float = 0.5
-    false_alarm: float = 0.01
-
-    def __post_init__(self) -> None:
-        least = {"largest_order": 0, "pairs_per_coefficient": 1, "corrections": 0, "least_runs": 2}
-        for name, value in least.items():
-            if getattr(self, name) < value:
-                raise OptionError(
-                    f"{name} must be from {value} on, not {getattr(self, name)}", least=value
-                )
-        for name in ("white_floor", "kept_innovation", "clearly_fewer", "false_alarm"):
-            if not 0 <= getattr(self, name) < 1:
-                raise OptionError(
-                    f"{name} must be from 0 on and below 1, not {getattr(self, name)}"
-                )
+    largest_order: Annotated[int, Field(ge=0)] = 20
+    pairs_per_coefficient: Annotated[int, Field(ge=1)] = 10
+    white_floor: Share = 0.001
+    corrections: Annotated[int, Field(ge=0)] = 6
+    kept_innovation: Share = 0.5
+    least_runs: Annotated[int, Field(ge=2)] = 3
+    clearly_fewer: Share = 0.5
+    false_alarm: Share = 0.01
 
 
 @record

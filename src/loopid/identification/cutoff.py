@@ -14,11 +14,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
-from loopid.arguments import FloatArray, checked
+from loopid.arguments import FloatArray, NotNegative, Positive, checked
 from loopid.errors import DataWarning, LoopidError, OptionError, warn
 from loopid.identification.estimator import inverse_deviations
 from loopid.identification.force_model import ForceModel
@@ -57,28 +58,24 @@ class CutoffOptions:
     Raises
     ------
     OptionError
-        When a number is out of its range.
+        When the widest is not beyond the narrowest.
     """
 
-    step: float = 1.4
-    narrowest: float = 1.4
-    widest: float = 30.0
-    period: float = 5.0
-    judged: float = 4.0
-    blocks: int = 10
-    clearly: float = 2.0
-    growth: float = 10.0
-    tie: float = 1e-3
+    step: Annotated[float, Field(gt=1)] = 1.4
+    narrowest: Positive = 1.4
+    widest: Positive = 30.0
+    period: Annotated[float, Field(gt=2)] = 5.0
+    judged: Positive = 4.0
+    blocks: Annotated[int, Field(ge=2)] = 10
+    clearly: NotNegative = 2.0
+    growth: Annotated[float, Field(gt=1)] = 10.0
+    tie: NotNegative = 1e-3
 
     def __post_init__(self) -> None:
-        least = {"step": 1.0, "narrowest": 0.0, "widest": self.narrowest, "period": 2.0}
-        least |= {"judged": 0.0, "blocks": 2, "clearly": 0.0, "growth": 1.0, "tie": 0.0}
-        for name, value in least.items():
-            given = getattr(self, name)
-            if not (given >= value if name in ("blocks", "clearly", "tie") else given > value):
-                raise OptionError(
-                    f"{name} of the cut-off must be from {value:g} on, not {given}", given=given
-                )
+        if not self.narrowest < self.widest:
+            raise OptionError(
+                f"widest must be beyond the narrowest, {self.narrowest:g}, not {self.widest:g}"
+            )
 
 
 @record

@@ -15,7 +15,7 @@ from loopid.identification.problem import FitSamples
 from loopid.identification.result import FitResult, Quality, fit_quality
 from loopid.identification.saved import SavedFit
 from loopid.logs.recording import Recording
-from loopid.records import Tabular, record
+from loopid.records import Tabular, columns_of, record
 from loopid.robot.mechanism import Mechanism
 
 
@@ -35,9 +35,9 @@ class Prediction(Tabular):
     predicted: FloatArray
 
     def _table(self) -> dict[str, FloatArray]:
-        named = zip(self.recording.actuators, self.predicted.T, strict=True)
-        table: dict[str, FloatArray] = self.recording._table()
-        return table | {f"{motor} predicted": force for motor, force in named}
+        run = self.recording
+        forces = {"force": run.force, "predicted": self.predicted}
+        return columns_of(run.actuators, run.motion.time, **forces)
 
     @property
     def residual(self) -> FloatArray:

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, row_blocks
-from loopid.errors import DataError, OptionError
+from loopid.arguments import BoolArray, FloatArray, Positive, row_blocks
+from loopid.errors import DataError
 from loopid.identification.estimator import (
     Estimator,
     WeightedLeastSquares,
@@ -84,11 +84,6 @@ class Bisquare(Estimator):
     least_slope : float
         Mean slope of ψ below which residuals are no normal core with outliers.
 
-    Raises
-    ------
-    OptionError
-        When a limit is not above 0.
-
     Examples
     --------
     >>> import loopid, numpy as np
@@ -104,18 +99,13 @@ class Bisquare(Estimator):
     """
 
     name = "bisquare"
-    tuning: float = 4.685
-    huber_limit: float = 1.345
+    tuning: Positive = 4.685
+    huber_limit: Positive = 1.345
     iterations: int = 200
     tolerance: float = 1e-9
     start_tolerance: float = 1e-3
     held_from: int = 20
     least_slope: float = 0.1
-
-    def __post_init__(self) -> None:
-        for name in ("tuning", "huber_limit"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise OptionError(f"{name} must be above 0, not {getattr(self, name)}")
 
     def fit_samples(self, samples: FitSamples) -> WorkingFit:
         """As of ``Estimator``, by iteratively reweighted least squares.

@@ -20,11 +20,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
-from loopid.arguments import FloatArray, checked, finite
+from loopid.arguments import FloatArray, Share, checked, finite
 from loopid.errors import DataError, OptionError, RankError
 from loopid.identification.estimator import LEAST_EXCITATION
 from loopid.identification.fitting import quiet_fit
@@ -61,24 +62,13 @@ class TermOptions:
         Standard error, relative to the motor's force, up to which an offset is told well.
     own_effect : float
         Part of the effect of terms that other parameters must not make up for: less is round-off.
-
-    Raises
-    ------
-    OptionError
-        When a number is out of its range.
     """
 
-    false_alarm: float = 0.01
-    further: float = 0.05
-    slowest: float = 0.01
-    known_offset: float = 0.05
-    own_effect: float = 1e-4
-
-    def __post_init__(self) -> None:
-        for name in ("false_alarm", "further", "slowest", "known_offset", "own_effect"):
-            value = getattr(self, name)
-            if not 0 <= value < 1 or (name in ("further", "slowest") and not value):
-                raise OptionError(f"{name} must be from 0 on and below 1, not {value}", given=value)
+    false_alarm: Share = 0.01
+    further: Annotated[float, Field(gt=0, lt=1)] = 0.05
+    slowest: Annotated[float, Field(gt=0, lt=1)] = 0.01
+    known_offset: Share = 0.05
+    own_effect: Share = 1e-4
 
 
 class Terms(NamedTuple):

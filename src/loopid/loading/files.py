@@ -60,15 +60,16 @@ def bundled_robots() -> tuple[str, ...]:
 def find_files(path: str | Path) -> RobotFiles:
     """Find a robot's files by the path of one or by a bundled robot's name, and read its YAML."""
     file = _existing(path, ".yaml", bundled_robots(), "", "the bundled robots are")
+    given, tree = Description(), file
     if file.suffix in YAML:
         given = read_yaml(file, Description)
-        return RobotFiles(file, given, _tree(file, given))
-    if file.suffix not in robot_formats:
+        tree = _tree(file, given)
+    if tree.suffix not in robot_formats:
         endings = (*YAML, *robot_formats)
         raise RobotFileError(
-            f"{file}: a robot file ends in {', '.join(endings)}", file=str(file), valid=endings
+            f"{tree}: a robot file ends in {', '.join(endings)}", file=str(tree), valid=endings
         )
-    return RobotFiles(file, Description(), file)
+    return RobotFiles(file, given, tree)
 
 
 def _tree(file: Path, given: Description) -> Path:

@@ -90,7 +90,7 @@ def build_tree(source: TreeSource, description: Description, locked: Sequence[st
     at = _locked_values(source, dict.fromkeys((*description.fixed, *locked)))
     source = replace(_replaced(source, chains, turned=True), locked=at)
     if source.model.nv == 0:
-        raise RobotFileError("no joint can move, unless its base floats (floating_base: true)")
+        raise RobotFileError("no joint can move")
     return source
 
 

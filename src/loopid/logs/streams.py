@@ -22,6 +22,7 @@ from loopid.records import record
 
 LEAST_ROWS = 4  # of a stream, and of a stretch without gaps: shorter ones are none
 MOST_NAMED = 5  # rows in a message
+ROUND_OFF = 1e-14  # of times on a grid, relative to the last
 
 
 @record(kw_only=True, checked=True)
@@ -267,13 +268,18 @@ def align(streams: Sequence[Stream], joints: tuple[str, ...], gap: float) -> Ali
 
 
 def _grids(time: FloatArray, spans: FloatArray, step: float) -> Iterator[FloatArray]:
-    """Even times, from the first to the last stamp of each span that has enough of them."""
+    """Even times, from the first to the last stamp of each span that has enough of them.
+
+    Of an even log each is a stamp, to the bit, lest values that are held seem to change.
+    """
     for span in spans:
         inside = time[np.searchsorted(time, span[0]) :]
         inside = inside[: np.searchsorted(inside, span[1], "right")]
         count = round((inside[-1] - inside[0]) / step) + 1 if len(inside) >= LEAST_ROWS else 0
         if count >= LEAST_ROWS:
-            yield np.linspace(inside[0], inside[-1], count)
+            grid = np.linspace(inside[0], inside[-1], count)
+            whole = np.round(1e9 * grid) / 1e9  # ns, as stamps are
+            yield np.where(np.abs(grid - whole) <= ROUND_OFF * whole[-1], whole, grid)
 
 
 def _spans(time: FloatArray, gap: float) -> FloatArray:

@@ -31,10 +31,10 @@ from loopid.paper.reproduction import (
     SimulatedFit,
     TwoSteps,
 )
-from loopid.report.chart import Chart, Mark, Panel
+from loopid.plots.chart import Chart, Mark, Panel
 from loopid.report.look import json_fields, json_value, plain_table
 from loopid.report.page import Part, Report, Section
-from loopid.report.structure import base_record, motions_record, motions_tables
+from loopid.report.structure import base_record, motions_record, motions_table
 
 FITS = 3.0  # standard errors within which a value of the paper fits
 
@@ -124,7 +124,7 @@ def _parts(found: PaperReproduction) -> dict[str, tuple[Part, ...]]:
             search_table(found.base),
         ),
         SHARES: (
-            *motions_tables(motions),
+            motions_table(motions),
             shares_table(found.shares),
             *share_charts(found.shares),
         ),

@@ -1,4 +1,3 @@
-from .chart import Chart as Chart, Mark as Mark, Panel as Panel
 from .compare import comparison_report as comparison_report
 from .excitation import excitation_report as excitation_report
 from .forces import (

@@ -10,13 +10,18 @@ from rich.table import Table
 
 from loopid.errors import OptionError
 from loopid.identification.saved import SavedFit
-from loopid.report.chart import Chart, Mark, Panel
-from loopid.report.look import json_value, plain_table, with_error
+from loopid.plots.pictures import comparison_chart
+from loopid.report.look import json_value, plain_table, table_of, with_error
 from loopid.report.page import Report, Section
 
 CLEAR = 3.0  # standard errors of a difference, from which values differ clearly
-LOOKS = "fit", "file", "other", "weak", "measured", "faint"
 BESIDE = 3  # fits that a table has room for
+RUN = {
+    **{"run": "name", "robot": "robot", "model": "model", "estimator": "estimator"},
+    ">RMS errors of the motors' forces": lambda run: (
+        ", ".join(f"{x:.3g}" for x in run["rms"] or ()) or "-"
+    ),
+}
 
 
 def comparison_report(fits: dict[str, SavedFit]) -> Report:
@@ -46,8 +51,8 @@ def comparison_report(fits: dict[str, SavedFit]) -> Report:
         record=record,
         brief=tables,
         sections=lambda: [
-            Section("Fits", (_fits_table(record),)),
-            Section("Parameters", (comparison_chart(rows, names), *tables)),
+            Section("Fits", (table_of("fits", RUN, record["runs"]),)),
+            Section("Parameters", (comparison_chart(fits), *tables)),
         ],
     )
 
@@ -88,19 +93,6 @@ def _apart(values: Sequence[float | None], errors: Sequence[float | None]) -> fl
     return float(found.max()) if found.size else None
 
 
-def _fits_table(record: dict[str, Any]) -> Table:
-    columns = "run", "robot", "model", "estimator", ">RMS errors of the motors' forces"
-    rows = (
-        (*(run[key] or "-" for key in ("name", "robot", "model", "estimator")), _listed(run["rms"]))
-        for run in record["runs"]
-    )
-    return plain_table("fits", columns, rows)
-
-
-def _listed(values: Sequence[float] | None) -> str:
-    return ", ".join(f"{x:.3g}" for x in values or ()) or "-"
-
-
 def _table(rows: Sequence[dict[str, Any]], names: Sequence[str], first: int) -> Table:
     shown = range(first, min(first + BESIDE, len(names)))
     columns = [part for k in shown for part in (f">{names[k]}", ">±")]
@@ -119,26 +111,3 @@ def _table(rows: Sequence[dict[str, Any]], names: Sequence[str], first: int) -> 
 
 def _cells(value: float | None, error: float | None) -> tuple[str, str]:
     return ("-", "-") if value is None else with_error(value, error or 0.0)
-
-
-def comparison_chart(rows: Sequence[dict[str, Any]], names: Sequence[str]) -> Chart:
-    """Values with their intervals, each less the mean of the fits."""
-    x, s = (
-        np.array([row[key] for row in rows], dtype=np.float64)
-        for key in ("values", "standard_errors")
-    )
-    mean = np.nanmean(x, axis=1, keepdims=True)
-    size = np.nan_to_num(s).max(axis=1, keepdims=True)
-    size = np.where(size > 0, size, np.nanmax(np.abs(x), axis=1, keepdims=True))
-    middle, reach = (x - mean) / size, CLEAR * np.nan_to_num(s) / size
-    marks = []
-    for k, name in enumerate(names):
-        place = np.arange(float(len(rows))) + 0.6 * ((k + 0.5) / len(names) - 0.5)
-        look = LOOKS[k % len(LOOKS)]
-        low, high = middle[:, k] - reach[:, k], middle[:, k] + reach[:, k]
-        marks += [Mark("", low, place, look, "span", high)]
-        marks += [Mark(name, middle[:, k], place, look, "dots")]
-    labels = tuple(row["name"] for row in rows)
-    title = f"less the mean of the fits, in the largest standard error; ± {CLEAR:g} of its own"
-    caption = "Bars that are clear of each other are of values that differ clearly."
-    return Chart("parameters", caption, "", (Panel(title, tuple(marks), labels=labels),))

@@ -12,14 +12,17 @@ from loopid.arguments import FloatArray
 from loopid.excitation.design import ExcitationDesign
 from loopid.files import csv_text
 from loopid.motion.trajectories import FourierCurve, SplineCurve, Waypoint
-from loopid.report.chart import Chart, Mark, Panel
-from loopid.report.look import json_fields, json_value, number, plain_table
+from loopid.plots.pictures import errors_chart, force_unit, motion_chart
+from loopid.report.look import facts, json_fields, json_value, plain_table, table_of
 from loopid.report.page import Report, Section
-from loopid.report.structure import force_unit
 from loopid.yaml_files import yaml_writer
 
 NAME = "excitation"  # of the motion in its file
-MOST_BARS = 40  # parameters whose standard errors are drawn
+CRITERIA = "condition_number", "log_det", "trace", "least_eigenvalue"
+FOUND = (
+    *("violations", "min_singularity_measure", "seconds", "solver", "evaluations", "converged"),
+    *("standard_errors", "pairs"),
+)
 
 
 def excitation_report(found: ExcitationDesign) -> Report:
@@ -56,41 +59,38 @@ def excitation_report(found: ExcitationDesign) -> Report:
 
 def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
     """All findings of a design, ready for JSON."""
-    criteria = "condition_number", "log_det", "trace", "least_eigenvalue"
-    checked = "name", "unit", "lowest", "highest", "lower", "upper", "time", "violations"
     mechanism = found.force_model.mechanism
     return {
         "mechanism": mechanism.name,
         "model": found.force_model.model,
         "criterion": found.options.criterion,
-        **json_fields(found.criteria, *criteria),
-        **json_fields(found, "violations", "min_singularity_measure"),
+        **json_fields(found.criteria, *CRITERIA),
+        **json_fields(found, *FOUND),
         "duration": found.motion.duration,
-        **json_fields(found, "seconds", "solver", "evaluations", "converged"),
         "coordinates": list(found.motion.names),
         "noise": dict(zip(mechanism.actuated, json_value(found.noise), strict=True)),
         "parameters": list(found.parameters.labels),
-        **json_fields(found, "standard_errors"),
-        "errors_before": json_value(found.before.standard_errors.tolist()),
-        "checks": [json_fields(check, *checked) for check in found.checks],
+        "errors_before": json_value(found.before.standard_errors),
+        "checks": json_value(found.checks),
     }
 
 
 def _summary(found: ExcitationDesign) -> Table:
     criteria, force_model = found.criteria, found.force_model
     title = f"{force_model.mechanism.name}: a motion of {found.motion.duration:g} s"
-    rows = (
-        ("criterion that was optimised", found.options.criterion),
-        ("condition number of the weighted observation", f"{criteria.condition_number:.4g}"),
-        ("log det of the information (D)", f"{criteria.log_det:.4g}"),
-        ("trace of its inverse (A)", f"{criteria.trace:.4g}"),
-        ("its least eigenvalue (E)", f"{criteria.least_eigenvalue:.4g}"),
-        ("violations on the fine grid", found.violations),
-        ("least singularity measure", f"{found.min_singularity_measure:.4g}"),
-        ("solver", f"{found.solver}, {found.evaluations} evaluations, {found.seconds:.1f} s"),
-        ("converged", "yes" if found.converged else "no: more evaluations may do better"),
-    )
-    return plain_table(f"{title} for the {force_model.model} model", ("", ""), rows)
+    rows = {
+        "criterion that was optimised": found.options.criterion,
+        "condition number of the weighted observation": f"{criteria.condition_number:.4g}",
+        "log det of the information (D)": f"{criteria.log_det:.4g}",
+        "trace of its inverse (A)": f"{criteria.trace:.4g}",
+        "its least eigenvalue (E)": f"{criteria.least_eigenvalue:.4g}",
+        "violations on the fine grid": found.violations,
+        "pairs of links that are kept apart": ", ".join(map(" and ".join, found.pairs)) or "none",
+        "least singularity measure": f"{found.min_singularity_measure:.4g}",
+        "solver": f"{found.solver}, {found.evaluations} evaluations, {found.seconds:.1f} s",
+        "converged": "yes" if found.converged else "no: more evaluations may do better",
+    }
+    return facts(f"{title} for the {force_model.model} model", rows)
 
 
 def _errors(found: ExcitationDesign) -> Table:
@@ -104,42 +104,28 @@ def _errors(found: ExcitationDesign) -> Table:
 
 def _noise(found: ExcitationDesign) -> Table:
     mechanism, sizes = found.force_model.mechanism, np.sqrt((found.forces**2).mean(axis=0))
-    slides = np.isin(mechanism.velocity_indices(mechanism.actuated), mechanism.prismatic)
-    rows = [
-        (name, f"{noise:.3g}", "N" if slide else "N m", f"{noise / size:.2%}" if size else "")
-        for name, noise, slide, size in zip(
-            mechanism.actuated, found.noise, slides, sizes, strict=True
-        )
-    ]
+    named = zip(mechanism.actuated, found.noise, sizes, strict=True)
+    rows = (
+        (name, f"{noise:.3g}", force_unit(mechanism, name), f"{noise / size:.2%}" if size else "")
+        for name, noise, size in named
+    )
     title = f"noise that they assume, independent at {found.options.rate:g} Hz"
     return plain_table(title, ("force of", ">± std", "unit", ">of its root mean square"), rows)
 
 
 def _checks(found: ExcitationDesign) -> Table:
-    rows = (
-        (
-            check.name,
-            *map(number, (check.lowest, check.highest, check.lower, check.upper)),
-            check.unit,
-            check.violations,
-        )
-        for check in found.checks
-    )
+    columns = {
+        **{"": "name", ">least": "lowest", ">most": "highest", ">from": "lower", ">to": "upper"},
+        **{"unit": "unit", ">broken": "violations"},
+    }
     title = "check list, on a grid ten times finer than the design's"
-    columns = ("", ">least", ">most", ">from", ">to", "unit", ">broken")
-    return plain_table(title, columns, rows)
+    return table_of(title, columns, found.checks)
 
 
 def motion_table(found: ExcitationDesign) -> str:
     """Position, velocity and acceleration of every motor over time, as CSV."""
-    motors = found.motors
-    names = [
-        f"{motor}.{what}"
-        for what in ("position", "velocity", "acceleration")
-        for motor in motors.names
-    ]
-    columns = motors.time, motors.position, motors.velocity, motors.acceleration
-    return csv_text(["time", *names], *columns, digits=12)
+    table = found.motors._table()
+    return csv_text([*table], *table.values(), digits=12)
 
 
 def motion_file(found: ExcitationDesign) -> str:
@@ -183,40 +169,3 @@ def _step(names: tuple[str, ...], here: FloatArray, waypoint: Waypoint) -> dict[
     if (waypoint.position == here).all():
         return {"hold": seconds}
     return {"to": _pose(names, waypoint.position), "seconds": seconds}
-
-
-def motion_chart(found: ExcitationDesign) -> Chart:
-    """Position of each motor with its limits, and its force below."""
-    motors, mechanism, panels = found.motors, found.force_model.mechanism, list[Panel]()
-    limits = {check.name: (check.lower, check.upper) for check in found.checks}
-    span = motors.time[[0, -1]]
-    for k, name in enumerate(motors.names):
-        unit = "m" if force_unit(mechanism, name) == "N" else "rad"
-        marks = [Mark("position", motors.time, motors.position[:, k], "fit")]
-        for end in limits.get(f"position of {name}", ()):
-            if np.isfinite(end):
-                marks.append(Mark("limit", span, np.full(2, end), "limit"))
-        force = Mark("force by the robot file", motors.time, found.forces[:, k], "file")
-        panels += [
-            Panel(f"{name} ({unit})", tuple(marks)),
-            Panel(f"force ({force_unit(mechanism, name)})", (force,), small=True),
-        ]
-    caption = "Motors: position with its limits, and force by the robot file. Drag to zoom in."
-    return Chart("motion", caption, "time (s)", tuple(panels), zoom=True)
-
-
-def errors_chart(found: ExcitationDesign) -> Chart:
-    """Standard errors of the least known parameters, before and after."""
-    count = min(len(found.parameters), MOST_BARS)
-    worst = np.sort(np.argsort(-found.standard_errors, kind="stable")[:count])
-    place = np.arange(count, dtype=np.float64)
-    before, after = found.before.standard_errors[worst], found.standard_errors[worst]
-    label = "with the logs" if found.after_logs else "first motion"
-    marks = (
-        Mark(label, before, place, "faint", "dots"),
-        Mark("with this motion", after, place, "fit", "dots"),
-    )
-    labels = tuple(found.parameters.labels[j] for j in worst)
-    panel = Panel("standard error (kg, kg m, kg m², ...)", marks, labels=labels, log="x")
-    caption = "Predicted standard errors; one dot alone: unidentifiable without the motion."
-    return Chart("errors", caption, "", (panel,))

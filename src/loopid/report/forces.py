@@ -14,10 +14,9 @@ from loopid.errors import RankError
 from loopid.identification.prediction import Prediction
 from loopid.identification.result import Quality
 from loopid.identification.verdict import GOOD, ROUGH
-from loopid.report.chart import Chart, Mark, Panel
+from loopid.plots.pictures import forces_chart
 from loopid.report.look import json_fields, json_value, number, plain_table
 from loopid.report.page import Report, Section
-from loopid.report.structure import force_unit
 from loopid.robot.mechanism import Mechanism
 
 
@@ -43,7 +42,7 @@ def prediction_report(mechanism: Mechanism, predictions: Sequence[Prediction]) -
         record=prediction_record(predictions),
         brief=tables,
         sections=lambda: [
-            Section(found.recording.name, (prediction_chart(mechanism, found, name), table))
+            Section(found.recording.name, (forces_chart(mechanism, found, name=name), table))
             for name, found, table in zip(names, predictions, tables, strict=True)
         ],
         results=lambda: {
@@ -134,26 +133,6 @@ def prediction_tables(predictions: Sequence[Prediction]) -> list[Table]:
         plain_table(f"prediction of {found.recording.name}", columns, found.rows)
         for found in predictions
     ]
-
-
-def prediction_chart(mechanism: Mechanism, found: Prediction, name: str) -> Chart:
-    """Measured and predicted forces of each motor, and what is left, over one time axis."""
-    run, panels = found.recording, list[Panel]()
-    for k, (motor, score) in enumerate(zip(run.actuators, found.moving.r_squared, strict=True)):
-        unit, used = force_unit(mechanism, motor), run.used[:, k]
-        marks = (
-            Mark("measured", run.motion.time, run.force[:, k], "measured"),
-            Mark("predicted", run.motion.time, found.predicted[:, k], "fit"),
-        )
-        left = found.residual[:, k]
-        parts = (
-            Mark("standing or saturated", run.motion.time, left, "faint"),
-            Mark("measured less predicted", run.motion.time, np.where(used, left, np.nan), "file"),
-        )
-        panels.append(Panel(f"{motor}: force ({unit}), R² {score:.3f}", marks))
-        panels.append(Panel(f"residual ({unit})", parts, small=True))
-    caption = f"Forces of {run.name}. Drag along time to zoom in, double-click to see all again."
-    return Chart(name, caption, "time (s)", tuple(panels), zoom=True)
 
 
 def payload_record(found: PayloadFit) -> dict[str, Any]:

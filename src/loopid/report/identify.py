@@ -4,31 +4,30 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from rich.table import Table
 
-from loopid.arguments import FloatArray, spread_rows
-from loopid.diagnosis.log_mistakes import Suspicions
+from loopid.arguments import FloatArray, IntArray
 from loopid.diagnosis.selection import PredictionError
 from loopid.diagnosis.study import Study
 from loopid.diagnosis.term_sets import TermComparison
-from loopid.identification.cutoff import CutoffChoice
-from loopid.identification.information import Identifiability, WeakDirection, body_sizes
+from loopid.identification.information import WeakDirection
 from loopid.identification.pipeline import Identification
-from loopid.identification.prediction import Candidate, prediction_reach
-from loopid.identification.result import FitResult
+from loopid.identification.prediction import Candidate, Prediction, prediction_reach
+from loopid.identification.result import Estimate, FitResult
 from loopid.identification.saved import SavedFit
-from loopid.identification.terms import friction_columns, friction_curve, frictional_joints
 from loopid.logs.recording import Recording
+from loopid.plots.chart import Chart
+from loopid.plots.pictures import (
+    filter_chart,
+    forces_chart,
+    friction_chart,
+    parameters_chart,
+    robot_chart,
+    spectrum_chart,
+)
 from loopid.regressors.joint_terms import NO_TERMS
-from loopid.report.chart import MOST_DOTS, Chart, Mark, Panel
-from loopid.report.look import json_fields, json_value, number, plain_table, with_error
+from loopid.report.look import json_fields, json_value, number, plain_table, table_of, with_error
 from loopid.report.page import Part, Report, Section
-from loopid.report.structure import force_unit, robot_chart
-
-FIGURE_OF_WEAK = 0.1  # of the least effect that is drawn, where unidentifiable ones are drawn
-MOST, MARGIN = 0.95, 1.3  # quantile of its band, and times that, that an axis shows
-CURVE_POINTS = 200  # of a friction curve on either side of standstill
 
 
 def identification_report(study: Study, command: str = "") -> Report:
@@ -37,10 +36,8 @@ def identification_report(study: Study, command: str = "") -> Report:
     model = found.force_model
     rows = list[tuple[str, ...]]()
     for each in found.fit.estimates:
-        value, error = _value_and_error(found.fit, each.name)
-        rows.append(
-            (each.name, value, "as in the file" if error == "-" else f"± {error}", each.unit)
-        )
+        value, error = _value_and_error(found.fit, each)
+        rows.append((each.name, value, "= file" if error == "-" else f"± {error}", each.unit))
     return Report(
         name="identification",
         title=f"{model.mechanism.name}, {model.model} model",
@@ -61,17 +58,23 @@ def _sections(study: Study) -> list[Section]:
     if found.fit.standard_parameters is not None:
         values.append(_bodies_table(found))
     said: list[Part] = [spectrum_chart(told)]
-    if told.unidentifiable or told.weak:
-        said.append(_weak_table(told))
+    if weak := (*told.unidentifiable, *told.weak):
+        columns = {
+            "combination": "text",
+            ">effect on forces": lambda each: f"{each.effect:.1e}" if each.effect else "0",
+            ">± std (sizes)": "standard_error:.2g",
+        }
+        title = "unidentifiable (-) and weakly identifiable combinations"
+        said.append(table_of(title, columns, weak))
     others: list[Part] = [_essential_table(study)]
     if found.recommended is not whole:
         title = f"all parameters by {whole.fit.estimator}"
         others.append(_estimates_table(title, found, whole.fit))
     friction = friction_chart(found)
     filtering: list[Part] = [] if found.cutoff is None else [filter_chart(found.cutoff)]
-    filtering += [_noise_table(whole.fit), _gains_table(study), _dropped_table(found)]
+    filtering += _filter_tables(study)
     return [
-        Section("Forces on new data", (forces_chart(found), *_candidates_tables(study))),
+        Section("Forces on new data", (_forces_chart(found), *_candidates_tables(study))),
         Section(f"Recommended values: {found.recommended.name}", tuple(values)),
         *([Section("Friction", (friction,))] if friction.panels else []),
         Section("What the data tell", tuple(said)),
@@ -81,6 +84,18 @@ def _sections(study: Study) -> list[Section]:
         Section("Joint terms", (_terms_table(study.term_sets),)),
         Section("Filter and samples", tuple(filtering)),
     ]
+
+
+def _forces_chart(found: Identification) -> Chart:
+    """On the first validation recording."""
+    run = found.validation[0]
+    W = found.new.regressor[: len(run)]
+
+    def reach(rows: IntArray) -> FloatArray:
+        return prediction_reach(W[rows], found.fit.covariance)
+
+    prediction, file = Prediction(run, W @ found.fit.values), W @ found.baseline.values
+    return forces_chart(found.force_model.mechanism, prediction, file=file, reach=reach)
 
 
 def _fits(found: Identification) -> dict[str, bytes | str]:
@@ -107,20 +122,9 @@ def identification_record(study: Study) -> dict[str, Any]:
         "fit": SavedFit.of(model, found["all parameters"].fit).record(),
         "recommended": found.recommended.name,
         "recommended_fit": SavedFit.of(model, found.fit).record(),
-        "judged": json_fields(
-            study.verdict,
-            *("use", "motor", "error", "ratio", "significant", "parameters"),
-            *("excite", "improvement"),
-        ),
+        "judged": json_value(study.verdict),
         "prior_deviation": json_value(found.prior_deviation),
-        "cutoff": found.cutoff
-        and {
-            **json_fields(found.cutoff, "chosen", "judged", "bound"),
-            **{
-                name: json_value(getattr(found.cutoff, name))
-                for name in ("cutoffs", "errors", "clear", "spreads")
-            },
-        },
+        "cutoff": json_value(found.cutoff),
         "joint_terms": {} if terms is None else {j: list(k) for j, k in terms.of_joints.items()},
         "term_sets": _term_sets(study.term_sets),
         "fitted_bodies_pay": study.term_sets.bodies_pay,
@@ -136,9 +140,8 @@ def identification_record(study: Study) -> dict[str, Any]:
         "essential": json_value(study.essential.values),
         "essential_parameters": list(reduction.result.parameters.labels),
         "candidates": [_candidate(candidate) for candidate in _candidates(study)],
-        "delay": found.delay
-        and json_fields(found.delay, "joints", "common", "interval", "each", "intervals", "undone"),
-        "suspicions": [_suspicions(one) for one in study.suspicions],
+        "delay": json_value(found.delay),
+        "suspicions": json_value(study.suspicions),
         "findings": findings(study),
     }
 
@@ -147,11 +150,6 @@ def _candidates(study: Study) -> tuple[Candidate, ...]:
     """The robot file, all parameters, the essential ones, and the consistent ones."""
     start, whole, *others = study.identification.candidates.values()
     return (start, whole, study.essential, *others)
-
-
-def _suspicions(found: Suspicions) -> dict[str, Any]:
-    gains = [json_fields(gain, "joint", "gain", "interval") for gain in found.gains]
-    return {"recording": found.recording, "sentences": list(found.sentences), "gains": gains}
 
 
 def _recording(recording: Recording) -> dict[str, Any]:
@@ -166,10 +164,9 @@ def _recording(recording: Recording) -> dict[str, Any]:
 
 
 def _direction(direction: WeakDirection) -> dict[str, Any]:
-    return {
-        "combination": direction.text,
-        **json_fields(direction, "effect", "standard_error", "change"),
-    }
+    return {"combination": direction.text} | json_fields(
+        direction, "effect", "standard_error", "change"
+    )
 
 
 def _candidate(candidate: Candidate) -> dict[str, Any]:
@@ -276,44 +273,40 @@ def _recommendation(found: Identification) -> str:
     )
 
 
-def _value_and_error(fit: FitResult, name: str) -> tuple[str, str]:
+def _value_and_error(fit: FitResult, estimate: Estimate) -> tuple[str, str]:
     """As they are shown; no error of what is as in the robot file."""
-    estimate = fit[name]
-    return with_error(estimate.value, 0.0 if name in fit.assumed else estimate.standard_error)
+    error = 0.0 if estimate.name in fit.assumed else estimate.standard_error
+    return with_error(estimate.value, error)
 
 
 def _estimates_table(title: str, found: Identification, fit: FitResult) -> Table:
-    columns = ("parameter", ">value", ">± std", ">95 % from", ">to", ">file", "unit")
-    rows = (
-        (
-            each.name,
-            *_value_and_error(fit, each.name),
-            *map(number, each.interval),
-            number(known) if j in found.force_model.body_columns else "-",
-            each.unit,
-        )
-        for j, (each, known) in enumerate(
-            zip(fit.estimates, found.force_model.prior.tolist(), strict=True)
-        )
-    )
-    return plain_table(title, columns, rows)
-
-
-def _weak_table(found: Identifiability) -> Table:
-    rows = [(each.text, "0", "unidentifiable") for each in found.unidentifiable]
-    rows += [(w.text, f"{w.effect:.1e}", f"{w.standard_error:.2g}") for w in found.weak]
-    columns = "combination", ">effect on forces", ">± std (sizes)"
-    return plain_table("unidentifiable and weakly identifiable combinations", columns, rows)
+    bodies = {fit.parameters.labels[j] for j in found.force_model.body_columns}
+    known = dict(zip(fit.parameters.labels, found.force_model.prior.tolist(), strict=True))
+    columns = {
+        "parameter": "name",
+        ">value": lambda each: _value_and_error(fit, each)[0],
+        ">± std": lambda each: _value_and_error(fit, each)[1],
+        ">95 % from": lambda each: number(each.interval[0]),
+        ">to": lambda each: number(each.interval[1]),
+        ">file": lambda each: number(known[each.name]) if each.name in bodies else "-",
+        "unit": "unit",
+    }
+    return table_of(title, columns, fit.estimates)
 
 
 def _essential_table(study: Study) -> Table:
     found, reduction = study.identification, study.reduction
-    result, prior = reduction.result, found.force_model.prior
-    joints, rows = set(found.force_model.joint_columns), []
-    for column, estimate in zip(reduction.columns, result.estimates, strict=True):
-        known = f"{prior[column]:.4g}" if prior[column] or column not in joints else "-"
-        numbers = f"{estimate.value:.4g}", f"{estimate.standard_error:.2g}", known
-        rows.append((found.force_model.base.expressions[column], *numbers, estimate.unit))
+    prior, joints = found.force_model.prior, set(found.force_model.joint_columns)
+    rows = (
+        (
+            found.force_model.base.expressions[column],
+            f"{estimate.value:.4g}",
+            f"{estimate.standard_error:.2g}",
+            f"{prior[column]:.4g}" if prior[column] or column not in joints else "-",
+            estimate.unit,
+        )
+        for column, estimate in zip(reduction.columns, reduction.result.estimates, strict=True)
+    )
     columns = ("parameter", ">value", ">± std", ">robot file", "unit")
     return plain_table("essential parameters; the others as in the robot file", columns, rows)
 
@@ -343,13 +336,15 @@ def _candidates_tables(study: Study) -> list[Table]:
                 rms = with_error(float(quality.residual_rms[k]), float(errors[k]))
                 rows[-1] += [*rms, f"{quality.r_squared[k]:.3f}"] if there else ["-"] * 3
     columns = "motor", "fit", ">fitted", ">±", ">R²", ">new", ">±", ">R²"
-    ratios = (
-        (each.name, each.fitted, *with_error(*each.error_ratio), _grade(each, found))
-        for each in candidates
-    )
+    ratios = {
+        **{"fit": "name", ">fitted parameters": "fitted"},
+        ">ratio": lambda each: with_error(*each.error_ratio)[0],
+        ">± std": lambda each: with_error(*each.error_ratio)[1],
+        "": lambda each: _grade(each, found),
+    }
     title = "squared errors on new data, over those of the robot file with fitted joint terms"
     return [
-        plain_table(title, ("fit", ">fitted parameters", ">ratio", ">± std", ""), ratios),
+        table_of(title, ratios, candidates),
         plain_table("errors on fitted and on new data: RMS ± std, R²", columns, rows),
     ]
 
@@ -373,178 +368,29 @@ def _terms_table(found: TermComparison) -> Table:
     return plain_table(title, columns, rows)
 
 
-def _noise_table(fit: FitResult) -> Table:
-    noise, rows = fit.noise, []
-    if noise is not None:
-        for k, actuator in enumerate(noise.actuators):
+def _filter_tables(study: Study) -> list[Table]:
+    """Samples and their correlation, gains of the motors, and what was left out."""
+    found, rows = study.identification, list[tuple[str, ...]]()
+    if noise := found["all parameters"].fit.noise:
+        for k, motor in enumerate(noise.actuators):
             counts = f"{noise.samples[k]:,}", f"{noise.effective_samples[k]:,.0f}"
-            rows.append((actuator, *counts, f"{noise.lag_one[k]:.3f}"))
-    columns = "", ">samples", ">effective", ">lag-one correlation"
-    return plain_table("residuals of the fit", columns, rows)
-
-
-def _gains_table(study: Study) -> Table:
-    rows = (
+            rows.append((motor, *counts, f"{noise.lag_one[k]:.3f}"))
+    gains = (
         (one.recording, g.joint, f"{g.gain:.3g}", "{:.3g} ... {:.3g}".format(*g.interval))
         for one in study.suspicions
         for g in one.gains
     )
-    columns = "recording", "motor", ">gain", ">95 % interval"
-    return plain_table(
-        "measured forces over what bodies and other motors let expect", columns, rows
-    )
-
-
-def _dropped_table(found: Identification) -> Table:
-    rows = (
+    dropped = (
         (recording.name, d.reason, d.count, f"{d.first:.2f}", f"{d.last:.2f}")
         for recording in found.training
         for d in recording.dropped
     )
-    return plain_table(
-        "left out", ("recording", "reason", ">samples", ">from (s)", ">to (s)"), rows
-    )
-
-
-# Charts.
-
-
-def forces_chart(found: Identification) -> Chart:
-    """Forces of each motor on the first validation recording, and what no fit explains."""
-    run, mechanism = found.validation[0], found.force_model.mechanism
-    time, W, panels = run.motion.time, found.new.regressor[: len(run)], list[Panel]()
-    some = spread_rows(len(run), MOST_DOTS)
-    reach = prediction_reach(W[some], found.fit.covariance)
-    by_file, fitted = W @ found.baseline.values, W @ found.fit.values
-    for k, motor in enumerate(mechanism.independent):
-        used = run.used[:, k]  # lines break where the force says nothing
-        measured, file, fit = (
-            np.where(used, force[:, k], np.nan) for force in (run.force, by_file, fitted)
-        )
-        low, high = fit[some] - reach[:, k], fit[some] + reach[:, k]
-        marks = (
-            Mark("measured", time, measured, "measured"),
-            Mark("95 % interval", time[some], low, "fit", "band", high),
-            Mark("robot file, fitted joint terms", time, file, "file"),
-            Mark("recommended", time, fit, "fit"),
-        )
-        left = (
-            Mark("measured less robot file", time, measured - file, "faint"),
-            Mark("measured less recommended", time, measured - fit, "residual"),
-        )
-        unit = force_unit(mechanism, motor)
-        panels += [
-            Panel(f"{motor}: force ({unit})", marks),
-            Panel(f"residual ({unit})", left, small=True),
-        ]
-    caption = (
-        f"Forces of {run.name} that were not fitted. Drag along time to zoom in, double-click to "
-        "see all again."
-    )
-    return Chart("forces", caption, "time (s)", tuple(panels), zoom=True)
-
-
-def parameters_chart(found: Identification) -> Chart:
-    """Intervals of the parameters of bodies about the values of the robot file."""
-    alone = found.recommended is found.baseline
-    fit = found["all parameters"].fit if alone else found.fit
-    model = found.force_model
-    bodies, base = model.body_columns, model.base
-    sizes = body_sizes(model.mechanism, model.model)
-    sizes = np.linalg.norm(base.matrix[bodies][:, : len(sizes)] * sizes, axis=1)
-    ends = (fit.intervals()[bodies] - model.prior[bodies, None]) / sizes[:, None]
-    known = np.isfinite(ends).all(axis=1)
-    place = np.arange(len(bodies), dtype=np.float64)
-    low, high = ends.T
-    middle = (fit.values - model.prior)[bodies] / sizes
-    marks = (
-        Mark("robot file", np.zeros(2), np.array([-0.5, len(bodies) - 0.5]), "faint"),
-        Mark("95 % interval", low[known], place[known], "fit", "span", high[known]),
-        Mark("all parameters" if alone else "recommended", middle, place, "fit", "dots"),
-    )
-    labels = tuple(fit.parameters.labels[j] for j in bodies)
-    caption = (
-        "Parameters of the bodies less those of the robot file, in sizes: a body's mass times its "
-        "length, or that squared."
-    )
-    panel = Panel("fit less robot file (sizes)", marks, labels=labels)
-    return Chart("parameters", caption, "", (panel,))
-
-
-def friction_chart(found: Identification) -> Chart:
-    """Friction of each motor by the recommended fit, over the forces that it explains."""
-    fit, data, mechanism = found.fit, found.data, found.force_model.mechanism
-    joints = [joint for joint in frictional_joints(fit) if joint in data.actuators]
-    velocities = np.concatenate([run.motion.velocities for run in found.training])
-    rows, panels = spread_rows(len(data), MOST_DOTS), list[Panel]()
-    residual = data.residual(fit.values)[rows]
-    for joint in joints:
-        k, own = data.actuators.index(joint), friction_columns(fit, joint)
-        rate, used = velocities[rows, k], data.used[rows, k]
-        left = residual[:, k] + data.regressor[rows, k][:, own] @ fit.values[own]
-        marks = [Mark("measured less all else", rate[used], left[used], "measured", "dots")]
-        fastest = float(np.abs(rate).max(initial=0.0)) or 1.0
-        rates = fastest * np.linspace(-1, 1, 2 * CURVE_POINTS)  # none is 0, where it jumps
-        curve = friction_curve(fit, joint, rates, joint_terms=found.force_model.joint_terms)
-        sure = bool(np.isfinite(curve.band).all())
-        for half in (slice(CURVE_POINTS), slice(CURVE_POINTS, None)):
-            low, high = curve.band[half].T
-            if sure:
-                marks.append(Mark("95 % interval", rates[half], low, "fit", "band", high))
-            marks.append(Mark("friction", rates[half], curve.values[half], "fit"))
-        # Next to standstill hardly anything is known: bands there would flatten the rest.
-        most = MARGIN * float(np.quantile(np.abs(curve.band), MOST)) if sure else 0.0
-        title = f"{joint}: friction ({force_unit(mechanism, joint)})"
-        panels.append(Panel(title, tuple(marks), (-most, most) if most else None))
-    caption = "Friction over the rate of each motor (m/s or rad/s), by the recommended fit."
-    return Chart("friction", caption, "rate", tuple(panels), columns=min(2, len(panels)) or 1)
-
-
-def spectrum_chart(found: Identifiability) -> Chart:
-    """Effects of the combinations on forces: in random states of the robot, and in the data."""
-    structural, effects = 100 * found.excitation.structural, 100 * found.excitation.effects
-    place: FloatArray = np.arange(1.0, len(effects) + 1.0)
-    rank, sure = found.rank, found.well_determined
-    known, weak, none = slice(0, sure), slice(sure, rank), slice(rank, None)
-    shown = np.append(structural[structural > 0], effects[:rank])
-    floor = np.full(len(effects), FIGURE_OF_WEAK * shown.min(initial=1.0))
-    kinds = (
-        ("data", known, effects, "file"),
-        ("weak: worse than the robot file", weak, effects, "weak"),
-        ("unidentifiable: no effect", none, floor, "fit"),
-    )
-    marks = [
-        Mark("structure", place, structural, "faint"),
-        *(
-            Mark(n, place[part], y[part], look, "dots")
-            for n, part, y, look in kinds
-            if y[part].size
-        ),
+    of_noise = "", ">samples", ">effective", ">lag-one correlation"
+    of_gains = "recording", "motor", ">gain", ">95 % interval"
+    of_dropped = "recording", "reason", ">samples", ">from (s)", ">to (s)"
+    expected = "measured forces over what bodies and other motors let expect"
+    return [
+        plain_table("residuals of the fit", of_noise, rows),
+        plain_table(expected, of_gains, gains),
+        plain_table("left out", of_dropped, dropped),
     ]
-    panel = Panel("effect on the forces (%)", tuple(marks), log="y")
-    caption = (
-        "What a change of each combination of parameters by its size does to the forces: in random "
-        f"states of the robot, and in the data. {found.rank} of {found.structural_rank} are "
-        f"excited, {found.well_determined} are known better than by the robot file."
-    )
-    return Chart("spectrum", caption, "combination of parameters", (panel,))
-
-
-def filter_chart(found: CutoffChoice) -> Chart:
-    """Errors and spread of predictions at the cut-offs that were tried."""
-    errors, spreads = 100 * found.errors, 100 * found.spreads
-    both = np.concatenate([errors, spreads])
-    ends = np.array([np.nanmin(both), np.nanmax(both)])
-    marks = (
-        Mark("error", found.cutoffs, errors, "file"),
-        Mark("deviation of the predictions", found.cutoffs, spreads, "other"),
-        Mark("", found.cutoffs, errors, "file", "dots"),
-        Mark("", found.cutoffs, spreads, "other", "dots"),
-        Mark("chosen", np.full(2, found.chosen), ends, "fit"),
-    )
-    title = f"predictions below {found.judged:.3g} Hz of data that were not fitted (% of the force)"
-    caption = (
-        "Cut-offs of the low-pass filter that were tried: errors on data that were not fitted, and "
-        f"how far predictions vary with the data; {found.chosen:.3g} Hz is best."
-    )
-    return Chart("filter", caption, "cut-off (Hz)", (Panel(title, marks, log="xy"),))

@@ -9,6 +9,7 @@ import json
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -19,9 +20,10 @@ from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
-from loopid.errors import one_line
+from loopid.errors import one_line, short_name
 
 SHORTEST = 12  # columns that a name is shortened to, if at all
+MOST_ROWS = 16  # of a table that is not folded
 
 
 class Words:
@@ -43,7 +45,7 @@ class Words:
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         text = self.text
         if not self.whole:
-            text = re.sub(r"[^ \n]+", lambda word: shortened(word[0], options.max_width), text)
+            text = re.sub(r"[^ \n]+", lambda word: short_name(word[0], options.max_width), text)
         yield Text(text, self.style, no_wrap=self.whole)
 
 
@@ -55,24 +57,17 @@ class Heading(Words):
         return Measurement(longest, longest)
 
 
-def shortened(name: str, longest: int) -> str:
-    """A name on one line, its middle left out where it is too long."""
-    line = one_line(name)
-    width = cell_len(line)  # characters of some scripts are twice as wide
-    half = (longest - 1) * len(line) // max(2 * width, 1)
-    return line if width <= longest else f"{line[:half]}…{line[len(line) - half :]}"
-
-
 def plain_table(title: str, columns: Sequence[str], rows: Iterable[Iterable[object]]) -> Table:
     """A table whose cells are shown as they are; columns that begin with ``>`` hold numbers.
 
-    Columns without names have no header; a table without a title has no rules.
+    Columns without names have no header; a table without a title has no rules and little room.
     """
     headed = any(name.strip(">") for name in columns)
     table = Table(
         title=Words(title, "bold") if title else None,  # type: ignore[arg-type]
         title_justify="left",
         box=(box.SIMPLE_HEAD if headed else box.SIMPLE) if title else None,
+        padding=(0, 1) if title else (0, 1, 0, 0),
         header_style="dim",
         show_header=headed,
     )
@@ -87,9 +82,42 @@ def plain_table(title: str, columns: Sequence[str], rows: Iterable[Iterable[obje
     return table
 
 
+def folded(table: Table, console: Console) -> Table:
+    """The table with its second half beside the first, where it is long and there is room."""
+    half = -(-table.row_count // 2)
+    if half <= MOST_ROWS // 2 or 2 * console.measure(table).maximum + 2 > console.width:
+        return table
+    names = [str(c.header) if c.justify == "left" else f">{c.header}" for c in table.columns]
+    rows = list(zip(*(map(str, column.cells) for column in table.columns), strict=True))
+    rows += [("",) * len(names)] * (len(rows) % 2)
+    both = ((*one, "│", *other) for one, other in zip(rows[:half], rows[half:], strict=True))
+    return plain_table("", [*names, "", *names], both)
+
+
 def facts(title: str, entries: Mapping[str, object]) -> Table:
     """A table of names and what is said of them."""
     return plain_table(title, ("", ""), entries.items())
+
+
+def table_of(title: str, columns: Mapping[str, Any], things: Iterable[Any]) -> Table:
+    """A row a thing, with columns as of ``plain_table``.
+
+    A column is a function of the thing, or names an attribute or key of it, with a format or
+    without: ``"mass:.4g"``. What is None, infinite or NaN is a dash.
+    """
+    rows = ([_cell(thing, column) for column in columns.values()] for thing in things)
+    return plain_table(title, tuple(columns), rows)
+
+
+def _cell(thing: Any, column: Any) -> str:
+    if not isinstance(column, str):
+        value, form = column(thing), ""
+    else:
+        name, _, form = column.partition(":")
+        value = thing[name] if isinstance(thing, Mapping) else getattr(thing, name)
+    if value is None or (isinstance(value, float) and not (form and math.isfinite(value))):
+        return number(value)
+    return format(value, form)
 
 
 def number(value: float | None, digits: int = 4) -> str:
@@ -124,11 +152,13 @@ def json_fields(thing: object, *names: str) -> dict[str, Any]:
 
 
 def json_value(value: Any) -> Any:
-    """Lists of numbers and texts; null for infinity and NaN, which JSON lacks."""
+    """Lists, dicts of records' fields, numbers, texts; null for infinity and NaN."""
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if isinstance(value, list | tuple):
         return [json_value(each) for each in value]
+    if is_dataclass(value):
+        return json_fields(value, *(each.name for each in fields(value)))
     if isinstance(value, float):
         return float(value) if math.isfinite(value) else None
     return value

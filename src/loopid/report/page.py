@@ -16,8 +16,8 @@ from typing import Any
 from lxml.html import HtmlElement, tostring
 from rich.table import Table
 
+from loopid.plots.chart import Chart, E
 from loopid.records import record
-from loopid.report.chart import Chart, E
 from loopid.report.look import facts, json_text
 
 LIBRARIES = "loopid", "pin", "numpy", "scipy"

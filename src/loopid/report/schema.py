@@ -1,31 +1,70 @@
 """The forms of all records; ``json_schema`` tells them to programs in other languages.
 
 A form is a type; a list with the form of its entries; a dict of keys with their forms, all of which
-are there, or with the one key ``str``: of any keys; or a tuple of a form and None.
+are there, or with the one key ``str``: of any keys; or a tuple of a form and None. What stands in
+a record as Python has it (``json_value``) has the form of its annotations.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from types import NoneType, UnionType
+from typing import Any, get_args, get_origin, get_type_hints
 
+import numpy as np
 from pydantic import TypeAdapter
 
+from loopid.base_parameters.base import BaseParameters
+from loopid.base_parameters.choice import SearchResult
+from loopid.base_parameters.structure import Structure
+from loopid.diagnosis.log_mistakes import Suspicions
+from loopid.diagnosis.payload import GainFit
 from loopid.errors import OptionError
+from loopid.excitation.criteria import Criteria
+from loopid.excitation.design import ExcitationDesign
+from loopid.excitation.search import Check
+from loopid.identification.cutoff import CutoffChoice
+from loopid.identification.delay import Delay
+from loopid.identification.verdict import Verdict
+from loopid.motion.joints import MotionReview
+from loopid.report.excitation import CRITERIA, FOUND
 from loopid.report.page import VERSION
+from loopid.report.structure import SEARCH
+
+
+def of(cls: Any, *names: str) -> dict[str, Any]:
+    """The form of attributes of a class, by default all fields of a record."""
+    hints, form = get_type_hints(cls), dict[str, Any]()
+    for name in names or [each.name for each in fields(cls)]:
+        getter = getattr(cls, name, None)
+        function = getattr(getter, "fget", getattr(getter, "func", None))  # of a property
+        form[name] = _form(hints[name] if name in hints else get_type_hints(function)["return"])
+    return form
+
+
+def _form(hint: Any) -> Any:
+    kind, inner = get_origin(hint), get_args(hint)
+    if hint is float:
+        return Real
+    if isinstance(hint, UnionType):
+        forms = [_form(each) for each in inner if each is not NoneType]
+        return forms[0] if isinstance(forms[0], tuple | UnionType) else (forms[0], None)
+    if kind in (np.ndarray, tuple):
+        return [_form(inner[0]) if kind is tuple else object]
+    if kind in (dict, Mapping):
+        return {str: _form(inner[1])}
+    return of(hint) if is_dataclass(hint) else hint
+
 
 Real = float | None  # null for infinity, and for what is unknown
 Text = str | None
 
 _NAMED = {"mechanism": str, "model": str}
-_SEARCH = {
-    **dict.fromkeys(("name", "criterion", "reason"), str),
-    **dict.fromkeys(("candidates", "evaluated", "nodes"), int),
-    **dict.fromkeys(("condition_number", "gap", "tolerance", "seconds"), Real),
-    **{"certified": bool, "ties": int | None},
-}
 _CHOICE = {
-    **{"nonzero_parameters": int, "rank": int, "search": _SEARCH},
-    **dict.fromkeys(("rank_gap", "condition_number", "nullspace_condition_number"), Real),
+    **{"nonzero_parameters": int, "search": of(SearchResult, *SEARCH)},
+    **of(Structure, "rank", "rank_gap"),
+    **of(BaseParameters, "condition_number", "nullspace_condition_number"),
     "doubtful": [
         {"expression": str, "terms": {str: float}}
         | {"singular_value": float, "rounding": Real, "source": str}
@@ -80,22 +119,16 @@ FORMS: dict[str, dict[Any, Any]] = {
         "mechanism": str,
         "motions": [
             {"name": str, "seconds": float, "ranges": {str: [float]}, "nearest_limit": Text}
-            | dict.fromkeys(("clearance", "singularity", "singular_time"), Real)
-            | {"speeds": {str: float}, "problems": [str]}
+            | {"clearance": Real}
+            | of(MotionReview, "singularity", "singular_time", "speeds", "problems")
         ],
     },
     "excitation": {
         **_NAMED,
-        **{"criterion": str, "solver": str, "converged": bool},
-        **dict.fromkeys(("condition_number", "log_det", "trace", "least_eigenvalue"), Real),
-        **dict.fromkeys(("min_singularity_measure", "duration", "seconds"), Real),
-        **dict.fromkeys(("violations", "evaluations"), int),
-        **{key: [str] for key in ("coordinates", "parameters")},
-        **{"noise": {str: float}, "standard_errors": [Real], "errors_before": [Real]},
-        "checks": [
-            {"name": str, "unit": str, "violations": int}
-            | dict.fromkeys(("lowest", "highest", "lower", "upper", "time"), Real)
-        ],
+        **of(Criteria, *CRITERIA),
+        **of(ExcitationDesign, *FOUND),
+        **{"criterion": str, "duration": float, "noise": {str: float}, "checks": [of(Check)]},
+        **{"coordinates": [str], "parameters": [str], "errors_before": [Real]},
     },
     "identification": {
         **_NAMED,
@@ -103,16 +136,8 @@ FORMS: dict[str, dict[Any, Any]] = {
         **{key: [_RECORDING] for key in ("training", "validation")},
         **{"robot_file": [float], "essential": [float], "recommended": str},
         **{"fit": FIT, "recommended_fit": FIT, "prior_deviation": Real},
-        "judged": {
-            **dict.fromkeys(("use", "motor", "improvement"), str),
-            **{"error": Real, "ratio": [Real], "significant": int, "parameters": int},
-            "excite": [str],
-        },
-        "cutoff": (
-            {"chosen": float, "judged": float, "bound": str, "clear": [bool | float]}
-            | {key: [Real] for key in ("cutoffs", "errors", "spreads")},
-            None,
-        ),
+        **{"judged": of(Verdict), "cutoff": (of(CutoffChoice), None), "delay": (of(Delay), None)},
+        "suspicions": [of(Suspicions)],
         **{"joint_terms": {str: [str]}, "fitted_bodies_pay": bool},
         "term_sets": [
             {"terms": str, "chosen": bool, "robot_file": _TERM_SET, "fitted_bodies": _TERM_SET}
@@ -126,15 +151,6 @@ FORMS: dict[str, dict[Any, Any]] = {
             {"name": str, "fitted": int, "training": _ERRORS, "validation": _ERRORS}
             | {"error_ratio": Real, "error_ratio_standard_error": Real, "beats_baseline": bool}
         ],
-        "delay": (
-            {"joints": [str], "common": float, "interval": [Real], "each": [Real]}
-            | {"intervals": [[Real]], "undone": [float]},
-            None,
-        ),
-        "suspicions": [
-            {"recording": str, "sentences": [str]}
-            | {"gains": [{"joint": str, "gain": float, "interval": [Real]}]}
-        ],
     },
     "prediction": {
         "recordings": [
@@ -147,7 +163,7 @@ FORMS: dict[str, dict[Any, Any]] = {
         **{"intervals_95_percent": [[Real]], "mass": Real, "centre": ([Real], None)},
         "centre_intervals_95_percent": ([[Real]], None),
     },
-    "gains": {"actuators": [str], "gains": [float], "intervals_95_percent": [[Real]]},
+    "gains": {**of(GainFit, "actuators", "gains"), "intervals_95_percent": [[Real]]},
     "comparison": {
         "runs": [
             dict.fromkeys(("name", "robot", "model"), str)

@@ -1,28 +1,26 @@
-"""Reports of ``loopid check``, ``base`` and ``motions``, and the robot's picture."""
+"""Reports of ``loopid check``, ``base`` and ``motions``."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from decimal import ROUND_CEILING, Context
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.table import Table
 
-from loopid.arguments import FloatArray
 from loopid.base_parameters.base import BaseParameters, expression
 from loopid.diagnosis.modes import compare_modes
 from loopid.kinematics import mobility
 from loopid.kinematics.constraint import Constraint
-from loopid.kinematics.poses import frame_poses
 from loopid.kinematics.projection import NEAR_SINGULARITY, Factorisation, singularity_measure
 from loopid.loading.load import inertia_defects, odd_masses, unequal_links
+from loopid.plots.pictures import robot_chart
 from loopid.regressors.joint_terms import OF_FILE, FileForce, file_forces
-from loopid.report.chart import Chart, Mark, Panel
-from loopid.report.look import facts, json_fields, json_value, number, plain_table
+from loopid.report.look import facts, json_fields, json_value, plain_table, table_of
 from loopid.report.page import Report, Section
-from loopid.robot.closures import JointCoupling, LoopClosure
+from loopid.robot.closures import JointCoupling
 from loopid.robot.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -33,7 +31,6 @@ SEARCH = (
     *("nodes", "ties", "tolerance", "reason", "seconds"),
 )
 KINDS = {"FreeFlyer": "floating", "Spherical": "spherical", "Planar": "planar"}
-
 MOST_TERMS = 6  # of a doubtful combination, in tables
 
 
@@ -78,19 +75,16 @@ def check_record(mechanism: Mechanism) -> dict[str, Any]:
         "mechanism": mechanism.name,
         "joints": [_joint(mechanism, name) for name in mechanism.joints],
         "bodies": list(mechanism.links),
-        "closures": _closures(mechanism),
+        "closures": list(_closures(mechanism)),
         "closure_rows": found.rows,
         "closure_rank": found.rank,
         "rank_gap": json_value(found.rank_gap),
         "least_singular_value": found.least,
         "redundant_rows": found.rows - found.rank,
         "coordinates": mechanism.model.nv,
-        "degrees_of_freedom": found.degrees_of_freedom,
-        "generic_degrees_of_freedom": found.generic_degrees_of_freedom,
+        **json_fields(found, "degrees_of_freedom", "generic_degrees_of_freedom"),
         "singular_reference": found.singular,
-        "actuated": list(mechanism.actuated),
-        "passive": list(mechanism.passive),
-        "independent": list(mechanism.independent),
+        **json_fields(mechanism, "actuated", "passive", "independent"),
         "undetermined": list(mechanism.free),
         "redundant_actuation": list(mechanism.redundant),
         "closure_residual": found.residual,
@@ -101,7 +95,7 @@ def check_record(mechanism: Mechanism) -> dict[str, Any]:
         "unequal_links": list(unequal_links(mechanism)),
         "odd_masses": list(odd_masses(mechanism)),
         "inertia_defects": [str(defect) for defect in inertia_defects(mechanism)],
-        "assembly_modes": _mode_records(mechanism),
+        "assembly_modes": list(_modes(mechanism)),
         "in_file_not_in_model": [_file_force(force) for force in file_forces(mechanism)],
     }
 
@@ -121,10 +115,9 @@ def _file_force(force: FileForce) -> dict[str, Any]:
 def _joint(mechanism: Mechanism, name: str) -> dict[str, Any]:
     joint, reference = mechanism.joint(name), mechanism.reference_values(mechanism.reference)[name]
     limits = [json_value(end) for end in mechanism.limits(name)] if joint.nv == 1 else [None] * 2
+    kind = KINDS.get(joint.shortname().removeprefix("JointModel"), "other")
     if joint.nv == 1:
         kind = "prismatic" if joint.idx_v in mechanism.prismatic else "revolute"
-    else:
-        kind = KINDS.get(joint.shortname().removeprefix("JointModel"), "other")
     return {
         "name": name,
         "type": kind,
@@ -135,11 +128,11 @@ def _joint(mechanism: Mechanism, name: str) -> dict[str, Any]:
     }
 
 
-def _mode_records(mechanism: Mechanism) -> list[dict[str, Any]]:
+def _modes(mechanism: Mechanism) -> Iterator[dict[str, Any]]:
     """Assembly modes that the drawn pose leaves a choice of; the first one is used."""
     compared = compare_modes(mechanism)
-    return [
-        {
+    for k, (mode, rank) in enumerate(zip(compared.modes, compared.ranks, strict=True), start=1):
+        yield {
             "mode": k,
             "used": k == 1,
             "rank": rank,
@@ -148,95 +141,64 @@ def _mode_records(mechanism: Mechanism) -> list[dict[str, Any]]:
             "parallel_pairs": mode.parallel,
             "reference": mechanism.reference_values(mode.reference),
         }
-        for k, (mode, rank) in enumerate(zip(compared.modes, compared.ranks, strict=True), start=1)
-    ]
 
 
-def _closures(mechanism: Mechanism) -> list[dict[str, Any]]:
+def _closures(mechanism: Mechanism) -> Iterator[dict[str, Any]]:
     residual, jacobian = Constraint(mechanism, mechanism.reference[None]).scaled()
-    closures: Sequence[LoopClosure | JointCoupling]
-    closures = (*mechanism.closures, *mechanism.couplings)
-    records, first = [], 0
+    first = 0
+    closures: tuple[Any, ...] = (*mechanism.closures, *mechanism.couplings)
     for closure in closures:
-        rows, frames, joints = slice(first, first + closure.rows), list[str](), list[str]()
-        if isinstance(closure, JointCoupling):
-            joints += closure.joints
-        else:
-            frames += closure.frame_a, closure.frame_b
-        found = {
+        rows, ties = slice(first, first + closure.rows), isinstance(closure, JointCoupling)
+        yield {
             "name": closure.name,
-            "frames": frames,
-            "joints": joints,
+            "frames": [] if ties else [closure.frame_a, closure.frame_b],
+            "joints": list(closure.joints) if ties else [],
             "type": closure.kind,
             "rows": closure.rows,
             "rank": int(Factorisation.of(jacobian[:, rows]).rank[0]),
             "residual": float(np.abs(residual[:, rows]).max()),
         }
-        records.append(found)
         first += closure.rows
-    return records
 
 
 def check_tables(record: dict[str, Any]) -> list[Table]:
-    """The record as tables: joints, closures, summary."""
-    tables = [_joint_table(record)]
-    tables += [_closure_table(record)] if record["closures"] else []
-    tables.append(facts("at the reference", _summary(record)))
-    tables += [_left_out_table(record)] if record["in_file_not_in_model"] else []
-    return tables + _mode_tables(record["assembly_modes"])
-
-
-def _joint_table(record: dict[str, Any]) -> Table:
-    rows = []
-    for joint in record["joints"]:
-        ends = (number(joint[key]) for key in ("lower", "upper"))
-        role = "actuated" if joint["actuated"] else "passive"
-        reference = " ".join(f"{round(x, 4) + 0.0:.4f}" for x in joint["reference"])
-        rows.append((joint["name"], joint["type"], role, reference, *ends))
-    columns = ("joint", "type", "role", "reference", ">lower", ">upper")
-    return plain_table(f"{record['mechanism']}: joints (m, rad)", columns, rows)
-
-
-def _closure_table(record: dict[str, Any]) -> Table:
-    rows = (
-        (
-            " - ".join(closure["frames"]) or closure["name"],
-            *(closure[key] for key in ("type", "rows", "rank")),
-            f"{closure['residual']:.1e}",
-        )
-        for closure in record["closures"]
-    )
-    columns = ("frames or joints", "type", ">rows", ">rank", ">residual (m)")
-    return plain_table("closures", columns, rows)
-
-
-def _mode_tables(modes: list[dict[str, Any]]) -> list[Table]:
-    """Assembly modes, and the reference of each as a YAML takes it, lines broken anywhere."""
-    rows, tables = [], []
-    for mode in modes:
-        meets = "yes" if mode["meets_drawn_pose"] else "no"
-        rank = "-" if mode["rank"] is None else mode["rank"]
-        rows.append((mode["mode"], rank, f"{mode['distance']:.3f}", meets, mode["parallel_pairs"]))
+    """The record as tables: joints, closures, summary, what is left out, assembly modes."""
+    joints = {
+        **{"joint": "name", "type": "type"},
+        "role": lambda joint: "actuated" if joint["actuated"] else "passive",
+        "reference": lambda joint: " ".join(f"{round(x, 4) + 0.0:.4f}" for x in joint["reference"]),
+        **{">lower": "lower", ">upper": "upper"},
+    }
+    closures = {
+        "frames or joints": lambda closure: " - ".join(closure["frames"]) or closure["name"],
+        **{"type": "type", ">rows": "rows", ">rank": "rank", ">residual (m)": "residual:.1e"},
+    }
+    left_out = {
+        "": "what",
+        ">value": lambda f: "" if f["value"] is None else f"{f['value']:.4g} {f['unit']}",
+        ">of the rigid-body forces": "relative_size:.2g",
+        "included by": lambda force: force["included_by"] or "nothing",
+    }
+    modes = {
+        **{">mode": "mode", ">rank (full)": "rank", ">distance": "distance:.3f"},
+        "meets the drawn pose": lambda mode: "yes" if mode["meets_drawn_pose"] else "no",
+        ">parallel pairs": "parallel_pairs",
+    }
+    left_out_title = "in the file, not in the model of rigid bodies"
+    modes_title = "assembly modes of the drawn pose; the first is used"
+    tables = [
+        table_of(f"{record['mechanism']}: joints (m, rad)", joints, record["joints"]),
+        table_of("closures", closures, record["closures"]),
+        facts("at the reference", _summary(record)),
+        table_of(left_out_title, left_out, record["in_file_not_in_model"]),
+        table_of(modes_title, modes, record["assembly_modes"]),
+    ]
+    tables = [table for table in tables if table.row_count]
+    for mode in record["assembly_modes"]:  # as a YAML takes them, lines broken anywhere
         values = ", ".join(f"{name}: {value}" for name, value in mode["reference"].items())
         title = f"to choose mode {mode['mode']}, put this into the YAML"
         tables.append(plain_table(title, ("",), [[f"reference: {{{values}}}"]]))
-    columns = (">mode", ">rank (full)", ">distance", "meets the drawn pose", ">parallel pairs")
-    title = "assembly modes of the drawn pose; the first is used"
-    return [plain_table(title, columns, rows), *tables] if modes else []
-
-
-def _left_out_table(record: dict[str, Any]) -> Table:
-    rows = (
-        (
-            force["what"],
-            "" if force["value"] is None else f"{force['value']:.4g} {force['unit']}",
-            "" if force["relative_size"] is None else f"{force['relative_size']:.2g}",
-            force["included_by"] or "nothing",
-        )
-        for force in record["in_file_not_in_model"]
-    )
-    columns = ("", ">value", ">of the rigid-body forces", "included by")
-    return plain_table("in the file, not in the model of rigid bodies", columns, rows)
+    return tables
 
 
 def _summary(record: dict[str, Any]) -> dict[str, str]:
@@ -274,12 +236,10 @@ def base_report(
     found = base_record(mechanism, model, base, motors_alone)
     parameters, *others = base_tables(found)
     doubtful = f", {len(found['doubtful'])} more are doubtful" if found["doubtful"] else ""
-    conditions = found["nullspace_condition_number"], found["condition_number"]
-    both = ", ".join("infinite" if c is None else f"{c:.4g}" for c in conditions)
     verdict = (
         f"Forces tell {found['rank']} combinations of {found['standard_parameters']} parameters"
         f" (singular-value gap {found['rank_gap']:.1e}){doubtful}; written as below, cond(V22) "
-        f"and cond(W_B) are {both}: {certificate(found['search'])}."
+        f"and cond(W_B) are {_conditions(found)}: {certificate(found['search'])}."
     )
     return Report(
         name="base",
@@ -321,14 +281,10 @@ def _choice(base: BaseParameters) -> dict[str, Any]:
     """Rank, search and parameters."""
     return {
         "nonzero_parameters": len(base.structure.columns),
-        "rank": base.structure.rank,
-        "rank_gap": base.structure.rank_gap,
+        **json_fields(base.structure, "rank", "rank_gap"),
         "doubtful": [
-            {
-                "expression": expression(one.terms),
-                "terms": dict(one.terms),
-                **json_fields(one, "singular_value", "rounding", "source"),
-            }
+            {"expression": expression(one.terms), "terms": dict(one.terms)}
+            | json_fields(one, "singular_value", "rounding", "source")
             for one in base.doubtful
         ],
         **json_fields(base, "condition_number", "nullspace_condition_number"),
@@ -347,7 +303,15 @@ def base_tables(record: dict[str, Any]) -> list[Table]:
     if alone := record["motors_alone"]:
         tables.append(_parameters("what the motors alone feel", alone))
     if record["doubtful"]:
-        tables.append(_doubtful(record["doubtful"]))
+        columns = {
+            "": _few_terms,
+            ">singular value": "singular_value:.1e",
+            "rounding that makes it": lambda one: (
+                "" if one["rounding"] is None else f"{one['rounding']:.0e} m {one['source']}"
+            ),
+        }
+        title = "doubtful combinations, which do not count"
+        tables.append(table_of(title, columns, record["doubtful"]))
     return [*tables, facts("findings", _findings(record))]
 
 
@@ -356,38 +320,26 @@ def _parameters(title: str, choice: dict[str, Any]) -> Table:
     return plain_table(title, (">", "base parameter"), rows)
 
 
-def _doubtful(combinations: Sequence[Mapping[str, Any]]) -> Table:
-    rows = (
-        (
-            expression(dict(list(one["terms"].items())[:MOST_TERMS]))
-            + (" + ..." if len(one["terms"]) > MOST_TERMS else ""),
-            f"{one['singular_value']:.1e}",
-            "" if one["rounding"] is None else f"{one['rounding']:.0e} m {one['source']}",
-        )
-        for one in combinations
-    )
-    return plain_table(
-        "doubtful combinations, which do not count",
-        ("", ">singular value", "rounding that makes it"),
-        rows,
-    )
+def _few_terms(combination: Mapping[str, Any]) -> str:
+    first = expression(dict(list(combination["terms"].items())[:MOST_TERMS]))
+    return first + (" + ..." if len(combination["terms"]) > MOST_TERMS else "")
+
+
+def _conditions(record: dict[str, Any]) -> str:
+    conditions = record["nullspace_condition_number"], record["condition_number"]
+    return ", ".join("infinite" if c is None else f"{c:.5g}" for c in conditions)
 
 
 def _findings(record: dict[str, Any]) -> dict[str, str]:
     search = record["search"]
-    conditions = record["nullspace_condition_number"], record["condition_number"]
     nodes = f", {search['nodes']:,} nodes of the search tree" if search["nodes"] else ""
-    gap = f"singular-value gap {record['rank_gap']:.1e}"
+    effect = f"{record['nonzero_parameters']} of {record['standard_parameters']}"
     rows = {
-        "parameters with an effect": (
-            f"{record['nonzero_parameters']} of {record['standard_parameters']}"
-        ),
-        "base parameters": f"{record['rank']} ({gap})",
+        "parameters with an effect": effect,
+        "base parameters": f"{record['rank']} (singular-value gap {record['rank_gap']:.1e})",
         "combinations": f"{search['candidates']:,}",
         "search": f"{search['name']}, criterion {search['criterion']}",
-        "cond(V22), cond(W_B)": ", ".join(
-            "infinite" if c is None else f"{c:.4f}" for c in conditions
-        ),
+        "cond(V22), cond(W_B)": _conditions(record),
         "certificate": certificate(search),
         "looked at one by one": f"{search['evaluated']:,}{nodes}",
         "time": f"{1e3 * search['seconds']:.3g} ms",
@@ -432,7 +384,7 @@ def motions_report(
 ) -> Report:
     """Motions beside the robot's limits."""
     found = motions_record(mechanism, reviews, seconds)
-    motions, tables = found["motions"], motions_tables(found)
+    motions, table = found["motions"], motions_table(found)
     wrong = [motion for motion in motions if motion["problems"]]
     room = [m for m in motions if m["clearance"] is not None]
     nearest = min(room, key=lambda m: m["clearance"], default=None)
@@ -449,8 +401,8 @@ def motions_report(
         title=f"{mechanism}: motions",
         verdict=verdict,
         record=found,
-        brief=tables,
-        sections=lambda: [Section("Motions", tuple(tables))],
+        brief=[table],
+        sections=lambda: [Section("Motions", (table,))],
     )
 
 
@@ -469,98 +421,19 @@ def motions_record(
                 "ranges": {r.joint: [r.lowest, r.highest] for r in review.ranges},
                 "nearest_limit": None if nearest is None else nearest.joint,
                 "clearance": None if nearest is None else nearest.clearance,
-                "singularity": review.singularity,
-                "singular_time": review.singular_time,
-                "speeds": review.speeds,
-                "problems": list(review.problems),
+                **json_fields(review, "singularity", "singular_time", "speeds", "problems"),
             }
         )
     return {"mechanism": mechanism, "motions": motions}
 
 
-def motions_tables(record: dict[str, Any]) -> list[Table]:
+def motions_table(record: dict[str, Any]) -> Table:
     """One line a motion, and what speaks against any of them."""
-    rows = (
-        (
-            m["name"],
-            f"{m['seconds']:.1f}",
-            number(m["clearance"]),
-            m["nearest_limit"] or "none",
-            f"{m['singularity']:.4f}",
-            f"{max(m['speeds'].values()):.4f}",
-            "; ".join(m["problems"]) or "none",
-        )
-        for m in record["motions"]
-    )
-    columns = (
-        *("motion", ">time", ">clearance", "nearest limit"),
-        *(">singularity", ">top speed", "problems"),
-    )
-    return [plain_table(f"{record['mechanism']}: motions", columns, rows)]
-
-
-# The robot's picture.
-
-# Part of the largest extent below which a robot is flat.
-FLAT = 1e-6
-VIEWS = {"front": (0, 2), "side": (1, 2), "top": (0, 1)}  # axes that go right and up
-ACROSS = np.array([[0.82, -0.57, 0.0], [-0.25, -0.36, 0.9]])  # right and up, from a corner
-
-
-def force_unit(mechanism: Mechanism, joint: str) -> str:
-    """Unit of a motor's force: N where it slides, N m where it turns."""
-    return "N" if mechanism.velocity_indices([joint])[0] in mechanism.prismatic else "N m"
-
-
-def robot_chart(mechanism: Mechanism) -> Chart:
-    """Links, joints and closures at the reference, seen from some sides."""
-    model, q = mechanism.model, mechanism.reference[None]
-    names = [frame.name for frame in model.frames]
-    joints = frame_poses(mechanism, q, [names.index(n) for n in mechanism.joints], jacobians=False)
-    hubs = np.vstack([np.zeros(3), joints.origin[0]])
-    turns = np.concatenate([np.eye(3)[None], joints.rotation[0]])
-    ends = [k for closure in mechanism.closures for k in closure.frame_ids]
-    met = frame_poses(mechanism, q, ends, jacobians=False).origin[0] if ends else np.zeros((0, 3))
-    parents = list(model.parents)
-    links = [(parents[k], hubs[k]) for k in range(1, len(hubs))]
-    links += [(model.frames[k].parentJoint, place) for k, place in zip(ends, met, strict=True)]
-    grown = {parent for parent, _ in links}
-    for k in (k for k in range(1, len(hubs)) if k not in grown):  # to its centre of mass
-        links.append((k, hubs[k] + turns[k] @ model.inertias[k].lever))
-    base = [place for parent, place in links if parent == 0]
-    hubs[0] = np.mean(base, axis=0) if base else hubs[0]
-    motors = np.array([name in mechanism.actuated for name in mechanism.joints], dtype=bool)
-    lines = {"base": (True, "faint"), "links": (False, "measured")}
-    dots = {
-        "motors": (hubs[1:][motors], "fit"),
-        "passive joints": (hubs[1:][~motors], "file"),
-        "closures": (met, "other"),
+    columns = {
+        **{"motion": "name", ">time": "seconds:.1f", ">clearance": "clearance"},
+        "nearest limit": lambda motion: motion["nearest_limit"] or "none",
+        ">singularity": "singularity:.4f",
+        ">top speed": lambda motion: f"{max(motion['speeds'].values()):.4f}",
+        "problems": lambda motion: "; ".join(motion["problems"]) or "none",
     }
-
-    def panel(title: str, seen: FloatArray) -> Panel:
-        marks = []
-        for name, (fixed, look) in lines.items():
-            parts = [(hubs[k], place) for k, place in links if (k == 0) == fixed]
-            gap = np.full((len(parts), 1, 3), np.nan)
-            if parts:
-                flat = np.concatenate([np.array(parts), gap], axis=1).reshape(-1, 3) @ seen.T
-                marks.append(Mark(name, flat[:, 0], flat[:, 1], look))
-        for name, (at, look) in dots.items():
-            if len(at):
-                marks.append(Mark(name, at @ seen[0], at @ seen[1], look, "dots"))
-        return Panel(title, tuple(marks), equal=True)
-
-    extent = np.ptp(np.vstack([hubs, met]), axis=0)
-    flat = extent <= FLAT * extent.max()
-    sides = {n: np.eye(3)[list(axes)] for n, axes in VIEWS.items() if not flat[list(axes)].any()}
-    views = sides or {"front": np.eye(3)[[0, 2]]}
-    if not flat.any():
-        views["from a corner"] = ACROSS
-    title = "{} (m)".format
-    caption = (
-        f"{mechanism.name} at its reference. Where loops are cut, frames meet: "
-        + ("; ".join(f"{c.frame_a} and {c.frame_b}" for c in mechanism.closures) or "it has none")
-        + "."
-    )
-    panels = tuple(panel(title(name), seen) for name, seen in views.items())
-    return Chart("robot", caption, "", panels, columns=len(panels))
+    return table_of(f"{record['mechanism']}: motions", columns, record["motions"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -96,7 +96,7 @@ class Scene:
         self.sliders = tuple(map(self._slider, mechanism.measured, at))
         self.solids = _solids(mechanism)
         self.closed = max(CLOSURE_TOLERANCE, 2.0 * mechanism.closure_residual)
-        self._rods = [*_rods(mechanism)]
+        self._rods = link_rods(mechanism)
 
     def _slider(self, joint: str, at: float) -> Slider:
         slides = self.mechanism.velocity_indices([joint])[0] in self.mechanism.prismatic
@@ -108,12 +108,9 @@ class Scene:
     @checked
     def at(self, configuration: FloatArray) -> Pose:
         """What is where at a configuration (nq,), closed or not."""
-        robot, model = self.mechanism, self.mechanism.model
-        q, data = samples(configuration, model.nq, "configuration", 1), scratch_data(model)
-        pin.framesForwardKinematics(model, data, q[0])
-        places = list(data.oMi)
-        ends = [data.oMf[k].translation for k in robot.closure_frames[0]]
-        rods = [places[joint].act(point) for rod in self._rods for joint, point in rod]
+        robot = self.mechanism
+        q = samples(configuration, robot.model.nq, "configuration", 1)
+        places, rods, ends = placed(robot, self._rods, q[0])
         residual, owner = np.abs(scaled_residual(robot, q)[0]), robot.row_closures
         own = residual[: len(owner)]
         return Pose(
@@ -121,8 +118,8 @@ class Scene:
             values=self._measured.read(q)[0],
             origins=np.array([place.translation for place in places]),
             rotations=np.array([place.rotation for place in places]),
-            rods=np.reshape(rods, (-1, 2, 3)),
-            closures=np.reshape(ends, (-1, 2, 3)),
+            rods=rods,
+            closures=ends,
             open_by=np.array([own[owner == k].max() for k in range(len(robot.closures))]),
             residual=float(residual.max(initial=0.0)),
             singularity=float(singularity_measure(robot, q)[0]),
@@ -172,10 +169,10 @@ def _solids(robot: Mechanism) -> list[pin.GeometryObject]:
 Rod = tuple[tuple[int, FloatArray], tuple[int, FloatArray]]  # joints, and points in their frames
 
 
-def _rods(robot: Mechanism) -> Iterator[Rod]:
+def link_rods(robot: Mechanism) -> list[Rod]:
     """Rods that stand for links: a star through the joints of each, and how far slides are out."""
     model, origin = robot.model, np.zeros(3)
-    points: list[list[FloatArray]] = [[], *([origin] for _ in robot.joints)]
+    rods, points = list[Rod](), [list[FloatArray](), *([origin] for _ in robot.joints)]
     for k in range(1, model.njoints):
         points[model.parents[k]].append(model.jointPlacements[k].translation)
     for frame in (model.frames[k] for k in robot.closure_frames[0]):
@@ -186,10 +183,22 @@ def _rods(robot: Mechanism) -> Iterator[Rod]:
         middle = np.mean(found, axis=0) if len(found) > 2 else found[0] if found else origin
         for point in found:
             if np.linalg.norm(point - middle) > APART * robot.length:
-                yield (k, middle), (k, point)
+                rods.append(((k, middle), (k, point)))
     for k in sorted({robot.joint_ids[index] for index in robot.prismatic}):
         if model.joints[k].nv == 1:
-            yield (int(model.parents[k]), model.jointPlacements[k].translation), (k, origin)
+            rods.append(((model.parents[k], model.jointPlacements[k].translation), (k, origin)))
+    return rods
+
+
+def placed(
+    robot: Mechanism, rods: Sequence[Rod], configuration: FloatArray
+) -> tuple[list[pin.SE3], FloatArray, FloatArray]:
+    """Where joints, rods (R, 2, 3) and frames of closures (closures, 2, 3) are."""
+    data = scratch_data(robot.model)
+    pin.framesForwardKinematics(robot.model, data, configuration)
+    places, frames = list(data.oMi), [data.oMf[k].translation for k in robot.closure_frames[0]]
+    ends = [places[joint].act(point) for rod in rods for joint, point in rod]
+    return places, np.reshape(ends, (-1, 2, 3)), np.reshape(frames, (-1, 2, 3))
 
 
 @checked

@@ -1,0 +1,298 @@
+"""Pictures of results, as charts for pages, notebooks and papers; a function a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from loopid.arguments import FloatArray, IntArray, checked, spread_rows
+from loopid.errors import OptionError
+from loopid.excitation.design import ExcitationDesign
+from loopid.identification.cutoff import CutoffChoice
+from loopid.identification.information import Identifiability, body_sizes
+from loopid.identification.pipeline import Identification
+from loopid.identification.prediction import Prediction
+from loopid.identification.saved import SavedFit
+from loopid.identification.terms import friction_columns, friction_curve, frictional_joints
+from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel
+from loopid.robot.mechanism import Mechanism
+from loopid.view.scene import link_rods, placed
+
+FLAT = 1e-6  # part of the largest extent below which a robot is flat
+VIEWS = {"front": (0, 2), "side": (1, 2), "top": (0, 1)}  # axes that go right and up
+ACROSS = np.array([[0.82, -0.57, 0.0], [-0.25, -0.36, 0.9]])  # right and up, from a corner
+FLOOR_OF_WEAK = 0.1  # of the least effect that is drawn, where unidentifiable ones are drawn
+MOST, ROOM = 0.95, 1.3  # quantile of the friction's band, and times that, that an axis shows
+CURVE_POINTS = 200  # of a friction curve on either side of standstill
+MOST_ERRORS = 40  # parameters whose standard errors are drawn
+RUNS = "fit", "file", "other", "weak", "measured", "faint"  # looks of fits beside each other
+ZOOM = "Drag along time to zoom in, double-click to see all again."
+
+
+def force_unit(mechanism: Mechanism, joint: str) -> str:
+    """Unit of a motor's force: N where it slides, N m where it turns."""
+    return "N" if mechanism.velocity_indices([joint])[0] in mechanism.prismatic else "N m"
+
+
+@checked
+def robot_chart(mechanism: Mechanism, configuration: FloatArray | None = None) -> Chart:
+    """Links, joints and closures at a configuration (nq,), by default the reference."""
+    q = mechanism.reference if configuration is None else configuration
+    rods = link_rods(mechanism)
+    places, ends, met = placed(mechanism, rods, q)
+    joints, met = np.array([place.translation for place in places[1:]]), met.reshape(-1, 3)
+    motors = np.isin(mechanism.joints, mechanism.actuated)
+    fixed = np.array([first == 0 for (first, _), _ in rods], dtype=bool)
+    gaps = np.concatenate([ends, np.full((len(ends), 1, 3), np.nan)], axis=1)
+    marks: tuple[Any, ...] = (
+        ("base", gaps[fixed].reshape(-1, 3), "faint", "line"),
+        ("links", gaps[~fixed].reshape(-1, 3), "measured", "line"),
+        ("motors", joints[motors], "fit", "dots"),
+        ("passive joints", joints[~motors], "file", "dots"),
+        ("closures", met, "other", "dots"),
+    )
+    extent = np.ptp(np.vstack([joints, met, ends.reshape(-1, 3)]), axis=0)
+    flat = extent <= FLAT * extent.max()
+    views = {n: np.eye(3)[list(axes)] for n, axes in VIEWS.items() if not flat[list(axes)].any()}
+    views = views or {"front": np.eye(3)[[0, 2]]}
+    if not flat.any():
+        views["from a corner"] = ACROSS
+    panels = tuple(
+        Panel(
+            f"{title} (m)",
+            tuple(
+                Mark(name, at @ right, at @ up, look, kind)
+                for name, at, look, kind in marks
+                if len(at)
+            ),
+            equal=True,
+        )
+        for title, (right, up) in views.items()
+    )
+    cuts = "; ".join(f"{c.frame_a} and {c.frame_b}" for c in mechanism.closures) or "it has none"
+    at = "at its reference" if configuration is None else "at a configuration"
+    caption = f"{mechanism.name} {at}. Where loops are cut, frames meet: {cuts}."
+    return Chart("robot", caption, "", panels, columns=len(panels))
+
+
+@checked
+def forces_chart(
+    mechanism: Mechanism,
+    found: Prediction,
+    *,
+    motors: Sequence[str] | None = None,
+    file: FloatArray | None = None,
+    reach: Callable[[IntArray], FloatArray] | None = None,
+    name: str = "forces",
+) -> Chart:
+    """Measured and predicted forces of each motor over time, and below them what is left.
+
+    Parameters
+    ----------
+    motors : sequence of str, optional
+        Some of the motors.
+    file : FloatArray, optional
+        (N, dof), the forces that the robot file predicts.
+    reach : callable, optional
+        Gives half the width (k, dof) of 95 % intervals at rows (k,).
+
+    Examples
+    --------
+    >>> import loopid
+    >>> from matplotlib.figure import Figure
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> log = loopid.read_log(robot.path.parent / "logs" / "five_bar.csv", robot)
+    >>> recording = loopid.prepare_recording(robot, log)
+    >>> found = loopid.identify(loopid.find_force_model(robot, "full"), [recording])
+    >>> prediction = loopid.predict(found.fit, found.force_model, recording)
+    >>> chart = loopid.plots.forces_chart(robot, prediction, motors=["left_crank_joint"])
+    >>> [panel.title for panel in chart.panels]
+    ['left_crank_joint: force (N m), R² 1.000', 'residual (N m)']
+    >>> chart.draw(Figure().subplots(2))
+    """
+    run, time = found.recording, found.recording.motion.time
+    some, panels = spread_rows(len(run), MOST_DOTS), list[Panel]()
+    half = None if reach is None else reach(some)
+    for motor in run.actuators if motors is None else motors:
+        if motor not in run.actuators:
+            raise OptionError.unknown("motor", motor, run.actuators)
+        k = run.actuators.index(motor)
+        used, fit = run.used[:, k], found.predicted[:, k]
+        marks, left = [Mark("measured", time, run.force[:, k], "measured")], list[Mark]()
+        if half is not None:
+            low, high = fit[some] - half[:, k], fit[some] + half[:, k]
+            marks.append(Mark("95 % interval", time[some], low, "fit", "band", high))
+        if file is None:
+            standing = np.where(used, np.nan, found.residual[:, k])
+            left.append(Mark("standing or saturated", time, standing, "faint"))
+        else:
+            marks.append(Mark("robot file, fitted joint terms", time, file[:, k], "file"))
+            rest = np.where(used, run.force[:, k] - file[:, k], np.nan)
+            left.append(Mark("measured less robot file", time, rest, "faint"))
+        marks.append(Mark("predicted", time, fit))
+        rest = np.where(used, found.residual[:, k], np.nan)
+        left.append(Mark("measured less predicted", time, rest, "residual"))
+        unit, score = force_unit(mechanism, motor), found.moving.r_squared[k]
+        panels.append(Panel(f"{motor}: force ({unit}), R² {score:.3f}", tuple(marks)))
+        panels.append(Panel(f"residual ({unit})", tuple(left), small=True))
+    return Chart(name, f"Forces of {run.name}. {ZOOM}", "time (s)", tuple(panels), zoom=True)
+
+
+@checked
+def parameters_chart(found: Identification) -> Chart:
+    """Intervals of the parameters of bodies about the values of the robot file."""
+    alone = found.recommended is found.baseline
+    fit = found["all parameters"].fit if alone else found.fit
+    model = found.force_model
+    bodies, base = model.body_columns, model.base
+    sizes = body_sizes(model.mechanism, model.model)
+    sizes = np.linalg.norm(base.matrix[bodies][:, : len(sizes)] * sizes, axis=1)
+    low, high = ((fit.intervals() - model.prior[:, None])[bodies] / sizes[:, None]).T
+    known, place = np.isfinite(low) & np.isfinite(high), np.arange(float(len(bodies)))
+    middle = (fit.values - model.prior)[bodies] / sizes
+    marks = (
+        Mark("robot file", np.zeros(2), np.array([-0.5, len(bodies) - 0.5]), "faint"),
+        Mark("95 % interval", low[known], place[known], "fit", "span", high[known]),
+        Mark("all parameters" if alone else "recommended", middle, place, "fit", "dots"),
+    )
+    labels = tuple(fit.parameters.labels[j] for j in bodies)
+    caption = (
+        "Parameters of the bodies less those of the robot file, in sizes: a body's mass times its "
+        "length, or that squared."
+    )
+    panel = Panel("fit less robot file (sizes)", marks, labels=labels)
+    return Chart("parameters", caption, "", (panel,))
+
+
+@checked
+def comparison_chart(fits: Mapping[str, SavedFit]) -> Chart:
+    """Values of fits with 95 % intervals, each less their mean, by the name of their run."""
+    names = {e.expression: e.name for fit in fits.values() for e in fit.base_parameters}
+    x, s = np.full((2, len(names), len(fits)), np.nan)
+    for k, fit in enumerate(fits.values()):
+        rows = [[*names].index(each.expression) for each in fit.base_parameters]
+        x[rows, k] = [each.value for each in fit.base_parameters]
+        s[rows, k] = [each.standard_error or 0.0 for each in fit.base_parameters]
+    size = np.nanmax(s, axis=1, keepdims=True)
+    size = np.where(size > 0, size, np.nanmax(np.abs(x), axis=1, keepdims=True))
+    middle = (x - np.nanmean(x, axis=1, keepdims=True)) / np.where(size > 0, size, 1.0)
+    reach, marks = 1.96 * s / np.where(size > 0, size, 1.0), list[Mark]()
+    for k, name in enumerate(fits):
+        place = np.arange(float(len(names))) + 0.6 * ((k + 0.5) / len(fits) - 0.5)
+        look, at = RUNS[k % len(RUNS)], middle[:, k]
+        marks += [Mark("", at - reach[:, k], place, look, "span", at + reach[:, k])]
+        marks += [Mark(name, at, place, look, "dots")]
+    title = "less the mean of the fits, in the largest standard error"
+    panel = Panel(title, tuple(marks), labels=tuple(names.values()))
+    return Chart("parameters", "Values of each fit with 95 % intervals.", "", (panel,))
+
+
+@checked
+def friction_chart(found: Identification) -> Chart:
+    """Friction of each motor by the recommended fit, over the forces that it explains."""
+    fit, data, mechanism = found.fit, found.data, found.force_model.mechanism
+    velocities = np.concatenate([run.motion.velocities for run in found.training])
+    rows, panels = spread_rows(len(data), MOST_DOTS), list[Panel]()
+    residual = data.residual(fit.values)[rows]
+    for joint in (joint for joint in frictional_joints(fit) if joint in data.actuators):
+        k, own = data.actuators.index(joint), friction_columns(fit, joint)
+        rate, used = velocities[rows, k], data.used[rows, k]
+        left = residual[:, k] + data.regressor[rows, k][:, own] @ fit.values[own]
+        marks = [Mark("measured less all else", rate[used], left[used], "measured", "dots")]
+        fastest = float(np.abs(rate).max(initial=0.0)) or 1.0
+        rates = fastest * np.linspace(-1, 1, 2 * CURVE_POINTS)  # none is 0, where it jumps
+        curve = friction_curve(fit, joint, rates, joint_terms=found.force_model.joint_terms)
+        sure = bool(np.isfinite(curve.band).all())
+        for half in (slice(CURVE_POINTS), slice(CURVE_POINTS, None)):
+            low, high = curve.band[half].T
+            if sure:
+                marks.append(Mark("95 % interval", rates[half], low, "fit", "band", high))
+            marks.append(Mark("friction", rates[half], curve.values[half], "fit"))
+        # Next to standstill hardly anything is known: bands there would flatten the rest.
+        most = ROOM * float(np.quantile(np.abs(curve.band), MOST)) if sure else 0.0
+        title = f"{joint}: friction ({force_unit(mechanism, joint)})"
+        panels.append(Panel(title, tuple(marks), (-most, most) if most else None))
+    caption = "Friction over the rate of each motor (m/s or rad/s), by the recommended fit."
+    return Chart("friction", caption, "rate", tuple(panels), columns=min(2, len(panels)) or 1)
+
+
+@checked
+def spectrum_chart(found: Identifiability) -> Chart:
+    """Effects of the combinations on forces: in random states of the robot, and in the data."""
+    structural, effects = 100 * found.excitation.structural, 100 * found.excitation.effects
+    place: FloatArray = np.arange(1.0, len(effects) + 1.0)
+    rank, sure = found.rank, found.well_determined
+    shown = np.append(structural[structural > 0], effects[:rank])
+    floor = np.full(len(effects), FLOOR_OF_WEAK * shown.min(initial=1.0))
+    kinds = (
+        ("data", slice(0, sure), effects, "file"),
+        ("weak: worse than the robot file", slice(sure, rank), effects, "weak"),
+        ("unidentifiable: no effect", slice(rank, None), floor, "fit"),
+    )
+    dots = (Mark(n, place[part], y[part], look, "dots") for n, part, y, look in kinds)
+    marks = Mark("structure", place, structural, "faint"), *(mark for mark in dots if len(mark.x))
+    caption = (
+        "What a change of each combination of parameters by its size does to the forces: in random "
+        f"states of the robot, and in the data. {rank} of {found.structural_rank} are excited, "
+        f"{sure} are known better than by the robot file."
+    )
+    panel = Panel("effect on the forces (%)", marks, log="y")
+    return Chart("spectrum", caption, "combination of parameters", (panel,))
+
+
+@checked
+def filter_chart(found: CutoffChoice) -> Chart:
+    """Errors and spread of predictions at the cut-offs that were tried."""
+    errors, spreads = 100 * found.errors, 100 * found.spreads
+    both = np.concatenate([errors, spreads])
+    ends = np.array([np.nanmin(both), np.nanmax(both)])
+    marks = (
+        Mark("error", found.cutoffs, errors, "file"),
+        Mark("deviation of the predictions", found.cutoffs, spreads, "other"),
+        Mark("", found.cutoffs, errors, "file", "dots"),
+        Mark("", found.cutoffs, spreads, "other", "dots"),
+        Mark("chosen", np.full(2, found.chosen), ends, "fit"),
+    )
+    title = f"predictions below {found.judged:.3g} Hz of data that were not fitted (% of the force)"
+    caption = (
+        "Cut-offs of the low-pass filter that were tried: errors on data that were not fitted, and "
+        f"how far predictions vary with the data; {found.chosen:.3g} Hz is best."
+    )
+    return Chart("filter", caption, "cut-off (Hz)", (Panel(title, marks, log="xy"),))
+
+
+@checked
+def motion_chart(found: ExcitationDesign) -> Chart:
+    """Position of each motor with its limits, and its force below."""
+    motors, mechanism, panels = found.motors, found.force_model.mechanism, list[Panel]()
+    limits = {check.name: (check.lower, check.upper) for check in found.checks}
+    span = motors.time[[0, -1]]
+    for k, name in enumerate(motors.names):
+        unit = force_unit(mechanism, name)
+        marks = [Mark("position", motors.time, motors.position[:, k], "fit")]
+        for end in limits.get(f"position of {name}", ()):
+            if np.isfinite(end):
+                marks.append(Mark("limit", span, np.full(2, end), "limit"))
+        force = Mark("force by the robot file", motors.time, found.forces[:, k], "file")
+        panels.append(Panel(f"{name} ({'m' if unit == 'N' else 'rad'})", tuple(marks)))
+        panels.append(Panel(f"force ({unit})", (force,), small=True))
+    caption = f"Motors: position with its limits, and force by the robot file. {ZOOM}"
+    return Chart("motion", caption, "time (s)", tuple(panels), zoom=True)
+
+
+@checked
+def errors_chart(found: ExcitationDesign) -> Chart:
+    """Standard errors of the least known parameters, before and after."""
+    worst = np.sort(np.argsort(-found.standard_errors, kind="stable")[:MOST_ERRORS])
+    place = np.arange(float(len(worst)))
+    before = "with the logs" if found.after_logs else "first motion"
+    marks = (
+        Mark(before, found.before.standard_errors[worst], place, "faint", "dots"),
+        Mark("with this motion", found.standard_errors[worst], place, "fit", "dots"),
+    )
+    labels = tuple(found.parameters.labels[j] for j in worst)
+    panel = Panel("standard error (kg, kg m, kg m², ...)", marks, labels=labels, log="x")
+    caption = "Predicted standard errors; one dot alone: unidentifiable without the motion."
+    return Chart("errors", caption, "", (panel,))
