@@ -65,7 +65,9 @@ def test_mass_and_coriolis_are_those_of_pinocchios_tree(name, full_model):
         inertia = inertia + np.triu(inertia, 1).T
         close(robot.mass(u), G.T @ inertia @ G, 1e-10)
         bias = pin.rnea(tree, data, q, G @ v, gamma) - pin.computeGeneralizedGravity(tree, data, q)
-        close(robot.coriolis(u, v) @ v, G.T @ bias, 1e-10)
+        # Of the joints' own: those of the motors cancel in a parallelogram.
+        largest = (np.abs(G.T) @ np.abs(bias)).max()
+        assert np.abs(robot.coriolis(u, v) @ v - G.T @ bias).max() <= 1e-10 * largest
 
 
 @pytest.mark.parametrize("robot_name", ["3ups_rpu", "five_bar"])
