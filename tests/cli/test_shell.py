@@ -116,7 +116,7 @@ def test_a_terminal_without_columns_is_printed_for(run, monkeypatch):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full disk")
-@pytest.mark.parametrize("form", [[], ["--json"]])
+@pytest.mark.parametrize("form", [["--json"], pytest.param([], marks=pytest.mark.validate)])
 def test_a_result_that_does_not_fit_on_the_disk_is_told(form):
     with Path("/dev/full").open("w") as full:
         script = [sys.executable, "-m", "loopid", "check", "five_bar", *form]
@@ -126,7 +126,7 @@ def test_a_result_that_does_not_fit_on_the_disk_is_told(form):
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("form", [[], ["--json"]])
+@pytest.mark.parametrize("form", [[], pytest.param(["--json"], marks=pytest.mark.validate)])
 def test_a_reader_that_has_seen_enough_ends_the_command_quietly(form):
     script = [sys.executable, "-m", "loopid", "check", "five_bar", *form]
     with subprocess.Popen(script, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
