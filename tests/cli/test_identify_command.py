@@ -334,7 +334,7 @@ def test_values_of_the_robot_file_are_marked_everywhere(
     rows = [[cell.text for cell in row] for row in page.iter("tr")]
     for direction in told["unidentifiable"]:
         assert direction["standard_error"] is None
-        assert [direction["combination"], "0", "-"] in rows
+        assert [direction["combination"], "0", "unidentifiable"] in rows
     assert record["advice"] in page.text_content()
     for entry in record["fit"]["base_parameters"]:
         unbounded = entry["interval_95_percent"] == [None, None]
