@@ -38,7 +38,7 @@ WIDE, HIGH = 20_000, 2_000  # of the square that marks are drawn in
 MARGIN = 0.04  # of an axis beyond the marks, on either side
 TICKS = 5  # of an axis, about
 COLUMN, RESOLUTION = 3.5, 220  # inches: a column of a two-column page; dots per inch of a PNG
-LONGEST, LEGEND = 44, 70  # characters of a name that is drawn, and in a line of a legend
+LONGEST, LEGEND = 44, 80  # characters of a name that is drawn, and in a line of a legend
 NAMES_STAY_TEXT: Any = {"text.parse_math": False}
 STYLE = NAMES_STAY_TEXT | {
     **dict.fromkeys(("font.size", "axes.titlesize", "axes.labelsize"), 7.5),
@@ -296,7 +296,7 @@ class Chart:
         with mpl.rc_context(STYLE), warnings.catch_warnings():
             warnings.filterwarnings("ignore", HARMLESS)
             figure = Figure(figsize=(COLUMN, sum(heights) + 0.4))
-            axes = figure.subplots(len(heights), self.columns, squeeze=False, height_ratios=heights)
+            axes = figure.subplots(len(heights), columns, squeeze=False, height_ratios=heights)
             for ax, panel in zip(axes.flat, self.panels, strict=False):
                 panel.draw(ax)
             for ax in axes.flat[len(self.panels) :]:
