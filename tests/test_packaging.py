@@ -1,5 +1,6 @@
 """The packages, built and installed where there is nothing else; what else names the project."""
 
+import os
 import re
 import subprocess
 import sys
@@ -20,7 +21,8 @@ ON_CONDA = {"pin": "pinocchio"}
 
 
 def run(*command, folder=None):
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run(command, cwd=folder, env=clean, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-2000:]
     return done.stdout
 

@@ -128,12 +128,15 @@ def test_hulls_hold_the_meshes_of_arms_and_no_more(robot_data, name):
             assert least - 1e-5 < found < most + 1e-5
 
 
-def test_hulls_are_those_of_meshes_with_points_inside():
-    points = np.random.default_rng(0).uniform(-1, 1, (60, 3))
-    points[:8] = [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+@pytest.mark.parametrize(("height", "count"), [(1, 60), (0, 60), (0, 4)])
+def test_hulls_are_those_of_meshes_with_points_inside(height, count):
+    """Of a cube, of a flat square, and of one that has its corners only."""
+    corners = [[x, y, z] for z in (-1, 1) for x in (-1, 1) for y in (-1, 1)]
+    points = np.concatenate([corners, np.random.default_rng(0).uniform(-1, 1, (52, 3))])[:count]
+    points *= [1, 1, height]
     mesh = coal.BVHModelOBBRSS()
-    mesh.beginModel(58, 60)
-    for k in range(58):
+    mesh.beginModel(count - 2, count)
+    for k in range(count - 2):
         mesh.addTriangle(*points[k : k + 3])
     mesh.endModel()
     hull, ball = convex_hull(mesh), coal.Sphere(0.1)
@@ -143,5 +146,5 @@ def test_hulls_are_those_of_meshes_with_points_inside():
         found = coal.distance(
             hull, coal.Transform3s(), ball, at, coal.DistanceRequest(), coal.DistanceResult()
         )
-        outside = np.maximum(np.abs(place) - 1, 0)
+        outside = np.maximum(np.abs(place) - [1, 1, height], 0)
         assert found == pytest.approx(np.linalg.norm(outside) - 0.1, abs=1e-6)

@@ -133,6 +133,7 @@ def _require_shape(collision: Element) -> None:
             raise RobotFileError(f"{label(shape)}: sizes must be above 0")
         if shape.tag == "mesh":
             required(shape, "filename")
+            numbers(shape, "scale", 3, "1 1 1")
         return
     raise RobotFileError("<geometry> is empty")
 
@@ -145,9 +146,9 @@ def convex_hull(mesh: coal.BVHModelBase) -> Any:
     points = np.array([mesh.vertex(k) for k in range(mesh.num_vertices)])
     try:
         hull = ConvexHull(points)
-    except QhullError:  # flat
-        mesh.buildConvexRepresentation(False)
-        return mesh.convex
+    except QhullError:  # flat: points are moved by round-off
+        points = np.resize(points, (max(len(points), 4), 3))
+        hull = ConvexHull(points, qhull_options="QJ")
     corners, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
     corners.extend([points[k] for k in hull.vertices])
     number = {int(k): n for n, k in enumerate(hull.vertices)}

@@ -63,22 +63,6 @@ class Prediction(Tabular):
             rms, r_squared = np.sqrt(squares / samples), 1.0 - squares / total
         return Quality(rms, np.where(total > 0, r_squared, np.nan), samples)
 
-    @property
-    def rows(self) -> list[tuple[str, ...]]:
-        """For each motor samples, RMS error and R² while it moves; samples and error elsewhere."""
-        moving, standing = self.moving, self.standing
-        return [
-            (
-                motor,
-                f"{moving.samples[k]:,}",
-                f"{moving.residual_rms[k]:.4g}",
-                f"{moving.r_squared[k]:.4f}",
-                f"{standing.samples[k]:,}",
-                f"{standing.residual_rms[k]:.4g}" if standing.samples[k] else "-",
-            )
-            for k, motor in enumerate(self.recording.actuators)
-        ]
-
     def __repr__(self) -> str:
         told = zip(self.recording.actuators, self.moving.r_squared, strict=True)
         shares = ", ".join(f"{motor} {value:.3f}" for motor, value in told)
