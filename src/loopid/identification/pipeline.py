@@ -26,7 +26,7 @@ from loopid.identification.information import (
 )
 from loopid.identification.prediction import Candidate, judge
 from loopid.identification.problem import ROUND_OFF, FitSamples
-from loopid.identification.result import FitResult, fit_quality, nearest_first
+from loopid.identification.result import FitResult, fit_quality, nearest_first, of_all
 from loopid.identification.terms import TermOptions, choose_terms
 from loopid.identification.verdict import Verdict
 from loopid.logs.recording import Recording
@@ -442,10 +442,7 @@ def fit_joint_terms(
     their intervals are infinite.
     """
     values, joints = np.array(force_model.prior), force_model.joint_columns
-    covariance = np.zeros((len(values), len(values)))
     left = data.reduced(joints, values)
-    labels = force_model.parameters.labels
-    bodies = tuple(labels[j] for j in force_model.body_columns)
     # A joint term may lead a combination with bodies, of which the robot file knows a part.
     excitation = Excitation.of(force_model, left.problem) if len(joints) else None
     if excitation is None or not excitation.rank:
@@ -454,12 +451,12 @@ def fit_joint_terms(
             parameters=force_model.parameters,
             actuators=data.actuators,
             values=values,
-            covariance=covariance,
+            covariance=np.zeros((len(values), len(values))),
             condition_number=1.0,
             degrees_of_freedom=np.array(float(data.problem.rows)),
             quality=fit_quality(data.problem, values),
             weights=equal_weights(data.problem),
-            assumed=labels,
+            assumed=force_model.parameters.labels,
             standard_parameters=force_model.standard_prior,
         )
     estimator = chosen_estimator(options.estimator)
@@ -473,18 +470,11 @@ def fit_joint_terms(
     positive = [joint_term(kind).positive for kind in kinds]
     least = np.where(positive, force_model.prior[joints] - standard[places], -np.inf)
     values[joints] = not_below(least, left, terms)
-    covariance[np.ix_(joints, joints)] = terms.covariance
-    freedom = np.full(len(values), terms.degrees_of_freedom.min())
-    freedom[joints] = terms.degrees_of_freedom
     standard[places] += values[joints] - force_model.prior[joints]
+    terms = replace(terms, values=values[joints])
     return replace(
-        terms,
-        parameters=force_model.parameters,
-        values=values,
-        covariance=covariance,
-        degrees_of_freedom=freedom,
+        of_all(terms, force_model.parameters, joints, values),
         quality=fit_quality(data.problem, values),
-        assumed=tuple(name for name in labels if name in bodies or name in terms.assumed),
         standard_parameters=standard,
     )
 
