@@ -1,5 +1,6 @@
 """The packages, built and installed where there is nothing else; what else names the project."""
 
+import os
 import re
 import subprocess
 import sys
@@ -20,7 +21,8 @@ ON_CONDA = {"pin": "pinocchio"}
 
 
 def run(*command, folder=None):
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run(command, cwd=folder, env=clean, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-2000:]
     return done.stdout
 
@@ -88,3 +90,10 @@ def test_classifiers_are_known_and_name_the_pythons():
     assert set(PROJECT["classifiers"]) <= classifiers
     minors = {f"Programming Language :: Python :: 3.{minor}" for minor in (11, 12, 13)}
     assert minors <= set(PROJECT["classifiers"])
+
+
+def test_rattler_build_understands_the_recipe():
+    build = pytest.importorskip("rattler_build", reason="needs pip install py-rattler-build")
+    (found,) = build.Stage0Recipe.from_file(ROOT / "conda" / "recipe.yaml").render()
+    about = found.recipe.package
+    assert (about.name, about.version) == ("loopid", loopid.__version__)

@@ -85,3 +85,4 @@ from .regressors import (
     structural_observation as structural_observation,
 )
 from .robot import Mechanism as Mechanism
+from .workers import progress_bar as progress_bar

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copyreg
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Callable, Iterable, Mapping, Set
 from dataclasses import dataclass, field, fields
 from functools import wraps
 from html import escape
@@ -179,6 +179,18 @@ class Tabular:
         import pandas  # type: ignore[import-untyped]
 
         return pandas.DataFrame(self._table())
+
+
+def columns_of(
+    names: Iterable[str], time: NDArray[Any], **quantities: NDArray[Any] | None
+) -> dict[str, NDArray[Any]]:
+    """Columns of a table: the time, then those of each quantity (N, names) that is known."""
+    columns = {"time": time}
+    for what, values in quantities.items():
+        if values is not None:
+            own = zip(names, values.T, strict=True)
+            columns |= {f"{name}.{what}": column for name, column in own}
+    return columns
 
 
 def same(one: Any, other: Any) -> bool:

@@ -56,7 +56,8 @@ def run_json(run):
         done = run(*arguments, "--json")
         assert done.code == 0, done.err
         record = json.loads(done.out, parse_constant=lambda text: pytest.fail(f"not JSON: {text}"))
-        jsonschema.validate(record, json_schema(record["schema"].split()[1]))
+        form = json_schema(record["schema"].split()[1])  # a form itself is tested elsewhere
+        jsonschema.Draft202012Validator(form).validate(record)
         return record
 
     return call

@@ -23,6 +23,7 @@ def legs(tmp_path_factory):
     return path
 
 
+@pytest.mark.validate
 def test_legs_made_alike_are_identified_together_and_named_by_their_group(run, legs, tmp_path):
     options, printed, records = ("--model", "full", "--terms", "none", "--out"), [], []
     for more in ((), ("--tied",)):

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import typer
@@ -14,7 +15,8 @@ from rich.console import Console
 
 import loopid
 from loopid.cli import app
-from loopid.cli.shell import in_options, progress_bar
+from loopid.cli.shell import in_options
+from loopid.workers import progress_bar
 
 SOURCE = Path(loopid.__file__).parent
 COMMANDS = typer.main.get_command(app).commands
@@ -114,7 +116,7 @@ def test_a_terminal_without_columns_is_printed_for(run, monkeypatch):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full disk")
-@pytest.mark.parametrize("form", [[], ["--json"]])
+@pytest.mark.parametrize("form", [["--json"], pytest.param([], marks=pytest.mark.validate)])
 def test_a_result_that_does_not_fit_on_the_disk_is_told(form):
     with Path("/dev/full").open("w") as full:
         script = [sys.executable, "-m", "loopid", "check", "five_bar", *form]
@@ -124,7 +126,7 @@ def test_a_result_that_does_not_fit_on_the_disk_is_told(form):
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("form", [[], ["--json"]])
+@pytest.mark.parametrize("form", [[], pytest.param(["--json"], marks=pytest.mark.validate)])
 def test_a_reader_that_has_seen_enough_ends_the_command_quietly(form):
     script = [sys.executable, "-m", "loopid", "check", "five_bar", *form]
     with subprocess.Popen(script, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
@@ -171,3 +173,14 @@ def test_progress_is_shown_for_logs_of_any_name(monkeypatch):
         report(1, 2)
         terminal.print("x")
     assert "{0}[red]\\x1b]0;" in stream.getvalue()
+
+
+def test_progress_is_shown_in_notebooks(monkeypatch):
+    ipython, shown = pytest.importorskip("IPython"), []
+    monkeypatch.setattr(ipython, "get_ipython", lambda: SimpleNamespace(kernel=True))
+    display = "IPython.core.display_functions.display"
+    monkeypatch.setattr(display, lambda bar, **_: shown.append(bar.progress))
+    with progress_bar("poses") as report:
+        for k in range(1, 1001):
+            report(k, 1000)
+    assert shown == [*range(101)]

@@ -96,6 +96,7 @@ def test_the_same_seed_gives_the_same_motion(full, design):
     np.testing.assert_array_equal(again.motion.position, design.motion.position)
 
 
+@pytest.mark.validate
 def test_each_criterion_wins_by_its_own_measure(gravity):
     found = {
         name: design_excitation(

@@ -1,5 +1,6 @@
 import coal
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from closure_robots import body, joint, urdf
@@ -82,21 +83,60 @@ def test_collisions_are_distances_between_links(tmp_path):
     robot = load_mechanism(file)
     q = np.array([[0.3, 0.0], [0.3, 2.8], [1.0, 3.0]])
     found = Collisions(robot, q)
-    assert found.pairs == 1
+    assert found.pairs == (("ground", "fore"),)
     np.testing.assert_allclose(found.least(q), np.abs(1 + np.exp(1j * q[:, 1])) - 0.3, atol=1e-6)
+    # What cannot be read is named, with its link.
+    whole = file.read_text()
+    for shape, said in (("<foo/>", "<foo>"), ("<sphere radius='nan'/>", "'nan'")):
+        file.write_text(whole.replace("<sphere radius='0.1'/>", shape))
+        with pytest.warns(ModelWarning, match=f"left out: fore .*{said}"):
+            assert not Collisions(robot, q).pairs
+    file.write_text(whole)
     # Without a mesh, no link touches another.
     mesh = f'<mesh filename="file://{tmp_path}/fore.stl"/>'
     file.write_text(file.read_text().replace("<sphere radius='0.1'/>", mesh))
     with pytest.warns(ModelWarning, match=r"fore\.stl"):
-        assert Collisions(robot, q).pairs == 0
+        assert not Collisions(robot, q).pairs
 
 
-def test_hulls_are_those_of_meshes_with_points_inside():
-    points = np.random.default_rng(0).uniform(-1, 1, (60, 3))
-    points[:8] = [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+@pytest.mark.parametrize("name", ["ur_description/urdf/ur5_robot", "ur_description/urdf/ur10_robot",
+                                  "xarm_description/urdf/xarm7"])  # fmt: skip
+def test_hulls_hold_the_meshes_of_arms_and_no_more(robot_data, name):
+    """A point is as far from a hull as from a plane before it at least, from a vertex at most."""
+    file = robot_data / f"{name}.urdf"
+    robot, point = load_mechanism(file), coal.Sphere(1e-3)
+    folders = [str(folder) for folder in file.parents]
+    meshes = pin.buildGeomFromUrdf(
+        robot.model, str(file), pin.GeometryType.COLLISION, package_dirs=folders
+    )
+    directions = np.random.default_rng(0).normal(size=(30, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    hulls = Collisions(robot, robot.reference[None]).geometry.geometryObjects
+    for hull, mesh in zip(hulls, meshes.geometryObjects, strict=True):
+        if not isinstance(piece := mesh.geometry, coal.BVHModelBase):
+            continue
+        vertices = np.array([piece.vertex(k) for k in range(piece.num_vertices)])
+        for away in 2.0 * directions:
+            at = coal.Transform3s()
+            at.setTranslation(away)
+            found = coal.distance(
+                *(hull.geometry, coal.Transform3s(), point, at),
+                *(coal.DistanceRequest(), coal.DistanceResult()),
+            )
+            least = 2.0 - (vertices @ away).max() / 2.0 - 1e-3
+            most = np.linalg.norm(vertices - away, axis=1).min() - 1e-3
+            assert least - 1e-5 < found < most + 1e-5
+
+
+@pytest.mark.parametrize(("height", "count"), [(1, 60), (0, 60), (0, 4)])
+def test_hulls_are_those_of_meshes_with_points_inside(height, count):
+    """Of a cube, of a flat square, and of one that has its corners only."""
+    corners = [[x, y, z] for z in (-1, 1) for x in (-1, 1) for y in (-1, 1)]
+    points = np.concatenate([corners, np.random.default_rng(0).uniform(-1, 1, (52, 3))])[:count]
+    points *= [1, 1, height]
     mesh = coal.BVHModelOBBRSS()
-    mesh.beginModel(58, 60)
-    for k in range(58):
+    mesh.beginModel(count - 2, count)
+    for k in range(count - 2):
         mesh.addTriangle(*points[k : k + 3])
     mesh.endModel()
     hull, ball = convex_hull(mesh), coal.Sphere(0.1)
@@ -106,5 +146,5 @@ def test_hulls_are_those_of_meshes_with_points_inside():
         found = coal.distance(
             hull, coal.Transform3s(), ball, at, coal.DistanceRequest(), coal.DistanceResult()
         )
-        outside = np.maximum(np.abs(place) - 1, 0)
+        outside = np.maximum(np.abs(place) - [1, 1, height], 0)
         assert found == pytest.approx(np.linalg.norm(outside) - 0.1, abs=1e-6)

@@ -19,6 +19,7 @@ from compiled_c import CompiledRobot, header_ways
 from loopid import (
     JointTerms,
     Mechanism,
+    MotorModel,
     assemble,
     bundled_robots,
     find_force_model,
@@ -27,6 +28,7 @@ from loopid import (
     random_configurations,
 )
 from loopid.base_parameters import BaseParameters
+from loopid.control import Signals, WrenchObserver
 from loopid.errors import AccuracyWarning, DataError, MissingExtraError, OptionError
 from loopid.export import c_source, export_c
 from loopid.export.c_code import motor_positions
@@ -466,7 +468,10 @@ def test_angles_on_a_circle_go_the_short_way(compiled, tmp_path):
 
 
 def test_the_observer(compiled):
-    """De Luca's formula, with C^T du from kinetic energy, gives the filtered external forces."""
+    """De Luca's formula, with C^T du from kinetic energy, gives the filtered external forces.
+
+    ``WrenchObserver`` says the same to round-off.
+    """
     mechanism = load_mechanism("five_bar")
     found = find_force_model(
         mechanism, "full", JointTerms(mechanism.actuated, ("Ia",)), search="qr"
@@ -499,11 +504,15 @@ def test_the_observer(compiled):
     rate, p = tau + slopes - gravity, np.einsum("nij,nj->ni", mass(q), du)
     expected, given, total = np.zeros(u.shape), 0.5 * (tau[1:] + tau[:-1]), np.zeros(2)
     seen = np.zeros(u.shape)
+    own = MotorModel(found, phi)
+    beside = WrenchObserver(own, dt, gain=bandwidth, noise=1.0, frame="left_crank_joint")
     assert robot.call("start", u[0].copy()) == 0
     for k in range(len(u)):
         assert robot.call("assemble", u[k].copy()) == 0
         now = given[k - 1] if k else tau[0]
         assert robot.call("observe", du[k].copy(), now.copy(), phi, bandwidth, dt, seen[k]) == 0
+        residual = beside.update(Signals(u[k], du[k], now)).residual
+        np.testing.assert_allclose(seen[k], residual, atol=1e-9)
         if k:
             total += 0.5 * dt * (rate[k] + rate[k - 1])
             expected[k] = bandwidth * (p[k] - p[0] - total) / (1 + bandwidth * dt)

@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
+from bank_robots import few_of
 from loopid import FitOptions, JointTerms, find_delay, find_force_model, identify
 from loopid.errors import DataWarning
 from loopid.identification import DelayOptions, quiet_fit
@@ -16,7 +17,7 @@ RATE, NOISE, SIZE = 200.0, 0.02, (0.4, 0.4)
 FRICTION = {"five_bar": (0.1, 0.05), "delta": (0.1, 0.05)}
 
 
-@pytest.fixture(scope="module", params=["five_bar", "delta"])
+@pytest.fixture(scope="module", params=few_of(FRICTION, "five_bar"))
 def case(request, load_once):
     """A force model, its true values, and a log without noise."""
     robot = load_once(request.param)

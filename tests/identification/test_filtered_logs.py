@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from bank_robots import few_of
 from loopid import (
     FilterOptions,
     FourierSeries,
@@ -94,7 +95,7 @@ def test_a_coarse_encoder_asks_for_a_narrow_band():
     assert chosen[10] < chosen[17] < 25
 
 
-@pytest.mark.parametrize("bits", [10, 12, 14])
+@pytest.mark.parametrize("bits", few_of([10, 12, 14], 12))
 def test_the_chosen_cut_off_predicts_as_well_as_the_best_and_coarse_encoders_stay(bits):
     model, truth, log = coarse(bits)
     robot = model.mechanism
@@ -163,7 +164,7 @@ def test_a_log_of_few_samples_is_too_short_to_filter(count):
 
 
 @pytest.mark.parametrize("motion", ["fourier", "sweep"])
-@pytest.mark.parametrize("cutoff", [5.0, 20.0])
+@pytest.mark.parametrize("cutoff", few_of([5.0, 20.0], 5.0))
 @pytest.mark.parametrize("choice", ["Fc,Fv", "Fc,Fv; left_coupler_joint: Fc,Fv"])
 def test_steps_of_friction_pass_the_filter_of_the_forces(motion, cutoff, choice):
     model, truth, run = simulated(motion, 100.0, choice)
@@ -239,6 +240,7 @@ def test_a_saved_fit_predicts_with_the_filter_that_it_was_judged_with(tmp_path):
     assert predict(fit, model.mechanism, given).recording is given
 
 
+@pytest.mark.validate
 @pytest.mark.draws
 def test_a_payload_is_found_with_the_filter_that_predicts_best():
     """Encoders of 10 bits: at the provisional cut-off of five bands the mass is far off."""

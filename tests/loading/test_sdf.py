@@ -261,7 +261,7 @@ def test_a_universal_joint_is_two_hinges(load):
             "screw",
         ),
         ([*ARM, "<include><uri>model://x</uri></include>"], "include"),
-        ([*ARM[1:], '<link name="one"><pose>1 2</pose></link>'], "six numbers"),
+        ([*ARM[1:], '<link name="one"><pose>1 2</pose></link>'], "six finite numbers"),
         ([*ARM[1:], '<link name="one"><pose relative_to="j1"/></link>'], "relative to itself"),
     ],
 )

@@ -100,6 +100,14 @@ def parquet(path):
     polars.DataFrame(dict.fromkeys(NAMES, zeros)).write_parquet(path, row_group_size=10**6)
 
 
+def false_page(path):
+    """The first page says to be of 2 GB, in its second number."""
+    polars.DataFrame({name: np.arange(300.0) for name in NAMES}).write_parquet(path)
+    content = path.read_bytes()
+    size = b"\xfe\xff\xff\xff\x0f"
+    path.write_bytes(content[:7] + size + content[content.index(b"\x15", 7) :])
+
+
 def folder(make):
     def write(path):
         path.mkdir()
@@ -236,6 +244,7 @@ HOSTILE = {
     "another file": ("log.h5", linked, "holds no arrays"),
     "a group of another file": ("log.h5", linked, "has no group 'run': it has no groups"),
     "one long text": ("log.parquet", long_texts, "holds String, not numbers"),
+    "a page of 2 GB": ("log.parquet", false_page, "reported the wrong page size"),
     "rows of one value": ("log.parquet", parquet, "up to 200 times"),
     "a line of 40 MB": ("log.csv.gz", packed(HEAD.encode(), *[bytes(2**20)] * 40), "200 times"),
     "zeros of 18 MB": ("log.csv.gz", packed(HEAD.encode(), *[ZEROS] * 12), "200 times"),

@@ -42,6 +42,13 @@ def test_arrays_are_the_log_of_a_file(arrays, knee, from_file):
     np.testing.assert_allclose(one.force, other.force, atol=1e-9)
 
 
+def test_a_log_as_a_table_is_the_same_log_again(arrays, knee):
+    log = Log.from_arrays(*arrays, knee.actuated)
+    again = Log.from_frame(log.to_polars(), knee.actuated)
+    for name in ("time", "position", "force"):
+        np.testing.assert_allclose(getattr(again, name), getattr(log, name), atol=1e-12)
+
+
 class Foreign:
     """A frame as pandas makes them: columns by name, each with an array inside."""
 

@@ -2,10 +2,13 @@
 
 import json
 import shutil
+import sqlite3
 import warnings
 from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import beside_tests  # noqa: F401
@@ -16,9 +19,10 @@ from recorded_logs import states, write_ros2
 
 import loopid
 from loopid import JointTerms
-from loopid.control import RecursiveLeastSquares, WrenchObserver
+from loopid.control import RecursiveLeastSquares, WrenchObserver, constraint_models
 from loopid.diagnosis import eliminate_parameters
 from loopid.errors import LoopidError
+from loopid.export import c_source, export_fit
 from loopid.identification import Bisquare, Convergence, FitSamples, WeightedLeastSquares
 from loopid.kinematics import SamplingOptions
 from loopid.loading import bundled_directory
@@ -194,8 +198,20 @@ def edited(old, new):
     return Robot("four_bar.yaml", FOUR_BAR.replace(old, new))
 
 
-def locked(name):
-    return Robot("arm.urdf", ARM, {"lock": [name]})
+def locked(name, **options):
+    return Robot("arm.urdf", ARM, {"lock": [name], **options})
+
+
+def mimicked(content):
+    """An arm whose elbow follows its shoulder, and a YAML beside it."""
+
+    def make(folder):
+        head, _, tail = ARM.rpartition('<axis xyz="0 1 0"/>')
+        mimic = '<axis xyz="0 1 0"/><mimic joint="shoulder" multiplier="2"/>'
+        (folder / "elbow.urdf").write_text(head + mimic + tail)
+        return Robot("arm.yaml", "urdf: elbow.urdf\n" + content)(folder)
+
+    return make
 
 
 OF_ROBOTS = {
@@ -257,6 +273,21 @@ OF_ROBOTS = {
         urdf("</robot>", END),
         "write it as a closure in a YAML",
         Robot("arm.yaml", TIED),
+    ),
+    "a coupling of the tree's own file": (
+        mimicked("couplings: [{joints: {shoulder: -2, elbow: 1}, offset: 1}]"),
+        "those of the tree's own file by 'remove_closures' in a YAML",
+        mimicked("remove_closures: [elbow]\n" + COUPLED.format("")),
+    ),
+    "nothing that can move": (
+        mimicked(COUPLED.format("")),
+        "leave a closure out",
+        mimicked("remove_closures: [elbow]\n" + COUPLED.format("")),
+    ),
+    "a weld where a pin is meant": (
+        edited("['3d']", "['6d']"),
+        "a pin is a hinge, a ball 3d",
+        edited("['3d']", "[hinge]"),
     ),
     "a draft of URDF+": (
         urdf("</robot>", "<loop_constraint name='a'/></robot>"),
@@ -371,6 +402,43 @@ def bag(choose):
             (folder / "run" / "metadata.yaml").unlink()
             shutil.copy(folder / "run" / "run.db3", folder / "run#1.db3")
         return loopid.read_log(choose(folder), robot)
+
+    return make
+
+
+def journal(closed):
+    """A bag of ROS 2 that another program still writes to, or that SQLite has closed."""
+
+    def make(folder):
+        read, file = bag(lambda folder: folder / "run" / "run.db3"), folder / "run" / "run.db3"
+        if not closed:
+            read(folder)
+        with closing(sqlite3.connect(file)) as database:
+            database.execute("PRAGMA journal_mode=WAL")
+            database.execute("CREATE TABLE IF NOT EXISTS other(x)")
+            copy = {} if closed else {end: Path(f"{file}{end}").read_bytes() for end in LEFT}
+        for end, content in copy.items():
+            Path(f"{file}{end}").write_bytes(content)
+        return read(folder)
+
+    return make
+
+
+LEFT = "-wal", "-shm"
+
+
+def replaced(compiler):
+    """New inertials in an MJCF."""
+
+    def make(folder):
+        text = MJCF.format('<joint name="i" axis="0 1 0"/>').replace(
+            "<mujoco>", f"<mujoco>{compiler}"
+        )
+        text = text.replace("<inertial", '<geom size="0.1"/><inertial')
+        robot = Robot("b.xml", text)(folder)
+        return loopid.export_robot_file(
+            robot, 1.1 * robot.standard_parameters(), folder / "new.xml"
+        )
 
     return make
 
@@ -522,7 +590,65 @@ OF_FITS = {
         lambda _: RecursiveLeastSquares(np.zeros(2), np.eye(2), np.ones(1)).covariance,
     ),
 }
+FLOATING = Robot("arm.urdf", ARM, {"floating_base": True})
+SERIES = loopid.FourierSeries(
+    ["shoulder", "elbow"], 0.5, [0.0, 0.0], [[0.2], [0.1]], [[0.0], [0.0]]
+)
+
+
+BALL = Robot("b.xml", MJCF.format('<joint name="ball" type="ball"/>'))
+
+
+def quick(robot, terms=None):
+    return loopid.find_force_model(robot, "full", terms, search="qr")
+
+
+def follow(arm):
+    def make(folder):
+        return loopid.joint_motion(arm(folder), SERIES.motion(rate=10))
+
+    return make
+
+
+@cache
+def loaded(kind):
+    """The force model of an arm with friction of a kind."""
+    robot = load("five_bar")
+    terms = JointTerms(robot.actuated, (kind,))
+    return loopid.find_force_model(robot, "full", terms)
+
+
 OF_ANALYSES = {
+    "a base that floats": (
+        follow(FLOATING),
+        "lock them (lock=['root_joint'])",
+        follow(locked("root_joint", floating_base=True)),
+    ),
+    "motors of a base that floats": (
+        lambda folder: loopid.MotorModel(quick(FLOATING(folder))),
+        "load it with lock=['root_joint']",
+        lambda folder: loopid.MotorModel(quick(locked("root_joint", floating_base=True)(folder))),
+    ),
+    "friction by loads, of motors alone": (
+        lambda _: loopid.MotorModel(loaded("Fl")),
+        "identify with terms that do not",
+        lambda _: loopid.MotorModel(loaded("Fc")),
+    ),
+    "friction by loads, in C": (
+        lambda _: c_source(loaded("Fl")),
+        "identify without Fl for it",
+        lambda _: c_source(loaded("Fc")),
+    ),
+    "a closure that Pinocchio does not know": (
+        lambda folder: constraint_models(edited("['3d']", "[hinge]")(folder)),
+        "describe it by closures of the kinds 3d, 6d",
+        lambda folder: constraint_models(yaml("")(folder)),
+    ),
+    "a term of a ball": (
+        lambda folder: quick(BALL(folder), JointTerms(("ball",), ("Fv",))),
+        "choose among ball.wx, ball.wy, ball.wz",
+        lambda folder: quick(BALL(folder), JointTerms(("ball.wx",), ("Fv",))),
+    ),
     "a search without end": (base("exhaustive"), "use search='exact'", base("exact")),
     "no weight": (
         weighed("gravity", gravity=[0, 0, 0]),
@@ -595,6 +721,23 @@ OF_FILES = {
         exported(terms=True),
         "give their names where joint terms are among them",
         exported(terms=True, parameters=True),
+    ),
+    "nothing to export": (
+        lambda folder: export_fit(saved("four_bar", False)(folder), load("four_bar")),
+        'give robot="FILE", yaml="FILE" or c="DIR"',
+        lambda folder: export_fit(
+            saved("four_bar", False)(folder), load("four_bar"), yaml=folder / "new.yaml"
+        ),
+    ),
+    "a bag that was not closed": (
+        journal(closed=False),
+        "open and close it with SQLite to bring them in",
+        journal(closed=True),
+    ),
+    "inertials that an MJCF overrules": (
+        replaced('<compiler inertiafromgeom="true"/>'),
+        "overrules what an <inertial> says: take it out",
+        replaced(""),
     ),
     "a robot that was moved": (
         moved(),

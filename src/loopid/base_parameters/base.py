@@ -22,7 +22,7 @@ from loopid.base_parameters.structure import Structure, analyse, base_columns, r
 from loopid.errors import DataError, OptionError
 from loopid.observation import Observation
 from loopid.parameters import ParameterSet
-from loopid.records import record
+from loopid.records import Tabular, record
 from loopid.registry import Registry
 
 SEARCHES: Registry[type[SearchStrategy]] = Registry(
@@ -64,7 +64,7 @@ class BaseParameter:
 
 
 @record
-class BaseParameters:
+class BaseParameters(Tabular):
     """A minimal set of parameters that reproduces every force, W_B Φ_base = W Φ [Gautier1991].
 
     Attributes
@@ -113,6 +113,9 @@ class BaseParameters:
         labels, row = self.parameters.labels, self.regrouping[self.names.index(name)]
         factors = {labels[self.dependent[k]]: float(row[k]) for k in np.flatnonzero(row)}
         return BaseParameter(name, factors)
+
+    def _table(self) -> dict[str, tuple[str, ...]]:
+        return {"name": self.names, "expression": self.expressions}
 
     def __repr__(self) -> str:
         return (

@@ -41,8 +41,8 @@ class RankTolerances:
     zero : float
         Up to this a singular value or a column is round-off, and not even doubtful.
     change : float
-        Part of itself, root mean square, by which a singular value changes with other numbers that
-        the robot file would round alike, if it is they that make it.
+        Part of itself, in the median, by which a singular value changes with other numbers that the
+        robot file would round alike, if it is they that make it.
     draws : int
         Other geometries that are tried to see that.
     reach, farthest : float
@@ -277,7 +277,7 @@ def _counted(
     for draws, part in ((2, tolerances.change / 10), (tolerances.draws, tolerances.change)):
         factors = rounding.factors(draws, accuracy if not rounding.accuracy else None)
         spectra = np.linalg.svd(factors * scales, compute_uv=False)[:, :counted]
-        changes = np.sqrt(((spectra[1:] - spectra[0]) ** 2).mean(axis=0))
+        changes = np.median(np.abs(spectra[1:] - spectra[0]), axis=0)  # single ones are singular
         same = np.flatnonzero(changes <= part * spectra[0])
         if len(same) and same[-1] == counted - 1:
             return counted, ""

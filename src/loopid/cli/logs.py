@@ -12,9 +12,10 @@ import typer
 from typer import Argument, Option
 
 from loopid.cli.robots import FILE, MAPPING, MODEL, TERMS, numbers, of_robot, recordings
-from loopid.cli.shell import answering, progress_bar, with_options
+from loopid.cli.shell import answering, with_options
 from loopid.errors import LoopidError, OptionError
 from loopid.files import require_other_file
+from loopid.workers import progress_bar
 
 if TYPE_CHECKING:
     from loopid.cli.shell import Answer
@@ -26,8 +27,8 @@ LOGS = Argument(
     metavar="LOG...",
     help="CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream.",
 )
-CUTOFF = Option(None, help="Of the low-pass filter in Hz; by default what predicts best.")
-ROWS = Option(None, metavar="M:N", help="Rows of each LOG, as its file counts them from 1.")
+CUTOFF = Option(None, help="Cut-off of the low-pass filter in Hz; by default what predicts best.")
+ROWS = Option(None, metavar="M:N", help="Rows of each LOG that are used, from 1.")
 
 
 @of_robot
@@ -51,11 +52,13 @@ def identify(
     ),
     cutoff: float | None = CUTOFF,
     fraction: float = Option(
-        0.6, "--train", help="Part of each log's moving samples that is fitted; the rest validates."
+        0.6, "--train", help="Part of each log that is fitted; the rest validates."
     ),
     validate: list[str] | None = Option(None, metavar="LOG", help="Validate on this log instead."),
-    start: float = Option(0.0, "--from", metavar="S", help="Of each LOG, in s from its start."),
-    end: float = Option(inf, "--to", metavar="S", help="Of each LOG, in s from its start."),
+    start: float = Option(
+        0.0, "--from", metavar="S", help="Time in s, from the start of each LOG."
+    ),
+    end: float = Option(inf, "--to", metavar="S", help="Time in s, from the start of each LOG."),
     rows: str | None = ROWS,
     friction_log: list[str] | None = Option(
         None, metavar="LOG", help="Identify the terms from this log first."
@@ -65,7 +68,7 @@ def identify(
     ),
     n_jobs: int = Option(1, "--jobs", metavar="N", help="Processes that compute the regressors."),
 ) -> None:
-    """Identify base parameters and friction from logs, with their uncertainty."""
+    """Identify parameters and friction from logs."""
     from loopid.diagnosis.study import StudyOptions, study_logs
     from loopid.identification.pipeline import FitOptions
     from loopid.report.identify import identification_report
@@ -138,13 +141,13 @@ def predict(
     fit: str = Argument(..., metavar="FIT", help="Saved fit of 'loopid identify'."),
     logs: list[str] = LOGS,
     file: str | None = Option(
-        None, "--robot", metavar="FILE", help="Of the fit; by default where it was then."
+        None, "--robot", metavar="FILE", help="The fit's robot; by default where it was then."
     ),
     mapping: str | None = MAPPING,
     cutoff: float | None = CUTOFF,
     rows: str | None = ROWS,
 ) -> None:
-    """Compare the forces of logs with those that a saved fit gives for their motion."""
+    """Compare a fit's forces with those of logs."""
     from loopid.diagnosis.log_mistakes import warn_of_suspicions
     from loopid.identification.prediction import predict as predicted
     from loopid.identification.saved import read_fit
@@ -163,11 +166,11 @@ def predict(
 def payload(
     robot: Mechanism,
     answer: Answer,
-    link: str = Argument(..., metavar="LINK", help="That the payload is fixed to."),
-    unloaded: list[str] = Option(..., metavar="LOG", help="Without it; repeatable."),
-    loaded_log: list[str] = Option(..., "--loaded", metavar="LOG", help="With it; repeatable."),
+    link: str = Argument(..., metavar="LINK", help="Link that the payload is fixed to."),
+    unloaded: list[str] = Option(..., metavar="LOG", help="Log without it; repeatable."),
+    loaded_log: list[str] = Option(..., "--loaded", metavar="LOG", help="Log with it; repeatable."),
     known_mass: float | None = Option(
-        None, metavar="KG", help="Of the payload: then find the gains of the drives."
+        None, metavar="KG", help="Mass of a known payload: find the drives' gains."
     ),
     centre: str = Option(
         "0,0,0", metavar="X,Y,Z", help="Of the known mass, in the link's frame in m."
@@ -179,7 +182,7 @@ def payload(
     cutoff: float | None = CUTOFF,
     rows: str | None = ROWS,
 ) -> None:
-    """Identify a payload from logs without and with it, or drive gains from a known one."""
+    """Identify a payload, or the drives' gains by a known one."""
     from loopid.diagnosis.log_mistakes import warn_of_suspicions
     from loopid.diagnosis.payload import KnownLoad, drive_gains, identify_payload
     from loopid.identification.force_model import find_force_model
@@ -219,13 +222,13 @@ def export(
     c: str | None = Option(
         None, metavar="DIR", help="C source for the controller, with the values."
     ),
-    name: str | None = Option(None, help="Of the C functions; the robot's by default."),
+    name: str | None = Option(None, help="Prefix of the C functions; the robot's name by default."),
     overwrite: bool = Option(
         False, "--overwrite", help="--urdf, --mjcf: the robot's own file is replaced."
     ),
     as_json: bool = Option(False, "--json", help="Print JSON instead of text."),
 ) -> None:
-    """Write a robot file, base parameters or C source with what a fit has found.
+    """Write a fit as a robot file, YAML or C source.
 
     The robot is loaded as it was for the fit, and refused where it is another one.
     """
@@ -259,7 +262,7 @@ def compare(
         ..., metavar="RUN...", help="Folders of 'loopid identify --out', or saved fits."
     ),
 ) -> None:
-    """Show saved fits beside each other: which parameters differ."""
+    """Tell which parameters of saved fits differ."""
     from loopid.identification.saved import read_fit
     from loopid.report.compare import comparison_report
 
@@ -275,11 +278,11 @@ def compare(
 def paper(
     answer: Answer,
     log: list[str] | None = Option(
-        None, metavar="LOG", help="Of the real robot; a simulated stand-in without one."
+        None, metavar="LOG", help="A log of the real robot; without, one is simulated."
     ),
-    seed: int = Option(0, help="Of all noise."),
+    seed: int = Option(0, help="Seed of all noise."),
 ) -> None:
-    """Reproduce the knee-rehabilitation paper: Tables I to V, figures 2 to 6."""
+    """Reproduce the paper's tables and figures."""
     from loopid.paper.page import paper_report
     from loopid.paper.reproduction import reproduce_paper
 

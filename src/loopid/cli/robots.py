@@ -9,24 +9,26 @@ from typing import TYPE_CHECKING, Any
 import typer
 from typer import Argument, Option
 
-from loopid.cli.shell import answering, progress_bar, with_options
+from loopid.cli.shell import answering, with_options
 from loopid.errors import OptionError
 from loopid.files import require_other_file, write_file, write_files
+from loopid.workers import progress_bar
 
 if TYPE_CHECKING:
     from loopid.cli.shell import Answer
     from loopid.logs.recording import Recording
     from loopid.robot.mechanism import Mechanism
 
-FILE = Argument(..., metavar="FILE", help="Robot YAML or URDF, or a bundled robot's name.")
+FILE = Argument(
+    ..., metavar="FILE", help="Robot: a YAML, URDF, MJCF or SDF, or a bundled one's name."
+)
 MOTIONS = Argument(None, metavar="MOTIONS", help="Motion YAML; by default the robot's bundled one.")
 MODEL = Option("gravity", help="gravity (slow motion) or full (all ten parameters a body).")
 TERMS = (
-    "Of every motor, with commas between, as Fc,Fv,Fo; file: what the robot file gives of "
-    "motors and passive joints; after semicolons of some joints: "
-    '"Fc,Fv; elbow: Ks; passive: Fv"; none.'
+    "Forces in the joints: of all motors, as Fc,Fv,Fo; with some joints' own, as "
+    '"Fc,Fv; elbow: Ks; passive: Fv"; file: those that the robot file gives; none.'
 )
-MAPPING = Option(None, metavar="YAML", help="Which columns of LOG are what, and their units.")
+MAPPING = Option(None, metavar="YAML", help="File that says which columns of LOG are what.")
 
 
 def loaded(
@@ -35,11 +37,17 @@ def loaded(
         None, metavar="JOINT", help="Lock a joint, or a turn such as ball.wz; repeatable."
     ),
     rounding: float | None = Option(
-        None, help="Of the file's numbers, in m and rad: what closes within it is closed."
+        None, help="Error of the file's numbers in m and rad: loops may be open by it."
     ),
-    floating_base: bool = Option(False, "--floating-base", help="The URDF's root moves freely."),
-    free_mimics: bool = Option(False, "--free-mimics", help="Mimicking joints move on their own."),
-    tied: bool = Option(False, "--tied", help="Links declared identical share parameters."),
+    floating_base: bool = Option(
+        False, "--floating-base", help="The root of the URDF moves freely."
+    ),
+    free_mimics: bool = Option(
+        False, "--free-mimics", help="Joints that mimic others move on their own."
+    ),
+    tied: bool = Option(
+        False, "--tied", help="Links that the YAML calls identical share parameters."
+    ),
     xacro: list[str] | None = Option(
         None, metavar="KEY:=VALUE", help="Argument of a xacro; repeatable."
     ),
@@ -67,7 +75,7 @@ of_robot = with_options(robot=loaded, answer=answering)
 
 @of_robot
 def check(robot: Mechanism, answer: Answer) -> None:
-    """Report joints, closures, mobility and distance to singularity."""
+    """Tell joints, closures, mobility and singularities."""
     from loopid.report.structure import check_report
 
     answer.require(robot.path)
@@ -82,13 +90,13 @@ def base(
     search: str = Option("exact", help="exact, subgroup, exhaustive or qr."),
     terms: str = Option("none", help=TERMS),
     criterion: str = Option("nullspace", help="nullspace (cond V22) or regressor (cond W_B)."),
-    samples: int | None = Option(None, help="Random closed poses; enough by default."),
-    seed: int = Option(0, help="Of the random poses."),
+    samples: int | None = Option(None, help="Number of random closed poses; enough by default."),
+    seed: int = Option(0, help="Seed of the random poses."),
     time_limit: float | None = Option(
         None, metavar="S", help="Seconds for the search, at most; 10 by default."
     ),
 ) -> None:
-    """Find the base parameters and the best way of writing them."""
+    """Find base parameters, and prove how to write them best."""
     from loopid.base_parameters.base import find_felt_parameters
     from loopid.base_parameters.choice import SearchEffort
     from loopid.regressors.joint_terms import JointTerms, warn_of_omitted
@@ -115,7 +123,7 @@ def motions(
     rate: float = Option(20.0, help="Samples per second."),
     margin: float = Option(0.02, help="Least singularity measure."),
 ) -> None:
-    """Check motions against strokes, joint angles and distance to singularity."""
+    """Check motions against limits and singularities."""
     from loopid.motion.files import read_motion_program
     from loopid.motion.joints import review_program
     from loopid.report.structure import motions_report
@@ -134,7 +142,7 @@ def simulate(
     motion: str | None = Option(None, metavar="NAME", help="Of the file; its first by default."),
     out: str | None = Option(None, metavar="CSV", help="The log; on the terminal without it."),
     rate: float = Option(100.0, help="Samples per second."),
-    noise: float = Option(0.0, help="Standard deviation of the forces, in N or N m."),
+    noise: float = Option(0.0, help="Standard deviation of the forces in N or N m."),
     encoder_step: float = Option(
         0.0, help="Resolution of the positions, in m or rad; 0 for exact ones."
     ),
@@ -144,9 +152,9 @@ def simulate(
     cad_error: float = Option(
         0.0, help="How far, in parts, bodies are off the robot file's: 0.2 for 20 %."
     ),
-    seed: int = Option(0, help="Of the noise and of the bodies."),
+    seed: int = Option(0, help="Seed of the noise and of the bodies."),
 ) -> None:
-    """Write the log that a robot would give while it follows a motion, for trying identify."""
+    """Write the log of a simulated robot, to try identify."""
     from loopid.identification.saved import robot_files
     from loopid.motion.files import read_motion_program
     from loopid.motion.simulation import Noise, simulate_log
@@ -168,10 +176,12 @@ def excite(
     answer: Answer,
     model: str = MODEL,
     terms: str = Option("none", help=TERMS),
-    criterion: str = Option("D", help="D, A, E or condition."),
+    criterion: str = Option("D", help="What is optimised: D, A, E or condition."),
     shape: str = Option("fourier", help="fourier, spline, or poses to stand in (gravity)."),
     size: int | None = Option(None, help="Harmonics, waypoints or poses; enough by default."),
-    duration: float | None = Option(None, help="In s; 20 for a gravity model, 10 for a full one."),
+    duration: float | None = Option(
+        None, help="Seconds; 20 for a gravity model, 10 for a full one."
+    ),
     rate: float = Option(100.0, help="Samples per second of the run."),
     coordinates: str = Option("joints", help="Design in joints or platform coordinates."),
     share: float = Option(1.0, help="Part of each limit that may be used."),
@@ -179,7 +189,7 @@ def excite(
         None, metavar="JOINT=LOW:HIGH", help="Range of a joint; repeatable."
     ),
     max_speed: list[str] | None = Option(
-        None, metavar="[JOINT=]V", help="Of one joint or every motor; repeatable."
+        None, metavar="[JOINT=]V", help="Limit of a joint or of all motors; repeatable."
     ),
     max_acceleration: list[str] | None = Option(None, metavar="[JOINT=]A", help="As --max-speed."),
     max_force: list[str] | None = Option(None, metavar="[JOINT=]F", help="As --max-speed."),
@@ -195,19 +205,23 @@ def excite(
         metavar="[JOINT=]S",
         help="Standard deviation of the motors' forces; 1 % of their root mean square.",
     ),
-    after: list[str] | None = Option(None, metavar="LOG", help="Add to what this log tells."),
+    after: list[str] | None = Option(
+        None, metavar="LOG", help="Log that there is already; repeatable."
+    ),
     mapping: str | None = MAPPING,
     wanted: list[str] | None = Option(
-        None, "--for", metavar="PARAMETER", help="Excite this one; repeatable."
+        None, "--for", metavar="PARAMETER", help="One that is to be told; repeatable."
     ),
-    payload: str | None = Option(None, metavar="LINK", help="Only its parameters are unknown."),
+    payload: str | None = Option(
+        None, metavar="LINK", help="Link whose parameters alone are unknown."
+    ),
     starts: int = Option(4, help="Random motions to begin with."),
-    evaluations: int = Option(400, help="Of the motion in all; more never give a worse one."),
-    time_limit: float | None = Option(None, help="In s, at which the design is stopped."),
-    seed: int = Option(0, help="Of the random motions."),
+    evaluations: int = Option(400, help="Motions that are tried; more never give a worse one."),
+    time_limit: float | None = Option(None, help="Seconds; the best motion so far is kept."),
+    seed: int = Option(0, help="Seed of the random motions."),
     solver: str | None = Option(None, help="ipopt, where it is installed, or slsqp."),
 ) -> None:
-    """Design a motion that excites the parameters, within what the robot can do.
+    """Design a motion that tells the parameters.
 
     Ctrl-C keeps the best motion so far.
     """
@@ -266,7 +280,7 @@ def view(
     out: str | None = Option(None, metavar="DIR", help="Write pictures to a folder, and end."),
     count: int = Option(1, min=1, help="Pictures, evenly spread over the motion."),
 ) -> None:
-    """Show a robot in the browser: sliders move its loops, logs and motions are played."""
+    """Move a robot in the browser, play logs and motions."""
     from loopid.view.viewer import open_viewer
 
     with open_viewer(robot, files or (), port=port) as viewer:

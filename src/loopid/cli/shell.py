@@ -9,8 +9,8 @@ import shutil
 import sys
 import warnings
 from ast import literal_eval
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import wraps
 from inspect import Parameter, Signature, signature
@@ -227,33 +227,3 @@ def in_lines(command: str, width: int) -> str:
             lines.append("   ")
         lines[-1] += f" {word}"
     return " \\\n".join(lines)
-
-
-@contextmanager
-def progress_bar(what: str) -> Iterator[Callable[..., None]]:
-    """A progress bar on the terminal's error stream, gone when the work is done.
-
-    It is moved by what is done of how much, and may show the best criterion so far.
-    """
-    if not sys.stderr or not sys.stderr.isatty():
-        yield lambda *_: None
-        return
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
-    said = TextColumn("{task.description}", markup=False)
-    columns = said, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(one_line(what), total=None)
-
-        def report(done: float, total: float, best: float | None = None) -> None:
-            text = one_line(what) if best is None else f"{one_line(what)} {best:.4g}"
-            progress.update(task, completed=done, total=total, description=text)
-
-        yield report

@@ -137,7 +137,8 @@ class OnlineGravity:
     loop of gain one, which no dynamics calm: they follow with a lag. A motor says something once it
     has measurably followed its command since that turned: before, its friction may be anything.
     Where a change is detected, the estimate forgets along what a body on a link would change, and
-    soon knows the body.
+    soon knows the body. Until the robot moves as commanded again it is detected again and again:
+    within five time constants after the last time it is the same change.
 
     Parameters
     ----------
@@ -161,7 +162,7 @@ class OnlineGravity:
     ----------
     detector : ChangeDetector or None
     changes : list of int
-        Samples at which a change was detected.
+        Samples at which something began to change.
     """
 
     @checked
@@ -178,13 +179,14 @@ class OnlineGravity:
     ) -> None:
         self.model, self.estimate = model, estimate
         self.detector = None if payload is None else ChangeDetector()
-        self.part, self.moving, self.followed = min(1.0, interval / lag), moving, followed
+        self.part, self.settling = min(1.0, interval / lag), round(5 * lag / interval)
+        self.moving, self.followed = moving, followed
         self.values = np.array(estimate.values)  # in use
         if payload is not None:
             link, self.deviations = payload
             self.columns = model.payload_columns(link)[:, : len(self.deviations)]
-        self.changes, self.samples = list[int](), 0  # samples at which something has changed
-        self.before = self.values  # the estimate when it was last loosened
+        self.changes, self.samples = list[int](), 0
+        self.before, self._settled = self.values, 0  # the last change, and the sample that ends it
         self._last: tuple[FloatArray, BoolArray] | None = None
         self._sign, self._turn = np.zeros(model.dof), np.zeros(model.dof)
 
@@ -210,10 +212,11 @@ class OnlineGravity:
             return
         K, used = self._last
         rows, force = K * used[:, None], force * used
-        changed = self.detector and self.detector.update(*self.estimate.innovation(rows, force))
-        if changed:
-            self.changes.append(self.samples)
-            self.before = self.estimate.values
+        if self.detector and self.detector.update(*self.estimate.innovation(rows, force)):
+            if self.samples > self._settled:
+                self.changes.append(self.samples)
+                self.before = self.estimate.values
+            self._settled = self.samples + self.settling
             self.estimate.loosen(self.columns, self.deviations)
         self.estimate.update(rows, force)
         self.values = self.values + self.part * (self.estimate.values - self.values)
@@ -232,11 +235,14 @@ class OnlineGravity:
 
 
 class AdaptiveGravity:
-    """Gravity whose values adapt by what they miss: π̇ = γ Bᵀ Kᵀ s, s = ė + λ e [Slotine1987].
+    """Gravity and friction whose values adapt by what they miss: φ̇ = B γ Bᵀ Kᵀ s [Slotine1987].
+
+    s = ė + λ e; friction is that of the commanded velocity.
 
     Parameters
     ----------
     model : MotorModel
+        With ``smoothing``, as commanded velocities pass through zero.
     interval : float
         Between samples in s.
     gains : FloatArray
@@ -263,9 +269,9 @@ class AdaptiveGravity:
 
     def force(self, signals: Signals, reference: Reference) -> FloatArray:
         """Forces (dof,)."""
-        K = self.model.regressor(signals.position)
-        s = reference.velocity - signals.velocity
-        s = s + self.bandwidth * (reference.position - signals.position)
+        u, rate = signals.position, reference.velocity
+        K = self.model.regressor(u) + self.model.friction_regressor(u, rate)
+        s = rate - signals.velocity + self.bandwidth * (reference.position - u)
         slope = self.columns.T @ (K.T @ s)
         self.values = self.values + self.interval * self.columns @ (self.gains * slope)
         return np.asarray(K @ self.values)

@@ -26,7 +26,7 @@ from loopid.identification.prediction import force_model_of
 from loopid.identification.result import FitResult
 from loopid.identification.saved import SavedFit
 from loopid.kinematics.assembly import USUAL, AssemblyOptions, follow_paths, required, same_side
-from loopid.kinematics.constraint import Constraint
+from loopid.kinematics.constraint import Constraint, scaled_jacobian
 from loopid.kinematics.measured import JointCoordinates, measured_coordinates
 from loopid.kinematics.poses import integrate, torque_regressors
 from loopid.kinematics.projection import (
@@ -54,7 +54,6 @@ class _Pose:
     positions: FloatArray  # (dof,)
     q: FloatArray  # (1, nq)
     G: FloatArray  # (1, nv, dof)
-    residual: FloatArray  # (1, rows) in m
     constraint: Constraint
     solver: Solver  # of the dependent coordinates
     at_rest: FloatArray | None = None  # (dof, n), the regressor there, once it was asked for
@@ -149,7 +148,8 @@ class MotorModel:
         self._terms = terms if smoothing is None else replace(terms, smoothing=smoothing)
         self._laws = list(_laws_of(self.force_model))
         q = self.mechanism.reference if start is None else finite(start, "start")
-        self._pose = self._at(q[None], self._measured.read(q[None])[0])
+        constraint = Constraint(self.mechanism, q[None])
+        self._pose = self._at(constraint, self._measured.read(q[None])[0])
 
     def __repr__(self) -> str:
         return f"MotorModel of {self.mechanism.name}: {', '.join(self.mechanism.independent)}"
@@ -180,37 +180,37 @@ class MotorModel:
         return np.asarray(self._pose.G[0])
 
     def _stepped(self, u: FloatArray) -> _Pose | None:
-        """The pose by Newton's method from where the last tangent leads; None where that is far."""
-        last, measured = self._pose, self._measured
+        """The pose by steps with the last Jacobian, from where the tangent leads; None if far."""
+        robot, last, measured = self.mechanism, self._pose, self._measured
         way = measured.difference(last.positions[None], u[None])
-        ahead = integrate(self.mechanism, last.q, way @ last.G[0].T)
-        q, longest = measured.write(ahead, u[None]), self.options.longest_step
+        q = measured.write(integrate(robot, last.q, way @ last.G[0].T), u[None])
+        longest = self.options.longest_step
         for _ in range(self.options.newton_steps):
-            pose = self._at(q, u)
-            step = -pose.solver.solve(pose.residual[:, :, None])[:, :, 0]
+            constraint = Constraint(robot, q)
+            residual = robot.row_scales * constraint.residual()
+            step = -last.solver.solve(residual[:, :, None])[:, :, 0]
             length = float(np.abs(step).max(initial=0.0))
             if length <= SHORT:
+                pose = self._at(constraint, u)
                 before, after = last.solver.matrices, pose.solver.matrices
                 return pose if same_side(before, after).all() else None
             if not length <= longest:
                 return None
-            q, longest = (
-                integrate(self.mechanism, q, measured.tangent(step)),
-                self.options.contraction * length,
-            )
+            q = integrate(robot, q, measured.tangent(step))
+            longest = self.options.contraction * length
         return None
 
     def _followed(self, u: FloatArray) -> _Pose:
         q = required(follow_paths(self._measured, self._pose.q, u[None], self.options))
-        return self._at(q, u)
+        return self._at(Constraint(self.mechanism, q), u)
 
-    def _at(self, q: FloatArray, u: FloatArray) -> _Pose:
-        constraint = Constraint(self.mechanism, q)
-        residual, A = constraint.scaled()
-        G, solver = velocity_map(self.mechanism, A, *self._partition)
+    def _at(self, constraint: Constraint, u: FloatArray) -> _Pose:
+        robot, q = self.mechanism, constraint.q
+        A = scaled_jacobian(robot, constraint.jacobian())
+        G, solver = velocity_map(robot, A, *self._partition)
         if solver.ill_conditioned.size and solver.factors.least_over_largest < NEAR_SINGULARITY:
-            G = velocity_maps(self.mechanism, q, self._partition)  # warns of it, or refuses
-        return _Pose(u, q, G, residual, constraint, solver)
+            G = velocity_maps(robot, q, self._partition)  # warns of it, or refuses
+        return _Pose(u, q, G, constraint, solver)
 
     # How it moves.
 
@@ -256,9 +256,7 @@ class MotorModel:
         self.assemble(positions)
         v = self._rates(velocities)[None] @ self._pose.G[0].T
         K = np.zeros((1, self.dof, len(self.values)))
-        for law in self._laws:
-            if law.friction:
-                self._add(K, law, v, np.zeros_like(v))
+        self._add(K, [law for law in self._laws if law.friction], v, v)
         return np.asarray(K[0])
 
     @property
@@ -337,15 +335,13 @@ class MotorModel:
         v, a = velocities @ pose.G[0].T, accelerations @ pose.G[0].T
         if velocities.any():
             a += self._gamma(v)
-        K = np.zeros((count, dof, len(self.values)))
-        q, G = (np.repeat(each, count, axis=0) for each in (pose.q, pose.G))
+        q, G = (each.repeat(count, axis=0) for each in (pose.q, pose.G))
         model = self.force_model.model
         rates = (v, a) if model == "full" else (None, None)
+        K = np.zeros((count, dof, len(self.values)))
         Y = torque_regressors(robot, q, *rates, model=model, G=G)
-        K[:, :, self._bodies] = Y[:, :, self._standard]
-        for law in self._laws:
-            if friction or not law.friction:
-                self._add(K, law, v, a)
+        K[:, :, self._bodies] = Y.take(self._standard, axis=2)
+        self._add(K, [law for law in self._laws if friction or not law.friction], v, a)
         return K
 
     def _gamma(self, v: FloatArray) -> FloatArray:
@@ -360,13 +356,14 @@ class MotorModel:
         gamma[:, dependent] = -robot.coordinate_scales[dependent] * steps
         return gamma
 
-    def _add(self, K: FloatArray, law: _Law, v: FloatArray, a: FloatArray) -> None:
-        """Put the columns of a law of joints into regressors K (k, dof, n)."""
-        position = None if law.positions is None else law.positions.read(self._pose.q)
-        state = self._terms.state(JointState(position, v[:, law.joints], a[:, law.joints]))
-        signal = law.term.law(state, law.term.at)
-        signal = signal[:, None] if np.ndim(signal) else signal
-        K[:, :, law.columns] = self._pose.G[0, law.joints].T * signal
+    def _add(self, K: FloatArray, laws: list[_Law], v: FloatArray, a: FloatArray) -> None:
+        """Put the columns of laws of joints into regressors K (k, dof, n)."""
+        for law in laws:
+            position = None if law.positions is None else law.positions.read(self._pose.q)
+            rates = v.take(law.joints, axis=1), a.take(law.joints, axis=1)
+            signal = law.term.law(self._terms.state(JointState(position, *rates)), law.term.at)
+            signal = signal[:, None] if np.ndim(signal) else signal
+            K[:, :, law.columns] = self._pose.G[0].take(law.joints, axis=0).T * signal
 
     def _require_full(self, what: str) -> None:
         if self.force_model.model != "full":

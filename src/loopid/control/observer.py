@@ -4,13 +4,14 @@ Motors with forces τ and a wrench w on a frame of Jacobian J move the robot by
 
     M ü + C u̇ + g + f = τ + Jᵀ w.
 
-With p = M u̇ and ṗ = M ü + (C + Cᵀ) u̇, a low-pass L of gain k (1/s) of what the motors do not
-explain needs no accelerations [DeLuca2005]:
+A low-pass of gain k (1/s) of what the motors do not explain needs no accelerations [DeLuca2005]: as
+Ṁ = C + Cᵀ, the momentum's gain less what Cᵀ u̇ adds to it is M times the gain of u̇. Over dt
 
-    r = L[Jᵀ w] = k (p - L[p]) + L[g + f - Cᵀ u̇ - τ].
+    r⁺ = (r + k (M (u̇⁺ - u̇) + (C u̇ + g + f - τ) dt)) / (1 + k dt),
 
-All terms but τ are regressors times base parameters φ. The filter runs on the regressors, so that
-r = D φ - L[τ], and the covariance of a fit becomes that of r by the same filter: D Σ Dᵀ.
+with means of M and of C u̇ + g + f at both ends: as in the C code. All terms but τ are regressors
+times base parameters φ. The filter runs on the regressors, so that r = D φ less filtered forces,
+and the covariance of a fit becomes that of r: D Σ Dᵀ.
 """
 
 from __future__ import annotations
@@ -131,7 +132,7 @@ class WrenchObserver:
         frame: str | None = None,
     ) -> None:
         self.model, self.interval, self.moving = model, interval, MOVING
-        self.gain, self.part = gain, 1.0 - np.exp(-gain * interval)
+        self.part = gain * interval / (1.0 + gain * interval)  # of what is new in the filter
         ones = np.ones(model.dof)
         self.noise, self.unmodelled = (
             finite(noise, "noise") * ones,
@@ -152,7 +153,8 @@ class WrenchObserver:
         names, labels = robot.independent, list(parameters.labels)
         coulomb = [f"{name}.Fc" for name in names]
         self._coulomb = np.array([labels.index(k) if k in labels else -1 for k in coulomb])
-        self._state: tuple[FloatArray, ...] | None = None  # what the filter holds
+        self._last: tuple[FloatArray, ...] | None = None  # rates, mass and bias
+        self._passed: tuple[FloatArray, FloatArray]  # what has come through the filter
 
     def update(self, signals: Signals, rates: FloatArray | None = None) -> WrenchEstimate:
         """Take a sample: what was measured, and rates (dof,) that signs of friction follow.
@@ -160,22 +162,20 @@ class WrenchObserver:
         By default these are the measured ones; commanded ones are without noise.
         """
         model, u, v = self.model, *signals[:2]
-        friction = model.friction_regressor(u, v if rates is None else rates)
-        if model.force_model.model == "full":
-            P = v @ model.mass_regressor(u).swapaxes(0, 1)
-            rest = model.regressor(u) - v @ model.coriolis_regressor(u, v)
+        commanded = v if rates is None else rates
+        bias = model.rigid_regressor(u, v, 0 * v) + model.friction_regressor(u, commanded)
+        full = model.force_model.model == "full"
+        mass = model.mass_regressor(u) if full else np.zeros((model.dof, *bias.shape))
+        if self._last is None:  # nothing touches the robot at first
+            self._passed = bias, bias @ model.values
         else:
-            P, rest = np.zeros_like(friction), model.regressor(u)
-        rest = rest + friction
-        new = P, rest, signals.force
-        if self._state is None:  # nothing touches the robot at first
-            self._state = P, rest, rest @ model.values
-        self._state = tuple(
-            old + self.part * (now - old) for old, now in zip(self._state, new, strict=True)
-        )
-        momentum, passed, force = self._state
-        D = self.gain * (P - momentum) + passed
-        standing = np.abs(v if rates is None else rates) <= self.moving
+            (D, force), (before, mass_before, bias_before) = self._passed, self._last
+            gained = (mass + mass_before) / 2 * ((v - before) / self.interval)[:, None]
+            D = D + self.part * (gained.sum(axis=1) + (bias + bias_before) / 2 - D)
+            self._passed = D, force + self.part * (signals.force - force)
+        self._last = v, mass, bias
+        D, force = self._passed
+        standing = np.abs(commanded) <= self.moving
         return self._told(u, D @ model.values - force, D, standing)
 
     def _told(

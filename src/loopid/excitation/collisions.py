@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import coal
 import numpy as np
 import pinocchio as pin
+from lxml import etree
 from scipy.spatial import ConvexHull, QhullError
 
 from loopid.arguments import FloatArray
-from loopid.errors import ModelWarning, warn
+from loopid.errors import ModelWarning, RobotFileError, warn
 from loopid.loading.files import find_files
+from loopid.loading.urdf_tree import Element, child, label, numbers, placement, required, urdf_root
 from loopid.robot.mechanism import Mechanism
 
 # Pairs of links that stay this part of the robot's length apart in random poses are not looked at.
 FAR = 0.1
+# Shapes of URDF, with the numbers that tell their size.
+SIZES: dict[str, dict[str, int]] = {
+    "box": {"size": 3},
+    "cylinder": {"radius": 1, "length": 1},
+    "sphere": {"radius": 1},
+    "mesh": {},
+}
 
 
 class Collisions:
@@ -49,9 +59,17 @@ class Collisions:
                     self.geometry.addCollisionPair(pair)
 
     @property
-    def pairs(self) -> int:
-        """How many pairs of links may touch."""
-        return len(self.geometry.collisionPairs)
+    def pairs(self) -> tuple[tuple[str, str], ...]:
+        """Links that may touch each other."""
+        pieces, frames = self.geometry.geometryObjects, self.mechanism.model.frames
+        found = (
+            (
+                frames[pieces[pair.first].parentFrame].name,
+                frames[pieces[pair.second].parentFrame].name,
+            )
+            for pair in self.geometry.collisionPairs
+        )
+        return tuple(dict.fromkeys(found))
 
     def least(self, q: FloatArray) -> FloatArray:
         """Distance (N,) in m between the two links that are nearest; negative inside each other."""
@@ -60,7 +78,7 @@ class Collisions:
     def _distances(self, q: FloatArray) -> FloatArray:
         model = self.mechanism.model
         data, geometry = model.createData(), self.geometry.createData()
-        found = np.empty((len(q), self.pairs))
+        found = np.empty((len(q), len(self.geometry.collisionPairs)))
         for k, configuration in enumerate(q):
             pin.computeDistances(model, data, self.geometry, geometry, configuration)
             found[k] = [result.min_distance for result in geometry.distanceResults]
@@ -73,9 +91,13 @@ def _geometry(mechanism: Mechanism) -> pin.GeometryModel:
     if tree.suffix != ".urdf":
         return pin.GeometryModel()
     folders = [str(folder) for folder in tree.absolute().parents]
+    urdf, unread = _sound_collisions(tree)
+    if unread:
+        what = f"collision geometry of {mechanism.name} that cannot be read is left out"
+        warn(f"{what}: {'; '.join(unread)}", ModelWarning)
     try:
-        geometry = pin.buildGeomFromUrdf(
-            mechanism.model, str(tree), pin.GeometryType.COLLISION, package_dirs=folders
+        geometry = pin.buildGeomFromUrdfString(
+            mechanism.model, urdf, pin.GeometryType.COLLISION, package_dirs=folders
         )
     except (ValueError, RuntimeError) as error:
         warn(f"collisions of {mechanism.name} are not looked at: {error}", ModelWarning)
@@ -86,6 +108,36 @@ def _geometry(mechanism: Mechanism) -> pin.GeometryModel:
     return geometry
 
 
+def _sound_collisions(tree: Path) -> tuple[str, list[str]]:
+    """A URDF with the collision geometry that can be read, and what cannot."""
+    root, unread = urdf_root(tree), []
+    for link in root.findall("link"):
+        for tag in link.findall("visual"):
+            link.remove(tag)
+        for tag in link.findall("collision"):
+            try:
+                _require_shape(tag)
+            except RobotFileError as error:
+                link.remove(tag)
+                unread.append(f"{link.get('name')} ({error})")
+    return etree.tostring(root, encoding="unicode"), unread
+
+
+def _require_shape(collision: Element) -> None:
+    placement(collision.find("origin"))
+    for shape in child(collision, "geometry"):
+        if shape.tag not in SIZES:
+            raise RobotFileError(f"<{shape.tag!s}> is none of {', '.join(SIZES)}")
+        sizes = [x for name, count in SIZES[shape.tag].items() for x in numbers(shape, name, count)]
+        if min(sizes, default=1.0) <= 0:
+            raise RobotFileError(f"{label(shape)}: sizes must be above 0")
+        if shape.tag == "mesh":
+            required(shape, "filename")
+            numbers(shape, "scale", 3, "1 1 1")
+        return
+    raise RobotFileError("<geometry> is empty")
+
+
 def convex_hull(mesh: coal.BVHModelBase) -> Any:
     """The convex hull of a mesh.
 
@@ -94,9 +146,9 @@ def convex_hull(mesh: coal.BVHModelBase) -> Any:
     points = np.array([mesh.vertex(k) for k in range(mesh.num_vertices)])
     try:
         hull = ConvexHull(points)
-    except QhullError:  # flat
-        mesh.buildConvexRepresentation(False)
-        return mesh.convex
+    except QhullError:  # flat: points are moved by round-off
+        points = np.resize(points, (max(len(points), 4), 3))
+        hull = ConvexHull(points, qhull_options="QJ")
     corners, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
     corners.extend([points[k] for k in hull.vertices])
     number = {int(k): n for n, k in enumerate(hull.vertices)}

@@ -114,6 +114,8 @@ class ExcitationDesign:
         (motors,) in N or N m, at the rate of the run; what the expected errors assume.
     checks : tuple of Check
         All bounds, on a grid ten times finer than that of the design.
+    pairs : tuple of pairs of str
+        Links whose distance counts: neighbours, and links that are always far apart, do not.
     solver : str
     evaluations : int
     converged : bool
@@ -138,6 +140,7 @@ class ExcitationDesign:
     after_logs: bool
     noise: FloatArray
     checks: tuple[Check, ...]
+    pairs: tuple[tuple[str, str], ...]
     solver: str
     evaluations: int
     converged: bool
@@ -283,6 +286,7 @@ def design_excitation(
         after_logs=bool(after),
         noise=known.noise,
         checks=found.checks,
+        pairs=problem.bounds.pairs,
         solver=problem.solver,
         evaluations=found.evaluations,
         converged=found.converged,

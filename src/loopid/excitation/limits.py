@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -155,6 +155,8 @@ class Bounds:
     Attributes
     ----------
     all : list of Bound
+    pairs : tuple of pairs of str
+        Links that may touch each other.
     designed : int
         How many a design looks at. The last one, against constraint singularities, follows from
         the singularity measure but for a factor: more columns only raise the least singular value.
@@ -172,8 +174,10 @@ class Bounds:
         self._moving = [speeds, joints.accelerations(forces_bounded=all_forces), forces]
         self._posed = [joints.positions(), _workspace(mechanism, limits)]
         self._checked: list[Quantities] = []
-        if limits.collisions:
-            self._posed += _clearance(mechanism, limits, poses)
+        self.pairs: tuple[tuple[str, str], ...] = ()
+        if limits.collisions and (collisions := Collisions(mechanism, poses)).pairs:
+            self.pairs = collisions.pairs
+            self._posed.append(_clearance(collisions, limits.clearance * mechanism.length))
         if mechanism.closures:  # couplings alone have no singularities
             least = 0.0 if limits.singularity is None else limits.singularity
             self._posed.append(_singularity(mechanism, least, poses))
@@ -327,17 +331,10 @@ def _workspace(mechanism: Mechanism, limits: MotionLimits) -> Quantities:
     )
 
 
-def _clearance(
-    mechanism: Mechanism, limits: MotionLimits, poses: FloatArray
-) -> Iterator[Quantities]:
-    """The least distance between links, where any may touch."""
-    collisions = Collisions(mechanism, poses)
-    if collisions.pairs:
-        least = limits.clearance * mechanism.length
-        bound = Bound("distance between links", "", "m", least, np.inf, collisions.far)
-        yield Quantities(
-            [bound], lambda motion, _: collisions.least(motion.configurations)[:, None]
-        )
+def _clearance(collisions: Collisions, least: float) -> Quantities:
+    """The least distance between links."""
+    bound = Bound("distance between links", "", "m", least, np.inf, collisions.far)
+    return Quantities([bound], lambda motion, _: collisions.least(motion.configurations)[:, None])
 
 
 def _singularity(mechanism: Mechanism, least: float, poses: FloatArray) -> Quantities:

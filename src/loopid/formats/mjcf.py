@@ -613,11 +613,11 @@ def _left_out(scene: Scene, lengths: Mapping[int, str]) -> list[str]:
         compiled.jnt_limited != 0
     )
     disabled = _disabled(compiled, "EQUALITY", "CONSTRAINT")
+    what = "inactive equalities are left out"
+    if disabled:
+        what = "a <flag> disables the equalities, so they close no loop: remove it"
     left_out = {
-        "a <flag> disables the equalities, so they close no loop: remove it": (
-            equalities if disabled else []
-        ),
-        "inactive equalities are left out": _where(equalities, ~active & (not disabled)),
+        what: _where(equalities, ~active),
         "equalities of motion-capture bodies are left out": _where(equalities, active & mocap),
         "limits of ball joints are not checked": _where(scene.joints, limited_balls),
         "limits of tendons are not modelled": _where(
@@ -635,6 +635,12 @@ def _active(compiled: mujoco.MjModel) -> BoolArray:
     """Which equalities hold."""
     disabled = _disabled(compiled, "EQUALITY", "CONSTRAINT")
     return np.asarray((compiled.eq_active0 != 0) & (not disabled))
+
+
+def _acting(compiled: mujoco.MjModel) -> tuple[bool, ...]:
+    """Whether springs, dampers and dry friction act."""
+    flags = ("SPRING", "PASSIVE"), ("DAMPER", "PASSIVE"), ("FRICTIONLOSS", "CONSTRAINT")
+    return tuple(not _disabled(compiled, *pair) for pair in flags)
 
 
 def _disabled(compiled: mujoco.MjModel, *flags: str) -> bool:
@@ -675,9 +681,7 @@ def own_terms(scene: Scene, joint: int, left_out: list[LeftOut] | None = None) -
     left_out = [] if left_out is None else left_out
     compiled, name, kind = scene.compiled, scene.joints[joint], scene.joint_kind(joint)
     dof = int(compiled.jnt_dofadr[joint])
-    springs = not _disabled(compiled, "SPRING", "PASSIVE")
-    dampers = not _disabled(compiled, "DAMPER", "PASSIVE")
-    friction = not _disabled(compiled, "FRICTIONLOSS", "CONSTRAINT")
+    springs, dampers, friction = _acting(compiled)
     values = {
         "Ia": float(compiled.dof_armature[dof]),
         "Fc": float(friction * compiled.dof_frictionloss[dof]),
@@ -703,10 +707,7 @@ def own_terms(scene: Scene, joint: int, left_out: list[LeftOut] | None = None) -
 def _tendon_terms(scene: Scene, tendon: int) -> tuple[dict[str, float], bool]:
     """Values of the terms of a tendon, and whether they are all of its forces."""
     compiled = scene.compiled
-    springs, dampers, friction = (
-        not _disabled(compiled, *flags)
-        for flags in (("SPRING", "PASSIVE"), ("DAMPER", "PASSIVE"), ("FRICTIONLOSS", "CONSTRAINT"))
-    )
+    springs, dampers, friction = _acting(compiled)
     armature = getattr(compiled, "tendon_armature", np.zeros(compiled.ntendon))
     stiffness = float(springs * compiled.tendon_stiffness[tendon])
     slack, taut = map(float, compiled.tendon_lengthspring[tendon])

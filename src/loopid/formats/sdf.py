@@ -29,12 +29,12 @@ from loopid.loading.urdf_tree import (
     ROOT_JOINT,
     Element,
     child,
+    exact_angle,
     inner_tags,
     label,
     local_name,
     named_tags,
-    numbers,
-    placement,
+    numbers_in,
     read_xml,
     required,
 )
@@ -134,7 +134,7 @@ class _Sdf:
         self.model = _moving_model(root)
         self.gravity = None
         if (text := root.findtext("world/gravity")) is not None:
-            self.gravity = np.array(numbers(etree.Element("gravity", xyz=text), "xyz", 3))
+            self.gravity = np.array(numbers_in("<gravity>", text, 3))
         # Elements that have a place, each with the scope of its name; models by "scope__model__".
         self.placed: dict[str, tuple[Element, str]] = {}
         self._collect(self.model, "")
@@ -310,8 +310,7 @@ class _Sdf:
         """Axis of a joint along the world's axes."""
         axis = child(edge.element, tag)
         xyz = axis.find("xyz")
-        text = "0 0 1" if xyz is None else xyz.text or ""
-        direction = np.array(numbers(etree.Element(tag, xyz=text), "xyz", 3))
+        direction = np.array(numbers_in("<xyz>", "0 0 1" if xyz is None else xyz.text or "", 3))
         where = "" if xyz is None else xyz.get("expressed_in", "")
         if where:
             return np.asarray(self.place(edge.scope, where).rotation @ direction)
@@ -514,23 +513,18 @@ def _moving_model(root: Element) -> Element:
 
 def _pose(pose: Element | None) -> pin.SE3:
     """Placement of a ``<pose>``; the identity without one."""
-    words = "" if pose is None else pose.text or ""
-    parts = words.split() or ["0"] * 6
-    if pose is not None and pose.get("rotation_format") == "quat_xyzw":
-        if len(parts) != 7:
-            raise RobotFileError(f"<pose> must be seven numbers, not {words!r:.60}")
-        xyz = numbers(etree.Element("pose", xyz=" ".join(parts[:3])), "xyz", 3)
-        x, y, z = numbers(etree.Element("pose", xyz=" ".join(parts[3:6])), "xyz", 3)
-        (w,) = numbers(etree.Element("pose", w=parts[6]), "w")
+    text = "" if pose is None else pose.text or ""
+    if pose is None or not text.strip():
+        return pin.SE3.Identity()
+    if pose.get("rotation_format") == "quat_xyzw":
+        *xyz, x, y, z, w = numbers_in("<pose>", text, 7)
         if not np.linalg.norm((x, y, z, w)) > 0:
             raise RobotFileError("the quaternion of <pose> is zero")
         return pin.SE3(pin.Quaternion(w, x, y, z).normalized().matrix(), np.array(xyz))
-    if len(parts) != 6:
-        raise RobotFileError(f"<pose> must be six numbers, not {words!r:.60}")
-    origin = etree.Element("origin", xyz=" ".join(parts[:3]), rpy=" ".join(parts[3:]))
-    if pose is not None and pose.get("degrees") in ("true", "1"):
-        origin.set("rpy", written(*np.radians([number(word) for word in parts[3:]])))
-    return placement(origin)
+    values, words = numbers_in("<pose>", text, 6), text.split()
+    degrees = pose.get("degrees") in ("true", "1")
+    rpy = np.radians(values[3:]) if degrees else np.array([exact_angle(x) for x in words[3:]])
+    return pin.SE3(pin.rpy.rpyToMatrix(rpy), np.array(values[:3]))
 
 
 def _origin(place: pin.SE3, tag: str = "origin") -> Element:
@@ -541,8 +535,7 @@ def _origin(place: pin.SE3, tag: str = "origin") -> Element:
 def _text(element: Element, path: str, default: str) -> str:
     """Text of a number inside, checked to be one."""
     text = element.findtext(path)
-    key = path.rpartition("/")[2]
-    (value,) = numbers(etree.Element(key, value=default if text is None else text), "value")
+    (value,) = numbers_in(f"<{path.rpartition('/')[2]}>", default if text is None else text)
     return repr(value)
 
 

@@ -15,7 +15,7 @@ from loopid.identification.problem import FitSamples
 from loopid.identification.result import FitResult, Quality, fit_quality
 from loopid.identification.saved import SavedFit
 from loopid.logs.recording import Recording
-from loopid.records import Tabular, record
+from loopid.records import Tabular, columns_of, record
 from loopid.robot.mechanism import Mechanism
 
 
@@ -35,9 +35,9 @@ class Prediction(Tabular):
     predicted: FloatArray
 
     def _table(self) -> dict[str, FloatArray]:
-        named = zip(self.recording.actuators, self.predicted.T, strict=True)
-        table: dict[str, FloatArray] = self.recording._table()
-        return table | {f"{motor} predicted": force for motor, force in named}
+        run = self.recording
+        forces = {"force": run.force, "predicted": self.predicted}
+        return columns_of(run.actuators, run.motion.time, **forces)
 
     @property
     def residual(self) -> FloatArray:
@@ -62,22 +62,6 @@ class Prediction(Tabular):
             squares = (np.where(chosen, residual, 0.0) ** 2).sum(axis=0)
             rms, r_squared = np.sqrt(squares / samples), 1.0 - squares / total
         return Quality(rms, np.where(total > 0, r_squared, np.nan), samples)
-
-    @property
-    def rows(self) -> list[tuple[str, ...]]:
-        """For each motor samples, RMS error and R² while it moves; samples and error elsewhere."""
-        moving, standing = self.moving, self.standing
-        return [
-            (
-                motor,
-                f"{moving.samples[k]:,}",
-                f"{moving.residual_rms[k]:.4g}",
-                f"{moving.r_squared[k]:.4f}",
-                f"{standing.samples[k]:,}",
-                f"{standing.residual_rms[k]:.4g}" if standing.samples[k] else "-",
-            )
-            for k, motor in enumerate(self.recording.actuators)
-        ]
 
     def __repr__(self) -> str:
         told = zip(self.recording.actuators, self.moving.r_squared, strict=True)

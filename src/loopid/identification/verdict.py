@@ -78,8 +78,8 @@ class Verdict:
         ratio, error = self.ratio
         return (
             f"{self.use}: on new data errors are at most {100 * self.error:.2g} % of a motor's "
-            f"force ({self.motor}), squared {ratio:.2f} ± {error:.2f} of the robot file's, and "
-            f"{self.significant} of {self.parameters} values differ clearly from zero; "
+            f"force ({self.motor}), their squares {ratio:.2f} ± {error:.2f} of the robot file's, "
+            f"and {self.significant} of {self.parameters} values differ clearly from zero; "
             f"{self.improvement} would improve it most."
         )
 

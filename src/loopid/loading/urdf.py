@@ -32,6 +32,7 @@ from loopid.loading.urdf_tree import (
     label,
     local_name,
     numbers,
+    numbers_in,
     placement,
     read_urdf_file,
     required,
@@ -243,7 +244,7 @@ def _axes(
     axes = []
     for tag in tags or [etree.Element("axis", xyz="1 0 0")]:
         text = tag.findtext("xyz")  # as SDF writes it
-        axes.append(numbers(tag if text is None else etree.Element("axis", xyz=text), "xyz", 3))
+        axes.append(numbers(tag, "xyz", 3) if text is None else numbers_in("<axis>", text, 3))
         if max(map(abs, axes[-1])) < LEAST_AXIS:
             raise RobotFileError(f"<{tag.tag!s}> is zero")
     return [axes[0], axes[-1]]

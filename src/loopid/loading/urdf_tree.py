@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -50,6 +50,7 @@ NUMBERS: dict[str, dict[str, tuple[int, str | None]]] = {
 LEAST_AXIS = 1e-9
 ROOT_JOINT = "root_joint"
 WORDS = {1: "a finite number", 3: "three finite numbers"}
+WORDS |= {6: "six finite numbers", 7: "seven finite numbers"}
 LARGEST = 1e100  # so that no product of a few numbers overflows
 MOST_BYTES = 20_000_000  # of a file: far more than robots have
 # Angles that lost digits in print: multiples of 5°, which people draw. Fewer decimals may be meant
@@ -292,19 +293,33 @@ def numbers(
     element: Element, attribute: str, count: int = 1, default: str | None = None
 ) -> tuple[float, ...]:
     """Finite numbers of an attribute, which must be there unless it has a default."""
-    what, text = f"<{element.tag!s}> {attribute}", element.get(attribute, default)
+    text = element.get(attribute, default)
     if text is None:
         raise RobotFileError(f"<{element.tag!s}> has no {attribute}")
+    # Limits are often the largest number there is.
+    most = math.inf if element.tag == "limit" else LARGEST
+    read = exact_angle if attribute == "rpy" else float
+    return numbers_in(f"<{element.tag!s}> {attribute}", text, count, most=most, read=read)
+
+
+def numbers_in(
+    what: str,
+    text: str,
+    count: int = 1,
+    *,
+    most: float = LARGEST,
+    read: Callable[[str], float] = float,
+) -> tuple[float, ...]:
+    """Finite numbers of a text."""
     # Python's 1_6 and digits of other scripts are no numbers.
     words = text.split() if text.isascii() and "_" not in text else []
     try:
-        values = tuple(map(exact_angle if attribute == "rpy" else float, words))
+        values = tuple(map(read, words))
     except ValueError:
         values = ()
     if len(values) != count or not all(map(math.isfinite, values)):
         raise RobotFileError(f"{what} must be {WORDS[count]}, not {text!r:.60}")
-    # Limits are often the largest number there is.
-    if element.tag != "limit" and max(map(abs, values)) > LARGEST:
+    if max(map(abs, values)) > most:
         raise RobotFileError(f"{what} is too large: {text}")
     return values
 

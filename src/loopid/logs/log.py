@@ -27,7 +27,7 @@ from loopid.logs.streams import (
     with_increasing_stamps,
 )
 from loopid.logs.wrenches import COMPONENTS, ExternalWrench
-from loopid.records import record
+from loopid.records import Tabular, columns_of, record
 
 # Part of a step by which samples may be off an even grid, and are taken as they are.
 EVEN = 0.01
@@ -37,7 +37,7 @@ DEGREE, WHOLE = 5, 1e-6
 
 
 @record(kw_only=True, checked=True)
-class Log:
+class Log(Tabular):
     """Positions and forces of the motors over time, in stretches without gaps.
 
     Made by ``read_log``, ``Log.from_arrays`` or ``Log.from_frame``.
@@ -296,6 +296,11 @@ class Log:
             dropped=aligned.dropped,
         )
         return log.delayed(mapping.force_delays(joints))
+
+    def _table(self) -> dict[str, FloatArray]:
+        """Columns as ``from_frame`` finds them."""
+        quantities = {name: getattr(self, name) for name in QUANTITIES}
+        return columns_of(self.joints, self.time, **quantities)
 
     def __len__(self) -> int:
         return len(self.time)

@@ -18,7 +18,7 @@ from loopid.logs.wrenches import ExternalWrench, wrench_forces
 from loopid.motion.filtering import LowPass
 from loopid.motion.joints import JointMotion
 from loopid.parameters import html_table
-from loopid.records import Tabular, record
+from loopid.records import Tabular, columns_of, record
 from loopid.robot.mechanism import Mechanism
 
 # A low-pass filter of second order leaves 1 % of what a single sample or the end of a stretch does
@@ -221,8 +221,7 @@ class Recording(Tabular):
         return len(self.motion.time)
 
     def _table(self) -> dict[str, FloatArray]:
-        named = zip(self.actuators, self.force.T, strict=True)
-        return {"time": self.motion.time} | {f"{motor} force": force for motor, force in named}
+        return columns_of(self.actuators, self.motion.time, force=self.force)
 
     def __repr__(self) -> str:
         shares = zip(self.actuators, self.used.mean(axis=0), strict=True)

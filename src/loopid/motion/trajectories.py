@@ -16,7 +16,7 @@ from pydantic import Field
 
 from loopid.arguments import FloatArray, Positive, checked, finite
 from loopid.errors import DataError
-from loopid.records import record
+from loopid.records import Tabular, columns_of, record
 
 # Of a sampled motion: a slip of the pen should not fill the memory.
 MOST_SAMPLES = 10_000_000
@@ -25,7 +25,7 @@ REST = 1e-9
 
 
 @record(checked=True)
-class Motion:
+class Motion(Tabular):
     """Coordinates over time, with their first two derivatives."""
 
     names: tuple[str, ...]  # the c coordinates: joints, or those of the platform
@@ -54,6 +54,15 @@ class Motion:
 
     def __repr__(self) -> str:
         return f"<Motion of {', '.join(self.names)}: {len(self)} samples, {self.duration:g} s>"
+
+    def _table(self) -> dict[str, FloatArray]:
+        return columns_of(
+            self.names,
+            self.time,
+            position=self.position,
+            velocity=self.velocity,
+            acceleration=self.acceleration,
+        )
 
     @property
     def duration(self) -> float:

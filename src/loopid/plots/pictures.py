@@ -43,6 +43,9 @@ def robot_chart(mechanism: Mechanism, configuration: FloatArray | None = None) -
     rods = link_rods(mechanism)
     places, ends, met = placed(mechanism, rods, q)
     joints, met = np.array([place.translation for place in places[1:]]), met.reshape(-1, 3)
+    for ((base, _), (joint, _)), both in zip(rods, ends, strict=True):
+        if base != joint:  # a slide, in its middle: at its ends are other joints
+            joints[joint - 1] = both.mean(axis=0)
     motors = np.isin(mechanism.joints, mechanism.actuated)
     fixed = np.array([first == 0 for (first, _), _ in rods], dtype=bool)
     gaps = np.concatenate([ends, np.full((len(ends), 1, 3), np.nan)], axis=1)

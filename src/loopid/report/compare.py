@@ -40,13 +40,15 @@ def comparison_report(fits: dict[str, SavedFit]) -> Report:
     apart = sorted((row for row in common if row["apart"]), key=lambda row: -row["apart"])
     clear = [row["name"] for row in apart if row["apart"] > CLEAR]
     first = f", {clear[0]} by {apart[0]['apart']:.2g} standard errors" if clear else ""
+    lone = len(rows) - len(common)
+    others = f"; {lone} are not in all of them" if lone else ""
     tables = [_table(rows, names, k) for k in range(0, len(names), BESIDE)]
     return Report(
         name="comparison",
         title=f"{', '.join(names)} compared",
         verdict=(
             f"{len(clear)} of {len(common)} parameters that {len(fits)} fits have in common differ "
-            f"clearly{first}; {len(rows) - len(common)} are not in all of them."
+            f"clearly{first}{others}."
         ),
         record=record,
         brief=tables,

@@ -21,7 +21,7 @@ NAME = "excitation"  # of the motion in its file
 CRITERIA = "condition_number", "log_det", "trace", "least_eigenvalue"
 FOUND = (
     *("violations", "min_singularity_measure", "seconds", "solver", "evaluations", "converged"),
-    "standard_errors",
+    *("standard_errors", "pairs"),
 )
 
 
@@ -85,6 +85,7 @@ def _summary(found: ExcitationDesign) -> Table:
         "trace of its inverse (A)": f"{criteria.trace:.4g}",
         "its least eigenvalue (E)": f"{criteria.least_eigenvalue:.4g}",
         "violations on the fine grid": found.violations,
+        "pairs of links that are kept apart": ", ".join(map(" and ".join, found.pairs)) or "none",
         "least singularity measure": f"{found.min_singularity_measure:.4g}",
         "solver": f"{found.solver}, {found.evaluations} evaluations, {found.seconds:.1f} s",
         "converged": "yes" if found.converged else "no: more evaluations may do better",
@@ -123,14 +124,8 @@ def _checks(found: ExcitationDesign) -> Table:
 
 def motion_table(found: ExcitationDesign) -> str:
     """Position, velocity and acceleration of every motor over time, as CSV."""
-    motors = found.motors
-    names = [
-        f"{motor}.{what}"
-        for what in ("position", "velocity", "acceleration")
-        for motor in motors.names
-    ]
-    columns = motors.time, motors.position, motors.velocity, motors.acceleration
-    return csv_text(["time", *names], *columns, digits=12)
+    table = found.motors._table()
+    return csv_text([*table], *table.values(), digits=12)
 
 
 def motion_file(found: ExcitationDesign) -> str:

@@ -58,14 +58,11 @@ def _sections(study: Study) -> list[Section]:
     if found.fit.standard_parameters is not None:
         values.append(_bodies_table(found))
     said: list[Part] = [spectrum_chart(told)]
-    if weak := (*told.unidentifiable, *told.weak):
-        columns = {
-            "combination": "text",
-            ">effect on forces": lambda each: f"{each.effect:.1e}" if each.effect else "0",
-            ">± std (sizes)": "standard_error:.2g",
-        }
-        title = "unidentifiable (-) and weakly identifiable combinations"
-        said.append(table_of(title, columns, weak))
+    rows = [(each.text, "0", "unidentifiable") for each in told.unidentifiable]
+    rows += [(each.text, f"{each.effect:.1e}", f"{each.standard_error:.2g}") for each in told.weak]
+    if rows:
+        columns = "combination", ">effect on forces", ">± std (sizes)"
+        said.append(plain_table("weakly identifiable combinations", columns, rows))
     others: list[Part] = [_essential_table(study)]
     if found.recommended is not whole:
         title = f"all parameters by {whole.fit.estimator}"

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import field
 from importlib.metadata import version
 from importlib.resources import files
 from typing import Any
@@ -180,8 +181,9 @@ class Report:
         All findings in plain numbers, lists and texts.
     brief : sequence of Table
         What the terminal shows below the verdict.
-    sections : callable
-        Gives the sections of the page; ``replace(report, sections=...)`` is another report.
+    sections : callable, optional
+        Gives the sections of the page, by default of what the terminal shows;
+        ``replace(report, sections=...)`` is another report.
     results : callable
         Gives the files beside page and record, by name.
     advice : str
@@ -193,9 +195,14 @@ class Report:
     verdict: str
     record: dict[str, Any]
     brief: Sequence[Table]
-    sections: Callable[[], Sequence[Section]]
+    sections: Callable[[], Sequence[Section]] = field(default=None)  # type: ignore[assignment]
     results: Callable[[], dict[str, bytes | str]] = dict
     advice: str = ""
+
+    def __post_init__(self) -> None:
+        if self.sections is None:
+            shown = Section(self.title, tuple(self.brief))
+            object.__setattr__(self, "sections", lambda: [shown])
 
     @property
     def data(self) -> dict[str, Any]:

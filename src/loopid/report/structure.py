@@ -384,7 +384,7 @@ def motions_report(
 ) -> Report:
     """Motions beside the robot's limits."""
     found = motions_record(mechanism, reviews, seconds)
-    motions, table = found["motions"], motions_table(found)
+    motions = found["motions"]
     wrong = [motion for motion in motions if motion["problems"]]
     room = [m for m in motions if m["clearance"] is not None]
     nearest = min(room, key=lambda m: m["clearance"], default=None)
@@ -401,8 +401,7 @@ def motions_report(
         title=f"{mechanism}: motions",
         verdict=verdict,
         record=found,
-        brief=[table],
-        sections=lambda: [Section("Motions", (table,))],
+        brief=[motions_table(found)],
     )
 
 
