@@ -28,6 +28,7 @@ from loopid.logs import Log
 FEASIBLE = ("five_bar", "3rrr", "delta", "6ups", "parallelogram")
 UR10 = "ur_description/urdf/ur10_robot.urdf"
 FIGAROH, FIGAROH_RATE = Path(__file__).parents[1] / ".venv/peers/bin/python", 20.0
+EVEN = 1.0  # N or N m: condition numbers are then those of the observation itself
 KNEE = loopid.MotionLimits(singularity=0.05)
 
 
@@ -56,6 +57,7 @@ def ur10() -> None:
     for collisions in (False, True):
         limits = loopid.MotionLimits(share=0.9, collisions=collisions)
         options: dict[str, Any] = {"duration": 12.0, "size": 7, "starts": 2, "evaluations": 200}
+        options |= {"noise": EVEN}
         for criterion in ("condition", "D"):
             name = f"UR10, {criterion}{', collisions' if collisions else ''}"
             designed(name, model, limits, criterion=criterion, **options)
@@ -79,7 +81,7 @@ def figaroh(seed: int = 0) -> None:
     theirs = model.base.regressor(model.standard_regressor(q, v, a)).reshape(-1, 36)
     print(f"{'FIGAROH, condition':34s} cond {np.linalg.cond(theirs):10.2f}  {wall}")
     limits = loopid.MotionLimits(share=0.9, collisions=False)
-    options = {"duration": len(q) / FIGAROH_RATE, "rate": FIGAROH_RATE}
+    options = {"duration": len(q) / FIGAROH_RATE, "rate": FIGAROH_RATE, "noise": EVEN}
     for criterion in ("D", "condition"):
         name = f"UR10, {criterion}, {options['duration']:g} s"
         ours = designed(
@@ -94,7 +96,7 @@ def figaroh(seed: int = 0) -> None:
 def knee() -> None:
     """3UPS+RPU: gravity in 20 s, full in 8 s with rates up to 0.3 m/s."""
     robot = loopid.load_mechanism("3ups_rpu")
-    options: dict[str, Any] = {"criterion": "condition", "starts": 2}
+    options: dict[str, Any] = {"criterion": "condition", "starts": 2, "noise": EVEN}
     slow = loopid.MotionLimits(singularity=0.05, speeds={"all": 0.3})
     for model, limits, duration in (("gravity", KNEE, 20.0), ("full", slow, 8.0)):
         wanted = loopid.find_force_model(robot, model, None)

@@ -23,12 +23,13 @@ def test_lines_are_forces_and_residuals(prediction, knee):
     axes = Figure().subplots(2)
     chart.draw(axes)
     measured, predicted = (line.get_ydata() for line in axes[0].lines)
-    np.testing.assert_array_equal(measured, prediction.recording.force[:, 1])
-    np.testing.assert_array_equal(predicted, prediction.predicted[:, 1])
-    standing, moving = (line.get_ydata() for line in axes[1].lines)
     used = prediction.recording.used[:, 1]
+    np.testing.assert_array_equal(measured, prediction.recording.force[:, 1])
+    np.testing.assert_array_equal(predicted, np.where(used, prediction.predicted[:, 1], np.nan))
+    standing, moving = (line.get_ydata() for line in axes[1].lines)
     assert (np.isnan(standing) == used).all()
-    np.testing.assert_allclose(np.where(used, moving, standing), measured - predicted)
+    rest = np.where(used, moving, standing)
+    np.testing.assert_allclose(rest, prediction.residual[:, 1], atol=1e-12)
     with pytest.raises(loopid.LoopidError):
         plots.forces_chart(knee, prediction, motors=["leg9_stroke"])
 

@@ -143,22 +143,19 @@ def test_forces_are_the_recommended_ones_on_new_data_with_what_is_left(study, re
     found, chart = study.identification, charts(report)["forces"]
     run = found.validation[0]
     W = found.force_model.samples(run).regressor
-    fits = {"robot file, fitted joint terms": found.baseline, "predicted": found.recommended}
-    forces = {name: W @ fit.values for name, fit in fits.items()} | {"measured": run.force}
+    fits = {"robot file": found.baseline, "predicted": found.recommended}
     assert len(chart.panels) == 2 * len(run.actuators)
     for k, motor in enumerate(run.actuators):
         panel, left = chart.panels[2 * k : 2 * k + 2]
         assert panel.title.startswith(f"{motor}: force (N), R² ")
-        for name, force in forces.items():
-            (mark,) = marks(panel, name)
-            np.testing.assert_allclose(mark.y, force[:, k], atol=1e-9)
-        for name, rest in (("measured less robot file", "robot file, fitted joint terms"),
-                           ("measured less predicted", "predicted")):  # fmt: skip
-            (mark,) = marks(left, name)
-            apart = (run.force - forces[rest])[:, k]
-            shown = np.where(run.used[:, k], apart, np.nan)  # else the force says nothing
-            np.testing.assert_allclose(mark.y, shown, atol=1e-9)
-            assert np.isnan(mark.y).any()
+        (mark,) = marks(panel, "measured")
+        np.testing.assert_array_equal(mark.y, run.force[:, k])
+        for name, fit in fits.items():
+            force = np.where(run.used[:, k], (W @ fit.values)[:, k], np.nan)
+            (drawn,), (rest,) = marks(panel, name), marks(left, f"measured less {name}")
+            assert np.isnan(drawn.y).any()  # where the motor stands
+            np.testing.assert_allclose(drawn.y, force, atol=1e-9)
+            np.testing.assert_allclose(rest.y, run.force[:, k] - force, atol=1e-9)
 
 
 def test_parameters_are_shown_against_the_robot_file_with_their_intervals(study, report):

@@ -234,15 +234,9 @@ class _Sdf:
 
     def frames(self) -> Iterator[tuple[str, str, pin.SE3]]:
         """Frames with a name of their own, the link each is fixed to, and the place in it."""
-        for name, (element, scope) in self.placed.items():
-            if element.tag == "frame":
-                link = self.carrier(scope, name.removeprefix(scope))
-                if link in self.links:
-                    yield (
-                        name,
-                        link,
-                        self.links[link].actInv(self.place(scope, name.removeprefix(scope))),
-                    )
+        for name, (element, _) in self.placed.items():
+            if element.tag == "frame" and (link := self.carrier("", name)) in self.links:
+                yield name, link, self.links[link].actInv(self.place("", name))
 
     # Joints.
 

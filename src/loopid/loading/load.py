@@ -84,7 +84,6 @@ def load_mechanism(
         To what the numbers of the file are rounded, in m and rad; by default what the file's YAML
         says, else six digits where loops would not close or not move otherwise. Closures are then
         closed, by moving their frames as little as possible.
-
     xacro : mapping, optional
         Arguments of a ``.xacro`` by name, in addition to those of the YAML.
 

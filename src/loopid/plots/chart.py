@@ -38,7 +38,7 @@ WIDE, HIGH = 20_000, 2_000  # of the square that marks are drawn in
 MARGIN = 0.04  # of an axis beyond the marks, on either side
 TICKS = 5  # of an axis, about
 COLUMN, RESOLUTION = 3.5, 220  # inches: a column of a two-column page; dots per inch of a PNG
-LONGEST = 44  # characters of a name that is drawn
+LONGEST, LEGEND = 44, 80  # characters of a name that is drawn, and in a line of a legend
 NAMES_STAY_TEXT: Any = {"text.parse_math": False}
 STYLE = NAMES_STAY_TEXT | {
     **dict.fromkeys(("font.size", "axes.titlesize", "axes.labelsize"), 7.5),
@@ -163,7 +163,7 @@ class Panel:
         """In inches, for papers."""
         if self.labels:
             return 0.5 + 0.16 * len(self.labels)
-        return 0.7 if self.small else 1.4
+        return 0.7 if self.small else 1.8 if self.equal else 1.4
 
     def draw(self, ax: Any) -> None:
         """Draw on axes of matplotlib."""
@@ -291,11 +291,12 @@ class Chart:
         import matplotlib as mpl
         from matplotlib.figure import Figure
 
-        heights, files = [panel.height for panel in self.panels[:: self.columns]], {}
+        columns, files = min(self.columns, 2), {}
+        heights = [panel.height for panel in self.panels[::columns]]
         with mpl.rc_context(STYLE), warnings.catch_warnings():
             warnings.filterwarnings("ignore", HARMLESS)
             figure = Figure(figsize=(COLUMN, sum(heights) + 0.4))
-            axes = figure.subplots(len(heights), self.columns, squeeze=False, height_ratios=heights)
+            axes = figure.subplots(len(heights), columns, squeeze=False, height_ratios=heights)
             for ax, panel in zip(axes.flat, self.panels, strict=False):
                 panel.draw(ax)
             for ax in axes.flat[len(self.panels) :]:
@@ -303,8 +304,8 @@ class Chart:
             axes[-1, 0].set_xlabel(self.x_label)
             found = [ax.get_legend_handles_labels() for ax in axes.flat]
             if handles := {n: h for each in found for h, n in zip(*each, strict=True)}:
-                columns = min(len(handles), 3)
-                figure.legend(handles.values(), handles, loc="outside lower center", ncols=columns)
+                beside = min(len(handles), LEGEND // (10 + max(map(len, handles))) or 1)
+                figure.legend(handles.values(), handles, loc="outside lower center", ncols=beside)
             for kind, metadata in (("svg", {"Date": None}), ("png", {"Software": None})):
                 stream = io.BytesIO()
                 figure.savefig(stream, format=kind, dpi=RESOLUTION, metadata=metadata)

@@ -122,8 +122,9 @@ def forces_chart(
         if motor not in run.actuators:
             raise OptionError.unknown("motor", motor, run.actuators)
         k = run.actuators.index(motor)
-        used, fit = run.used[:, k], found.predicted[:, k]
-        marks, left = [Mark("measured", time, run.force[:, k], "measured")], list[Mark]()
+        used, force = run.used[:, k], run.force[:, k]
+        fit = np.where(used, found.predicted[:, k], np.nan)  # elsewhere friction is not known
+        marks, left = [Mark("measured", time, force, "measured")], list[Mark]()
         if half is not None:
             low, high = fit[some] - half[:, k], fit[some] + half[:, k]
             marks.append(Mark("95 % interval", time[some], low, "fit", "band", high))
@@ -131,16 +132,17 @@ def forces_chart(
             standing = np.where(used, np.nan, found.residual[:, k])
             left.append(Mark("standing or saturated", time, standing, "faint"))
         else:
-            marks.append(Mark("robot file, fitted joint terms", time, file[:, k], "file"))
-            rest = np.where(used, run.force[:, k] - file[:, k], np.nan)
-            left.append(Mark("measured less robot file", time, rest, "faint"))
+            by_file = np.where(used, file[:, k], np.nan)
+            marks.append(Mark("robot file", time, by_file, "file"))
+            left.append(Mark("measured less robot file", time, force - by_file, "faint"))
         marks.append(Mark("predicted", time, fit))
-        rest = np.where(used, found.residual[:, k], np.nan)
-        left.append(Mark("measured less predicted", time, rest, "residual"))
+        left.append(Mark("measured less predicted", time, force - fit, "residual"))
         unit, score = force_unit(mechanism, motor), found.moving.r_squared[k]
         panels.append(Panel(f"{motor}: force ({unit}), R² {score:.3f}", tuple(marks)))
         panels.append(Panel(f"residual ({unit})", tuple(left), small=True))
-    return Chart(name, f"Forces of {run.name}. {ZOOM}", "time (s)", tuple(panels), zoom=True)
+    beside = "" if file is None else " Of the robot file, joint terms are fitted."
+    caption = f"Forces of {run.name}; none is predicted where a motor stands.{beside} {ZOOM}"
+    return Chart(name, caption, "time (s)", tuple(panels), zoom=True)
 
 
 @checked
