@@ -65,7 +65,9 @@ def test_mass_and_coriolis_are_those_of_pinocchios_tree(name, full_model):
         inertia = inertia + np.triu(inertia, 1).T
         close(robot.mass(u), G.T @ inertia @ G, 1e-10)
         bias = pin.rnea(tree, data, q, G @ v, gamma) - pin.computeGeneralizedGravity(tree, data, q)
-        close(robot.coriolis(u, v) @ v, G.T @ bias, 1e-10)
+        # Of the joints' own: those of the motors cancel in a parallelogram.
+        largest = (np.abs(G.T) @ np.abs(bias)).max()
+        assert np.abs(robot.coriolis(u, v) @ v - G.T @ bias).max() <= 1e-10 * largest
 
 
 @pytest.mark.parametrize("robot_name", ["3ups_rpu", "five_bar"])
@@ -171,21 +173,21 @@ def test_what_cannot_be_is_refused(full_model, load_once):
         loopid.MotorModel(loaded)
 
 
-def test_pinocchio_closes_the_loops_of_its_model(full_model):
+def test_pinocchio_closes_the_loops_of_its_model(name, full_model):
     """Constraint dynamics of the exported models give the acceleration of forward dynamics."""
-    robot = full_model("four_bar").mechanism
+    robot = full_model(name).mechanism
     tree, loops = pinocchio_model(robot), constraint_models(robot)
     data, contacts = tree.createData(), pin.StdVec_RigidConstraintData()
     contacts.extend(loop.createData() for loop in loops)
-    (q, v, tau), *_ = states(full_model("four_bar"))
+    (q, v, tau), *_ = states(full_model(name))
     forces = np.zeros(tree.nv)
-    forces[robot.velocity_indices(robot.actuated)] = tau
+    forces[robot.velocity_indices(robot.independent)] = tau
     pin.initConstraintDynamics(tree, data, loops, contacts)
-    settings = pin.ProximalSettings(1e-12, 1e-12, 100)
+    settings = pin.ProximalSettings(1e-12, 1e-12, 100)  # as closures may be redundant
     rates = loopid.ClosedLoop(robot).velocity_map(q) @ v
     found = pin.constraintDynamics(tree, data, q, rates, forces, loops, contacts, settings)
     expected = loopid.forward_dynamics(robot, q, v, forces=tau).accelerations[0]
-    close(np.array(found), expected, 1e-6)
+    close(np.array(found), expected, 1e-10)
 
 
 @pytest.mark.parametrize("kind", ["full", "gravity"])

@@ -16,7 +16,7 @@ from loopid.identification.consistent import CONSISTENT, ConsistentOptions, cons
 from loopid.identification.cutoff import CutoffChoice, CutoffOptions, choose_cutoff, prepared_at
 from loopid.identification.delay import Delay, find_delay, with_delay_errors, without_delay
 from loopid.identification.estimator import ESTIMATORS, Estimator, chosen_estimator, equal_weights
-from loopid.identification.fitting import fit, fit_in_steps, quiet_fit, warn_of_insignificant
+from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
 from loopid.identification.force_model import ForceModel, samples_of
 from loopid.identification.information import (
     Excitation,
@@ -312,7 +312,7 @@ def identify(
     -----
     DataWarning
         Of a delay that was undone, of unidentifiable combinations that the robot file's values are
-        kept for, of weakly identifiable ones, and of all that ``fit`` warns of.
+        kept for, of weakly identifiable ones, and as ``fit_all``.
 
     Examples
     --------
@@ -410,7 +410,8 @@ def fit_all(
     Warns
     -----
     DataWarning
-        As ``fit``.
+        Of autocorrelated residuals and of parameters that vary between recordings, as ``fit``. What
+        is not significant, the verdict tells of the recommended fit.
     """
     estimator = chosen_estimator(options.estimator)
     if first is not None:
@@ -421,12 +422,10 @@ def fit_all(
         known = [labels[j] for j in force_model.joint_columns]
         return fit_in_steps(first, data, known, estimator=estimator)
     if not excited.unidentifiable:
-        return fit(data, estimator)
+        return working_fit(data, estimator, quiet=False).result
     if not (options.keeps_robot_file and excited.rank):
         raise excited.refusal
-    fitted = fit_excited(data, force_model.prior, excited.excitation, estimator=estimator)
-    warn_of_insignificant(fitted)
-    return fitted
+    return fit_excited(data, force_model.prior, excited.excitation, estimator=estimator)
 
 
 @checked

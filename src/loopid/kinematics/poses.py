@@ -213,17 +213,16 @@ def frame_motions(
     """How frames move at velocities (N, nv) and zero joint acceleration."""
     own = prepared(mechanism)
     model, data = own.model, own.memory.data
-    rates, dJ = np.empty((len(q), 6, model.nv)), data.dJ
-    changes = np.zeros_like(rates) if own.varying else np.zeros(())
+    # What each coordinate adds to the twists of bodies at the fixed origin, and to their rates.
+    parts, dJ = np.empty((2, len(q), 6, model.nv)), data.dJ
+    np.multiply(poses.joint_jacobian, v[:, None], out=parts[0])
     for k, state in enumerate(zip(q, v, strict=True)):
         pin.computeJointJacobiansTimeVariation(model, data, *state)
-        rates[k] = dJ
+        np.multiply(dJ, state[1], out=parts[1, k])
         for joint, columns in own.varying:
             change = data.oMi[joint].act(pin.Motion(np.ravel(data.joints[joint].c)))
-            changes[k, :, columns.start] = change.vector
-    whole = np.stack([poses.joint_jacobian * v[:, None], rates * v[:, None] + changes])
-    # Twists of the bodies and their rates at the fixed origin, then at the frames' origins.
-    both = np.swapaxes(whole @ poses.supports.T, 2, 3)  # (2, N, F, 6)
+            parts[1, k, :, columns.start] += change.vector
+    both = np.swapaxes(parts @ poses.supports.T, 2, 3)  # (2, N, F, 6)
     turn, turning = both[..., 3:]
     velocity, rate = both[..., :3] + _cross(both[..., 3:], poses.origin)
     return FrameMotions(velocity, rate + _cross(turn, velocity), turn, turning)
