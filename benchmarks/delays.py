@@ -7,7 +7,7 @@ Each row is a robot with bodies that are some 20 % off its file and with frictio
 of the logs within 1 ms), half of its 95 % interval, how often that covers it, in which part of the
 logs it is undone, and how often intervals of parameters by weighted least squares cover the true
 values after it. A row of 0 ms is of clean logs: what is undone there is a false alarm. Cases are
-those of ``intervals.py`` and the 3UPS+RPU; seeds draw the noise of the forces.
+those of ``intervals.py``; seeds draw the noise of the forces.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def main() -> None:
     """Print a table, and write the figures on request."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--runs", type=int, default=50, help="logs of each case")
-    parser.add_argument("--robot", choices=list(intervals.MOTIONS), help="one robot only")
+    parser.add_argument("--robot", choices=list(intervals.ROBOTS), help="one robot only")
     parser.add_argument("--delay", type=float, nargs="+", default=DELAYS, help="in ms")
     parser.add_argument("--seconds", type=float, default=intervals.SECONDS, help="of each log")
     parser.add_argument("--json", metavar="FILE", help="write the figures to a file")
@@ -77,7 +77,7 @@ def main() -> None:
     warnings.simplefilter("ignore")
     intervals.SECONDS = arguments.seconds
     rows = []
-    for name in intervals.MOTIONS:
+    for name in intervals.ROBOTS:
         if arguments.robot in (None, name):
             case = Case(name, "fourier", FINE)
             for delay in arguments.delay:

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from intervals import CAD_ERROR, MOTIONS, SMALL_FRICTION, UR10_FRICTION, Case
+from intervals import CAD_ERROR, MOTIONS, ROBOTS, Case
 from loopid import find_force_model, friction_curve, identify, prepare_recording
 from loopid.arguments import FloatArray
 from loopid.logs import Log
@@ -47,7 +47,7 @@ class Friction(Case):
     def __init__(self, name: str, law: str, rate: float) -> None:
         super().__init__(name, "fourier", rate)
         motors = self.robot.actuated
-        friction = UR10_FRICTION if name == "ur10" else np.tile(SMALL_FRICTION, len(motors))
+        friction = np.resize(np.asarray(ROBOTS[name][2], dtype=float), 2 * len(motors))
         self.coulomb, self.viscous = friction.reshape(-1, 2).T
         speed = np.gradient(self.exact.position, self.exact.time, axis=0)
         self.fastest, self.law = np.abs(speed).max(axis=0), LAWS[law]

@@ -1,7 +1,7 @@
 """Whether 95 % intervals from noisy logs hold with default options: a Monte Carlo with known truth.
 
     python benchmarks/intervals.py [--runs N] [--robot NAME] [--rate HZ] [--bits N]
-    python benchmarks/intervals.py --filter [--kind KIND] [--cells N] [--panda LOG] [...]
+    python benchmarks/intervals.py --filter [--kind KIND] [--latin] [--panda LOG] [...]
 
 Each row is a robot with bodies that are some 20 % off its file and with friction, on one motion, at
 a sample rate and with encoders of so many bits a turn: the cut-off that the log asks for, how often
@@ -14,8 +14,9 @@ With ``--filter`` the chosen cut-off beside fixed ones, for white noise, stamps 
 of a sample, rows that are held for 2 to 10 samples, and positions low-passed at 100 Hz: in how many
 logs the squared error of all parameters on another motion is within 1.5 times that of the best
 fixed cut-off (of the cell, in the same log), the largest ratio, the ratio of the means, and how
-often recommended intervals cover. ``--cells`` draws so many cells of the grid. ``--panda`` is a log
-of that robot: errors of each joint on the last 40 %, below 10 Hz, over the least of fixed cut-offs.
+often recommended intervals cover. ``--latin`` takes four cells a robot, with each rate, encoder and
+kind of noise once. ``--panda`` is a log of that robot: errors of each joint on the last 40 %, below
+10 Hz, over the least of fixed cut-offs.
 """
 
 from __future__ import annotations
@@ -46,6 +47,7 @@ from loopid import (
 )
 from loopid.arguments import FloatArray
 from loopid.identification import ForceModel, choose_cutoff, quiet_fit
+from loopid.kinematics import platform_coordinates
 from loopid.logs import Log, prepare_again
 from loopid.motion import Motion, scaled_bodies
 from loopid.motion.simulation import Measurement
@@ -63,15 +65,20 @@ PANDA, FINGERS = "panda_description/urdf/panda.urdf", ("panda_finger_joint1", "p
 PANDA_JUDGED = 10.0  # Hz
 CAD_ERROR = 0.2
 HARMONICS, FREQUENCY, SECONDS = 5, 0.1, 20.0
-# Middle and size (rad) of the Fourier series, Coulomb and viscous friction, noise of the forces.
-MOTIONS: dict[str, tuple[tuple[float, ...] | None, float]] = {
-    "five_bar": (None, 0.25),
-    "delta": (None, 0.2),
-    "ur10": ((0.0, -1.2, 1.2, 0.0, 0.5, 0.0), 0.5),
-}
-SMALL_FRICTION, SMALL_NOISE = (0.1, 0.05), 0.02  # N m, N m s/rad; N m
 UR10_FRICTION = np.concatenate([np.tile([8.0, 10.0], 3), np.tile([2.0, 1.5], 3)])
-UR10_NOISE = np.array([2.0, 3.0, 2.0, 0.5, 0.5, 0.5])
+# Middle and size (rad, m) of the Fourier series; Coulomb and viscous friction; noise of the forces.
+ROBOTS: dict[str, tuple[tuple[float, ...] | None, Any, Any, Any]] = {
+    "five_bar": (None, 0.25, (0.1, 0.05), 0.02),
+    "delta": (None, 0.2, (0.1, 0.05), 0.02),
+    "ur10": (
+        (0.0, -1.2, 1.2, 0.0, 0.5, 0.0),
+        0.5,
+        UR10_FRICTION,
+        np.array([2.0, 3.0, 2.0, 0.5, 0.5, 0.5]),
+    ),
+    "3ups_rpu": (None, np.array([0.02, 0.015, 0.07, 0.07]), (20.0, 400.0), 2.0),  # its platform
+}
+MOTIONS = ("five_bar", "delta", "ur10")
 
 
 class Case:
@@ -81,9 +88,9 @@ class Case:
         self.name, self.rate = name, rate
         file = str(Path(robots_folder()) / UR10) if name == "ur10" else name
         self.robot = load_mechanism(file)
-        m = len(self.robot.actuated)
-        friction = UR10_FRICTION if name == "ur10" else np.tile(SMALL_FRICTION, m)
-        self.noise = UR10_NOISE if name == "ur10" else np.full(m, SMALL_NOISE)
+        m, (_, _, friction, noise) = len(self.robot.actuated), ROBOTS[name]
+        friction = np.resize(np.asarray(friction, dtype=float), 2 * m)
+        self.noise = np.broadcast_to(noise, m)
         terms = JointTerms(self.robot.actuated, ("Fc", "Fv"))
         self.model: ForceModel = find_force_model(self.robot, "full", terms)
         bodies = scaled_bodies(self.robot, CAD_ERROR)
@@ -101,16 +108,19 @@ class Case:
         """The bundled motion, with stops, or a Fourier series."""
         if motion not in ("fourier", "other"):
             return read_motion_program(name).motion(motion, rate)
-        middle, size = MOTIONS[name]
-        if middle is None:
-            reference, joints = self.robot.reference, self.robot.actuated
-            middle = tuple(reference[self.robot.joint(joint).idx_q] for joint in joints)
-        sizes = size / np.arange(1, HARMONICS + 1)
+        middle, size, *_ = ROBOTS[name]
+        robot, names = self.robot, self.robot.actuated
+        if np.ndim(size) and robot.platform is not None:
+            names = robot.platform.names
+            middle = platform_coordinates(robot, robot.reference[None])[0]
+        elif middle is None:
+            middle = tuple(robot.reference[robot.joint(joint).idx_q] for joint in names)
+        sizes = np.multiply.outer(size, 1 / np.arange(1, HARMONICS + 1))
         sine, cosine = (
             np.random.default_rng(77 * (motion == "other")).normal(size=(2, len(middle), HARMONICS))
             * sizes
         )
-        series = FourierSeries(self.robot.actuated, FREQUENCY, np.array(middle), sine, cosine)
+        series = FourierSeries(names, FREQUENCY, np.array(middle), sine, cosine)
         return series.motion(rate=rate, duration=SECONDS)
 
     def log(self, bits: int, seed: int, kind: str = "white") -> Log:
@@ -226,19 +236,18 @@ def panda(path: str) -> list[dict[str, Any]]:
 
 def filter_cells(arguments: argparse.Namespace) -> list[tuple[str, float, int, str]]:
     """Cells of the grid of robots, rates, encoders and kinds of noise that were asked for."""
-    cells = [
-        (name, rate, bits, kind)
-        for name, rate, bits, kind in product(MOTIONS, RATES, COARSE, KINDS)
+    count = len(RATES)
+    return [
+        (name, RATES[k], COARSE[i], KINDS[j])
+        for r, name in enumerate(MOTIONS)
+        for k, i, j in product(range(count), repeat=3)
         if arguments.robot in (None, name)
-        and arguments.rate in (None, rate)
-        and arguments.bits in (None, bits)
-        and arguments.kind in (None, kind)
-        and (kind != "low-passed" or rate > 2 * DRIVER)
+        and arguments.rate in (None, RATES[k])
+        and arguments.bits in (None, COARSE[i])
+        and arguments.kind in (None, KINDS[j])
+        and (KINDS[j] != "low-passed" or RATES[k] > 2 * DRIVER)
+        and not (arguments.latin and (i, j) != ((r - k) % count, (r + k) % count))
     ]
-    if arguments.cells is None:
-        return cells
-    drawn = np.random.default_rng(arguments.seed).permutation(len(cells))[: arguments.cells]
-    return [cells[k] for k in sorted(drawn.tolist())]
 
 
 def filters(arguments: argparse.Namespace) -> list[dict[str, Any]]:
@@ -262,8 +271,7 @@ def main() -> None:
     parser.add_argument("--bits", type=int, help="one encoder only")
     parser.add_argument("--filter", action="store_true", help="the chosen cut-off, beside fixed")
     parser.add_argument("--kind", choices=KINDS, help="of noise, one only")
-    parser.add_argument("--cells", type=int, help="cells of the grid, drawn at random")
-    parser.add_argument("--seed", type=int, default=0, help="of the cells that are drawn")
+    parser.add_argument("--latin", action="store_true", help="four cells a robot")
     parser.add_argument("--panda", metavar="LOG", help="a real log of a Panda")
     parser.add_argument("--json", metavar="FILE", help="write the figures to a file")
     arguments = parser.parse_args()

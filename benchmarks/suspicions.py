@@ -1,6 +1,6 @@
 """False alarms of ``loopid.diagnose`` in clean logs, and mistakes that it finds: a Monte Carlo.
 
-    python benchmarks/suspicions.py [--runs N] [--robot NAME]
+    python benchmarks/suspicions.py [--runs N] [--seed N] [--robot NAME] [--mistake NAME ...]
 
 Each row is a robot with bodies that are some 20 % off its file and with friction, whose logs hold a
 mistake of the second motor, of all or of the time axis, or none: in which part of the logs the
@@ -74,11 +74,11 @@ MISTAKES: dict[str, tuple[Callable[[Log], Log], str]] = {
 }
 
 
-def figures(case: Case, mistake: str, runs: int) -> dict[str, Any]:
-    """Figures of so many logs with a mistake."""
+def figures(case: Case, mistake: str, seeds: range) -> dict[str, Any]:
+    """Figures of a log a seed with a mistake."""
     spoilt, words = MISTAKES[mistake]
     named, others = 0, 0
-    for seed in range(runs):
+    for seed in seeds:
         log = spoilt(case.log(BITS[seed % len(BITS)], seed))
         recording = prepare_recording(case.robot, log)
         said = list(suspicions(case.robot, [recording]).sentences)
@@ -87,25 +87,27 @@ def figures(case: Case, mistake: str, runs: int) -> dict[str, Any]:
             said += [delay.sentence] if delay is not None and delay.clear else []
         found = bool(words and said and words in said[0])
         named, others = named + found, others + (len(said) > found)
-    return {"mistake": mistake, "named %": 100 * named / runs, "other %": 100 * others / runs}
+    shares = (100 * count / len(seeds) for count in (named, others))
+    return {"mistake": mistake, **dict(zip(("named %", "other %"), shares, strict=True))}
 
 
 def main() -> None:
     """Print a table, and write the figures on request."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--runs", type=int, default=20, help="logs of each kind")
+    parser.add_argument("--seed", type=int, default=0, help="of the first log")
     parser.add_argument("--robot", choices=list(MOTIONS), help="one robot only")
     parser.add_argument("--mistake", choices=list(MISTAKES), nargs="+", default=list(MISTAKES))
     parser.add_argument("--json", metavar="FILE", help="write the figures to a file")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
-    rows = []
+    seeds, rows = range(arguments.seed, arguments.seed + arguments.runs), []
     for name in MOTIONS:
         if arguments.robot in (None, name):
             case = Case(name, "fourier", RATE)
             for mistake in arguments.mistake:
                 with one_blas_thread():
-                    rows.append({"robot": name} | figures(case, mistake, arguments.runs))
+                    rows.append({"robot": name} | figures(case, mistake, seeds))
     show(f"suspicions of {arguments.runs} logs each", rows)
     if arguments.json:
         write_json(arguments.json, {"suspicions": rows})

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from block_sizes import set_block_rows
-from loopid import JointTerms, load_mechanism
+from loopid import JointTerms, load_mechanism, random_configurations
 from loopid.identification import (
     FitSamples,
     WeightedLeastSquares,
     find_force_model,
     identifiability,
 )
+from loopid.kinematics import random_motions
 from made_runs import ARM, friction, modelled, one_joint, wander
 
 __all__ = ["set_block_rows"]
@@ -133,7 +134,7 @@ class Case:
         values = self.base.values(self.truth if truth is None else truth)
         error = np.random.default_rng(seed).normal(size=self.regressor.shape[:2])
         force = self.regressor @ values + noise * error
-        actuators = self.model.mechanism.actuated
+        actuators = self.model.mechanism.independent
         return FitSamples.of(self.model.parameters, actuators, self.regressor, force)
 
     def fitted(self, noise, seed=0, truth=None):
@@ -154,6 +155,23 @@ def make_case(robot, model, kinds=("Fc", "Fv"), **motion):
 def knee_case(knee):
     """Ninety body parameters and eight of friction, in a lively motion."""
     return make_case(knee, "full", seconds=10.0, rate=60.0)
+
+
+@pytest.fixture(scope="session")
+def tied_case():
+    """Three legs alike, with one set of parameters."""
+    return make_case(load_mechanism("3rrr", tied=True), "full", seconds=10.0, rate=20.0)
+
+
+@pytest.fixture(scope="session")
+def floating_case(arm_case):
+    """A floating base, with all that acts on it measured as well as its motors' forces."""
+    robot = load_mechanism(arm_case.model.mechanism.path, floating_base=True)
+    found = find_force_model(robot, "full", JointTerms(robot.actuated, ("Ia", "Fc", "Fv")))
+    q, rates = random_configurations(robot, 200), random_motions(robot, 200)
+    W = found.base.regressor(found.standard_regressor(q, *rates))
+    values = arm_case.truth[-6:]
+    return Case(found, W, np.concatenate([robot.standard_parameters(), values]))
 
 
 @pytest.fixture(scope="session")

@@ -362,14 +362,22 @@ def test_files_without_masses_get_bodies_with_the_base_parameters_of_least_squar
     assert np.linalg.norm(apart) < 1e-3 * np.linalg.norm(samples.force)
 
 
-def test_intervals_hold(arm_case):
+@pytest.mark.parametrize(
+    ("name", "noise"),
+    [
+        ("arm_case", 0.5),
+        pytest.param("tied_case", 1.0, marks=pytest.mark.validate),
+        pytest.param("floating_case", 1.0, marks=pytest.mark.validate),
+    ],
+)
+def test_intervals_hold(name, noise, request):
     """Of robots about their file: 95 % intervals of values that rest on the file as well."""
-    inside = []
+    case, inside = request.getfixturevalue(name), []
     for seed in range(20):
-        truth = shaken(arm_case.base.parameters, arm_case.truth, 0.12, seed)
-        samples = arm_case.samples(0.5, seed, truth)
-        found = consistent_fit(arm_case.model, samples, noise_of(samples))
+        truth = shaken(case.base.parameters, case.truth, 0.12, seed)
+        samples = case.samples(noise, seed, truth)
+        found = consistent_fit(case.model, samples, noise_of(samples))
         low, high = found.intervals().T
-        exact = arm_case.base.values(truth)
+        exact = case.base.values(truth)
         inside.append((low <= exact) & (exact <= high))
     assert 0.88 < np.mean(inside) < 0.995

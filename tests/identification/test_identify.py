@@ -206,10 +206,6 @@ def test_a_short_way_names_what_it_does_not_tell(knee_model, motions, truth):
         )
     assert all(warning.category is DataWarning for warning in caught)
     said = [str(warning.message) for warning in caught]
-    bodies = [knee_model.parameters.labels[j] for j in knee_model.body_columns]
-    weak = set(bodies) & set(found["all parameters"].fit.insignificant())
-    assert len(weak) >= 12
-    assert any(all(label in text for label in weak) for text in said)
     told = found.identifiability
     assert told.weak_message in said
     assert told.weak_message.startswith(f"{len(told.weak)} of 23 combinations")

@@ -18,7 +18,7 @@ from loopid.identification.information import Excitation
 from loopid.identification.pipeline import Identification
 from loopid.identification.prediction import Candidate, judge
 from loopid.identification.problem import FitProblem, FitSamples
-from loopid.identification.result import FitResult, relative_deviation
+from loopid.identification.result import FitResult, of_all, relative_deviation
 from loopid.parameters import ParameterSet, html_table
 from loopid.records import record
 
@@ -95,21 +95,7 @@ class Reduction:
     @property
     def fit(self) -> FitResult:
         """All parameters: as fitted where supported, elsewhere ``assumed`` at their reference."""
-        columns, n = list(self.columns), len(self.parameters)
-        values, covariance = self.reference.copy(), np.zeros((n, n))
-        values[columns] = self.result.values
-        covariance[np.ix_(columns, columns)] = self.result.covariance
-        freedom = np.full(n, self.result.degrees_of_freedom.min())
-        freedom[columns] = self.result.degrees_of_freedom
-        kept = (*self.result.parameters.labels,)
-        return replace(
-            self.result,
-            parameters=self.parameters,
-            values=values,
-            covariance=covariance,
-            degrees_of_freedom=freedom,
-            assumed=tuple(name for name in self.parameters.labels if name not in kept),
-        )
+        return of_all(self.result, self.parameters, np.array(self.columns), self.reference)
 
     def __repr__(self) -> str:
         labels = self.result.parameters.labels

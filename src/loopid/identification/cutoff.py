@@ -4,9 +4,10 @@ Noise of positions in the regressor biases estimates, whatever its colour: encod
 that jitter, held values. At each of several cut-offs the model is fitted to all blocks of time but
 one, and predicts the forces of that one in a low band common to all, where positions are good.
 Squared errors hold noise of the forces, which is the same for all, and hides how fits differ. Of
-the cut-offs whose errors are not clearly worse that one is chosen whose predictions change least
-with the block that is left out: their variance by the jackknife [Efron1982]. Where a band is too
-narrow, little is left of the data; where it is too wide, fits follow the noise.
+the cut-offs whose errors are not clearly worse, those come into question whose predictions hardly
+change with the block that is left out: their variance by the jackknife [Efron1982]. Where a band is
+too narrow, little is left of the data; where it is too wide, fits follow the noise. Both bias fits
+before the log itself shows it, so that the middle one of these is chosen.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ class CutoffOptions:
     growth : float
         Variance of the predictions, relative to the least, at which wider ones are given up.
     tie : float
-        Relative difference of variances that is none: the narrower cut-off is chosen.
+        Part by which a variance may exceed the least: of such cut-offs the middle one is chosen.
 
     Raises
     ------
@@ -69,7 +70,7 @@ class CutoffOptions:
     blocks: Annotated[int, Field(ge=2)] = 10
     clearly: NotNegative = 2.0
     growth: Annotated[float, Field(gt=1)] = 10.0
-    tie: NotNegative = 1e-3
+    tie: NotNegative = 0.05
 
     def __post_init__(self) -> None:
         if not self.narrowest < self.widest:
@@ -345,4 +346,5 @@ def _chosen(
     padded = np.pad(np.log(variances + ROUND_OFF**2 * force), 1, mode="edge")
     smooth = np.exp((padded[:-2] + 2 * padded[1:-1] + padded[2:]) / 4)
     smooth[clear > options.clearly] = np.inf
-    return int(np.flatnonzero(smooth <= (1 + options.tie) * smooth.min())[0]), clear
+    ties = np.flatnonzero(smooth <= (1 + options.tie) * smooth.min())
+    return int(ties[len(ties) // 2]), clear

@@ -77,7 +77,9 @@ def fit(
     >>> bool((abs(found.values - truth) < 4 * found.standard_errors).all())
     True
     """
-    return working_fit(samples, estimator, correlation=correlation, quiet=False).result
+    found = working_fit(samples, estimator, correlation=correlation, quiet=False).result
+    _warn_of_insignificant(found)
+    return found
 
 
 @checked
@@ -99,18 +101,20 @@ def working_fit(
     correlation: CorrelationOptions = CorrelationOptions(),
     quiet: bool = True,
 ) -> WorkingFit:
-    """As ``fit``, with the least squares that the fit amounts to; without warnings where quiet."""
+    """As ``fit``, with the least squares that the fit amounts to, and fewer warnings.
+
+    Without any where quiet; of autocorrelation and scatter otherwise.
+    """
     independent = chosen_estimator(estimator).fit_samples(samples)
     within = within_runs(independent, correlation)
     found = with_scatter(within, correlation)
     if not quiet:
         warn_of_correlation(within.result, independent.result, correlation)
         warn_of_scatter(found.result, within.result, correlation)
-        warn_of_insignificant(found.result)
     return found
 
 
-def warn_of_insignificant(result: FitResult) -> None:
+def _warn_of_insignificant(result: FitResult) -> None:
     """Name, once, the estimates that are not significant."""
     names = result.insignificant()
     if not names or result.degrees_of_freedom.max() < LEAST_FREEDOM:
@@ -169,7 +173,7 @@ def fit_in_steps(
     free = [j for j in range(len(second.parameters)) if j not in held]
     if not free:
         raise OptionError("all parameters of the second step are known: nothing is left to fit")
-    start = fit(first, estimator)
+    start = working_fit(first, estimator, quiet=False).result
     taken = [start.parameters.labels.index(name) for name in known]
     spread = start.covariance[np.ix_(taken, taken)]
     values = np.zeros(len(second.parameters))

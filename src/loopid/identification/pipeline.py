@@ -16,7 +16,7 @@ from loopid.identification.consistent import CONSISTENT, ConsistentOptions, cons
 from loopid.identification.cutoff import CutoffChoice, CutoffOptions, choose_cutoff, prepared_at
 from loopid.identification.delay import Delay, find_delay, with_delay_errors, without_delay
 from loopid.identification.estimator import ESTIMATORS, Estimator, chosen_estimator, equal_weights
-from loopid.identification.fitting import fit, fit_in_steps, quiet_fit, warn_of_insignificant
+from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
 from loopid.identification.force_model import ForceModel, samples_of
 from loopid.identification.information import (
     Excitation,
@@ -26,7 +26,7 @@ from loopid.identification.information import (
 )
 from loopid.identification.prediction import Candidate, judge
 from loopid.identification.problem import ROUND_OFF, FitSamples
-from loopid.identification.result import FitResult, fit_quality, nearest_first
+from loopid.identification.result import FitResult, fit_quality, nearest_first, of_all
 from loopid.identification.terms import TermOptions, choose_terms
 from loopid.identification.verdict import Verdict
 from loopid.logs.recording import Recording
@@ -312,7 +312,7 @@ def identify(
     -----
     DataWarning
         Of a delay that was undone, of unidentifiable combinations that the robot file's values are
-        kept for, of weakly identifiable ones, and of all that ``fit`` warns of.
+        kept for, of weakly identifiable ones, and as ``fit_all``.
 
     Examples
     --------
@@ -410,7 +410,8 @@ def fit_all(
     Warns
     -----
     DataWarning
-        As ``fit``.
+        Of autocorrelated residuals and of parameters that vary between recordings, as ``fit``. What
+        is not significant, the verdict tells of the recommended fit.
     """
     estimator = chosen_estimator(options.estimator)
     if first is not None:
@@ -421,12 +422,10 @@ def fit_all(
         known = [labels[j] for j in force_model.joint_columns]
         return fit_in_steps(first, data, known, estimator=estimator)
     if not excited.unidentifiable:
-        return fit(data, estimator)
+        return working_fit(data, estimator, quiet=False).result
     if not (options.keeps_robot_file and excited.rank):
         raise excited.refusal
-    fitted = fit_excited(data, force_model.prior, excited.excitation, estimator=estimator)
-    warn_of_insignificant(fitted)
-    return fitted
+    return fit_excited(data, force_model.prior, excited.excitation, estimator=estimator)
 
 
 @checked
@@ -442,10 +441,7 @@ def fit_joint_terms(
     their intervals are infinite.
     """
     values, joints = np.array(force_model.prior), force_model.joint_columns
-    covariance = np.zeros((len(values), len(values)))
     left = data.reduced(joints, values)
-    labels = force_model.parameters.labels
-    bodies = tuple(labels[j] for j in force_model.body_columns)
     # A joint term may lead a combination with bodies, of which the robot file knows a part.
     excitation = Excitation.of(force_model, left.problem) if len(joints) else None
     if excitation is None or not excitation.rank:
@@ -454,12 +450,12 @@ def fit_joint_terms(
             parameters=force_model.parameters,
             actuators=data.actuators,
             values=values,
-            covariance=covariance,
+            covariance=np.zeros((len(values), len(values))),
             condition_number=1.0,
             degrees_of_freedom=np.array(float(data.problem.rows)),
             quality=fit_quality(data.problem, values),
             weights=equal_weights(data.problem),
-            assumed=labels,
+            assumed=force_model.parameters.labels,
             standard_parameters=force_model.standard_prior,
         )
     estimator = chosen_estimator(options.estimator)
@@ -473,18 +469,11 @@ def fit_joint_terms(
     positive = [joint_term(kind).positive for kind in kinds]
     least = np.where(positive, force_model.prior[joints] - standard[places], -np.inf)
     values[joints] = not_below(least, left, terms)
-    covariance[np.ix_(joints, joints)] = terms.covariance
-    freedom = np.full(len(values), terms.degrees_of_freedom.min())
-    freedom[joints] = terms.degrees_of_freedom
     standard[places] += values[joints] - force_model.prior[joints]
+    terms = replace(terms, values=values[joints])
     return replace(
-        terms,
-        parameters=force_model.parameters,
-        values=values,
-        covariance=covariance,
-        degrees_of_freedom=freedom,
+        of_all(terms, force_model.parameters, joints, values),
         quality=fit_quality(data.problem, values),
-        assumed=tuple(name for name in labels if name in bodies or name in terms.assumed),
         standard_parameters=standard,
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
 from difflib import SequenceMatcher
 from typing import Any
 
@@ -368,6 +368,26 @@ class FitResult(OfArrays, Tabular):
             for e in self.estimates
         ]
         return html_table(head, rows)
+
+
+def of_all(
+    found: FitResult, parameters: ParameterSet, columns: IntArray, others: FloatArray
+) -> FitResult:
+    """A fit of some columns of all n parameters, the others ``assumed`` at values (n,)."""
+    labels = parameters.labels
+    known = {labels[j] for j in columns} - {*found.assumed}
+    values, covariance = np.array(others), np.zeros((len(labels), len(labels)))
+    values[columns], covariance[np.ix_(columns, columns)] = found.values, found.covariance
+    freedom = np.full(len(labels), found.degrees_of_freedom.min())
+    freedom[columns] = found.degrees_of_freedom
+    return replace(
+        found,
+        parameters=parameters,
+        values=values,
+        covariance=covariance,
+        degrees_of_freedom=freedom,
+        assumed=tuple(name for name in labels if name not in known),
+    )
 
 
 def relative_deviation(errors: FloatArray, values: FloatArray) -> FloatArray:
