@@ -30,7 +30,7 @@ def geared(tmp_path_factory):
 
 
 def test_drive_inertia_of_the_file_is_fitted_by_default(geared, run_json):
-    fit = run_json("identify", *geared, "--model", "full", "--cutoff", "8")["fit"]
+    fit = run_json("identify", *geared, "--model", "full", "--cutoff", "8")["all_parameters"]
     found = {p["name"]: p["interval_95_percent"] for p in fit["base_parameters"]}
     for joint in ("shoulder", "elbow"):
         low, high = found[f"{joint}.Fc"]

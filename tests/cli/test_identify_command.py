@@ -56,7 +56,7 @@ def test_the_command_says_what_the_library_says(written, record):
 
 
 def test_friction_and_gravity_are_found(record, friction_values):
-    found = {entry["name"]: entry for entry in record["fit"]["base_parameters"]}
+    found = {entry["name"]: entry for entry in record["all_parameters"]["base_parameters"]}
     for name, value in friction_values.items():
         assert found[name]["value"] == pytest.approx(value, rel=0.1)
     assert record["mechanism"] == "3ups_rpu"
@@ -72,7 +72,7 @@ def test_the_terminal_shows_the_verdict_first_and_the_place_last(written, record
     assert all(len(line) <= 80 for line in lines[:-1])
     said = [line for line in written[1].splitlines() if line]  # on a terminal, a line each
     assert len(lines) + len(said) <= 25
-    assert len(record["recommended_fit"]["base_parameters"]) == 23
+    assert len(record["fit"]["base_parameters"]) == 23
 
 
 def test_terminal_page_and_files_say_the_same(written, tmp_path):
@@ -81,10 +81,10 @@ def test_terminal_page_and_files_say_the_same(written, tmp_path):
     fits = {"parameters.yaml", "all_parameters.yaml"}
     assert set(files) == {"report.html", "identification.json", *fits}
     saved = json.loads(files["identification.json"])
-    for name, record in (("parameters", "recommended_fit"), ("all_parameters", "fit")):
+    for name, record in (("parameters", "fit"), ("all_parameters", "all_parameters")):
         (tmp_path / "fit.yaml").write_bytes(files[f"{name}.yaml"])
         assert read_fit(tmp_path / "fit.yaml").record() == saved[record]
-    for entry in saved["fit"]["base_parameters"]:
+    for entry in saved["all_parameters"]["base_parameters"]:
         assert entry["name"] in out
         assert entry["name"] in page
 
@@ -141,7 +141,7 @@ def arm(run_json, arm_files, once):
 
 def fitted(record):
     """Estimates by name."""
-    return {entry["name"]: entry["value"] for entry in record["fit"]["base_parameters"]}
+    return {entry["name"]: entry["value"] for entry in record["all_parameters"]["base_parameters"]}
 
 
 def test_the_split_is_an_option(arm):
@@ -285,8 +285,8 @@ def test_a_call_without_a_log_is_a_usage_error(run):
 def test_a_real_log_is_identified(run_json, mechanism, real_log):
     found = run_json("identify", mechanism.name, real_log)
     assert found["training"][0]["name"] == real_log.name
-    assert len(found["fit"]["base_parameters"]) == 23
-    assert all(entry["value"] is not None for entry in found["fit"]["base_parameters"])
+    assert len(found["all_parameters"]["base_parameters"]) == 23
+    assert all(entry["value"] is not None for entry in found["all_parameters"]["base_parameters"])
 
 
 @pytest.fixture(scope="module")
@@ -325,7 +325,7 @@ def test_values_of_the_robot_file_are_marked_everywhere(
     assert done.code == 0, done.err
     assert "combinations of parameters are unidentifiable from the data" in done.err
     record = json.loads((tmp_path / "identification.json").read_text())
-    told, assumed = record["identifiability"], record["fit"]["estimate"]["assumed"]
+    told, assumed = record["identifiability"], record["all_parameters"]["estimate"]["assumed"]
     assert {"shoulder.Fc", "shoulder.Fv"} <= set(assumed)
     assert read_fit(tmp_path / "parameters.yaml").result.assumed == tuple(assumed)
     assert len(told["unidentifiable"]) == told["structural_rank"] - told["rank"] > 0
@@ -335,7 +335,7 @@ def test_values_of_the_robot_file_are_marked_everywhere(
         assert direction["standard_error"] is None
         assert [direction["combination"], "0", "unidentifiable"] in rows
     assert record["advice"] in page.text_content()
-    for entry in record["fit"]["base_parameters"]:
+    for entry in record["all_parameters"]["base_parameters"]:
         unbounded = entry["interval_95_percent"] == [None, None]
         assert unbounded == (entry["name"] in assumed)
     assert any("rest on it" in sentence for sentence in record["findings"])
@@ -346,8 +346,8 @@ def test_values_of_the_robot_file_are_marked_everywhere(
 
 def test_an_estimator_goes_by_its_name(run_json, arm_files):
     found = run_json("identify", *arm_files[:2], "--estimator", "bisquare")
-    assert found["fit"]["estimate"]["estimator"] == "bisquare"
-    values = {entry["name"]: entry["value"] for entry in found["fit"]["base_parameters"]}
+    assert found["all_parameters"]["estimate"]["estimator"] == "bisquare"
+    values = {entry["name"]: entry["value"] for entry in found["all_parameters"]["base_parameters"]}
     for name, value in (("shoulder.Fc", 3.0), ("elbow.Fc", 2.0)):
         assert values[name] == pytest.approx(value, rel=0.1)
 
@@ -355,7 +355,7 @@ def test_an_estimator_goes_by_its_name(run_json, arm_files):
 def test_instruments_are_read_from_a_reference_log(run, run_json, arm_files):
     robot, log, _ = arm_files
     found = run_json("identify", robot, log, "--estimator", "iv", "--reference", log)
-    assert found["fit"]["estimate"]["estimator"] == "iv"
+    assert found["all_parameters"]["estimate"]["estimator"] == "iv"
     assert_refused(run("identify", robot, log, "--estimator", "iv"), ["reference"])
     assert_refused(run("identify", robot, log, "--reference", log), ["'wls'"])
 

@@ -31,7 +31,7 @@ def test_legs_made_alike_are_identified_together_and_named_by_their_group(run, l
         assert done.code == 0, done.err
         printed.append(done.out)
         records.append(json.loads((tmp_path / "identification.json").read_text()))
-    untied, tied = (record["fit"]["base_parameters"] for record in records)
+    untied, tied = (record["all_parameters"]["base_parameters"] for record in records)
     owners = {entry["name"].rpartition(".")[0] for entry in tied}
     assert owners == {"upper", "lower", "platform"}
     assert {entry["name"].rpartition(".")[0] for entry in untied} > {"leg1_upper", "leg2_lower"}
@@ -72,7 +72,7 @@ def test_three_motors_are_identified_from_their_log(run_json, tmp_path):
     (tmp_path / "run.csv").write_text(logged(robot, motion, terms, noise=0.05))
     record = run_json("identify", file, tmp_path / "run.csv", "--model", "full")
     assert record["actuators"] == ["left_joint", "right_joint"]
-    found = {entry["name"]: entry["value"] for entry in record["fit"]["base_parameters"]}
+    found = {entry["name"]: entry["value"] for entry in record["all_parameters"]["base_parameters"]}
     for name, value in zip(terms[0].parameters(robot).labels, terms[1], strict=True):
         assert found[name] == pytest.approx(value, abs=0.08)
 

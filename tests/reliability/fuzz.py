@@ -28,7 +28,7 @@ from unittest.mock import patch
 
 import beside_tests  # noqa: F401
 import typer
-from material import Material
+from spoiling import Material
 from spoilt_logs import drawn
 
 from loopid import cli

@@ -22,7 +22,7 @@ from random import Random
 import beside_tests  # noqa: F401
 from fuzz import HANGING, Call, faults, run
 from lxml import etree
-from material import FAMILY, FAMILY_YAML, spoil
+from spoiling import FAMILY, FAMILY_YAML, spoil
 
 from loopid.loading import bundled_directory
 from made_runs import ARM

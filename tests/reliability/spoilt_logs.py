@@ -10,8 +10,8 @@ from random import Random
 import h5py
 import numpy as np
 import polars
-from material import MAPPING, spoil
 from recorded_logs import TOPIC, joint_state, write_ros1, write_ros2
+from spoiling import MAPPING, spoil
 
 from loopid.logs.text import ENDINGS as TEXT_ENDINGS
 

@@ -7,7 +7,7 @@ import zlib
 from pathlib import Path
 
 import pytest
-from material import LAUGHS
+from spoiling import LAUGHS
 
 from loopid import load_mechanism, read_fit
 from loopid.errors import LoopidError, RobotFileError

@@ -10,7 +10,10 @@ FUNCTIONS = sorted(
     name
     for name in loopid.__all__
     if inspect.isfunction(getattr(loopid, name))
-    and inspect.signature(getattr(loopid, name)).parameters
+    and any(
+        each.default is each.empty
+        for each in inspect.signature(getattr(loopid, name)).parameters.values()
+    )
 )
 
 

@@ -260,7 +260,7 @@ def test_the_recommended_fit_is_said_listed_and_saved(study):
     assert "Recommended values: consistent" in files["report.html"]
     record = json.loads(files["identification.json"])
     assert record["recommended"] == "consistent"
-    assert record["recommended_fit"] == SavedFit.of(found.force_model, found.fit).record()
+    assert record["fit"] == SavedFit.of(found.force_model, found.fit).record()
     assert record["verdict"] == str(study.verdict)
     worse = judged(study, informed={"error_ratio": (2.0, 0.1)})
     other = worse.identification
@@ -300,7 +300,7 @@ def test_an_identification_is_recorded_whole(study):
     assert len(record["expressions"]) == count == 23
     np.testing.assert_array_equal(record["robot_file"], model.prior)
     np.testing.assert_array_equal(record["essential"], study.essential.values)
-    assert record["fit"] == SavedFit.of(model, found["all parameters"].fit).record()
+    assert record["all_parameters"] == SavedFit.of(model, found["all parameters"].fit).record()
     corrected = [model.parameters.labels[j] for j in study.reduction.columns]
     assert record["essential_parameters"] == corrected
 

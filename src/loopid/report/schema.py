@@ -135,7 +135,7 @@ FORMS: dict[str, dict[Any, Any]] = {
         **{key: [str] for key in ("actuators", "expressions", "essential_parameters", "findings")},
         **{key: [_RECORDING] for key in ("training", "validation")},
         **{"robot_file": [float], "essential": [float], "recommended": str},
-        **{"fit": FIT, "recommended_fit": FIT, "prior_deviation": Real},
+        **{"fit": FIT, "all_parameters": FIT, "prior_deviation": Real},
         **{"judged": of(Verdict), "cutoff": (of(CutoffChoice), None), "delay": (of(Delay), None)},
         "suspicions": [of(Suspicions)],
         **{"joint_terms": {str: [str]}, "fitted_bodies_pay": bool},
