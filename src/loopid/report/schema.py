@@ -45,6 +45,7 @@ def of(cls: Any, *names: str) -> dict[str, Any]:
 
 def _form(hint: Any) -> Any:
     kind, inner = get_origin(hint), get_args(hint)
+    kind = get_origin(getattr(kind, "__value__", None)) or kind  # NDArray is a type of its own
     if hint is float:
         return Real
     if isinstance(hint, UnionType):
