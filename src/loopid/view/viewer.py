@@ -226,7 +226,7 @@ class Viewer:
         """Put everything where a pose has it, and say how the pose is."""
         with self._lock, self._server.atomic():
             self.pose = pose
-            turns = Rotation.from_matrix(pose.rotations).as_quat(scalar_first=True)
+            turns = _turn(pose.rotations).as_quat(scalar_first=True)
             for frame, origin, turn in zip(self._links, pose.origins, turns, strict=True):
                 frame.position, frame.wxyz = origin, turn
             way = pose.rods[:, 1] - pose.rods[:, 0]
@@ -291,7 +291,7 @@ class Viewer:
         for n, (name, bodies) in enumerate(masses.items()):
             box, nodes = self._server.gui.add_checkbox(f"masses of {name}", visible), []
             for k, body in enumerate(bodies):
-                place, turn = f"/links/{body.joint}/mass {n} {k}", Rotation.from_matrix(body.axes)
+                place, turn = f"/links/{body.joint}/mass {n} {k}", _turn(body.axes)
                 look = {"color": MASSES[n % 4], "position": body.centre, "visible": visible}
                 nodes.append(draw.add_icosphere(place, size, **look))
                 look |= {"scale": tuple(body.radii), "wxyz": turn.as_quat(scalar_first=True)}
@@ -319,6 +319,11 @@ class Viewer:
 def _is_news(record: logging.LogRecord) -> bool:
     """Browsers open connections that they do not use."""
     return record.getMessage() != "opening handshake failed"
+
+
+def _turn(rotations: FloatArray) -> Rotation:
+    """Rotation matrices as what SciPy turns by; older ones read no arrays that are protected."""
+    return Rotation.from_matrix(np.array(rotations))
 
 
 def _set_visible(nodes: Iterable[Any], visible: bool) -> None:
