@@ -256,7 +256,7 @@ class MotorModel:
         self.assemble(positions)
         v = self._rates(velocities)[None] @ self._pose.G[0].T
         K = np.zeros((1, self.dof, len(self.values)))
-        self._add(K, [law for law in self._laws if law.friction], v, v)
+        self._add(K, [law for law in self._laws if law.friction], v, np.zeros_like(v))
         return np.asarray(K[0])
 
     @property

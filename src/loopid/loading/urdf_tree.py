@@ -49,8 +49,12 @@ NUMBERS: dict[str, dict[str, tuple[int, str | None]]] = {
 }
 LEAST_AXIS = 1e-9
 ROOT_JOINT = "root_joint"
-WORDS = {1: "a finite number", 3: "three finite numbers"}
-WORDS |= {6: "six finite numbers", 7: "seven finite numbers"}
+WORDS = {
+    1: "a finite number",
+    3: "three finite numbers",
+    6: "six finite numbers",
+    7: "seven finite numbers",
+}
 LARGEST = 1e100  # so that no product of a few numbers overflows
 MOST_BYTES = 20_000_000  # of a file: far more than robots have
 # Angles that lost digits in print: multiples of 5°, which people draw. Fewer decimals may be meant

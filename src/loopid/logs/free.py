@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from loopid.arguments import FloatArray, finite, samples
 from loopid.errors import DataError, OptionError
+from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.poses import difference
-from loopid.loading.tree import write_joint
 from loopid.motion.filtering import LowPass, differentiate
 from loopid.robot.mechanism import Mechanism, lock_options
 
@@ -123,8 +123,7 @@ def _write(robot: Mechanism, name: str, q: FloatArray, values: FloatArray) -> No
     joint = robot.joint(name)
     samples(values, 1 if joint.nv == 1 else joint.nq, name)
     if joint.nv == 1:
-        for row, value in zip(q, values[:, 0], strict=True):
-            write_joint(joint, row, float(value))
+        q[:] = JointCoordinates(robot, [name]).write(q, values)
         return
     turns = values[:, 3:] / np.linalg.norm(values[:, 3:], axis=1, keepdims=True)
     own = slice(joint.idx_q, joint.idx_q + joint.nq)

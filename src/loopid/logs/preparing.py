@@ -18,6 +18,7 @@ import numpy as np
 from loopid.arguments import BoolArray, FloatArray, IntArray, checked, row_blocks, spread_rows
 from loopid.errors import AssemblyError, DataWarning, LogError, OptionError, warn
 from loopid.kinematics.assembly import AssemblyOptions, try_assemble
+from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import project, singularity_measure
 from loopid.logs.free import FreeMotion, free_motion, require_known_motion
 from loopid.logs.log import Log, renumbered
@@ -424,11 +425,9 @@ def measured_values(
     """Values (N, c) of ``robot.measured``: of motors (N, m), of others from configurations."""
     others = [name for name in robot.measured if name not in log.joints]
     columns = {name: position[:, k] for k, name in enumerate(log.joints)}
-    for name in others:
-        joint = robot.joint(name)
-        values = free[:, joint.idx_q : joint.idx_q + joint.nq]
-        turn = np.arctan2(values[:, -1], values[:, 0])
-        columns[name] = np.unwrap(turn) if joint.nq == 2 else values[:, 0]
+    if others:
+        values = JointCoordinates(robot, others).read(free)
+        columns |= {name: values[:, k] for k, name in enumerate(others)}
     return np.stack([columns[name] for name in robot.measured], axis=1)
 
 

@@ -62,7 +62,9 @@ def _sections(study: Study) -> list[Section]:
     rows += [(each.text, f"{each.effect:.1e}", f"{each.standard_error:.2g}") for each in told.weak]
     if rows:
         columns = "combination", ">effect on forces", ">± std (sizes)"
-        said.append(plain_table("weakly identifiable combinations", columns, rows))
+        said.append(
+            plain_table("unidentifiable and weakly identifiable combinations", columns, rows)
+        )
     others: list[Part] = [_essential_table(study)]
     if found.recommended is not whole:
         title = f"all parameters by {whole.fit.estimator}"
