@@ -207,7 +207,7 @@ def _closures_table(title: str, closures: Sequence[dict[str, Any]]) -> Table:
 
 
 def _summary(record: dict[str, Any], most: int | None = None) -> dict[str, str]:
-    """What is found at the reference, with so many names of a list; empty where there is nothing."""
+    """What is found at the reference, with so many names of a list; empty where none is."""
 
     def listed(names: Sequence[str], between: str = ", ") -> str:
         more = [f"... ({len(names)} in all)"] if most is not None and len(names) > most else []
