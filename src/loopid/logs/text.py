@@ -131,11 +131,12 @@ def _read_table(path: Path, ceiling: Ceiling, times: Sequence[str], values: Sequ
 
 
 def _decoded(data: bytes) -> str:
-    """Text in UTF-8, or else in the code page of Windows."""
+    """Text in UTF-8, or else in the code page of Windows, with all its spaces alike."""
     try:
-        return data.decode("utf-8")
+        text = data.decode("utf-8")
     except UnicodeDecodeError:
-        return data.decode("cp1252", "replace")
+        text = data.decode("cp1252", "replace")
+    return text.replace("\xa0", " ").replace("\u202f", " ")
 
 
 def _split(lines: polars.Series, separator: str | None, *, quoted: bool) -> polars.Series:
