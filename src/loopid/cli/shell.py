@@ -9,7 +9,7 @@ import shutil
 import sys
 import warnings
 from ast import literal_eval
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import wraps

@@ -250,11 +250,12 @@ def _header(path: Path, names: Sequence[str], separator: str | None, lines: int)
 
 
 def _names(line: Line, separator: str | None, width: int, spare: bool) -> list[str]:
-    """So many names in a line, with that separator or any other; empty where there are not.
+    """So many names in a line, with that separator or, without it, others; else none.
 
     Separators at the end of the line, or of all samples, which have a spare cell, do not count.
     """
-    for one in (separator, *SEPARATORS):
+    others = SEPARATORS if separator is None or len(line.cells(separator)) == 1 else ()
+    for one in (separator, *others):
         cells = line.cells(one)
         if len(cells) == width + 1 and not cells[-1]:
             cells = cells[:-1]
