@@ -11,8 +11,8 @@ from loopid import JointTerms
 from loopid.diagnosis import eliminate, judge_essential
 from loopid.errors import DataError, DataWarning, OptionError, RankError
 from loopid.identification import (
-    CorrelationOptions,
     FitOptions,
+    WeightedLeastSquares,
     find_force_model,
     fit,
     identifiability,
@@ -22,6 +22,7 @@ from loopid.identification import (
     save_fit,
     split_recordings,
 )
+from loopid.identification.correlation import within_runs
 from loopid.logs import Recording
 from loopid.motion import Noise, simulate_measurement
 from made_runs import changed, friction, modelled, quietly, record, stand, wander
@@ -445,7 +446,7 @@ def test_the_model_of_the_errors_converges(logged):
     whole = logged["all parameters"].fit
     noise = whole.noise
     first, longer = (
-        quiet_fit(logged.data, correlation=CorrelationOptions(corrections=count))
+        within_runs(WeightedLeastSquares().fit_samples(logged.data), count).result
         for count in (0, 12)
     )
     np.testing.assert_allclose(longer.standard_errors, whole.standard_errors, rtol=0.01)

@@ -1,5 +1,5 @@
 from .consistent import ConsistentOptions as ConsistentOptions, consistent_fit as consistent_fit
-from .correlation import Autoregression as Autoregression, CorrelationOptions as CorrelationOptions
+from .correlation import Autoregression as Autoregression
 from .cutoff import (
     CutoffChoice as CutoffChoice,
     CutoffOptions as CutoffOptions,
@@ -15,7 +15,6 @@ from .delay import (
 )
 from .estimator import (
     ESTIMATORS as ESTIMATORS,
-    Convergence as Convergence,
     Estimator as Estimator,
     OrdinaryLeastSquares as OrdinaryLeastSquares,
     WeightedLeastSquares as WeightedLeastSquares,

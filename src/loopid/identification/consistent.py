@@ -35,7 +35,7 @@ from pydantic import Field
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, Positive, checked, finite
 from loopid.errors import DataError, ModelWarning, OptionError, warn
-from loopid.identification.correlation import CorrelationOptions, with_scatter, within_runs
+from loopid.identification.correlation import with_scatter, within_runs
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.force_model import ForceModel
 from loopid.identification.information import Excitation, body_sizes
@@ -501,7 +501,7 @@ def _result(
         standard_parameters=standard,
     )
     working = within_runs(WorkingFit(plain, data, rows))
-    found = with_scatter(working, CorrelationOptions()).result
+    found = with_scatter(working).result
     freedom = np.minimum(found.degrees_of_freedom, _freedom(program, state, told, options.freedom))
     return replace(found, degrees_of_freedom=freedom)
 

@@ -15,7 +15,6 @@ import numpy as np
 from loopid.arguments import FloatArray, row_blocks
 from loopid.errors import OptionError, RankError
 from loopid.identification.estimator import (
-    Convergence,
     Estimator,
     WorkingFit,
     converged_weights,
@@ -40,8 +39,6 @@ class InstrumentalVariables(Estimator):
     least_strength : float
         Statistic F of the regression of the regressor on the instruments, in the direction that
         these determine least, below which they are too weak for intervals to hold [Staiger1997].
-    convergence : Convergence
-        Of the weights.
 
     Examples
     --------
@@ -61,7 +58,6 @@ class InstrumentalVariables(Estimator):
 
     name = "iv"
     least_strength: float = 10.0
-    convergence: Convergence = Convergence()
 
     def fit_samples(self, samples: FitSamples) -> WorkingFit:
         """As of ``Estimator``.
@@ -91,7 +87,7 @@ class InstrumentalVariables(Estimator):
                 leverage = columns * (rows[:, :, len(own) : -1] @ np.linalg.inv(shared))
                 return values, leverage.sum(axis=(1, 2))
 
-            weights = converged_weights(problem, fitted, self.convergence)
+            weights = converged_weights(problem, fitted)
             own, shared, values = self._projection(problem, weights[:, None, None] * factors)
             result = result_of(self.name, problem, values, shared, weights, 1.0)
         turn, residual = np.linalg.solve(own, shared), samples.residual(values)
