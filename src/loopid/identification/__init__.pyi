@@ -7,7 +7,6 @@ from .cutoff import (
 )
 from .delay import (
     Delay as Delay,
-    DelayOptions as DelayOptions,
     find_delay as find_delay,
     in_motion_band as in_motion_band,
     with_delay_errors as with_delay_errors,

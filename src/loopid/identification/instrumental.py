@@ -27,7 +27,6 @@ from loopid.observation import triangular_factor
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
-
 # Statistic F of the regression of the regressor on the instruments, in the direction that these
 # determine least, below which they are too weak for intervals to hold [Staiger1997].
 LEAST_STRENGTH = 10.0

@@ -36,10 +36,11 @@ DOWN_WEIGHTED = 0.5
 NORMAL_MEDIAN = 0.6744897501960817
 # Residual, in units of their scale, from which on all count alike to Huber's estimate.
 HUBER_LIMIT = 1.345
-# Change of the predicted forces, relative to the scale of their errors, at which bisquare takes over
-# from Huber, and at which it ends; iterations after which scales and mean slopes are held: single
-# samples would let them flip.
-TOLERANCES, HELD_FROM = (1e-3, 1e-9), 20
+# Change of the predicted forces, relative to the scale of their errors, at which bisquare follows
+# Huber, and at which it ends.
+TOLERANCES = 1e-3, 1e-9
+# Iterations after which scales and mean slopes are held: single samples would let them flip.
+HELD_FROM = 20
 # Mean slope of ψ below which residuals are no normal core with outliers.
 LEAST_SLOPE = 0.1
 
