@@ -17,11 +17,35 @@ import loopid
 from loopid.view.scene import Pose
 from loopid.view.viewer import BROWSERS, Viewer
 
-SECONDS, STEPS = 5.0, 12  # of a drag, and its moves by two pixels to one side
+SECONDS = 5.0  # of a drag
 OPTIONS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-FRAMES = (
-    "() => { window.frames_ = 0; const f = () => { frames_++; requestAnimationFrame(f); }; f() }"
-)
+# Frames, and those of them in which the browser got another pose to draw: a texture of places.
+COUNT = """
+window.frames_ = window.seen_ = 0;
+let told = false;
+for (const name of ["texSubImage2D", "texImage2D"]) {
+  const own = WebGL2RenderingContext.prototype[name];
+  WebGL2RenderingContext.prototype[name] = function (...given) {
+    told = true;
+    return own.apply(this, given);
+  };
+}
+const frame = () => {
+  frames_ += 1;
+  seen_ += told;
+  told = false;
+  requestAnimationFrame(frame);
+};
+requestAnimationFrame(frame);
+"""
+# A hand that moves 60 times a second, by 24 pixels to either side.
+HAND = """([x, y]) => {
+  let k = 0;
+  setInterval(() => {
+    const clientX = x + 24 * Math.sin(++k / 10), at = {clientX, clientY: y, bubbles: true};
+    document.dispatchEvent(new MouseEvent("mousemove", at));
+  }, 16);
+}"""
 
 
 class Counting(Viewer):
@@ -29,32 +53,29 @@ class Counting(Viewer):
 
     residuals: list[float]
 
-    def _place(self, pose: Pose, said: str = "") -> None:
-        super()._place(pose, said)
+    def _place(self, pose: Pose, *more: Any) -> None:
+        super()._place(pose, *more)
         self.__dict__.setdefault("residuals", []).append(pose.residual)
 
 
-def drag(viewer: Any, page: Any) -> tuple[float, float, float]:
-    """Poses and frames of the browser a second, and the largest residual in m."""
+def drag(viewer: Any, page: Any) -> tuple[float, float, float, float]:
+    """Poses that are sent, seen, and frames a second, and the largest residual in m."""
     page.goto(viewer.url)
     slider = page.get_by_role("slider").first
     slider.wait_for()
-    page.wait_for_timeout(3000)  # for all parts to be there
-    page.evaluate(FRAMES)
+    page.wait_for_timeout(5000)  # for all parts to be there
     box = slider.bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     page.mouse.move(x, y)
     page.mouse.down()
+    page.evaluate(HAND, [x, y])
+    page.wait_for_timeout(1000)
+    start, first = time.perf_counter(), page.evaluate("[seen_, frames_]")
     viewer.residuals.clear()
-    start, first = time.perf_counter(), page.evaluate("frames_")
-    while time.perf_counter() - start < SECONDS:
-        for k in (*range(STEPS), *range(STEPS, -STEPS, -1), *range(-STEPS, 0)):
-            page.mouse.move(x + 2 * k, y)
-            if time.perf_counter() - start > SECONDS:
-                break
-    took, frames = time.perf_counter() - start, page.evaluate("frames_") - first
-    page.mouse.up()
-    return len(viewer.residuals) / took, frames / took, max(viewer.residuals)
+    time.sleep(SECONDS)
+    sent, seen = len(viewer.residuals), np.subtract(page.evaluate("[seen_, frames_]"), first)
+    took = time.perf_counter() - start
+    return sent / took, *(seen / took), max(viewer.residuals)
 
 
 def cost(viewer: Any) -> float:
@@ -71,7 +92,7 @@ def main() -> None:
     from playwright.sync_api import sync_playwright
 
     program = next(filter(None, map(shutil.which, BROWSERS)))
-    print(f"{'robot':20} {'ms a pose':>9} {'poses/s':>8} {'frames/s':>9} {'closed to (m)':>14}")
+    print(f"{'robot':20} ms a pose  poses/s: sent  seen  frames/s  closed to (m)")
     with sync_playwright() as play:
         browser = play.chromium.launch(executable_path=program, args=OPTIONS)
         for name in sys.argv[1:] or ("3ups_rpu", "delta"):
@@ -81,9 +102,10 @@ def main() -> None:
                 own = 1e3 * cost(viewer)
                 page = browser.new_page(viewport={"width": 480, "height": 320})
                 page.set_default_timeout(120e3)
-                poses, frames, residual = drag(viewer, page)
+                page.add_init_script(COUNT)
+                sent, seen, frames, off = drag(viewer, page)
                 page.close()
-            print(f"{robot.name:20} {own:9.1f} {poses:8.1f} {frames:9.1f} {residual:14.0e}")
+            print(f"{robot.name:20} {own:9.1f} {sent:14.1f} {seen:5.1f} {frames:9.1f} {off:14.0e}")
         browser.close()
 
 

@@ -89,9 +89,20 @@ def _sigterm_raises() -> Iterator[None]:
     if not own or threading.current_thread() is not threading.main_thread():
         yield
         return
-    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
+    stopped = threading.Event()
+
+    def stop(number: int, _: object) -> None:
+        stopped.set()
+        threading.excepthook = lambda _: None  # of the library's threads, which end at any step
+        sys.exit(128 + number)
+
+    signal.signal(signal.SIGTERM, stop)
     try:
         yield
+    except Exception:
+        if not stopped.is_set():
+            raise
+        sys.exit(128 + signal.SIGTERM)  # the library was stopped in the middle of a step
     finally:
         with suppress(ValueError):  # where another thread closes the generator
             signal.signal(signal.SIGTERM, signal.SIG_DFL)

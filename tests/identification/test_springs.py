@@ -95,6 +95,8 @@ def test_each_term_is_bought_where_it_is_there(suspected):
         assert found.enough[1].choice == enough
         assert found.chosen.choice == "Fc,Fv; left_crank_joint: Ks,Fo"
         assert found.bodies_pay
+        lacking = "coupler" in enough  # all other sets are parts of the chosen one
+        assert (found.missing is not None) == lacking
 
 
 def test_the_rate_of_stribeck_friction_is_profiled(suspected):

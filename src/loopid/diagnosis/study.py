@@ -88,9 +88,9 @@ class Study:
                 return replace(
                     found, excite=(), improvement=f"mending {one.recording} ({sentence})"
                 )
-        if not self.term_sets.chosen.errors[1].as_good:
-            better = f'terms="{self.term_sets.enough[1].choice}"'
-            return replace(found, excite=(), improvement=f"identifying with {better} instead")
+        if (better := self.term_sets.missing) is not None:
+            said = f'identifying with terms="{better.choice}" instead'
+            return replace(found, excite=(), improvement=said)
         return found
 
 
@@ -118,11 +118,10 @@ def study_logs(
     Warns
     -----
     DataWarning
-        Of mistakes that would explain the forces of a log clearly better (``diagnose``), of
-        and of all that ``identify`` warns
-        of.
+        Of mistakes that would explain the forces of a log clearly better (``diagnose``), and of
+        all that ``identify`` warns of.
     ModelWarning
-        When other joint terms predict clearly better (``compare_terms``).
+        When further joint terms predict clearly better (``compare_terms``).
 
     Examples
     --------
@@ -183,8 +182,8 @@ def _warn(study: Study) -> None:
     """Tell of mistakes, and of terms that are missing."""
     for one in study.suspicions:
         one.warn()
-    best, own = study.term_sets.enough[1], study.term_sets.chosen
-    if not own.errors[1].as_good:
+    own, best = study.term_sets.chosen, study.term_sets.missing
+    if best is not None:
         warn(
             f"joint terms {own.choice} leave larger errors on new data than {best.choice} (squared "
             f"{own.errors[1].mean:.3g} and {best.errors[1].mean:.3g}), and intervals do not hold "

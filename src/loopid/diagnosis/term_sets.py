@@ -32,6 +32,8 @@ class TermSet:
     ----------
     choice : str
         As of ``JointTerms.of``.
+    kinds : frozenset of tuple of str
+        Joints and kinds of the terms.
     parameters : tuple of int
         What is fitted with the bodies of the robot file, and together with them.
     errors : tuple of PredictionError
@@ -40,6 +42,7 @@ class TermSet:
     """
 
     choice: str
+    kinds: frozenset[tuple[str, str]]
     parameters: tuple[int, int]
     errors: tuple[PredictionError, PredictionError]
 
@@ -78,6 +81,16 @@ class TermComparison:
         """
         with_file, fitted = (self.sets[_enough(self.sets, k)] for k in (0, 1))
         return with_file, fitted
+
+    @property
+    def missing(self) -> TermSet | None:
+        """A set that is clearly better with fitted bodies, and has terms that the chosen lacks.
+
+        Where fewer terms predict better, the intervals of the chosen ones are as wide as they
+        should be.
+        """
+        best, own = self.enough[1], self.chosen
+        return None if own.errors[1].as_good or best.kinds <= own.kinds else best
 
 
 def _enough(sets: Sequence[TermSet], k: int) -> int:
@@ -140,10 +153,12 @@ def compare_terms(found: Identification, *, choices: Sequence[str] = ()) -> Term
     fits = [_fits(whole, factor, kinds, prior_deviation) for kinds in sets]
     errors = [prediction_errors(unseen, [fit[k][1] for fit in fits], scale) for k in (0, 1)]
     judged = [
-        TermSet(_choice(mechanism, kinds), (fit[0][0], fit[1][0]), (with_file, fitted))
+        TermSet(
+            _choice(mechanism, kinds), _pairs(kinds), (fit[0][0], fit[1][0]), (with_file, fitted)
+        )
         for kinds, fit, with_file, fitted in zip(sets, fits, *errors, strict=True)
     ]
-    chosen = [_pairs(kinds) for kinds in sets].index(_pairs(own.of_joints if own else {}))
+    chosen = [each.kinds for each in judged].index(_pairs(own.of_joints if own else {}))
     best = [fits[_enough(judged, k)][k][1] for k in (0, 1)]
     bodies_pay = not prediction_errors(unseen, best, scale)[0].as_good
     return TermComparison(tuple(judged), judged[chosen], bodies_pay)

@@ -138,7 +138,7 @@ class JointTerms:
     def with_values(
         cls, mechanism: Mechanism, terms: str
     ) -> tuple[JointTerms | None, FloatArray | None]:
-        """The terms of a terms such as ``"Fc=60,Fv=900; elbow: Ks=12"``, and their values (k,).
+        """The terms of a choice such as ``"Fc=60,Fv=900; elbow: Ks=12"``, and their values (k,).
 
         A spring is slack at zero where no ``Fo`` is given.
         """

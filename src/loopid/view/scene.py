@@ -14,7 +14,6 @@ from loopid.inertia import central_moments, centre, pseudo_inertia
 from loopid.kinematics import assembly_modes, measured_coordinates, singularity_measure
 from loopid.kinematics.assembly import CLOSURE_TOLERANCE, try_assemble
 from loopid.kinematics.constraint import scaled_residual
-from loopid.loading.files import find_files
 from loopid.records import record
 from loopid.robot.mechanism import Mechanism, scratch_data
 
@@ -69,8 +68,6 @@ class Scene:
     ----------
     mechanism : Mechanism
     sliders : tuple of Slider
-    solids : list of pinocchio.GeometryObject
-        What the robot's URDF draws, beside rods between the joints of each link.
     closed : float
         Residual in m up to which a loop counts as closed.
 
@@ -94,7 +91,6 @@ class Scene:
         self.mechanism, self._measured = mechanism, measured_coordinates(mechanism)
         at = self._measured.read(mechanism.reference[None])[0]
         self.sliders = tuple(map(self._slider, mechanism.measured, at))
-        self.solids = _solids(mechanism)
         self.closed = max(CLOSURE_TOLERANCE, 2.0 * mechanism.closure_residual)
         self._rods = link_rods(mechanism)
 
@@ -126,17 +122,18 @@ class Scene:
         )
 
     @checked
-    def moved(self, pose: Pose, values: FloatArray) -> tuple[Pose, bool]:
+    def moved(self, pose: Pose, values: FloatArray, *, part: float = 1.0) -> tuple[Pose, bool]:
         """The closed pose at values of the sliders, and whether they are reached from a pose.
 
-        The way there is straight, and ends where it leaves the workspace or meets a singularity.
+        The way there, or a part of it, is straight, and ends where it leaves the workspace or meets
+        a singularity.
         """
         robot, start = self.mechanism, pose.configuration
         goal = samples(values, self._measured.width, "values", 1)
-        found = try_assemble(robot, goal, start=start)
+        way = part * self._measured.difference(pose.values[None], goal)
+        found = try_assemble(robot, pose.values + way, start=start)
         if found.assembled[0]:
             return self.at(found.configurations[0]), True
-        way = self._measured.difference(pose.values[None], goal)
         parts = pose.values + np.linspace(0.0, 1.0, PARTS + 1)[1:, None] * way
         found = try_assemble(robot, parts, start=start, trajectory=True)
         reached = int(np.append(found.assembled, False).argmin())
@@ -151,19 +148,6 @@ class Scene:
         found = robot.modes or (assembly_modes(robot, robot.reference) if robot.rows else ())
         others = (mode.reference for mode in found)
         return robot.reference, *(q for q in others if abs(q - robot.reference).max() > APART)
-
-
-def _solids(robot: Mechanism) -> list[pin.GeometryObject]:
-    """What a robot's URDF draws; nothing where its meshes are missing, or of other formats."""
-    tree = find_files(robot.path).tree
-    if tree.suffix != ".urdf":
-        return []
-    kind, folders = pin.GeometryType.VISUAL, [str(folder) for folder in tree.absolute().parents]
-    try:
-        found = pin.buildGeomFromUrdf(robot.model, str(tree), kind, package_dirs=folders)
-    except (ValueError, RuntimeError):
-        return []
-    return list(found.geometryObjects)
 
 
 Rod = tuple[tuple[int, FloatArray], tuple[int, FloatArray]]  # joints, and points in their frames

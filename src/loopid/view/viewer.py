@@ -10,15 +10,14 @@ import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
 
-import coal
 import numpy as np
-import pinocchio as pin
 from scipy.spatial.transform import Rotation
+from trimesh import creation
 
 from loopid.arguments import FloatArray, checked, spread_rows
 from loopid.errors import MissingExtraError, OptionError
@@ -28,8 +27,11 @@ from loopid.motion.files import read_motion_program
 from loopid.motion.joints import JointMotion, joint_motion
 from loopid.robot.mechanism import Mechanism
 from loopid.view.scene import BodyMass, Pose, Scene, body_masses, fitted_masses
+from loopid.view.solids import read_solids
 
 RATE = 25.0  # poses a second of a playback
+STEPS, PAUSE = 2, 0.02  # to where a slider is, as browsers tell it every 50 ms; s between them
+STOPPED = "stopped by a singularity or the end of reach, "
 BROWSERS = "chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"
 HEADLESS = ["headless=new", "use-angle=swiftshader", "enable-unsafe-swiftshader", "no-first-run"]
 PATIENCE = 60.0  # s for a browser to start, or to draw
@@ -37,6 +39,7 @@ THICKNESS = 0.012  # radius of a rod, of the robot's characteristic length
 BEHIND = np.array([1.0, -1.3, 0.8])  # from where one looks
 FIELD = 0.8  # rad, the height of what one sees
 ROD, OPEN, CLOSED = (120, 144, 156), (213, 94, 0), (0, 158, 115)
+BALL = creation.icosphere(1)
 MASSES = (0, 114, 178), (230, 159, 0), (204, 121, 167), (86, 180, 233)  # of the file, then fits
 
 
@@ -127,7 +130,7 @@ class Viewer:
         """Move the sliders to values in m or rad, as far as they get, and tell if all the way."""
         with self._lock:
             pose, arrived = self.scene.moved(self.pose, values)
-            self._place(pose, "" if arrived else "stopped by a singularity or the end of reach, ")
+            self._place(pose, "" if arrived else STOPPED)
         return arrived
 
     def pictures(self, count: int = 1, height: int = 480, width: int = 640) -> Iterator[bytes]:
@@ -183,31 +186,21 @@ class Viewer:
 
     def _draw(self) -> None:
         """Everything that a pose places."""
-        from trimesh import creation
-
         pose, draw, thick = self.pose, self._server.scene, THICKNESS * self.scene.mechanism.length
-        # Shadows and mirrored surroundings take seconds where there is no graphics card.
-        draw.configure_default_lights(cast_shadow=False)
+        # Without a graphics card, each light, mirrored surroundings and shadows take long.
+        draw.configure_default_lights(False)
         draw.configure_environment_map(None)
         draw.add_light_ambient("/light", intensity=1.5)
-        ball, pole = creation.icosphere(2), creation.cylinder(1.0, 1.0, sections=16)
-        self._links = [
-            draw.add_frame(f"/links/{k}", show_axes=False) for k in range(len(pose.origins))
-        ]
-        for number, solid in enumerate(self.scene.solids):
-            _add_solid(draw, f"/links/{solid.parentJoint}/{number}", solid)
-
-        def batch(name: str, mesh: Any, size: float, count: int, color: Any, **look: Any) -> Any:
-            turns = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
-            return draw.add_batched_meshes_simple(
-                name, size * mesh.vertices, mesh.faces, turns, np.zeros((count, 3)),
-                batched_scales=np.ones((count, 3)), batched_colors=np.tile(color, (count, 1)),
-                **look,
-            )  # fmt: skip
-
-        self._rods = batch("/rods", pole, 1.0, len(pose.rods), ROD)
-        self._ends = batch("/ends", ball, thick, 2 * len(pose.rods), ROD)
-        self._cuts = batch("/cuts", ball, 2.6 * thick, 2 * len(pose.closures), CLOSED, opacity=0.7)
+        draw.add_light_directional("/sun", intensity=2.5, position=tuple(BEHIND))
+        self._solids = [
+            (joint, draw.add_mesh_simple(f"/solids/{k}", mesh.vertices, mesh.faces, color=color,
+                                         flat_shading=True))
+            for k, (joint, color, mesh) in enumerate(read_solids(self.scene.mechanism))
+        ]  # fmt: skip
+        rods, cuts = np.ones((len(pose.rods), 3)), np.ones((2 * len(pose.closures), 3))
+        self._rods = self._batch("/rods", creation.cylinder(1.0, 1.0, sections=12), rods, ROD)
+        self._ends = self._batch("/ends", BALL, thick * np.tile(rods, (2, 1)), ROD)
+        self._cuts = self._batch("/cuts", BALL, 2.6 * thick * cuts, CLOSED)
         names = [closure.name for closure in self.scene.mechanism.closures]
         self._labels = [
             draw.add_label(f"/labels/{k}", n, visible=False) for k, n in enumerate(names)
@@ -222,13 +215,29 @@ class Viewer:
         floor = (*middle[:2], low[2] - 0.05 * reach)
         draw.add_grid("/grid", 2 * reach, 2 * reach, position=floor, cell_size=reach / 10)
 
-    def _place(self, pose: Pose, said: str = "") -> None:
-        """Put everything where a pose has it, and say how the pose is."""
+    def _batch(self, name: str, shape: Any, sizes: FloatArray, color: Any, **look: Any) -> Any:
+        """Many of one shape, with their sizes (N, 3)."""
+        turns, colors = (
+            np.tile([1.0, 0.0, 0.0, 0.0], (len(sizes), 1)),
+            np.tile(color, (len(sizes), 1)),
+        )
+        return self._server.scene.add_batched_meshes_simple(
+            name, shape.vertices, shape.faces, turns, np.zeros((len(sizes), 3)),
+            batched_scales=sizes, batched_colors=colors, cast_shadow=False, receive_shadow=False,
+            **look,
+        )  # fmt: skip
+
+    def _place(self, pose: Pose, said: str = "", dragged: Any = None) -> None:
+        """Put everything where a pose has it, and say how the pose is.
+
+        What a browser is told at each pose costs it more than the pose itself: nothing is placed
+        that is not shown.
+        """
         with self._lock, self._server.atomic():
             self.pose = pose
             turns = _turn(pose.rotations).as_quat(scalar_first=True)
-            for frame, origin, turn in zip(self._links, pose.origins, turns, strict=True):
-                frame.position, frame.wxyz = origin, turn
+            for joint, solid in self._solids:
+                solid.position, solid.wxyz = pose.origins[joint], turns[joint]
             way = pose.rods[:, 1] - pose.rods[:, 0]
             lengths = np.linalg.norm(way, axis=1, keepdims=True)
             thick = np.full((len(way), 2), THICKNESS * self.scene.mechanism.length)
@@ -239,12 +248,28 @@ class Viewer:
             self._cuts.batched_positions = pose.closures.reshape(-1, 3)
             colours = np.where(pose.open_by[:, None] <= self.scene.closed, CLOSED, OPEN)
             self._cuts.batched_colors = np.repeat(colours, 2, axis=0)
+            for box, bodies, batch in self._masses:
+                batch.visible = box.value
+                if box.value:
+                    joints, centres = (
+                        [b.joint for b in bodies],
+                        np.array([b.centre for b in bodies]),
+                    )
+                    R = pose.rotations[joints]
+                    batch.batched_positions = pose.origins[joints] + np.einsum(
+                        "nij,nj->ni", R, centres
+                    )
+                    axes = _turn(R @ np.array([body.axes for body in bodies]))
+                    batch.batched_wxyzs = axes.as_quat(scalar_first=True)
             closures = zip(self._labels, self.scene.mechanism.closures, strict=True)
             for k, (label, closure) in enumerate(closures):
-                label.position = pose.closures[k].mean(axis=0)
-                label.text = f"{closure.name}: {pose.open_by[k]:.1e} m"
+                label.visible = self._named.value
+                if self._named.value:
+                    label.position = pose.closures[k].mean(axis=0)
+                    label.text = f"{closure.name}: {pose.open_by[k]:.1e} m"
             for slider, value in zip(self._sliders, pose.values, strict=True):
-                slider.value = float(np.clip(value, slider.min, slider.max))
+                if slider is not dragged:
+                    slider.value = float(np.clip(value, slider.min, slider.max))
             kept = "closed to" if pose.residual <= self.scene.closed else "open by"
             self._state.value = f"{said}{kept} {pose.residual:.1e} m"
             self._singularity.value = f"{pose.singularity:.3g}"
@@ -261,9 +286,9 @@ class Viewer:
             slider.on_update(self._dragged)
             self._sliders.append(slider)
         gui.add_button("Reference").on_click(lambda _: self.show(robot.reference))
+        self._named = gui.add_checkbox("Closures by name", False, visible=bool(self._labels))
+        self._named.on_update(lambda _: self._place(self.pose))
         if robot.rows:
-            names = gui.add_checkbox("Closures by name", False)
-            names.on_update(lambda _: _set_visible(self._labels, names.value))
             find = gui.add_button("Find assembly modes")
             find.on_click(lambda _: self._add_modes(find))
 
@@ -272,10 +297,15 @@ class Viewer:
         if event.client is None:  # set by ``_place``
             return
         with self._lock:
-            goal, k = self.pose.values.copy(), self._sliders.index(event.target)
-            goal[k] = event.target.value
-            if goal[k] != self.pose.values[k]:
-                self.move(goal)
+            goal, slider = self.pose.values.copy(), event.target
+            k = self._sliders.index(slider)
+            goal[k] = slider.value
+            for left in range(STEPS if goal[k] != self.pose.values[k] else 0, 0, -1):
+                pose, arrived = self.scene.moved(self.pose, goal, part=1 / left)
+                self._place(pose, "" if arrived else STOPPED, slider if arrived else None)
+                if not arrived:
+                    break
+                self._closed.wait(PAUSE if left > 1 else 0)
 
     def _add_modes(self, button: Any) -> None:
         button.disabled = True
@@ -286,18 +316,17 @@ class Viewer:
 
     def _add_masses(self, masses: Mapping[str, Sequence[BodyMass]]) -> None:
         """Centres of mass and ellipsoids of inertia, by what says so."""
-        draw, size = self._server.scene, 1.5 * THICKNESS * self.scene.mechanism.length
-        visible = len(masses) > 1
+        size, self._masses = 1.5 * THICKNESS * self.scene.mechanism.length, list[Any]()
         for n, (name, bodies) in enumerate(masses.items()):
-            box, nodes = self._server.gui.add_checkbox(f"masses of {name}", visible), []
-            for k, body in enumerate(bodies):
-                place, turn = f"/links/{body.joint}/mass {n} {k}", _turn(body.axes)
-                look = {"color": MASSES[n % 4], "position": body.centre, "visible": visible}
-                nodes.append(draw.add_icosphere(place, size, **look))
-                look |= {"scale": tuple(body.radii), "wxyz": turn.as_quat(scalar_first=True)}
-                if body.radii.all():
-                    nodes.append(draw.add_icosphere(f"{place} inertia", opacity=0.35, **look))
-            box.on_update(lambda event, nodes=nodes: _set_visible(nodes, event.target.value))
+            box = self._server.gui.add_checkbox(f"masses of {name}", len(masses) > 1)
+            box.on_update(lambda _: self._place(self.pose))
+            solid = [body for body in bodies if body.radii.all()]
+            radii, look = np.array([body.radii for body in solid]), MASSES[n % len(MASSES)]
+            centres = self._batch(f"/masses/{n}", BALL, np.full((len(bodies), 3), size), look)
+            self._masses.append((box, bodies, centres))
+            if solid:
+                inertias = self._batch(f"/inertias/{n}", BALL, radii, look, opacity=0.35)
+                self._masses.append((box, solid, inertias))
 
     def _add_playback(self, motion: JointMotion) -> None:
         first, last = float(motion.time[0]), float(motion.time[-1])
@@ -326,34 +355,12 @@ def _turn(rotations: FloatArray) -> Rotation:
     return Rotation.from_matrix(np.array(rotations))
 
 
-def _set_visible(nodes: Iterable[Any], visible: bool) -> None:
-    for node in nodes:
-        node.visible = visible
-
-
 def _turns_of_z(directions: FloatArray) -> FloatArray:
     """Quaternions (R, 4) that turn z into directions (R, 3)."""
     x, y, z = directions.T
     turns = np.stack([1 + z, -y, x, np.zeros_like(x)], axis=1)
     turns[z < -1 + 1e-9] = 0.0, 1.0, 0.0, 0.0
     return np.asarray(turns / np.linalg.norm(turns, axis=1, keepdims=True))
-
-
-def _add_solid(draw: Any, name: str, solid: pin.GeometryObject) -> None:
-    """A piece of a robot's geometry, with the frame of its link as parent."""
-    shape, colour = solid.geometry, tuple(int(255 * x) for x in solid.meshColor[:3])
-    place = pin.SE3ToXYZQUAT(solid.placement)
-    at = {"color": colour, "position": place[:3], "wxyz": np.roll(place[3:], 1)}
-    if isinstance(shape, coal.Box):
-        draw.add_box(name, dimensions=2 * shape.halfSide, **at)
-    elif isinstance(shape, coal.Sphere):
-        draw.add_icosphere(name, shape.radius, **at)
-    elif isinstance(shape, coal.Cylinder):
-        draw.add_cylinder(name, shape.radius, 2 * shape.halfLength, **at)
-    elif isinstance(shape, coal.BVHModelBase):
-        corners = np.array(shape.vertices()) * solid.meshScale
-        triangles = [tuple(shape.tri_indices(k)) for k in range(shape.num_tris)]
-        draw.add_mesh_simple(name, corners, np.array(triangles), flat_shading=True, **at)
 
 
 @checked

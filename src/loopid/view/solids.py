@@ -1,0 +1,105 @@
+"""What robot files draw of their links: triangles in the frames of the joints that carry them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import coal
+import numpy as np
+import pinocchio as pin
+import trimesh
+from trimesh import creation
+
+from loopid.arguments import FloatArray
+from loopid.loading.files import find_files
+from loopid.robot.mechanism import Mechanism
+
+Color: TypeAlias = tuple[int, int, int]
+Solid: TypeAlias = tuple[int, Color, trimesh.Trimesh]  # joint by its index, triangles in its frame
+SHOWN_GROUPS = 3  # of MuJoCo's geometry: its own viewer shows these at first, then collisions
+SECTIONS = 12  # of what is round: without a graphics card, triangles take long
+
+
+def read_solids(mechanism: Mechanism) -> list[Solid]:
+    """What a robot's file draws, in one piece a joint and colour.
+
+    Nothing of other formats than URDF and MJCF, and of URDFs whose meshes are missing.
+    """
+    tree = find_files(mechanism.path).tree
+    read = {".urdf": _of_urdf, ".xml": _of_mjcf, ".mjcf": _of_mjcf}.get(tree.suffix)
+    pieces = dict[tuple[int, Color], list[trimesh.Trimesh]]()
+    for joint, color, mesh in read(mechanism, tree) if read else ():
+        pieces.setdefault((joint, color), []).append(mesh)
+    return [(*key, trimesh.util.concatenate(meshes)) for key, meshes in pieces.items()]
+
+
+def _of_urdf(robot: Mechanism, tree: Path) -> Iterator[Solid]:
+    kind, folders = pin.GeometryType.VISUAL, [str(folder) for folder in tree.absolute().parents]
+    try:
+        found = pin.buildGeomFromUrdf(robot.model, str(tree), kind, package_dirs=folders)
+    except (ValueError, RuntimeError):
+        return
+    for each in found.geometryObjects:
+        shape, size = each.geometry, np.ones(3)
+        if isinstance(shape, coal.Box):
+            mesh = creation.box(2 * shape.halfSide)
+        elif isinstance(shape, coal.Sphere):
+            mesh = creation.icosphere(1, shape.radius)
+        elif isinstance(shape, coal.Cylinder):
+            mesh = creation.cylinder(shape.radius, 2 * shape.halfLength, sections=SECTIONS)
+        elif isinstance(shape, coal.BVHModelBase):
+            corners = [tuple(shape.tri_indices(k)) for k in range(shape.num_tris)]
+            mesh = trimesh.Trimesh(shape.vertices(), corners, process=False)
+            size = each.meshScale
+        else:
+            continue
+        yield each.parentJoint, _color(each.meshColor), _placed(mesh, each.placement, size)
+
+
+def _of_mjcf(robot: Mechanism, tree: Path) -> Iterator[Solid]:
+    from mujoco import mjtGeom
+
+    from loopid.formats.mjcf import Scene, compile_mjcf
+
+    compiled, _ = compile_mjcf(tree)
+    links = Scene(tree, compiled).bodies
+    for k in np.flatnonzero(compiled.geom_group < SHOWN_GROUPS):
+        kind, size = mjtGeom(int(compiled.geom_type[k])), compiled.geom_size[k]
+        scale, link = np.ones(3), links[compiled.geom_bodyid[k]]
+        if kind == mjtGeom.mjGEOM_BOX:
+            mesh = creation.box(2 * size)
+        elif kind in (mjtGeom.mjGEOM_SPHERE, mjtGeom.mjGEOM_ELLIPSOID):
+            mesh, scale = creation.icosphere(1), size if size[1] else size[[0, 0, 0]]
+        elif kind == mjtGeom.mjGEOM_CYLINDER:
+            mesh = creation.cylinder(size[0], 2 * size[1], sections=SECTIONS)
+        elif kind == mjtGeom.mjGEOM_CAPSULE:
+            mesh = creation.capsule(2 * size[1], size[0], count=[SECTIONS, SECTIONS])
+            mesh.vertices -= mesh.bounds.mean(axis=0)  # older ones begin at their lower end
+        elif kind == mjtGeom.mjGEOM_MESH:
+            mesh = _mesh(compiled, int(compiled.geom_dataid[k]))
+        else:  # planes, fields of heights
+            continue
+        frame = robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)]
+        turn = pin.Quaternion(*compiled.geom_quat[k]).toRotationMatrix()
+        place = frame.placement * pin.SE3(turn, compiled.geom_pos[k])
+        material = compiled.geom_matid[k]
+        look = compiled.mat_rgba[material] if material >= 0 else compiled.geom_rgba[k]
+        yield frame.parentJoint, _color(look), _placed(mesh, place, scale)
+
+
+def _mesh(compiled: Any, k: int) -> trimesh.Trimesh:
+    first, face = compiled.mesh_vertadr[k], compiled.mesh_faceadr[k]
+    corners = compiled.mesh_vert[first : first + compiled.mesh_vertnum[k]]
+    faces = compiled.mesh_face[face : face + compiled.mesh_facenum[k]]
+    return trimesh.Trimesh(corners, faces, process=False)
+
+
+def _placed(mesh: trimesh.Trimesh, place: pin.SE3, size: FloatArray) -> trimesh.Trimesh:
+    return mesh.apply_transform(place.homogeneous @ np.diag([*size, 1.0]))
+
+
+def _color(part: FloatArray) -> Color:
+    red, green, blue = (int(255 * x) for x in part[:3])
+    return red, green, blue
