@@ -27,19 +27,22 @@ from loopid.workers import one_blas_thread
 from tables import show, write_json
 
 RATE, FINE, BITS = 100.0, 1000.0, 17
+LEAD = 0.01  # m that a slide goes in a turn of its motor, which has the encoder
 DELAYS = (0.0, 5.0, 10.0, 20.0, 50.0)
 CLOSE = 1.0  # ms
 
 
 def late_log(case: Case, delay: float, seed: int) -> Log:
     """A log of 100 Hz whose forces are so many s late."""
-    rng, exact, step = np.random.default_rng(seed), case.exact, 2 * np.pi / 2**BITS
+    rng, exact, robot = np.random.default_rng(seed), case.exact, case.robot
+    slides = np.isin(robot.velocity_indices(robot.actuated), robot.prismatic)
+    step = np.where(slides, LEAD, 2 * np.pi) / 2**BITS
     kept = slice(round(FINE / RATE), None, round(FINE / RATE))
     force = make_interp_spline(exact.time, exact.exact_force, k=3)(exact.time[kept] - delay)
     force += case.noise * rng.normal(size=force.shape)
     zero = step * rng.uniform(size=exact.position.shape[1])
     position = step * np.round((exact.position[kept] - zero) / step) + zero
-    return Log.from_arrays(exact.time[kept], position, force, case.robot.actuated)
+    return Log.from_arrays(exact.time[kept], position, force, robot.actuated)
 
 
 def figures(case: Case, delay: float, runs: int) -> dict[str, Any]:
