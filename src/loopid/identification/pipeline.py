@@ -114,16 +114,6 @@ class FitOptions:
         """Name of the estimator."""
         return self.estimator if isinstance(self.estimator, str) else self.estimator.name
 
-    @property
-    def keeps_robot_file(self) -> bool:
-        """Whether the robot file's values are kept where the data tell nothing."""
-        return self.unidentifiable == "prior"
-
-    @property
-    def weighs_robot_file(self) -> bool:
-        """Whether the robot file is weighed, too: by default, with ``"wls"``."""
-        return self.name == "wls"
-
 
 # Names of the candidates.
 ROBOT_FILE, ALL = "robot file", "all parameters"
@@ -358,7 +348,7 @@ def identify(
     whole = fit_all(force_model, data, excited, first=first, options=options)
     start = fit_joint_terms(force_model, data, options=options)
     fits = {ROBOT_FILE: start, ALL: whole}
-    if options.weighs_robot_file:
+    if options.name == "wls":
         fits[CONSISTENT] = fit_solid_bodies(
             force_model, data, excited, whole=whole, terms_known=first is not None, options=options
         )
@@ -423,7 +413,7 @@ def fit_all(
         return fit_in_steps(first, data, known, estimator=estimator)
     if not excited.unidentifiable:
         return working_fit(data, estimator, quiet=False).result
-    if not (options.keeps_robot_file and excited.rank):
+    if not (options.unidentifiable == "prior" and excited.rank):
         raise excited.refusal
     return fit_excited(data, force_model.prior, excited.excitation, estimator=estimator)
 

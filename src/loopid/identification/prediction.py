@@ -183,11 +183,6 @@ class Candidate:
         return self.fit.values
 
     @property
-    def covariance(self) -> FloatArray:
-        """Covariance (n, n), zero where nothing was fitted."""
-        return self.fit.covariance
-
-    @property
     def training(self) -> Quality:
         """On the data of the fit."""
         return self.fit.quality
