@@ -143,19 +143,14 @@ def find_delay(force_model: ForceModel, recordings: Sequence[Recording]) -> Dela
 
     Examples
     --------
-    Forces that are two rows late:
+    Forces that are 20 ms late:
 
-    >>> import loopid, numpy as np
+    >>> import loopid
     >>> robot = loopid.load_mechanism("five_bar")
-    >>> sine, cosine = 0.1 * np.random.default_rng(0).normal(size=(2, 2, 4))
-    >>> series = loopid.FourierSeries(robot.actuated, 0.2, np.array([1.7, 0.7]), sine, cosine)
-    >>> motion = loopid.joint_motion(robot, series.motion(10.0, 100.0))
-    >>> run = loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=0.01))
-    >>> late = run.time[2:], run.position[2:], run.force[:-2]
-    >>> log = loopid.Log.from_arrays(*late, robot.actuated)
     >>> model = loopid.find_force_model(robot, "full")
-    >>> found = loopid.find_delay(model, [loopid.prepare_recording(robot, log)])
-    >>> round(found.common, 3)
+    >>> late = loopid.read_log("urdf/logs/five_bar.csv", robot).delayed(-0.02)
+    >>> found = loopid.find_delay(model, [loopid.prepare_recording(robot, late)])
+    >>> round(found.common, 2)
     0.02
     """
     robot = force_model.mechanism

@@ -240,16 +240,13 @@ def split_recordings(
 
     Examples
     --------
-    >>> import loopid, numpy as np
+    >>> import loopid
     >>> robot = loopid.load_mechanism("five_bar")
-    >>> sine = 0.1 * np.ones((2, 1))
-    >>> series = loopid.FourierSeries(robot.actuated, 0.1, np.array([1.7, 0.7]), sine, sine)
-    >>> motion = loopid.joint_motion(robot, series.motion(20.0, 10.0))
-    >>> force = np.zeros((len(motion.time), 2))
-    >>> run = loopid.logs.Recording.of_motion(motion, force, robot.actuated)
+    >>> log = loopid.read_log("urdf/logs/five_bar.csv", robot)
+    >>> run = loopid.prepare_recording(robot, log)
     >>> training, validation = loopid.split_recordings([run], 0.75)
-    >>> len(run), len(training[0]), len(validation[0])
-    (201, 151, 50)
+    >>> len(training[0]) + len(validation[0]) == len(run)
+    True
     """
     parts = [recording.split(fraction) for recording in recordings]
     return tuple(part[0] for part in parts), tuple(part[1] for part in parts)
@@ -306,22 +303,13 @@ def identify(
 
     Examples
     --------
-    A five-bar whose log was simulated with friction:
-
-    >>> import loopid, numpy as np
+    >>> import loopid
     >>> robot = loopid.load_mechanism("five_bar")
-    >>> friction, values = loopid.JointTerms.with_values(robot, "Fc=1,Fv=2")
-    >>> sine, cosine = 0.1 * np.random.default_rng(0).normal(size=(2, 2, 4))
-    >>> series = loopid.FourierSeries(robot.actuated, 0.02, np.array([1.7, 0.7]), sine, cosine)
-    >>> motion = loopid.joint_motion(robot, series.motion(100.0, 5.0))
-    >>> noise = loopid.Noise(gaussian=0.01)
-    >>> log = loopid.simulate_measurement(
-    ...     robot, motion, noise, joint_terms=friction, joint_values=values
-    ... )
-    >>> run = loopid.logs.Recording.of_motion(motion, log.force, robot.actuated)
-    >>> found = loopid.identify(loopid.find_force_model(robot, "gravity"), [run])
-    >>> round(found.fit["left_crank_joint.Fv"].value, 1)
-    2.0
+    >>> log = loopid.read_log("urdf/logs/five_bar.csv", robot)  # with 0.1 N m of friction
+    >>> run = loopid.prepare_recording(robot, log)
+    >>> found = loopid.identify(loopid.find_force_model(robot, "full"), [run])
+    >>> round(found.fit["left_crank_joint.Fc"].value, 2)
+    0.1
     """
     options.require_references(len(references))
     delay = find_delay(force_model, recordings) if options.undo_delay else None
