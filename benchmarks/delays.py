@@ -4,10 +4,10 @@
 
 Each row is a robot with bodies that are some 20 % off its file and with friction, on one motion of
 100 Hz that repeats after 10 s, and forces that are so many ms late: the error of the delay (root
-mean square, and the part of the logs within 1 ms), half of its 95 % interval, how often that covers it, in which part of the
-logs it is undone, and how often intervals of parameters by weighted least squares cover the true
-values after it. A row of 0 ms is of clean logs: what is undone there is a false alarm. Cases are
-those of ``intervals.py``; seeds draw the noise of the forces.
+mean square, and the part of the logs within 1 ms), half of its 95 % interval, how often that covers
+it, in which part of the logs it is undone, and how often intervals of parameters by weighted least
+squares cover the true values after it. A row of 0 ms is of clean logs: what is undone there is a
+false alarm. Cases are those of ``intervals.py``; seeds draw the noise of the forces.
 """
 
 from __future__ import annotations
