@@ -19,7 +19,8 @@ from loopid.cli.shell import in_options
 from loopid.workers import progress_bar
 
 SOURCE = Path(loopid.__file__).parent
-COMMANDS = typer.main.get_command(app).commands
+GROUP = typer.main.get_command(app)
+COMMANDS = GROUP.commands
 
 
 # Advice
@@ -37,9 +38,10 @@ COMMANDS = typer.main.get_command(app).commands
         ("export", "replace it, overwrite=True", "replace it, --overwrite"),
         ("excite", "collisions=False", "--no-collisions"),
         ("predict", 'say where it is, file="FILE"', "say where it is, --robot FILE"),
-        # What the command has no option for stays as it is.
-        ("check", 'unidentifiable="prior"', 'unidentifiable="prior"'),
-        ("check", "file=3, tied=False", "file=3, tied=False"),
+        ("check", 'springs: terms="file" has', "springs: loopid base --terms file has"),
+        # What no command has an option for stays as it is.
+        ("check", 'instruments="W"', 'instruments="W"'),
+        ("check", "nodes=3, tied=False", "nodes=3, tied=False"),
         ("base", "rounding is 1e-05", "rounding is 1e-05"),
         ("base", "xrounding=1", "xrounding=1"),
         ("base", "/tmp/rounding=1/a.yaml is a folder", "/tmp/rounding=1/a.yaml is a folder"),
@@ -49,7 +51,8 @@ COMMANDS = typer.main.get_command(app).commands
     ],
 )
 def test_advice_in_words_of_python_is_shown_in_those_of_the_command(command, said, shown):
-    assert in_options(said, COMMANDS[command].params) == shown
+    context = typer.Context(COMMANDS[command], parent=typer.Context(GROUP))
+    assert in_options(said, context) == shown
 
 
 def strings(tree):

@@ -245,6 +245,20 @@ def test_models_inside_have_their_own_frames(load):
     np.testing.assert_allclose(J[3:, robot.joint("wrist").idx_v], [1, 0, 0], atol=1e-12)
 
 
+def test_a_nested_model_stands_for_its_canonical_link(load):
+    """A joint and a frame of a model are on the link that it names, else on its first one."""
+    hand = """<model name="hand"{}><frame name="tip"><pose>0.1 0 0 0 0 0</pose></frame>"""
+    hand += LINK.format("palm", 0.2, SOLID) + LINK.format("thumb", 0.5, SOLID)
+    hand += HINGE.format("knuckle", "palm", "thumb", 1, "", "") + "</model>"
+    wrist = HINGE.format("wrist", "two", "hand", 1, "", "")
+    for more, link in (("", "hand::palm"), (' canonical_link="thumb"', "hand::thumb")):
+        model_of = load(model(*ARM[:2], *ARM[3:], hand.format(more), wrist)).model
+        tip, carrier = (
+            model_of.frames[model_of.getFrameId(name)].parentJoint for name in ("hand::tip", link)
+        )
+        assert tip == carrier == model_of.getJointId("wrist")
+
+
 def test_a_universal_joint_is_two_hinges(load):
     axes = "<axis2><xyz>1 0 0</xyz></axis2>"
     joint = HINGE.format("u", "two", "three", 1, "", axes).replace("revolute", "universal")
@@ -263,6 +277,7 @@ def test_a_universal_joint_is_two_hinges(load):
         ([*ARM, "<include><uri>model://x</uri></include>"], "include"),
         ([*ARM[1:], '<link name="one"><pose>1 2</pose></link>'], "six finite numbers"),
         ([*ARM[1:], '<link name="one"><pose relative_to="j1"/></link>'], "relative to itself"),
+        ([*ARM[:2], *ARM[3:], '<frame name="f" attached_to="f"/>'], "attached to itself"),
     ],
 )
 def test_what_cannot_be_read_is_named(load, parts, word):

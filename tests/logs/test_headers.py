@@ -105,6 +105,7 @@ STAMPS = "".join(
         quoted("time," + NAMES)
         + quoted(rows().replace(",", ";")).replace(";", '","').replace(".", ","),
         "time q1 q2 tau1 tau2\n" + rows(),
+        "time [s];θ₁ [°];θ₂ [°];τ₁ [N\u202fm];τ₂ [N\xa0m]\n" + rows(";", position=DEGREES),
         "Timestamp," + NAMES + rows(time=NIGHT),
         "time;q1;q2;tau1;tau2\n" + commas(rows(";", time=NOON)),
     ],
@@ -262,6 +263,12 @@ def with_dates(columns, dates=DATES):
 )
 def test_frames_with_headers_as_people_write_them(frame):
     check(Log.from_frame(frame, JOINTS))
+
+
+def test_masked_cells_of_a_frame_are_left_out():
+    masked = np.ma.masked_where(TIME == 1.0, COLUMNS["tau1 [N m]"])
+    with pytest.warns(DataWarning, match=r"no number in tau1 \[N m\] in row 101 of 400"):
+        Log.from_frame(COLUMNS | {"tau1 [N m]": masked}, JOINTS)
 
 
 class Indexed(dict):

@@ -1,14 +1,18 @@
 """What an error advises is done to the letter, and works."""
 
+import gzip
 import json
+import re
 import shutil
 import sqlite3
+import tomllib
 import warnings
 from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import beside_tests  # noqa: F401
@@ -19,14 +23,16 @@ from recorded_logs import states, write_ros2
 
 import loopid
 from loopid import JointTerms
+from loopid.base_parameters import SubgroupSearch
 from loopid.control import RecursiveLeastSquares, WrenchObserver, constraint_models
 from loopid.diagnosis import eliminate_parameters
-from loopid.errors import LoopidError
+from loopid.errors import LoopidError, MissingExtraError
 from loopid.export import c_source, export_fit
 from loopid.identification import Bisquare, FitSamples, WeightedLeastSquares
 from loopid.kinematics import SamplingOptions
 from loopid.loading import bundled_directory
 from loopid.motion import JointMotion
+from loopid.view import fitted_masses
 from made_runs import ARM, modelled
 
 TIME = np.arange(300) / 100
@@ -52,6 +58,35 @@ class Log:
 
 def names(*given, **mapping):
     return Log(given, mapping=mapping)
+
+
+def table(header="", more="", **mapping):
+    """A table below a header, if any, with more in each row."""
+
+    def make(folder):
+        rows = [",".join(map(repr, row)) + more for row in np.column_stack(ROWS).tolist()]
+        (folder / "run.csv").write_text("\n".join([header, *rows, ""]).lstrip())
+        mapped_by = loopid.logs.LogMapping(**mapping)
+        return loopid.read_log(folder / "run.csv", load("four_bar"), mapping=mapped_by)
+
+    return make
+
+
+def mapped(**more):
+    one = {"joints": ["crank_joint"], "motors": ["drive"], "matrix": [[0.5]]}
+    return lambda _: loopid.logs.LogMapping(joint_maps=[one], **more)
+
+
+def bomb(**mapping):
+    """A log of which most are spaces."""
+
+    def make(folder):
+        rows = "".join(f"{k / 100},{k % 7:5000},{k % 3:5000}\n" for k in range(2000))
+        (folder / "run.csv.gz").write_bytes(gzip.compress(f"{','.join(NAMES)}\n{rows}".encode()))
+        mapped_by = loopid.logs.LogMapping(position_scale=0.1, **mapping)
+        return loopid.read_log(folder / "run.csv.gz", load("four_bar"), mapping=mapped_by)
+
+    return make
 
 
 MS = (1e3 * TIME, *ROWS[1:])
@@ -126,6 +161,31 @@ OF_LOGS = {
         names(*NAMES, delay={"crank": 0.01}),
         "give joints among crank_joint",
         names(*NAMES, delay={"crank_joint": 0.01}),
+    ),
+    "positions from another zero": (
+        Log(columns=(TIME, 1e5 + ROWS[1], ROWS[2])),
+        "with position_offset in a mapping they would fit",
+        Log(columns=(TIME, 1e5 + ROWS[1], ROWS[2]), mapping={"position_offset": 2 - 1e5}),
+    ),
+    "columns without names": (
+        table(),
+        "name its columns by their numbers in a mapping",
+        table(time={"column": "1"}, position={"crank_joint": "2"}, force={"crank_joint": "3"}),
+    ),
+    "names with a separator": (
+        table(",".join(NAMES) + ",state, of the drive", more=",2"),
+        "names with a separator that are not in quotes?",
+        table(",".join(NAMES) + ',"state, of the drive"', more=",2"),
+    ),
+    "a saturation beside joint maps": (
+        mapped(saturation=9.0),
+        "leave it out beside joint_maps",
+        mapped(),
+    ),
+    "a log that stands for much more": (
+        bomb(),
+        "give a larger 'unpacked_ratio' in a mapping if it is to be trusted",
+        bomb(unpacked_ratio=2000.0),
     ),
     "a log of no known format": (
         Log(name="run.dat"),
@@ -214,6 +274,15 @@ def mimicked(content):
     return make
 
 
+def tilted(angle, **options):
+    """The four-bar with a hinge in place of its point."""
+    hinge = (
+        f"{{type: hinge, frames: [coupler_end, rocker_end], axes: [[{angle}, 0, 1], [0, 0, 1]]}}"
+    )
+    closed = re.sub(r"closed_loop.*\ntype.*", f"closures: [{hinge}]", FOUR_BAR)
+    return Robot("four_bar.yaml", closed, options)
+
+
 OF_ROBOTS = {
     "a tag": (yaml("margin: !!float 0.02"), "is not read: remove it", yaml("margin: 0.02")),
     "an odd number": (
@@ -284,6 +353,11 @@ OF_ROBOTS = {
         "leave a closure out",
         mimicked("remove_closures: [elbow]\n" + COUPLED.format("")),
     ),
+    "hinges that are not quite parallel": (
+        tilted(1e-3),
+        "it closes with rounding=3e-05, if the numbers of the file are rounded so",
+        tilted(1e-3, rounding=3e-05),
+    ),
     "a weld where a pin is meant": (
         edited("['3d']", "['6d']"),
         "a pin is a hinge, a ball 3d",
@@ -327,8 +401,8 @@ load = cache(loopid.load_mechanism)
 observed = cache(loopid.structural_observation)
 
 
-def base(search):
-    return lambda _: loopid.find_base_parameters(observed(load("3ups_rpu"), "full"), search)
+def base(search, robot="3ups_rpu"):
+    return lambda _: loopid.find_base_parameters(observed(load(robot), "full"), search)
 
 
 def weighed(model, **gravity):
@@ -496,6 +570,42 @@ def moved(**options):
     return make
 
 
+def changed_file(reload):
+    """New inertials for a file of which one was written by hand in the meantime."""
+
+    def make(folder):
+        file = folder / "arm.urdf"
+        robot = urdf()(folder)
+        file.write_text(ARM.replace(MASS, '<mass value="2.5"', 1))
+        robot = loopid.load_mechanism(file) if reload else robot
+        return loopid.export_robot_file(
+            robot, 1.1 * robot.standard_parameters(), folder / "new.urdf"
+        )
+
+    return make
+
+
+def fit_of_bases(found, data):
+    return loopid.fit(data)
+
+
+def fit_of_bodies(found, data):
+    rng = np.random.default_rng(0)
+    noisy = data.force + 0.01 * rng.normal(size=data.force.shape)
+    data = FitSamples.of(data.parameters, data.actuators, data.regressor, noisy)
+    return loopid.consistent_fit(found, data, loopid.fit(data).noise)
+
+
+def masses(make_fit):
+    def make(folder):
+        found = forces("five_bar", "full")
+        fit = make_fit(found, found.samples(recorded(found)))
+        file = loopid.save_fit(folder / "fit.json", found, fit)
+        return fitted_masses(load("five_bar"), loopid.read_fit(file))
+
+    return make
+
+
 EXACT = 0 * NOISE
 OF_FITS = {
     "no instruments": (
@@ -599,6 +709,47 @@ SERIES = loopid.FourierSeries(
 BALL = Robot("b.xml", MJCF.format('<joint name="ball" type="ball"/>'))
 
 
+FRICTION = JointTerms(("crank_joint",), ("Fc",))
+
+
+@cache
+def crowded():
+    """The five-bar with a motor too many."""
+    five_bar = load("five_bar")
+    motors = (*five_bar.actuated, "left_coupler_joint")
+    with TemporaryDirectory() as folder:
+        for end in ("urdf", "yaml"):
+            shutil.copy(bundled_directory() / f"five_bar.{end}", folder)
+        file = Path(folder) / "five_bar.yaml"
+        text = re.sub("name_mot: .*", f"name_mot: {json.dumps(motors)}", file.read_text())
+        file.write_text(text)
+        return loopid.load_mechanism(file)
+
+
+def driven(*motors, **more):
+    """A ball with a hinge behind it, and which of them have motors."""
+
+    def make(folder):
+        BALL(folder)
+        return Robot("ball.yaml", json.dumps({"mjcf": "b.xml", "name_mot": motors} | more))(folder)
+
+    return make
+
+
+def read(robot, **options):
+    """A log of a robot, made ready."""
+    waves = np.sin(np.outer(TIME, np.arange(1, len(robot.actuated) + 1)))
+    log = loopid.Log.from_arrays(TIME, 0.3 * waves, waves, robot.actuated, **options)
+    return loopid.prepare_recording(robot, log)
+
+
+def simulated(**options):
+    robot = load("four_bar")
+    series = loopid.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
+    motion = loopid.joint_motion(robot, series.motion(rate=20))
+    return loopid.simulate_measurement(robot, motion, **options)
+
+
 def quick(robot, terms=None):
     return loopid.find_force_model(robot, "full", terms, search="qr")
 
@@ -650,6 +801,37 @@ OF_ANALYSES = {
         lambda folder: quick(BALL(folder), JointTerms(("ball.wx",), ("Fv",))),
     ),
     "a search without end": (base("exhaustive"), "use search='exact'", base("exact")),
+    "a subgroup without combinations": (
+        base(SubgroupSearch(alpha=0.01), "delta"),
+        "use search='exact'",
+        base("exact", "delta"),
+    ),
+    "subgroups without end": (base("subgroup"), "use search='exact'", base("exact")),
+    "loads of redundant motors": (
+        lambda _: quick(crowded(), JointTerms(("left_crank_joint",), ("Fl",))),
+        "leave out load-dependent friction",
+        lambda _: quick(crowded(), JointTerms(("left_crank_joint",), ("Fc",))),
+    ),
+    "a log of a robot that floats": (
+        lambda folder: read(FLOATING(folder)),
+        "lock them (lock=['root_joint'])",
+        lambda folder: read(locked("root_joint", floating_base=True)(folder)),
+    ),
+    "a log of a base that is not measured": (
+        lambda folder: read(FLOATING(folder)),
+        "or measure root_joint ('free')",
+        lambda folder: read(FLOATING(folder), free={"root_joint": np.tile(np.eye(7)[6], (300, 1))}),
+    ),
+    "a log of a ball with a motor": (
+        lambda folder: read(driven("ball", "j")(folder)),
+        "name the motors in 'name_mot'",
+        lambda folder: read(driven("j", joint_name=["ball"], joint_type=["FIXED"])(folder)),
+    ),
+    "terms without values": (
+        lambda _: simulated(joint_terms=FRICTION),
+        "give both or neither",
+        lambda _: simulated(joint_terms=FRICTION, joint_values=[0.1]),
+    ),
     "no weight": (
         weighed("gravity", gravity=[0, 0, 0]),
         "choose the full model",
@@ -712,6 +894,16 @@ OF_FILES = {
         bag(lambda folder: (folder / "run#1.db3").rename(folder / "run_1.db3")),
     ),
     "numbers in another packing": (hdf5(scaleoffset=6), "by gzip or lzf", hdf5(compression="gzip")),
+    "a robot file that was changed": (
+        changed_file(reload=False),
+        "is not what it was when the robot was loaded: load it again",
+        changed_file(reload=True),
+    ),
+    "masses of many bodies": (
+        masses(fit_of_bases),
+        "the recommended fit of the same robot does",
+        masses(fit_of_bodies),
+    ),
     "the robot's own file": (
         exported(own=True),
         "or replace it by overwrite=True",
@@ -745,6 +937,102 @@ OF_FILES = {
         moved(file="new/other.yaml"),
     ),
 }
+
+
+def clipped(**mapping):
+    def make(folder):
+        robot = load("four_bar")
+        read = Log(
+            columns=(TIME, 2 * np.sin(3 * TIME), np.clip(3 * np.cos(9 * TIME), -2.5, 2.5)),
+            mapping=mapping,
+        )
+        unfiltered = loopid.FilterOptions(cutoff=None)
+        return loopid.prepare_recording(robot, read(folder), filter=unfiltered)
+
+    return make
+
+
+def swinging(dynamics="", **more):
+    """An arm whose elbow is a universal joint, with a YAML."""
+
+    def make(folder):
+        head, _, tail = ARM.rpartition("</joint>")
+        (folder / "damped.urdf").write_text(f"{head}{dynamics}</joint>{tail}")
+        content = {"urdf": "damped.urdf", "joint_name": ["elbow"], "joint_type": ["UJOINT_XY"]}
+        return Robot("arm.yaml", json.dumps(content | more))(folder)
+
+    return make
+
+
+def drawn(keys):
+    """The five-bar with some of its YAML's keys."""
+
+    def make(folder):
+        shutil.copy(bundled_directory() / "five_bar.urdf", folder)
+        text = (bundled_directory() / "five_bar.yaml").read_text()
+        blocks = re.findall(r"^\w+:.*\n(?:[ ].*\n)*", text, re.MULTILINE)
+        kept = [block for block in blocks if block.partition(":")[0] in keys]
+        return Robot("five_bar.yaml", "".join(kept))(folder)
+
+    return make
+
+
+LOOPS = "urdf", "closed_loop", "type"
+DAMPED = '<dynamics damping="0.1"/>'
+OF_WARNINGS = {
+    "motors that no file names": (
+        drawn({*LOOPS, "reference"}),
+        "list the motors as 'name_mot' in a YAML beside it",
+        drawn({*LOOPS, "reference", "name_mot"}),
+    ),
+    "a drawn pose outside of limits": (
+        drawn({*LOOPS, "name_mot"}),
+        "give the pose as 'reference'",
+        drawn({*LOOPS, "reference", "name_mot"}),
+    ),
+    "terms of a joint that is replaced": (
+        swinging(DAMPED),
+        "give theirs in joint_terms",
+        swinging(DAMPED, joint_terms={"elbow_X": {"Fv": 0.1}, "elbow_Y": {"Fv": 0.1}}),
+    ),
+    "clipped forces": (
+        clipped(),
+        "('saturation' in a mapping overrides this)",
+        clipped(saturation=5.0),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", OF_WARNINGS)
+def test_what_a_warning_advises_ends_it(case, tmp_path):
+    broken, advice, followed = OF_WARNINGS[case]
+    for make, warned in ((broken, True), (followed, False)):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            make(tmp_path)
+        assert any(advice in str(warning.message) for warning in caught) == warned
+
+
+def missing_packages():
+    """Packages of which the source says that they may be missing, with the extras it names."""
+    for file in Path(loopid.__file__).parent.rglob("*.py"):
+        for found in re.finditer(r'MissingExtraError\.of\("(.*?)", "(.*?)"\)', file.read_text()):
+            yield found.groups()
+        for found in re.finditer(r'optional\("(.*?)"\)', file.read_text()):
+            yield found[1], "logs"
+
+
+def test_the_extra_that_is_named_brings_what_is_missing():
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+    found = dict(missing_packages())
+    assert {"mujoco", "h5py", "viser"} <= {*found}
+    for package, extra in found.items():
+        said = str(MissingExtraError.of(package, extra))
+        assert said == f"{package} is not installed: pip install 'loopid[{extra}]' brings it"
+        brought = project["optional-dependencies"][extra]
+        assert any(re.match(rf"{package}\b", requirement) for requirement in brought)
+
+
 CASES = {**OF_LOGS, **OF_ROBOTS, **OF_FITS, **OF_ANALYSES, **OF_FILES}
 
 

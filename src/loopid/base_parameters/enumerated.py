@@ -165,7 +165,8 @@ class SubgroupSearch(SearchStrategy):
         if d > size:
             raise OptionError(
                 f"subgroup search has no combinations: it would choose n - r = {d} of the "
-                f"n* = {size} rows of a group (n = {problem.size}, r = {r}, alpha = {self.alpha})",
+                f"n* = {size} rows of a group (n = {problem.size}, r = {r}, alpha = {self.alpha}): "
+                "use search='exact'",
                 dependent=d,
                 group=size,
             )
@@ -173,7 +174,8 @@ class SubgroupSearch(SearchStrategy):
         if needed > bound:
             raise OptionError(
                 f"a group of subgroup search has C({size}, {d}) = {comb(size, d):,} combinations, "
-                f"which take {needed / 2**30:,.1f} GiB (bound {bound / 2**30:g} GiB)",
+                f"which take {needed / 2**30:,.1f} GiB (bound {bound / 2**30:g} GiB): use "
+                "search='exact'",
                 needed=needed,
                 bound=bound,
             )

@@ -9,7 +9,7 @@ import shutil
 import sys
 import warnings
 from ast import literal_eval
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import wraps
@@ -44,7 +44,7 @@ class Command(TyperCommand):
         told = ctx.obj = list[str]()
 
         def keep(message: Warning | str, *_: Any, **__: Any) -> None:
-            text = in_options(str(message), self.params)
+            text = in_options(str(message), ctx)
             told.extend([text] if text not in told else [])
 
         try:
@@ -56,7 +56,7 @@ class Command(TyperCommand):
                     for text in told:
                         say(f"warning: {text}", whole=ctx.params.get("verbose", False))
         except LoopidError as error:
-            refuse(in_options(str(error), self.params))
+            refuse(in_options(str(error), ctx))
         except MemoryError as error:
             refuse(f"there is not enough memory: {error}")
         except BrokenPipeError:
@@ -70,26 +70,33 @@ class Command(TyperCommand):
             raise
 
 
-def in_options(text: str, parameters: Iterable[Any]) -> str:
+def in_options(text: str, context: typer.Context) -> str:
     """Text whose advice to use a parameter of a command names the command's option.
 
-    ``lock=["x", "y"]`` becomes ``--lock x --lock y`` where the command has that option; all other
-    text stays as it is.
+    ``lock=["x", "y"]`` becomes ``--lock x --lock y`` where the command has that option, and
+    ``loopid base --lock x --lock y`` where only others have it; all other text stays as it is.
     """
-    options = {each.name: each for each in parameters if each.param_type_name == "option"}
+    others = getattr(context.find_root().command, "commands", {}).values()
 
     def option(found: re.Match[str]) -> str:
-        known = options.get(found["name"])
-        if known is None:
-            return found[0]
-        if known.is_flag:
-            names = known.opts if found["value"] == "True" else known.secondary_opts
-            return str(names[0]) if names else found[0]
-        given = literal_eval(found["value"]) if found["value"][0] in "[\"'" else found["value"]
-        words = given if isinstance(given, list) else [given]
-        return " ".join(f"{known.opts[0]} {shlex.quote(str(word))}" for word in words)
+        for command in (context.command, *others):
+            for known in command.params:
+                if known.name == found["name"] and known.param_type_name == "option":
+                    words = _in_words(known, found["value"]) or found[0]
+                    elsewhere = words != found[0] and command.name != context.command.name
+                    return f"loopid {command.name} {words}" if elsewhere else words
+        return found[0]
 
     return ADVICE.sub(option, text)
+
+
+def _in_words(known: Any, value: str) -> str:
+    """An option with a value in Python's words; empty where a flag has no such value."""
+    if known.is_flag:
+        return str(next(iter(known.opts if value == "True" else known.secondary_opts), ""))
+    given = literal_eval(value) if value[0] in "[\"'" else value
+    words = given if isinstance(given, list) else [given]
+    return " ".join(f"{known.opts[0]} {shlex.quote(str(word))}" for word in words)
 
 
 def refuse(reason: str) -> NoReturn:
@@ -168,7 +175,7 @@ class Answer:
 
         console = Console(highlight=False)
         console.width = console.width or WIDTH
-        verdict = in_options(report.verdict, self.context.command.params)
+        verdict = in_options(report.verdict, self.context)
         console.print(Words(f"{report.title}: {verdict}"))
         if report.advice:
             typer.echo(in_lines(report.advice, console.width))

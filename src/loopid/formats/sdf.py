@@ -173,17 +173,19 @@ class _Sdf:
 
     # Places.
 
+    def _full(self, scope: str, name: str) -> str:
+        """Full name of an element, or of the frame of a nested model."""
+        for full in (scope + name, f"{scope}{name}::{MODEL}"):
+            if full in self.placed:
+                return full
+        there = shortened([each for each in self.placed if not each.endswith(MODEL)])
+        raise RobotFileError(f"unknown link or frame {name!r}: choose among {there}")
+
     def place(self, scope: str, name: str) -> pin.SE3:
         """Placement of an element in the world."""
         if name == WORLD:
             return pin.SE3.Identity()
-        full = scope + name
-        if full not in self.placed and full + "::" + MODEL in self.placed:
-            full += "::" + MODEL
-        if full not in self.placed:
-            raise RobotFileError(
-                f"unknown frame {name!r}: choose among {shortened([*self.placed])}"
-            )
+        full = self._full(scope, name)
         if full not in self.places:
             self.places[full] = pin.SE3(np.full((3, 3), np.nan), np.zeros(3))  # is being found
             self.places[full] = self._place(full)
@@ -210,27 +212,26 @@ class _Sdf:
             return self.place(scope, where) * own
 
     def carrier(self, scope: str, name: str) -> str:
-        """The link that a frame is fixed to."""
+        """The link that a frame is fixed to; the frame of a model to its canonical link."""
         seen: list[str] = []
         while name != WORLD:
-            full = scope + name
-            if full not in self.placed or full in seen:
-                raise RobotFileError(
-                    f"unknown link {name!r}: choose among {shortened([*self.links])}"
-                )
+            full = self._full(scope, name)
+            if full in seen:
+                raise RobotFileError(f"the frame {name!r} is attached to itself")
             seen.append(full)
             element, scope = self.placed[full]
             if element.tag == "link":
                 return full
-            tag = (
-                element.findtext("child") if element.tag == "joint" else element.get("attached_to")
-            )
-            name = (tag or "").strip() or next(k.removeprefix(scope) for k in self.links_of(scope))
+            if element.tag == "model":
+                inner = element.find("link")
+                inner = element.find("model") if inner is None else inner
+                first = "" if inner is None else required(inner, "name")
+                name = element.get("canonical_link") or first
+            elif element.tag == "joint":
+                name = (child(element, "child").text or "").strip()
+            else:
+                name = element.get("attached_to") or MODEL
         return WORLD
-
-    def links_of(self, scope: str) -> Iterator[str]:
-        """Links of a model, of which the first is its canonical one."""
-        return (k for k, (e, own) in self.placed.items() if e.tag == "link" and own == scope)
 
     def frames(self) -> Iterator[tuple[str, str, pin.SE3]]:
         """Frames with a name of their own, the link each is fixed to, and the place in it."""

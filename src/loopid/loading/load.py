@@ -274,6 +274,7 @@ def _joint_values(
     NaN for what is there with an unknown value.
     """
     found: dict[str, dict[str, float]] = {}
+    described = {*description.joint_terms}
     for name, values in description.joint_terms.items():
         given = {kind: nan if x is None else x for kind, x in values.items() if x != 0}
         if name in mechanism.joints:
@@ -287,7 +288,7 @@ def _joint_values(
                 given=name,
                 valid=mechanism.coordinates,
             )
-        elif given and name not in tree.locked:
+        elif given and name not in tree.locked and not {*tree.replaced.get(name, ())} & described:
             warn(
                 f"{mechanism.path}: other joints have taken the place of {name}, so its "
                 f"{', '.join(given)} are left out: give theirs in joint_terms",

@@ -35,13 +35,13 @@ TIME_PAIRS = tuple(
 TIMES = {"time", "t", "timestamp", "time_stamp", "stamp", "elapsed_time", "header_stamp"}
 # of quantities, with the name of a joint,
 WITH_JOINT = {
-    "position": ("position", "pos", "angle", "q"),
-    "force": ("force", "effort", "torque", "tau"),
+    "position": ("position", "pos", "angle", "q", "theta", "θ"),
+    "force": ("force", "effort", "torque", "tau", "τ"),
 }
 # or with the number of a motor, from 0 or from 1 on, as in "force_0", "tau1" and "joint 1 torque".
 WITH_NUMBER = {
-    "position": ("position", "joint_position", "pos", "angle", "joint_angle", "q", "actual_q"),
-    "force": ("force", "effort", "torque", "control_action", "joint_torque", "tau", "tau_j"),
+    "position": (*WITH_JOINT["position"], "joint_position", "joint_angle", "actual_q"),
+    "force": (*WITH_JOINT["force"], "joint_torque", "tau_j", "control_action"),
 }
 NUMBERED = ("{word}_{k}", "joint_{k}_{word}", "{word}_joint_{k}", "axis_{k}_{word}")
 # Relative difference of scales that are the same: how many digits people give.

@@ -518,6 +518,8 @@ def _cells(column: Any) -> Any:
         return column
     if getattr(getattr(column, "dtype", None), "tz", None) is not None:  # of pandas
         return np.asarray(column, dtype="datetime64[ns]")
+    if np.ma.is_masked(column):
+        column = np.ma.filled(column.astype(np.float64), np.nan)
     values = np.asarray(column)
     if values.dtype.kind != "O":
         return values

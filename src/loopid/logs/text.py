@@ -131,11 +131,12 @@ def _read_table(path: Path, ceiling: Ceiling, times: Sequence[str], values: Sequ
 
 
 def _decoded(data: bytes) -> str:
-    """Text in UTF-8, or else in the code page of Windows."""
+    """Text in UTF-8, or else in the code page of Windows, with all its spaces alike."""
     try:
-        return data.decode("utf-8")
+        text = data.decode("utf-8")
     except UnicodeDecodeError:
-        return data.decode("cp1252", "replace")
+        text = data.decode("cp1252", "replace")
+    return text.replace("\xa0", " ").replace("\u202f", " ")
 
 
 def _split(lines: polars.Series, separator: str | None, *, quoted: bool) -> polars.Series:
@@ -249,11 +250,12 @@ def _header(path: Path, names: Sequence[str], separator: str | None, lines: int)
 
 
 def _names(line: Line, separator: str | None, width: int, spare: bool) -> list[str]:
-    """So many names in a line, with that separator or any other; empty where there are not.
+    """So many names in a line, with that separator or, without it, others; else none.
 
     Separators at the end of the line, or of all samples, which have a spare cell, do not count.
     """
-    for one in (separator, *SEPARATORS):
+    others = SEPARATORS if separator is None or len(line.cells(separator)) == 1 else ()
+    for one in (separator, *others):
         cells = line.cells(one)
         if len(cells) == width + 1 and not cells[-1]:
             cells = cells[:-1]
