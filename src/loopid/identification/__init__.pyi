@@ -1,10 +1,6 @@
 from .consistent import ConsistentOptions as ConsistentOptions, consistent_fit as consistent_fit
 from .correlation import Autoregression as Autoregression
-from .cutoff import (
-    CutoffChoice as CutoffChoice,
-    CutoffOptions as CutoffOptions,
-    choose_cutoff as choose_cutoff,
-)
+from .cutoff import CutoffChoice as CutoffChoice, choose_cutoff as choose_cutoff
 from .delay import (
     Delay as Delay,
     find_delay as find_delay,

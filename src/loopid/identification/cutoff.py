@@ -15,13 +15,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from pydantic import Field
 
-from loopid.arguments import FloatArray, Positive, checked
-from loopid.errors import DataWarning, LoopidError, OptionError, warn
+from loopid.arguments import FloatArray, checked
+from loopid.errors import DataWarning, LoopidError, warn
 from loopid.identification.estimator import inverse_deviations
 from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import ROUND_OFF, FitProblem
@@ -30,6 +29,10 @@ from loopid.logs.recording import FilterOptions, Recording
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
+# Ratio of neighbouring cut-offs: the error of a fit changes little over it. The first and the last,
+# in bands of the motion: products of velocities and friction reach beyond its band, but hardly
+# further than the last. Least samples of the log in a period of the last.
+STEP, NARROWEST, WIDEST, PERIOD = 1.4, 1.4, 30.0, 5.0
 # Cut-off of the band that all are judged in, in bands of the motion: in the band of the motion
 # itself fits that are too narrow look better than they are.
 JUDGED = 4.0
@@ -40,38 +43,6 @@ CLEARLY = 2.0
 # Variance of the predictions, relative to the least, at which wider cut-offs are given up; part by
 # which it may exceed the least: of such cut-offs the middle one is chosen.
 GROWTH, TIE = 10.0, 0.05
-
-
-@record(kw_only=True, checked=True)
-class CutoffOptions:
-    """Which cut-offs are tried.
-
-    Attributes
-    ----------
-    step : float
-        Ratio of neighbouring cut-offs: the error of a fit changes little over it.
-    narrowest, widest : float
-        The first and the last, in bands of the motion (``motion_band``): products of velocities
-        and friction reach beyond its band, but hardly further than the last.
-    period : float
-        Least samples of the log in a period of the last cut-off.
-
-    Raises
-    ------
-    OptionError
-        When the widest is not beyond the narrowest.
-    """
-
-    step: Annotated[float, Field(gt=1)] = 1.4
-    narrowest: Positive = 1.4
-    widest: Positive = 30.0
-    period: Annotated[float, Field(gt=2)] = 5.0
-
-    def __post_init__(self) -> None:
-        if not self.narrowest < self.widest:
-            raise OptionError(
-                f"widest must be beyond the narrowest, {self.narrowest:g}, not {self.widest:g}"
-            )
 
 
 @record
@@ -144,7 +115,6 @@ def choose_cutoff(
     force_model: ForceModel,
     recordings: Sequence[Recording],
     *,
-    options: CutoffOptions = CutoffOptions(),
     n_jobs: int = 1,
 ) -> CutoffChoice | None:
     """Choose the cut-off at which fits predict best what they were not fitted to.
@@ -155,7 +125,6 @@ def choose_cutoff(
     ----------
     recordings : sequence of Recording
         That will be fitted; nothing else is looked at.
-    options : CutoffOptions, optional
     n_jobs : int
         Processes that compute the regressors.
 
@@ -176,12 +145,12 @@ def choose_cutoff(
     robot = force_model.mechanism
     band = max(motion_band(robot, log) for log in logs)
     rate = min(log.rate(part) for log in logs for part in log.parts() if len(log.time[part]) > 1)
-    limit = rate / options.period
+    limit = rate / PERIOD
     if not band:
         return None
-    wanted, narrowest = options.widest * band, min(options.narrowest * band, limit)
-    count = int(np.log(min(wanted, limit) / narrowest) / np.log(options.step))
-    cutoffs = narrowest * options.step ** np.arange(count + 1)
+    wanted, narrowest = WIDEST * band, min(NARROWEST * band, limit)
+    count = int(np.log(min(wanted, limit) / narrowest) / np.log(STEP))
+    cutoffs = narrowest * STEP ** np.arange(count + 1)
     judged = min(JUDGED * band, limit)
     parts = -(-BLOCKS // len(open_ones))
 
@@ -205,7 +174,7 @@ def choose_cutoff(
     if not tried:
         return None
     chosen, clear = _chosen(np.array(errors), np.array(variances), judge.force)
-    last = chosen == len(tried) - 1 and limit < wanted and tried[-1] * options.step > limit
+    last = chosen == len(tried) - 1 and limit < wanted and tried[-1] * STEP > limit
     return CutoffChoice(
         cutoffs=np.array(tried),
         errors=np.sqrt(np.sum(errors, axis=1) / (judge.rows * judge.force)),

@@ -13,7 +13,7 @@ import numpy as np
 from loopid.arguments import FloatArray, checked
 from loopid.errors import DataError, DataWarning, OptionError, warn
 from loopid.identification.consistent import CONSISTENT, ConsistentOptions, consistent_fit
-from loopid.identification.cutoff import CutoffChoice, CutoffOptions, choose_cutoff, prepared_at
+from loopid.identification.cutoff import CutoffChoice, choose_cutoff, prepared_at
 from loopid.identification.delay import Delay, find_delay, with_delay_errors, without_delay
 from loopid.identification.estimator import ESTIMATORS, Estimator, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
@@ -57,8 +57,6 @@ class FitOptions:
         are fitted, the rest judges.
     consistent : ConsistentOptions
         Of the fit that weighs the robot file.
-    cutoff : CutoffOptions
-        Which cut-offs of the filter are tried (``choose_cutoff``).
     undo_delay : bool
         Whether a clear delay between forces and motion is undone in the logs (``find_delay``).
     terms : TermOptions
@@ -83,7 +81,6 @@ class FitOptions:
     unidentifiable: str = "prior"
     fraction: float = 0.6
     consistent: ConsistentOptions = ConsistentOptions()
-    cutoff: CutoffOptions = CutoffOptions()
     undo_delay: bool = True
     terms: TermOptions = TermOptions()
     n_jobs: int = 1
@@ -319,7 +316,7 @@ def identify(
     training, judging, friction = (
         without_delay(force_model, runs, delay) for runs in (training, judging, friction)
     )
-    cutoff = choose_cutoff(force_model, training, options=options.cutoff, n_jobs=options.n_jobs)
+    cutoff = choose_cutoff(force_model, training, n_jobs=options.n_jobs)
     if cutoff is not None:
         cutoff.warn()
         training, judging, friction = (
