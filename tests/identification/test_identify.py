@@ -73,9 +73,9 @@ def test_the_baseline_holds_the_robot_file_and_the_friction_of_the_data(found, k
         baseline = each.baseline
         np.testing.assert_array_equal(baseline.values[bodies], truth[bodies])
         assert (baseline.name, baseline.fitted) == ("robot file", 8)
-        assert not baseline.covariance[bodies].any()
+        assert not baseline.fit.covariance[bodies].any()
         errors = baseline.values[joints] - truth[joints]
-        spread = np.sqrt(np.diag(baseline.covariance)[joints])
+        spread = np.sqrt(np.diag(baseline.fit.covariance)[joints])
         assert np.abs(errors / spread).max() < 4.5
 
 
@@ -122,7 +122,7 @@ def test_a_mass_that_was_changed_is_found_and_nothing_else(essential, knee_model
     assert [label for label in labels if not label.endswith((".Fc", ".Fv"))] == ["platform.m"]
     column = knee_model.parameters.labels.index("platform.m")
     off = candidate.values - knee_model.prior
-    error = np.sqrt(candidate.covariance[column, column])
+    error = np.sqrt(candidate.fit.covariance[column, column])
     assert off[column] == pytest.approx(2.0, abs=max(4 * error, 0.05))
     others = np.setdiff1d(knee_model.body_columns, [column])
     assert not off[others].any()
@@ -300,7 +300,7 @@ def test_a_serial_robot_with_its_drives_is_identified_in_full(arm):
     found = quietly(identify, model, pair[0], validation=pair[1], options=options)
     assert np.abs(deviations(found.fit, truth)).max() < 4
     # The baseline takes the drives from the data, so only the bodies are those of the file.
-    errors = np.sqrt(np.diag(found.baseline.covariance))[model.joint_columns]
+    errors = np.sqrt(np.diag(found.baseline.fit.covariance))[model.joint_columns]
     off = (found.baseline.values - truth)[model.joint_columns]
     assert np.abs(off / errors).max() < 4
     assert found.fit.estimator == "ols"
