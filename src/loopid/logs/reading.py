@@ -278,7 +278,7 @@ def _without_glitches(stream: Stream, allowed: LogTolerances) -> Stream:
     """The stream without rows where a force is out of all proportion."""
     sizes = np.abs(stream.values[:, stream.places("force")])
     usual = np.percentile(sizes, 99, axis=0)
-    bad = ((sizes > allowed.glitch * usual) & (usual > 0)).any(axis=1)
+    bad = np.any((sizes > allowed.glitch * usual) & (usual > 0), axis=1)
     reason = f"forces more than {allowed.glitch:g} times their 99th percentile"
     return stream.without(bad, reason, allowed.bad_rows)
 
