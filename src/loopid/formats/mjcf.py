@@ -15,7 +15,7 @@ import pinocchio as pin
 from numpy.polynomial import Polynomial
 from pydantic import ValidationError
 
-from loopid.arguments import BoolArray, FloatArray
+from loopid.arguments import BoolArray
 from loopid.errors import FileError, MissingExtraError, OptionError, RobotFileError
 from loopid.formats.mjcf_compiler import compile_guarded
 from loopid.loading.description import ClosureDescription, Description
@@ -612,9 +612,8 @@ def _left_out(scene: Scene, lengths: Mapping[int, str]) -> list[str]:
     limited_balls = (compiled.jnt_type == int(mujoco.mjtJoint.mjJNT_BALL)) & (
         compiled.jnt_limited != 0
     )
-    disabled = _disabled(compiled, "EQUALITY", "CONSTRAINT")
     what = "inactive equalities are left out"
-    if disabled:
+    if not _acts(compiled, "EQUALITY", "CONSTRAINT"):
         what = "a <flag> disables the equalities, so they close no loop: remove it"
     left_out = {
         what: _where(equalities, ~active),
@@ -633,20 +632,14 @@ def _left_out(scene: Scene, lengths: Mapping[int, str]) -> list[str]:
 
 def _active(compiled: mujoco.MjModel) -> BoolArray:
     """Which equalities hold."""
-    disabled = _disabled(compiled, "EQUALITY", "CONSTRAINT")
-    return np.asarray((compiled.eq_active0 != 0) & (not disabled))
+    acts = _acts(compiled, "EQUALITY", "CONSTRAINT")
+    return np.asarray((compiled.eq_active0 != 0) & acts)
 
 
-def _acting(compiled: mujoco.MjModel) -> tuple[bool, ...]:
-    """Whether springs, dampers and dry friction act."""
-    flags = ("SPRING", "PASSIVE"), ("DAMPER", "PASSIVE"), ("FRICTIONLOSS", "CONSTRAINT")
-    return tuple(not _disabled(compiled, *pair) for pair in flags)
-
-
-def _disabled(compiled: mujoco.MjModel, *flags: str) -> bool:
-    """Whether the file disables a kind of force, under any of its names."""
-    bits = (getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}", 0) for flag in flags)
-    return any(int(compiled.opt.disableflags) & int(bit) for bit in bits)
+def _acts(compiled: mujoco.MjModel, *flags: str) -> bool:
+    """Whether a kind of force acts, and no flag of the file disables it."""
+    bits = (getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}") for flag in flags)
+    return not any(int(compiled.opt.disableflags) & int(bit) for bit in bits)
 
 
 # Forces in joints beside the rigid bodies: in terms of their coordinates, or left out.
@@ -681,19 +674,19 @@ def own_terms(scene: Scene, joint: int, left_out: list[LeftOut] | None = None) -
     left_out = [] if left_out is None else left_out
     compiled, name, kind = scene.compiled, scene.joints[joint], scene.joint_kind(joint)
     dof = int(compiled.jnt_dofadr[joint])
-    springs, dampers, friction = _acting(compiled)
+    springs, dampers = _acts(compiled, "SPRING"), _acts(compiled, "DAMPER")
     values = {
         "Ia": float(compiled.dof_armature[dof]),
-        "Fc": float(friction * compiled.dof_frictionloss[dof]),
-        "Fv": float(dampers * compiled.dof_damping[dof]),
+        "Fc": _dry(compiled) * float(compiled.dof_frictionloss[dof]),
+        "Fv": dampers * float(compiled.dof_damping[dof]),
     }
-    for what, poly, index in (
-        ("spring", springs * _poly(compiled, "jnt_stiffnesspoly"), joint),
-        ("damping", dampers * _poly(compiled, "dof_dampingpoly"), dof),
+    for what, acts, higher in (
+        ("spring", springs, compiled.jnt_stiffnesspoly[joint]),
+        ("damping", dampers, compiled.dof_dampingpoly[dof]),
     ):
-        if index < len(poly) and poly[index].any():
+        if acts and higher.any():
             left_out.append(LeftOut(f"nonlinear part of the {what} of {name}"))
-    stiffness = float(springs * compiled.jnt_stiffness[joint])
+    stiffness = springs * float(compiled.jnt_stiffness[joint])
     if kind in ("hinge", "slide"):
         slack = float(compiled.qpos_spring[compiled.jnt_qposadr[joint]])
         return values | {"Ks": stiffness, "Fo": -stiffness * slack}
@@ -707,25 +700,22 @@ def own_terms(scene: Scene, joint: int, left_out: list[LeftOut] | None = None) -
 def _tendon_terms(scene: Scene, tendon: int) -> tuple[dict[str, float], bool]:
     """Values of the terms of a tendon, and whether they are all of its forces."""
     compiled = scene.compiled
-    springs, dampers, friction = _acting(compiled)
-    armature = getattr(compiled, "tendon_armature", np.zeros(compiled.ntendon))
-    stiffness = float(springs * compiled.tendon_stiffness[tendon])
+    stiffness = _acts(compiled, "SPRING") * float(compiled.tendon_stiffness[tendon])
     slack, taut = map(float, compiled.tendon_lengthspring[tendon])
     values = {
-        "Ia": float(armature[tendon]),
-        "Fc": float(friction * compiled.tendon_frictionloss[tendon]),
-        "Fv": float(dampers * compiled.tendon_damping[tendon]),
+        "Ia": float(compiled.tendon_armature[tendon]),
+        "Fc": _dry(compiled) * float(compiled.tendon_frictionloss[tendon]),
+        "Fv": _acts(compiled, "DAMPER") * float(compiled.tendon_damping[tendon]),
         "Ks": stiffness,
         "Fo": -stiffness * slack,
     }
-    polynomials = _poly(compiled, "tendon_stiffnesspoly"), _poly(compiled, "tendon_dampingpoly")
-    linear = not any(poly[tendon : tendon + 1].any() for poly in polynomials)
-    return values, linear and (slack == taut or not stiffness)
+    higher = compiled.tendon_stiffnesspoly[tendon], compiled.tendon_dampingpoly[tendon]
+    return values, not np.any(higher) and (slack == taut or not stiffness)
 
 
-def _poly(compiled: mujoco.MjModel, name: str) -> FloatArray:
-    """Higher coefficients of newer versions of MuJoCo; none in older ones."""
-    return np.asarray(getattr(compiled, name, np.zeros((0, 1))))
+def _dry(compiled: mujoco.MjModel) -> bool:
+    """Whether dry friction acts, which MuJoCo counts among the constraints."""
+    return _acts(compiled, "FRICTIONLOSS", "CONSTRAINT")
 
 
 def _add_actuators(
@@ -734,10 +724,7 @@ def _add_actuators(
     """Add inertia and damping of actuators to the terms of what they drive; what is left out."""
     compiled, gears, left_out = scene.compiled, list[str](), list[LeftOut]()
     enabled = _enabled(compiled)
-    laws = {
-        kind: getattr(compiled, f"actuator_{what}", np.zeros(compiled.nu))
-        for kind, what in (("Ia", "armature"), ("Fv", "damping"))
-    }
+    laws = {"Ia": compiled.actuator_armature, "Fv": compiled.actuator_damping}
     for actuator in range(compiled.nu):
         name, driven = _named(scene.actuators, actuator), _transmission(scene, actuator, lengths)
         values = {kind: float(law[actuator]) for kind, law in laws.items()}
