@@ -99,6 +99,8 @@ def test_check_prints_the_same_as_tables(run):
     text = run("check", "5p").out
     for word in ("leg4_stroke", "leg2_stem - platform_B2", "degrees of freedom", "singularity"):
         assert word in text
+    assert len(text.splitlines()) <= 25
+    assert "leg1_universal_1   revolute    passive" in run("check", "5p", "--verbose").out
 
 
 def test_check_names_the_inertia_that_no_solid_body_has(run_json):
@@ -170,7 +172,7 @@ def write_urdf(tmp_path):
 
 def summary(text, what):
     """What the last table of a check says of something."""
-    return re.search(rf"^ *{what}  +(.*?) *$", text, re.MULTILINE)[1]
+    return re.search(rf"^ *{what} +(.*?) *$", text, re.MULTILINE)[1]
 
 
 def test_free_coordinates_are_named_and_can_be_locked(run, run_json, write):
@@ -353,7 +355,7 @@ def test_a_level_robot_has_no_parameters_at_rest(run, shared):
 
 def test_check_prints_the_reference_that_chooses_another_mode(run, run_json, write_files):
     file = write_files(*files(*folded_row()))
-    done = run("check", file)
+    done = run("check", file, "--verbose")
     assert "differ (full model): 3 in mode 1, 8 in mode 2" in " ".join(done.err.split())
     printed = done.out.partition("to choose mode 2, put this into the YAML")[2]
     text = printed[printed.index("reference:") : printed.index("}") + 1]

@@ -68,6 +68,16 @@ def test_a_long_line_keeps_its_extremes_and_its_gaps():
     assert len(points(path.get("d"))) == 2
 
 
+@pytest.mark.parametrize("kind", ["span", "dots", "band"])
+def test_what_is_not_known_is_not_drawn(kind):
+    """A fit that lacks a parameter has no interval of it."""
+    x, y, gap = np.arange(5.0), np.ones(5), np.array([0.5, np.nan, 2.5, 3.5, np.nan])
+    (path,), _ = paths(
+        Panel("t", (Mark("a", x if kind == "band" else gap, y, "fit", kind, gap + 1),))
+    )
+    assert len(points(path.get("d"))) == (2 if kind == "band" else 3)
+
+
 def test_bands_spans_and_dots_have_their_ends():
     x, low, high = np.arange(3.0), np.array([0.0, 1.0, 2.0]), np.array([4.0, 5.0, 6.0])
     marks = Mark("b", x, low, kind="band", to=high), Mark("s", low, x, kind="span", to=high)

@@ -164,7 +164,8 @@ class Answer:
             return
         self._print(report)
         if self.folder is None:
-            typer.echo("Nothing was saved: --out DIR writes report.html and results to a folder.")
+            more = "" if self.verbose else " All tables: --verbose."
+            typer.echo(f"Nothing was saved: --out DIR writes report.html and results.{more}")
             return
         typer.echo(one_line(f"Report: {written[0]}"))
 

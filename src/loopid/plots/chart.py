@@ -193,7 +193,7 @@ class Panel:
         """A part of a figure on a page."""
         across, high = self.limits()
         x_ticks = ticks(*across, log="x" in self.log, count=3 if self.equal else TICKS)
-        y_ticks = ticks(*sorted(high), log="y" in self.log, count=2 if self.small else TICKS)
+        y_ticks = ticks(*sorted(high), log="y" in self.log, count=3 if self.small else TICKS)
         if self.labels:
             y_ticks = [(float(k), name) for k, name in enumerate(self.labels)]
         scales = (across[0], WIDE / (across[1] - across[0])), (high[1], HIGH / (high[0] - high[1]))
@@ -339,11 +339,10 @@ def _path(mark: Mark, log: str, scales: Sequence[tuple[float, float]]) -> str:
 
     x, y = placed(mark.x, 0), placed(mark.y, 1)
     to = placed(mark.y if mark.to is None else mark.to, 0 if mark.kind == "span" else 1)
-    known = np.isfinite(x) & np.isfinite(y)
+    known = np.isfinite(x) & np.isfinite(y) & np.isfinite(to)
     if mark.kind == "span":
-        ends = np.nan_to_num(x), y, np.nan_to_num(to, nan=WIDE)
-        spans = (row for row in zip(*(part.tolist() for part in ends), strict=True))
-        return "".join(f"M{a:.0f} {up:.0f}H{b:.0f}" for a, up, b in spans if math.isfinite(up))
+        spans = zip(x[known].tolist(), y[known].tolist(), to[known].tolist(), strict=True)
+        return "".join(f"M{a:.0f} {up:.0f}H{b:.0f}" for a, up, b in spans)
     if mark.kind == "dots":
         dots = zip(x[known].tolist(), y[known].tolist(), strict=True)
         return "".join(f"M{a:.0f} {b:.0f}h0" for a, b in dots)

@@ -53,7 +53,7 @@ def comparison_report(fits: dict[str, SavedFit]) -> Report:
         record=record,
         brief=tables,
         sections=lambda: [
-            Section("Fits", (table_of("fits", RUN, record["runs"]),)),
+            Section("Fits", (table_of("", RUN, record["runs"]),)),
             Section("Parameters", (comparison_chart(fits), *tables)),
         ],
     )

@@ -47,10 +47,13 @@ def excitation_report(found: ExcitationDesign) -> Report:
         title=f"{model.mechanism.name}, {model.model} model, excitation",
         verdict=verdict,
         record=excitation_record(found),
-        brief=[_errors(found)],
+        brief=[_errors("", found)],
         sections=lambda: [
             Section("Motion", (motion_chart(found), _summary(found))),
-            Section("What it tells", (errors_chart(found), _errors(found), _noise(found))),
+            Section(
+                "What it tells",
+                (errors_chart(found), _errors("standard errors", found), _noise(found)),
+            ),
             Section("What it keeps", (_checks(found),)),
         ],
         results=lambda: {"motion.csv": motion_table(found), "motion.yaml": motion_file(found)},
@@ -93,13 +96,12 @@ def _summary(found: ExcitationDesign) -> Table:
     return facts(f"{title} for the {force_model.model} model", rows)
 
 
-def _errors(found: ExcitationDesign) -> Table:
-    before = "logs" if found.after_logs else "first motion"
-    columns = ("leading parameter", ">± std", f">by the {before}", "unit")
-    before_errors = found.before.standard_errors
-    errors = zip(found.parameters, found.standard_errors, before_errors, strict=True)
+def _errors(title: str, found: ExcitationDesign) -> Table:
+    before = "of the logs" if found.after_logs else "of the first motion"
+    columns = ("leading parameter", ">± std", f">{before}", "unit")
+    errors = zip(found.parameters, found.standard_errors, found.before.standard_errors, strict=True)
     rows = ((p.label, f"{after:.3g}", f"{earlier:.3g}", p.unit) for p, after, earlier in errors)
-    return plain_table("predicted standard errors", columns, rows)
+    return plain_table(title, columns, rows)
 
 
 def _noise(found: ExcitationDesign) -> Table:

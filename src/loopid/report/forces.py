@@ -109,9 +109,8 @@ def payload_report(found: PayloadFit) -> Report:
         if told["centre"][k] is not None:
             reach = told["centre_intervals_95_percent"][k]
             rows.append((f"centre of mass, {axis}", told["centre"][k], reach, "m"))
-    cells = ((name, f"{x:.5g}", "{:.5g} ... {:.5g}".format(*ends), u) for name, x, ends, u in rows)
-    columns = "", ">value", ">95 % interval", "unit"
-    table = plain_table(f"payload on {found.link}", columns, cells)
+    cells = ((name, number(x), "{:.3g} ... {:.3g}".format(*ends), u) for name, x, ends, u in rows)
+    table = plain_table("", ("", ">value", ">95 % interval", "unit"), cells)
     return Report(
         name="payload",
         title=f"Payload on {found.link}",

@@ -60,7 +60,10 @@ def _part(part: Part) -> HtmlElement:
 
 
 def _table(table: Table) -> HtmlElement:
-    sides = ["number" if column.justify == "right" else "" for column in table.columns]
+    heads = [str(column.header) for column in table.columns]
+    numbers = [column.justify == "right" for column in table.columns]
+    sides = ["number" if right else "unit" if head == "unit" else ""
+             for head, right in zip(heads, numbers, strict=True)]  # fmt: skip
     rows = zip(*(column.cells for column in table.columns), strict=True)
     body = (
         E.tr(*(E.td({"class": side}, str(cell)) for side, cell in zip(sides, row, strict=True)))
@@ -68,9 +71,9 @@ def _table(table: Table) -> HtmlElement:
     )
     found = E.table(E.tbody(*body))
     if table.show_header:
-        heads = zip(sides, (str(column.header) for column in table.columns), strict=True)
-        head = E.thead(E.tr(*(E.th({"class": side, "scope": "col"}, name) for side, name in heads)))
-        found.insert(0, head)
+        named = zip(sides, heads, strict=True)
+        cells = (E.th({"class": side, "scope": "col"}, head) for side, head in named)
+        found.insert(0, E.thead(E.tr(*cells)))
     if table.title:
         found.insert(0, E.caption(str(table.title)))
     note = [E.p({"class": "note"}, str(table.caption))] if table.caption else []
@@ -201,7 +204,7 @@ class Report:
 
     def __post_init__(self) -> None:
         if self.sections is None:
-            shown = Section(self.title, tuple(self.brief))
+            shown = Section("Results", tuple(self.brief))
             object.__setattr__(self, "sections", lambda: [shown])
 
     @property

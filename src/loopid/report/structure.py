@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from decimal import ROUND_CEILING, Context
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +32,7 @@ SEARCH = (
 )
 KINDS = {"FreeFlyer": "floating", "Spherical": "spherical", "Planar": "planar"}
 MOST_TERMS = 6  # of a doubtful combination, in tables
+FEW, SOME = 4, 8  # names, and closures, that the terminal shows; the page has all
 
 
 def check_report(mechanism: Mechanism) -> Report:
@@ -58,7 +59,7 @@ def check_report(mechanism: Mechanism) -> Report:
         title=mechanism.name,
         verdict=verdict,
         record=found,
-        brief=[joints, *tables],
+        brief=[_closures_table("", found["closures"][:SOME]), facts("", _few(found))],
         sections=lambda: [
             Section("Robot", (robot_chart(mechanism),)),
             Section("Joints", (joints,)),
@@ -169,10 +170,6 @@ def check_tables(record: dict[str, Any]) -> list[Table]:
         "reference": lambda joint: " ".join(f"{round(x, 4) + 0.0:.4f}" for x in joint["reference"]),
         **{">lower": "lower", ">upper": "upper"},
     }
-    closures = {
-        "frames or joints": lambda closure: " - ".join(closure["frames"]) or closure["name"],
-        **{"type": "type", ">rows": "rows", ">rank": "rank", ">residual (m)": "residual:.1e"},
-    }
     left_out = {
         "": "what",
         ">value": lambda f: "" if f["value"] is None else f"{f['value']:.4g} {f['unit']}",
@@ -188,8 +185,8 @@ def check_tables(record: dict[str, Any]) -> list[Table]:
     modes_title = "assembly modes of the drawn pose; the first is used"
     tables = [
         table_of(f"{record['mechanism']}: joints (m, rad)", joints, record["joints"]),
-        table_of("closures", closures, record["closures"]),
-        facts("at the reference", _summary(record)),
+        _closures_table("closures", record["closures"]),
+        facts("at the reference", {n: text or "none" for n, text in _summary(record).items()}),
         table_of(left_out_title, left_out, record["in_file_not_in_model"]),
         table_of(modes_title, modes, record["assembly_modes"]),
     ]
@@ -201,29 +198,54 @@ def check_tables(record: dict[str, Any]) -> list[Table]:
     return tables
 
 
-def _summary(record: dict[str, Any]) -> dict[str, str]:
+def _closures_table(title: str, closures: Sequence[dict[str, Any]]) -> Table:
+    columns = {
+        "frames or joints": lambda closure: " - ".join(closure["frames"]) or closure["name"],
+        **{"type": "type", ">rows": "rows", ">rank": "rank", ">residual (m)": "residual:.1e"},
+    }
+    return table_of(title, columns, closures)
+
+
+def _summary(record: dict[str, Any], most: int | None = None) -> dict[str, str]:
+    """What is found at the reference, with so many names of a list; empty where none is."""
+
+    def listed(names: Sequence[str], between: str = ", ") -> str:
+        more = [f"... ({len(names)} in all)"] if most is not None and len(names) > most else []
+        return between.join([*names[:most], *more])
+
     rank = f"{record['closure_rank']} of {record['closure_rows']} rows"
     rank += f", {record['redundant_rows']} redundant" if record["redundant_rows"] else ""
     freedom = f"{record['degrees_of_freedom']}"
     if record["singular_reference"]:
         freedom += f" (singular reference: {record['generic_degrees_of_freedom']} around it)"
     near = " (near!)" if record["near_singularity"] else ""
-    rows = {
+    return {
         "closure rank": rank,
         "degrees of freedom": freedom,
-        "actuated coordinates": ", ".join(record["actuated"]),
-        "passive coordinates": ", ".join(record["passive"]) or "none",
-        "left free by the motors": ", ".join(record["undetermined"]) or "none",
-        "redundant motors": ", ".join(record["redundant_actuation"]) or "none",
+        "actuated coordinates": listed(record["actuated"]),
+        "passive coordinates": listed(record["passive"]),
+        "left free by the motors": listed(record["undetermined"]),
+        "redundant motors": listed(record["redundant_actuation"]),
         "closure residual": f"{record['closure_residual']:.1e} m",
         "singularity measure": f"{record['singularity_measure']:.3g}{near}, from 0 (singular) to 1",
-        "bodies with parameters": ", ".join(record["bodies"]),
-        **{f"identical: {name}": ", ".join(links) for name, links in record["identical"].items()},
-        "not identical in the file": "; ".join(record["unequal_links"]),
-        "odd masses": "; ".join(record["odd_masses"]),
-        "physically inconsistent": "; ".join(record["inertia_defects"]) or "none",
+        "bodies with parameters": listed(record["bodies"]),
+        **{f"identical: {name}": listed(links) for name, links in record["identical"].items()},
+        "not identical in the file": listed(record["unequal_links"], "; "),
+        "odd masses": listed(record["odd_masses"], "; "),
+        "physically inconsistent": listed(record["inertia_defects"], "; "),
     }
-    return {name: text for name, text in rows.items() if text}
+
+
+def _few(record: dict[str, Any]) -> dict[str, str]:
+    """The summary for the terminal, and what else the page has tables of."""
+    forces, modes = record["in_file_not_in_model"], record["assembly_modes"]
+    said = {
+        "further closures": str(max(len(record["closures"]) - SOME, 0) or ""),
+        **_summary(record, FEW),
+        "in the file, not in the model": f"{len(forces)} forces or gears" if forces else "",
+        "assembly modes": f"{len(modes)}, of which the first is used" if modes else "",
+    }
+    return {name: text for name, text in said.items() if text}
 
 
 def base_report(
