@@ -1,13 +1,13 @@
 """Whether delays of forces are found, undone, and not seen in clean logs: a Monte Carlo.
 
-    python benchmarks/delays.py [--runs N] [--robot NAME] [--delay MS ...] [--seconds S]
+    python benchmarks/delays.py [--runs N] [--robot NAME] [--delay MS ...] [--seconds S] [--bits N]
 
 Each row is a robot with bodies that are some 20 % off its file and with friction, on one motion of
-100 Hz, and forces that are so many ms late: the error of the delay (root mean square, and the part
-of the logs within 1 ms), half of its 95 % interval, how often that covers it, in which part of the
-logs it is undone, and how often intervals of parameters by weighted least squares cover the true
-values after it. A row of 0 ms is of clean logs: what is undone there is a false alarm. Cases are
-those of ``intervals.py``; seeds draw the noise of the forces.
+100 Hz that repeats after 10 s, and forces that are so many ms late: the error of the delay (root
+mean square, and the part of the logs within 1 ms), half of its 95 % interval, how often that covers
+it, in which part of the logs it is undone, and how often intervals of parameters by weighted least
+squares cover the true values after it. A row of 0 ms is of clean logs: what is undone there is a
+false alarm. Cases are those of ``intervals.py``; seeds draw the noise of the forces.
 """
 
 from __future__ import annotations
@@ -27,26 +27,30 @@ from loopid.workers import one_blas_thread
 from tables import show, write_json
 
 RATE, FINE, BITS = 100.0, 1000.0, 17
+LEAD = 0.01  # m that a slide goes in a turn of its motor, which has the encoder
 DELAYS = (0.0, 5.0, 10.0, 20.0, 50.0)
 CLOSE = 1.0  # ms
 
 
-def late_log(case: Case, delay: float, seed: int) -> Log:
+def late_log(case: Case, delay: float, seed: int, bits: int = BITS) -> Log:
     """A log of 100 Hz whose forces are so many s late."""
-    rng, exact, step = np.random.default_rng(seed), case.exact, 2 * np.pi / 2**BITS
+    rng, exact, robot = np.random.default_rng(seed), case.exact, case.robot
+    slides = np.isin(robot.velocity_indices(robot.actuated), robot.prismatic)
+    step = np.where(slides, LEAD, 2 * np.pi) / 2**bits
     kept = slice(round(FINE / RATE), None, round(FINE / RATE))
     force = make_interp_spline(exact.time, exact.exact_force, k=3)(exact.time[kept] - delay)
     force += case.noise * rng.normal(size=force.shape)
     zero = step * rng.uniform(size=exact.position.shape[1])
     position = step * np.round((exact.position[kept] - zero) / step) + zero
-    return Log.from_arrays(exact.time[kept], position, force, case.robot.actuated)
+    return Log.from_arrays(exact.time[kept], position, force, robot.actuated)
 
 
-def figures(case: Case, delay: float, runs: int) -> dict[str, Any]:
+def figures(case: Case, delay: float, runs: int, bits: int) -> dict[str, Any]:
     """Figures of so many logs with a delay in s."""
     errors, halves, undone, covered = [], [], [], []
     for seed in range(runs):
-        found = identify(case.model, [prepare_recording(case.robot, late_log(case, delay, seed))])
+        log = late_log(case, delay, seed, bits)
+        found = identify(case.model, [prepare_recording(case.robot, log)])
         assert found.delay is not None
         errors.append(1e3 * (found.delay.common - delay))
         halves.append(1e3 * np.ptp(found.delay.interval) / 2)
@@ -72,6 +76,7 @@ def main() -> None:
     parser.add_argument("--robot", choices=list(intervals.ROBOTS), help="one robot only")
     parser.add_argument("--delay", type=float, nargs="+", default=DELAYS, help="in ms")
     parser.add_argument("--seconds", type=float, default=intervals.SECONDS, help="of each log")
+    parser.add_argument("--bits", type=int, default=BITS, help="of encoders, a turn")
     parser.add_argument("--json", metavar="FILE", help="write the figures to a file")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
@@ -82,7 +87,9 @@ def main() -> None:
             case = Case(name, "fourier", FINE)
             for delay in arguments.delay:
                 with one_blas_thread():
-                    rows.append({"robot": name} | figures(case, delay / 1e3, arguments.runs))
+                    rows.append(
+                        {"robot": name} | figures(case, delay / 1e3, arguments.runs, arguments.bits)
+                    )
     show(f"delays in {arguments.runs} logs of {arguments.seconds:g} s each", rows)
     if arguments.json:
         write_json(arguments.json, {"delays": rows})

@@ -1,7 +1,7 @@
 """Certificates are true: brute force finds nothing better, ball arithmetic confirms the proofs."""
 
 import warnings
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 import pytest
@@ -10,8 +10,8 @@ from hard_problems import KINDS, SHAPES, least, small_problem, weakly_coupled
 
 from loopid import bundled_robots, load_mechanism, structural_observation
 from loopid.base_parameters import CRITERIA, ChoiceProblem, ExactSearch, SearchEffort, analyse
-from loopid.base_parameters.blocks import split
-from loopid.base_parameters.tree import margin
+from loopid.base_parameters.blocks import Budget, split
+from loopid.base_parameters.tree import RULES, margin, selections_between
 from smooth_data import runs
 
 SMALL_SEEDS, COUPLED_SEEDS = 10, 9
@@ -68,10 +68,33 @@ def test_many_weakly_coupled_blocks_have_no_better_choice_than_certified():
         assert_coupled(seed)
 
 
-def assert_proven(problem, certified=True):
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_tree_finds_all_that_brute_force_does(kind, rule, monkeypatch):
+    monkeypatch.setattr("loopid.base_parameters.tree.LOOKED_AT", 0)  # down to single selections
+    for seed, criterion in product(range(3), CRITERIA):
+        for block in split(small_problem(kind, seed, criterion))[0]:
+            every = np.array(list(combinations(range(block.size), block.count)))
+            values = np.linalg.svd(block.vectors[every], compute_uv=False) ** 2
+            above, below = values[:, -1].max() / 2, 1.1 * values[values[:, -1].argmax(), 0]
+            if above < 1e-10:  # round-off decides
+                continue
+            inside = (values[:, -1] > above) & (values[:, 0] < below)
+            found = selections_between(block, above, below, Budget(np.inf), rule=rule)
+            assert sorted(map(tuple, found)) == sorted(map(tuple, every[inside]))
+
+
+def test_proofs_by_either_rule_hold_in_ball_arithmetic(monkeypatch):
+    """A box that the first rule leaves undecided is closed by the other, from its root on."""
+    monkeypatch.setattr("loopid.base_parameters.tree.LOOKED_AT", 0)
+    for seed in range(4):
+        assert_proven(small_problem("generic", seed, "nullspace"), nodes=2)
+
+
+def assert_proven(problem, certified=True, **effort):
     """The recorded proof passes the independent check."""
     check = pytest.importorskip("proof_checker", reason="needs python-flint").check
-    found = ExactSearch(SearchEffort(time_limit=60.0), proof=True).search(problem)
+    found = ExactSearch(SearchEffort(time_limit=60.0, **effort), proof=True).search(problem)
     assert found.certified or not certified
     if found.certified:
         blocks, _ = split(problem)

@@ -7,9 +7,9 @@ from scipy.linalg import block_diag, toeplitz
 from scipy.signal import butter, lfilter, sosfiltfilt
 
 from loopid.identification.correlation import (
+    LARGEST_ORDER,
     LARGEST_REFLECTION,
     Autoregression,
-    CorrelationOptions,
     ErrorModel,
     burg_covariances,
 )
@@ -86,7 +86,7 @@ def test_models_of_filtered_errors_keep_the_slow_part(cutoff):
     errors = sosfiltfilt(butter(2, cutoff, output="sos"), rng.normal(size=20_000))
     covariances = burg_covariances(errors, np.arange(1, 20_001))
     model = Autoregression.of_covariances(covariances)
-    assert model.order <= CorrelationOptions().largest_order
+    assert model.order <= LARGEST_ORDER
     assert model.variance / model.polynomial.sum() ** 2 == pytest.approx(1.0, abs=0.35)
     assert np.abs(np.roots(model.polynomial)).max() < 1
 

@@ -24,8 +24,8 @@ from loopid import (
     simulate_measurement,
     split_recordings,
 )
-from loopid.errors import DataWarning, LogError, OptionError
-from loopid.identification import CutoffOptions, choose_cutoff, quiet_fit
+from loopid.errors import DataWarning, LogError
+from loopid.identification import choose_cutoff, quiet_fit
 from loopid.logs import Log, motion_band
 from made_runs import quietly
 
@@ -138,20 +138,14 @@ def test_identify_prepares_all_recordings_at_the_choice():
 
 
 def test_a_choice_at_a_bound_is_told():
-    model, _, log = coarse(17, 100.0)
+    model, _, log = coarse(17, 10.0)
     recording = quietly(prepare_recording, model.mechanism, log)
-    narrow = choose_cutoff(model, [recording], options=CutoffOptions(narrowest=8.0))
-    assert narrow.chosen >= 8 * motion_band(model.mechanism, log)
-    with pytest.warns(DataWarning, match=r"lowest that was tried, .* Hz"):
-        replace(narrow, bound="lowest").warn()
-    slow = choose_cutoff(model, [recording], options=CutoffOptions(period=50.0))
-    assert slow is None or slow.chosen <= 100.0 / 50.0
-
-
-@pytest.mark.parametrize("field", ["step", "widest", "period", "blocks", "growth"])
-def test_options_out_of_their_range_are_refused(field):
-    with pytest.raises(OptionError, match=field):
-        CutoffOptions(**{field: 0})
+    choice = choose_cutoff(model, [recording])
+    assert choice.bound == "rate"
+    assert choice.chosen <= 10.0 / 5
+    for bound, words in (("rate", "that the rate of the log allows"), ("lowest", "that was tried")):
+        with pytest.warns(DataWarning, match=rf"{words}.*, {choice.chosen:.3g}\s*Hz"):
+            replace(choice, bound=bound).warn()
 
 
 @pytest.mark.parametrize("count", [1, 3, 5, 16, 60])

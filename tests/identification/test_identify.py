@@ -11,8 +11,8 @@ from loopid import JointTerms
 from loopid.diagnosis import eliminate, judge_essential
 from loopid.errors import DataError, DataWarning, OptionError, RankError
 from loopid.identification import (
-    CorrelationOptions,
     FitOptions,
+    WeightedLeastSquares,
     find_force_model,
     fit,
     identifiability,
@@ -22,6 +22,7 @@ from loopid.identification import (
     save_fit,
     split_recordings,
 )
+from loopid.identification.correlation import within_runs
 from loopid.logs import Recording
 from loopid.motion import Noise, simulate_measurement
 from made_runs import changed, friction, modelled, quietly, record, stand, wander
@@ -72,9 +73,9 @@ def test_the_baseline_holds_the_robot_file_and_the_friction_of_the_data(found, k
         baseline = each.baseline
         np.testing.assert_array_equal(baseline.values[bodies], truth[bodies])
         assert (baseline.name, baseline.fitted) == ("robot file", 8)
-        assert not baseline.covariance[bodies].any()
+        assert not baseline.fit.covariance[bodies].any()
         errors = baseline.values[joints] - truth[joints]
-        spread = np.sqrt(np.diag(baseline.covariance)[joints])
+        spread = np.sqrt(np.diag(baseline.fit.covariance)[joints])
         assert np.abs(errors / spread).max() < 4.5
 
 
@@ -121,7 +122,7 @@ def test_a_mass_that_was_changed_is_found_and_nothing_else(essential, knee_model
     assert [label for label in labels if not label.endswith((".Fc", ".Fv"))] == ["platform.m"]
     column = knee_model.parameters.labels.index("platform.m")
     off = candidate.values - knee_model.prior
-    error = np.sqrt(candidate.covariance[column, column])
+    error = np.sqrt(candidate.fit.covariance[column, column])
     assert off[column] == pytest.approx(2.0, abs=max(4 * error, 0.05))
     others = np.setdiff1d(knee_model.body_columns, [column])
     assert not off[others].any()
@@ -299,7 +300,7 @@ def test_a_serial_robot_with_its_drives_is_identified_in_full(arm):
     found = quietly(identify, model, pair[0], validation=pair[1], options=options)
     assert np.abs(deviations(found.fit, truth)).max() < 4
     # The baseline takes the drives from the data, so only the bodies are those of the file.
-    errors = np.sqrt(np.diag(found.baseline.covariance))[model.joint_columns]
+    errors = np.sqrt(np.diag(found.baseline.fit.covariance))[model.joint_columns]
     off = (found.baseline.values - truth)[model.joint_columns]
     assert np.abs(off / errors).max() < 4
     assert found.fit.estimator == "ols"
@@ -445,7 +446,7 @@ def test_the_model_of_the_errors_converges(logged):
     whole = logged["all parameters"].fit
     noise = whole.noise
     first, longer = (
-        quiet_fit(logged.data, correlation=CorrelationOptions(corrections=count))
+        within_runs(WeightedLeastSquares().fit_samples(logged.data), count).result
         for count in (0, 12)
     )
     np.testing.assert_allclose(longer.standard_errors, whole.standard_errors, rtol=0.01)

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -234,37 +235,28 @@ def changed(record, value, *path):
     [
         ("format", "loopid base 1", ("format",)),
         ("version", 2, ("version",)),
-        ("covariance", [[1.0]], ("covariance",)),
         ("covariance", [[1.0], [1.0, 2.0]], ("covariance",)),
-        ("covariance must be", -1.0, ("covariance", 2, 2)),
         ("base_parameters: .*at least 1 item", [], ("base_parameters",)),
         ("rows: .*at least 1 item", [], ("force_model", "rows")),
-        ("an estimate and a covariance", None, ("covariance",)),
         (r"base_parameters\.0\.value: Field required", None, ("base_parameters", 0, "value")),
         (r"base_parameters\.0\.value: .*finite", float("nan"), ("base_parameters", 0, "value")),
         (r"base_parameters\.0\.terms: .*Field required", None, ("base_parameters", 0, "terms")),
-        ("not those of a base parameter", {"x.m": 1.0}, ("base_parameters", 0, "terms")),
-        ("repeated", "left_crank.Izz", ("standard_parameters", 0, "name")),
         ("check", [], ("check",)),
-        ("a state must have", [1.0], ("check", 0, "force")),
         ("joint_terms", ["Fz"], ("force_model", "joint_terms", "kinds")),
         ("force_model.model", "slow", ("force_model", "model")),
         ("estimate", "none", ("estimate", "assumed")),
-        ("assumed", ["none.m"], ("estimate", "assumed")),
         ("estimate", ["many"], ("estimate", "quality", "samples")),
         ("int", [None, 1], ("estimate", "quality", "samples")),
         ("too large", [10**400, 1], ("estimate", "quality", "samples")),
-        ("a state must have", [], ("check", 1, "configuration")),
         ("extra", 1, ("robot", "extra")),
         ("extra", 1, ("estimate", "quality", "extra")),
-        ("all standard parameters have", None, ("standard_parameters", 1, "value")),
         ("common", "much", ("estimate", "deviation", "common")),
         ("wide", ["wide"], ("estimate", "deviation", "own")),
     ],
 )
 def test_broken_records_are_refused_by_name(model, fits, tmp_path, words, value, path):
     # The last ones are of a consistent fit.
-    kind = "consistent" if "deviation" in path or "standard" in words else "plain"
+    kind = "consistent" if "deviation" in path else "plain"
     record = SavedFit.of(model, fits[kind]).record()
     changed(record, value, *path)
     (tmp_path / "broken.json").write_text(json.dumps(record))
@@ -273,16 +265,6 @@ def test_broken_records_are_refused_by_name(model, fits, tmp_path, words, value,
 
 
 # Files that were changed by hand.
-
-# What tells of the fit and enters into no force, interval or file: free where the digest is gone.
-INFORMATIVE = {
-    ("estimate", "condition_number"),
-    ("estimate", "quality"),
-    ("estimate", "weights"),
-    ("estimate", "noise"),
-    ("estimate", "robustness"),
-    ("estimate", "deviation"),
-}
 
 
 def numbers(content, path=()):
@@ -314,7 +296,7 @@ def mutations(record, seed, every):
             changed(record, new, *path)
             if kind == 2 and path != after:
                 changed(record, old, *after)
-            yield path, record
+            yield record
             changed(record, old, *path)
             changed(record, next_, *after)
 
@@ -322,60 +304,27 @@ def mutations(record, seed, every):
 @pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.validate)])
 @pytest.mark.parametrize("kind", few_of(FITS, "consistent", "values"))
 def test_a_number_that_was_changed_is_refused(model, fits, tmp_path, kind, every):
-    place, robot = tmp_path / "fit.json", model.mechanism
-    saved = SavedFit.of(model, fits["plain"].values if kind == "values" else fits[kind])
-    whole, sizes = saved.record(), np.abs(saved.matrix).max(axis=0)
-    for path, record in mutations(whole, 0, every):
+    place = tmp_path / "fit.json"
+    whole = SavedFit.of(model, fits["plain"].values if kind == "values" else fits[kind]).record()
+    for record in mutations(whole, 0, every):
         place.write_text(json.dumps(record))
-        with pytest.raises(DataError) as refused:
+        with pytest.raises(DataError, match=r"fit\.json (was changed|is not a saved fit)"):
             read_fit(place)
-        if path[0] in ("base_parameters", "covariance"):
-            assert refused.value.facts.get("parameter", "") in str(refused.value)
-    # Without the digest, by what it says: other forces, intervals or files come from none.
+    place.write_text(json.dumps(whole | {"robot": whole["robot"] | {"path": "elsewhere"}}))
+    assert read_fit(place).robot.path == "elsewhere"
     del whole["digest"]
-    for path, record in mutations(whole, 1, every):
-        place.write_text(json.dumps(record))
-        try:
-            read_fit(place).find_force_model(robot)
-        except DataError:
-            continue
-        harmless = path[:2] in INFORMATIVE
-        harmless |= path[-1] == "dead_zone"  # in no state of the check a joint is that slow
-        harmless |= path[0] == "standard_parameters" and sizes[path[1]] == 0  # no motor feels it
-        assert harmless, path
+    place.write_text(json.dumps(whole))
+    with pytest.raises(DataError, match="digest"):
+        read_fit(place)
 
 
-def test_masses_times_three_are_refused_by_name(model, fits, tmp_path):
-    record = SavedFit.of(model, fits["consistent"]).record()
-    for entry in record["standard_parameters"]:
-        if entry["name"].endswith(".m"):
-            entry["value"] *= 3
-    (tmp_path / "fit.json").write_text(json.dumps(record))
-    with pytest.raises(DataError, match="the standard parameters make left_crank") as refused:
-        read_fit(tmp_path / "fit.json")
+def test_bodies_that_do_not_make_the_base_parameters_are_refused_by_name(model, fits):
+    fit = fits["consistent"]
+    heavy = np.array(fit.standard_parameters)
+    heavy[[name.kind == "m" for name in model.base.parameters]] *= 3
+    with pytest.raises(DataError, match="parameters of the fit make left_crank") as refused:
+        SavedFit.of(model, replace(fit, standard_parameters=heavy))
     assert refused.value.facts["parameter"] == "left_crank.mx"
-
-
-@pytest.mark.parametrize(
-    ("key", "what"),
-    [
-        ("standard_error", "standard error"),
-        ("relative_std_percent", "relative deviation"),
-        ("interval_95_percent", "interval"),
-    ],
-)
-def test_uncertainty_that_is_not_the_covariances_is_refused_by_name(
-    model, fits, tmp_path, key, what
-):
-    record = SavedFit.of(model, fits["plain"]).record()
-    entry = record["base_parameters"][2]
-    low, *high = np.atleast_1d(entry[key]).tolist()
-    entry[key] = [low, high[0] * 1.01] if high else 1.01 * low
-    (tmp_path / "fit.json").write_text(json.dumps(record))
-    with pytest.raises(DataError) as refused:
-        read_fit(tmp_path / "fit.json")
-    assert refused.value.facts["parameter"] == entry["name"]
-    assert f"the {what} of {entry['name']} is not that of its" in str(refused.value)
 
 
 @pytest.mark.parametrize(

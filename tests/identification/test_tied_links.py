@@ -135,7 +135,7 @@ def test_only_the_group_that_is_heavier_is_corrected():
     moved = [name for name, off in zip(model.base.names, truth - model.prior, strict=True) if off]
     assert set(reduction.result.parameters.labels) == set(moved)
     assert essential.beats_baseline
-    errors = np.sqrt(np.diag(essential.covariance))
+    errors = np.sqrt(np.diag(essential.fit.covariance))
     assert (np.abs(essential.values - truth) <= 4.5 * errors).all()
 
 

@@ -28,7 +28,7 @@ from loopid.control import RecursiveLeastSquares, WrenchObserver, constraint_mod
 from loopid.diagnosis import eliminate_parameters
 from loopid.errors import LoopidError, MissingExtraError
 from loopid.export import c_source, export_fit
-from loopid.identification import Bisquare, Convergence, FitSamples, WeightedLeastSquares
+from loopid.identification import Bisquare, FitSamples, WeightedLeastSquares
 from loopid.kinematics import SamplingOptions
 from loopid.loading import bundled_directory
 from loopid.motion import JointMotion
@@ -629,7 +629,7 @@ OF_FITS = {
         fitted("ols", errors=-W @ [2.0, 0.5]),
     ),
     "weights that do not converge": (
-        fitted(WeightedLeastSquares(Convergence(iterations=1))),
+        fitted(WeightedLeastSquares(iterations=1)),
         "in 1 iterations: use ols",
         fitted("ols"),
     ),

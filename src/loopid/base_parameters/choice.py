@@ -40,7 +40,7 @@ class SearchEffort:
     most_tolerance : float
         No certificate is given to a coarser one: digits that tie would then be digits that count.
     nodes : int
-        That a box is asked about at the first effort; four times as many at every further one.
+        That each rule has for a box at the first effort; four times as many at every further one.
     ties, tie_nodes : int
         So many ties of a block are listed, with so many nodes, and the most readable is chosen.
         Where there are more, the dependent columns that come first decide.

@@ -41,10 +41,16 @@ from loopid.base_parameters.choice import (
     most_readable,
     readabilities,
 )
-from loopid.base_parameters.tree import UNIT_ROUND_OFF, Leaves, margin, selections_between
+from loopid.base_parameters.tree import (
+    UNIT_ROUND_OFF,
+    Leaves,
+    margin,
+    one_between,
+    selections_between,
+)
 from loopid.records import record
 
-MORE_NODES = 4  # times as many, that a box is asked about at every further attempt
+MORE_NODES = 4  # times as many, that a box is asked about by each rule at every further attempt
 # Ends of the interval that are this close are worth no further question, or need no middle.
 FINENESS, NEAR = 1e-2, 1.05
 
@@ -245,12 +251,9 @@ class _Interval:
         known = [own for own, levels in self._known[b] if levels.inside(above, below)]
         if known:
             return known[-1]
-        block, part = self.blocks[b], self.budget.part(self.effort.nodes * MORE_NODES**attempt)
-        leaves: Leaves | None = [] if self.keep else None
-        try:
-            own = next(selections_between(block, above, below, part, leaves=leaves), None)
-        finally:
-            self.budget.add(part)
+        block, leaves = self.blocks[b], Leaves() if self.keep else None
+        nodes = self.effort.nodes * MORE_NODES**attempt
+        own = one_between(block, (above, below), self.budget, [nodes], leaves=leaves)
         if own is not None:
             return self._polished(b, own, below)
         if leaves is not None:
@@ -334,7 +337,7 @@ def most_readable_tie(
             if selections:
                 ways *= sum(block.ways(own) for own in selections)
             else:
-                ways, selections = 0, [_first(block, levels, tied.tolerance, budget)]
+                ways, selections = 0, [_first(block, levels.box(tied.tolerance), effort, budget)]
             dependent = block.dependent(np.array(selections))
             if len(dependent) * len(tied.levels) == 1:  # nothing to compare
                 choice += Readability(0, 0.0, tuple(block.columns[dependent[0]].tolist()))
@@ -371,8 +374,10 @@ def _listed(
     return kept, len(kept) < len(listed)
 
 
-def _first(block: Block, levels: Levels, tolerance: float, budget: Budget) -> IntArray:
-    """The selection that keeps to the levels and makes the first columns dependent.
+def _first(
+    block: Block, box: tuple[float, float], effort: SearchEffort, budget: Budget
+) -> IntArray:
+    """The selection in a box that makes the first columns dependent.
 
     Column after column is made dependent where some selection allows it: an answer that does not
     depend on how selections are found.
@@ -382,11 +387,10 @@ def _first(block: Block, levels: Levels, tolerance: float, budget: Budget) -> In
 
     def some(row: list[int]) -> IntArray | None:
         dependent.extend(row)
-        taken, left = (np.array(rows, dtype=np.int64) for rows in settled)
-        box = levels.box(tolerance)
-        found = next(selections_between(block, *box, budget, taken, left), None)
+        rows = np.array(settled[0], dtype=np.int64), np.array(settled[1], dtype=np.int64)
         del dependent[len(dependent) - len(row) :]
-        return found
+        efforts = (effort.nodes * MORE_NODES**attempt for attempt in count())
+        return one_between(block, box, budget, efforts, settled=rows)
 
     witness = some([])
     if witness is None:  # a selection with these levels is known

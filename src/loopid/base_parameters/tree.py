@@ -19,7 +19,7 @@ values of every selection that is left have the last word.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from math import comb
@@ -28,7 +28,7 @@ import numpy as np
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from loopid.arguments import BoolArray, FloatArray, IntArray
-from loopid.base_parameters.blocks import Block, Budget
+from loopid.base_parameters.blocks import Block, Budget, OutOfBudgetError
 
 # The margin: a proven multiple of the unit round-off, and at least this.
 LEAST_MARGIN = 1e-12
@@ -37,8 +37,8 @@ UNIT_ROUND_OFF = 2.0**-53
 NEAR_LIMIT = 1e-4
 # Rows shorter than the threshold by this factor are as short as any.
 MOST_SHORT, LEAST_NORM = 1e6, 1e-200
-# Tightness is compared after rounding, so that round-off does not choose the branch.
-DECIMALS = 6
+# Rows are compared after rounding, so that round-off does not choose the branch.
+DECIMALS = 4
 # A node with few selections left is settled by looking at them: at most so many times k².
 LOOKED_AT = 4096
 
@@ -53,7 +53,7 @@ def margin(rows: int, terms: int) -> float:
     return max(LEAST_MARGIN, 4 * rows * (terms + 4) * UNIT_ROUND_OFF)
 
 
-Leaves = list[tuple[tuple[int, ...], tuple[int, ...]]]
+Leaves = list[tuple[tuple[int, ...], tuple[int, ...]]]  # rows taken, rows left
 
 
 @dataclass(frozen=True)
@@ -67,21 +67,44 @@ class _Node:
     leave: FloatArray
 
 
+def tightest(node: _Node) -> FloatArray:
+    """How little is left of one of the options of each free row (f,)."""
+    return -np.minimum(node.takes[0].diagonal(), node.leave.diagonal())
+
+
+def weightiest(node: _Node) -> FloatArray:
+    """How much each free row (f,) takes from the diagonals of the others, taken and left."""
+
+    def lowered(matrix: FloatArray) -> FloatArray:
+        diagonal = matrix.diagonal()
+        lost = np.minimum(matrix**2 / diagonal[:, None], diagonal)
+        return np.asarray(lost.sum(axis=1) - diagonal)
+
+    return lowered(node.takes[0]) * lowered(node.leave)
+
+
+# Which free row to branch on: that of the highest value. Some problems yield to one rule, some to
+# the other, by factors of hundreds.
+RULES = tightest, weightiest
+
+
 def selections_between(
     block: Block,
     above: float,
     below: float,
     budget: Budget,
-    taken: IntArray = NONE,
-    left: IntArray = NONE,
+    *,
+    settled: tuple[IntArray, IntArray] = (NONE, NONE),
+    rule: Callable[[_Node], FloatArray] = tightest,
     leaves: Leaves | None = None,
 ) -> Iterator[IntArray]:
     """Yield the selections (k,), ascending, with all eigenvalues in a range, depth first.
 
-    Every selection contains the rows ``taken`` and none of those ``left``. ``leaves`` takes the
-    rows taken and left at each leaf without a selection. OutOfBudgetError ends the walk.
+    Every selection contains the first of the rows ``settled`` and none of the second. ``leaves``
+    takes the rows taken and left at each leaf without a selection. OutOfBudgetError ends the walk.
     """
-    tree = _Tree(block, above, below, leaves)
+    taken, left = settled
+    tree = _Tree(block, above, below, rule, leaves)
     root = tree.root()
     if root and len(taken) + len(left):
         root = tree.settled(root, np.isin(root.free, taken), np.isin(root.free, left))
@@ -100,11 +123,45 @@ def selections_between(
             stack.extend(tree.branches(node))
 
 
+def one_between(
+    block: Block,
+    box: tuple[float, float],
+    budget: Budget,
+    efforts: Iterable[float],
+    *,
+    settled: tuple[IntArray, IntArray] = (NONE, NONE),
+    leaves: Leaves | None = None,
+) -> IntArray | None:
+    """A selection (k,) as ``selections_between`` yields them, None if there is none.
+
+    Each rule gets so many nodes, then so many more; OutOfBudgetError where none decides it.
+    """
+    for effort, rule in ((nodes, rule) for nodes in efforts for rule in RULES):
+        part = budget.part(effort)
+        walk = selections_between(block, *box, part, settled=settled, rule=rule, leaves=leaves)
+        try:
+            return next(walk, None)
+        except OutOfBudgetError:
+            budget.check()
+            if leaves is not None:
+                leaves.clear()
+        finally:
+            budget.add(part)
+    raise OutOfBudgetError
+
+
 class _Tree:
     """The rules of one box, and the leaves that they end in."""
 
-    def __init__(self, block: Block, above: float, below: float, leaves: Leaves | None) -> None:
-        self.block, self.above, self.below = block, above, below
+    def __init__(
+        self,
+        block: Block,
+        above: float,
+        below: float,
+        rule: Callable[[_Node], FloatArray],
+        leaves: Leaves | None,
+    ) -> None:
+        self.block, self.above, self.below, self.rule = block, above, below, rule
         self.zero = margin(block.count, block.count)
         self.leave_zero = margin(block.size - block.count, block.size)
         self._leaves = leaves
@@ -181,15 +238,12 @@ class _Tree:
         return takeable, leavable, apart, together
 
     def branches(self, node: _Node) -> list[_Node | None]:
-        """Branch where least is left of one of the two options; the roomier one comes last."""
-        can_take = node.takes[0].diagonal().round(DECIMALS)
-        can_leave = node.leave.diagonal().round(DECIMALS)
-        tightest = int(np.minimum(can_take, can_leave).argmin())
-        nothing = np.zeros(len(node.free), dtype=np.bool_)
-        row = nothing.copy()
-        row[tightest] = True
+        """Branch on the first row by the rule; the roomier option comes last."""
+        best = int(self.rule(node).round(DECIMALS).argmax())
+        row, nothing = np.arange(len(node.free)) == best, np.zeros(len(node.free), dtype=np.bool_)
         both = [self.settled(node, row, nothing), self.settled(node, nothing, row)]
-        return both if can_leave[tightest] > can_take[tightest] else both[::-1]
+        can_take, can_leave = (m[best, best].round(DECIMALS) for m in (node.takes[0], node.leave))
+        return both if can_leave > can_take else both[::-1]
 
     def listed(self, node: _Node) -> Iterator[IntArray]:
         """The selections that agree with a node, those in the box."""

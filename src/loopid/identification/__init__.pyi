@@ -1,13 +1,8 @@
 from .consistent import ConsistentOptions as ConsistentOptions, consistent_fit as consistent_fit
-from .correlation import Autoregression as Autoregression, CorrelationOptions as CorrelationOptions
-from .cutoff import (
-    CutoffChoice as CutoffChoice,
-    CutoffOptions as CutoffOptions,
-    choose_cutoff as choose_cutoff,
-)
+from .correlation import Autoregression as Autoregression
+from .cutoff import CutoffChoice as CutoffChoice, choose_cutoff as choose_cutoff
 from .delay import (
     Delay as Delay,
-    DelayOptions as DelayOptions,
     find_delay as find_delay,
     in_motion_band as in_motion_band,
     with_delay_errors as with_delay_errors,
@@ -15,7 +10,6 @@ from .delay import (
 )
 from .estimator import (
     ESTIMATORS as ESTIMATORS,
-    Convergence as Convergence,
     Estimator as Estimator,
     OrdinaryLeastSquares as OrdinaryLeastSquares,
     WeightedLeastSquares as WeightedLeastSquares,

@@ -28,14 +28,12 @@ The inverse Hessian is the covariance (Laplace). What of a variance rests on the
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, Positive, checked, finite
 from loopid.errors import DataError, ModelWarning, OptionError, warn
-from loopid.identification.correlation import CorrelationOptions, with_scatter, within_runs
+from loopid.identification.correlation import with_scatter, within_runs
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.force_model import ForceModel
 from loopid.identification.information import Excitation, body_sizes
@@ -48,11 +46,20 @@ from loopid.regressors.joint_laws import joint_term
 from loopid.workers import one_blas_thread
 
 CONSISTENT = "consistent"
+# Deviation of a joint term of which nothing is known, in values that would make all of the force:
+# so large that only terms without an effect in the data feel it.
+FLAT = 10.0
+# Errors of forces, relative to their root mean square, that are round-off. Deviation of bodies
+# without any mass in the file, which stay without, in sizes of light bodies.
+PRECISION, MASSLESS = 1e-8, 1e-3
+# Of the minimum, in units of the log-likelihood; relative change of the deviations that ends their
+# iteration; iterations of either, at most.
+TOLERANCE, SETTLED, ITERATIONS = 1e-8, 1e-4, 200
 
 
 @record(kw_only=True, checked=True)
 class ConsistentOptions:
-    """How far the robot file may be off, and when the fit has converged.
+    """How far the robot file may be off.
 
     Attributes
     ----------
@@ -65,20 +72,6 @@ class ConsistentOptions:
     freedom : float
         ν, degrees of freedom of the deviations of single bodies about the common one: few let a
         body be far off while the others are right.
-    flat : float
-        Deviation of a joint term of which nothing is known, in values that would make all of the
-        force: so large that only terms without an effect in the data feel it.
-    precision : float
-        Of measured forces, relative to their root mean square: smaller errors are round-off.
-    massless : float
-        Deviation of bodies without any mass in the file, which stay without, in sizes of light
-        bodies.
-    tolerance : float
-        Of the minimum, in units of the log-likelihood.
-    settled : float
-        Relative change of the deviations that ends their iteration.
-    iterations : int
-        Of either, at most.
 
     Raises
     ------
@@ -89,12 +82,6 @@ class ConsistentOptions:
     deviations: tuple[float, float] = (0.4, 1.0)
     farthest: float = 3.0
     freedom: Positive = 4.0
-    flat: Positive = 10.0
-    precision: Positive = 1e-8
-    massless: Positive = 1e-3
-    tolerance: Positive = 1e-8
-    settled: Positive = 1e-4
-    iterations: Annotated[int, Field(ge=1)] = 200
 
     def __post_init__(self) -> None:
         least, largest = self.deviations
@@ -163,26 +150,24 @@ def consistent_fit(
     """
     if data.parameters != force_model.parameters or data.actuators != noise.actuators:
         raise DataError("data and noise must be of the parameters and actuators of the force model")
-    weights = _weights(data.problem, noise, options.precision)
-    known = _known_terms(force_model, data.problem, joint_values, joint_deviations, options)
+    weights = _weights(data.problem, noise)
+    known = _known_terms(force_model, data.problem, joint_values, joint_deviations)
     with one_blas_thread():
         program = _Program.of(force_model, data.problem.weighted(weights), known)
         state, common = _most_likely(program, options)
-        found = _result(force_model, data, weights, program, state, options)
-    far = FileDeviation(common, program.names, state.deviations, *_reach(options))
+        found = _result(force_model, data, weights, program, state, options.freedom)
+    far = FileDeviation(
+        common, program.names, state.deviations, options.deviations[1], options.farthest
+    )
     found = replace(found, deviation=far)
     _warn(force_model, program, far)
     return found
 
 
-def _reach(options: ConsistentOptions) -> tuple[float, float]:
-    return options.deviations[1], options.farthest
-
-
-def _weights(problem: FitProblem, noise: NoiseModel, precision: float) -> FloatArray:
+def _weights(problem: FitProblem, noise: NoiseModel) -> FloatArray:
     """Weights (dof,) of the actuators' rows, which count as their effective samples."""
     present = (noise.samples > 0) & (problem.samples > 0)
-    least = np.maximum(problem.least_errors, precision * problem.force_rms)
+    least = np.maximum(problem.least_errors, PRECISION * problem.force_rms)
     deviation = np.fmax(noise.deviation, least)[present]
     worth = np.sqrt(noise.effective_samples / np.maximum(noise.samples, 1))[present]
     weights = np.zeros(len(present))
@@ -195,10 +180,9 @@ def _known_terms(
     problem: FitProblem,
     values: FloatArray | None,
     deviations: FloatArray | None,
-    options: ConsistentOptions,
 ) -> tuple[FloatArray, FloatArray]:
     """Values and deviations (k,) of the joint terms, both finite."""
-    sizes = options.flat * Excitation.of(force_model, problem).joint_sizes
+    sizes = FLAT * Excitation.of(force_model, problem).joint_sizes
     given = force_model.joint_values if values is None else finite(values, "joint values")
     spread = np.full(len(sizes), np.inf) if deviations is None else np.asarray(deviations)
     if not given.shape == spread.shape == sizes.shape or not (spread > 0).all():
@@ -384,16 +368,16 @@ class _Program:
 ARMIJO, INSIDE, ROUND_OFF, SHORTEST, HEAVIER = 1e-4, 0.95, 1e-13, 1e-12, 10.0
 
 
-def _minimised(program: _Program, state: _State, options: ConsistentOptions) -> _State:
+def _minimised(program: _Program, state: _State) -> _State:
     """Newton's method at given deviations; joint terms that would be negative stay zero."""
     value, first = program.value(state), WIDTH * len(program.file)
     least = np.full(first + len(program.start), -np.inf)
-    for _ in range(options.iterations):
+    for _ in range(ITERATIONS):
         step = program.step(state)
         least[first:] = np.where(program.positive, -state.joints / program.spread, -np.inf)
         z = step.solution(least)
         decrement = -float(step.gradient @ z)
-        if decrement <= options.tolerance + ROUND_OFF * abs(value):
+        if decrement <= TOLERANCE + ROUND_OFF * abs(value):
             return state
         shrinks = -np.linalg.eigvalsh(program.turns(state, z)).min(initial=0.0)
         part = min(1.0, INSIDE / shrinks) if shrinks > 0 else 1.0
@@ -408,7 +392,7 @@ def _minimised(program: _Program, state: _State, options: ConsistentOptions) -> 
             return state
     warn(
         "no solid bodies near those of the robot file explain the forces: the fit is not at its "
-        f"best after {options.iterations} steps",
+        f"best after {ITERATIONS} steps",
         ModelWarning,
     )
     return state
@@ -417,25 +401,25 @@ def _minimised(program: _Program, state: _State, options: ConsistentOptions) -> 
 def _most_likely(program: _Program, options: ConsistentOptions) -> tuple[_State, float]:
     """The best state at the most likely deviations, and the common one."""
     common, nu = options.deviations[0], options.freedom
-    state = _approached(program, program.first(common), options)
-    for _ in range(options.iterations):
-        state = _minimised(program, state, options)
+    state = _approached(program, program.first(common))
+    for _ in range(ITERATIONS):
+        state = _minimised(program, state)
         gamma, d = _told(program, state), 2 * program.divergences(state)
         common = _common(gamma, d, options)
         own = np.sqrt((nu * common**2 + d) / (nu + gamma)).clip(max=options.farthest)
-        if np.abs(own / state.deviations - 1).max(initial=0.0) <= options.settled:
+        if np.abs(own / state.deviations - 1).max(initial=0.0) <= SETTLED:
             break
         state = replace(state, deviations=own)
     return state, common
 
 
-def _approached(program: _Program, state: _State, options: ConsistentOptions) -> _State:
+def _approached(program: _Program, state: _State) -> _State:
     """A state near the minimum, by data that weigh more and more."""
     share = min(1.0, len(program.target) / max(program.value(state), 1.0))
     for weight in np.geomspace(share, 1.0, 1 + int(np.ceil(-np.log(share) / np.log(HEAVIER))))[:-1]:
         part = np.sqrt(weight)
         light = replace(program, effects=part * program.effects, target=part * program.target)
-        state = _minimised(light, state, options)
+        state = _minimised(light, state)
     return state
 
 
@@ -467,13 +451,13 @@ def _result(
     weights: FloatArray,
     program: _Program,
     state: _State,
-    options: ConsistentOptions,
+    freedom: float,
 ) -> FitResult:
     """The values, with Laplace's covariance for autocorrelated errors."""
     M, standard, problem = force_model.base.matrix, program.standard(state), data.problem
     told = M @ program.changes(state)
     # Bodies without a mass are kept so, and not known to be.
-    sizes = options.massless * body_sizes(force_model.mechanism, force_model.model)
+    sizes = MASSLESS * body_sizes(force_model.mechanism, force_model.model)
     sizes[program.columns.ravel()] = 0.0
     kept = M[:, : len(sizes)] * sizes
     kept = kept[:, sizes > 0]
@@ -501,9 +485,9 @@ def _result(
         standard_parameters=standard,
     )
     working = within_runs(WorkingFit(plain, data, rows))
-    found = with_scatter(working, CorrelationOptions()).result
-    freedom = np.minimum(found.degrees_of_freedom, _freedom(program, state, told, options.freedom))
-    return replace(found, degrees_of_freedom=freedom)
+    found = with_scatter(working).result
+    known = np.minimum(found.degrees_of_freedom, _freedom(program, state, told, freedom))
+    return replace(found, degrees_of_freedom=known)
 
 
 def _freedom(program: _Program, state: _State, told: FloatArray, nu: float) -> FloatArray:

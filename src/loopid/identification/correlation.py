@@ -17,13 +17,11 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Annotated
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from pydantic import Field
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, Share, row_blocks
+from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.errors import DataWarning, warn
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.problem import ROUND_OFF
@@ -32,43 +30,23 @@ from loopid.records import record
 from loopid.workers import one_blas_thread
 
 LARGEST_REFLECTION = 0.9999  # keeps models of very slow errors stationary
+LARGEST_ORDER = 20  # coefficients of a model at most
+PAIRS = 10  # of samples that each further coefficient must rest on
+# White noise, as part of the variance, that errors count as if they had: models of errors that were
+# filtered would otherwise spend their coefficients on frequencies where nothing is left.
+WHITE = 0.001
+# Rounds of adding back what a fit takes up of its errors: on slow errors each adds half as much as
+# the one before. Parts of a correction that are tried, until one leaves enough of the innovations'
+# variance.
+CORRECTIONS, DAMPING, KEPT = 6, (1.0, 0.5, 0.25, 0.125, 0.0), 0.5
+# Recordings whose scatter counts, and the part in a combination of parameters that one of them may
+# have for its scatter to be known.
+LEAST_RUNS, MOST_SHARE = 3, 1.0 - 1e-6
+# Effective samples, relative to all, below which a user is warned; probability that a user is
+# warned of a scatter between recordings that is chance.
+CLEARLY_FEWER, FALSE_ALARM = 0.5, 0.01
 
-
-@record(kw_only=True, checked=True)
-class CorrelationOptions:
-    """How errors that are not independent are modelled.
-
-    Attributes
-    ----------
-    largest_order : int
-        Coefficients of an autoregressive model at most.
-    pairs_per_coefficient : int
-        Pairs of samples that each further coefficient must rest on.
-    white_floor : float
-        White noise, as part of the variance, that errors count as if they had: models of errors
-        that were filtered would otherwise spend their coefficients on frequencies where nothing is
-        left.
-    corrections : int
-        Rounds of adding back what a fit takes up of its errors: on slow errors each adds half as
-        much as the one before.
-    kept_innovation : float
-        Part of the innovations' variance that a correction must leave.
-    least_runs : int
-        Fewest recordings whose scatter counts.
-    clearly_fewer : float
-        Effective samples, relative to all, below which a user is warned.
-    false_alarm : float
-        Probability that a user is warned of a scatter between recordings that is chance.
-    """
-
-    largest_order: Annotated[int, Field(ge=0)] = 20
-    pairs_per_coefficient: Annotated[int, Field(ge=1)] = 10
-    white_floor: Share = 0.001
-    corrections: Annotated[int, Field(ge=0)] = 6
-    kept_innovation: Share = 0.5
-    least_runs: Annotated[int, Field(ge=2)] = 3
-    clearly_fewer: Share = 0.5
-    false_alarm: Share = 0.01
+Pieces = tuple[slice, ...]  # rows of evenly sampled stretches, whose errors are independent
 
 
 @record
@@ -123,36 +101,29 @@ class Autoregression:
         right = np.append(self.variance, np.zeros(self.order))
         return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
 
-    def past_part(
-        self, rows: FloatArray, state: FloatArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
-        """Contribution of the rows X (L, m) up to each one to Ω X, and the state for the next rows.
+    def filtered(self, rows: FloatArray, pieces: Pieces) -> FloatArray:
+        """Ω X of rows X (N, m), Ω the covariance of errors, one a row.
 
-        Ω is the covariance of evenly spaced errors, one a row. Autocovariances follow the recursion
-        of the process, so a filter N / A with as many coefficients has them as its impulse
-        response: Ω X is X filtered forwards and backwards in time, less γ_0 X, which both count.
+        Autocovariances follow the recursion of the process, so a filter N / A with as many
+        coefficients has them as its impulse response: Ω X is X filtered forwards and backwards in
+        time, less γ_0 X, which both count.
         """
-        # Slow to import, and only needed where errors are correlated.
-        from scipy.signal import lfilter
+        from scipy.signal import lfilter  # slow to import
 
-        if state is None:
-            state = np.zeros((self.order, rows.shape[1]))
         numerator = np.convolve(self.polynomial, self.covariances)[: max(self.order, 1)]
-        past, state = lfilter(numerator, self.polynomial, rows, axis=0, zi=state)
-        return np.asarray(past, dtype=np.float64), np.asarray(state, dtype=np.float64)
+        found = -self.covariances[0] * rows
+        for piece in pieces:
+            found[piece] += lfilter(numerator, self.polynomial, rows[piece], axis=0)
+            found[piece] += lfilter(numerator, self.polynomial, rows[piece][::-1], axis=0)[::-1]
+        return np.asarray(found, dtype=np.float64)
 
-    def sum_variance(self, present: BoolArray, pieces: tuple[slice, ...]) -> float:
-        """Variance of the sum of errors over the samples (N,) that are present.
-
-        ``pieces`` are the rows of evenly sampled stretches; errors of different ones are
-        independent.
-        """
+    def sum_variance(self, present: BoolArray, pieces: Pieces) -> float:
+        """Variance of the sum of errors over the samples (N,) that are present."""
         ones = np.asarray(present, dtype=np.float64)[:, None]
-        past = sum(float(np.vdot(ones[piece], self.past_part(ones[piece])[0])) for piece in pieces)
-        return 2 * past - float(self.covariances[0]) * float(ones.sum())
+        return float(np.vdot(ones, self.filtered(ones, pieces)))
 
 
-def run_lengths(used: BoolArray, pieces: tuple[slice, ...]) -> IntArray:
+def run_lengths(used: BoolArray, pieces: Pieces) -> IntArray:
     """Length of the unbroken run of used samples of its piece that ends with each sample (N,)."""
     places = np.arange(1, len(used) + 1)
     breaks = np.where(used, 0, places)
@@ -161,9 +132,7 @@ def run_lengths(used: BoolArray, pieces: tuple[slice, ...]) -> IntArray:
     return places - breaks
 
 
-def burg_covariances(
-    errors: FloatArray, runs: IntArray, options: CorrelationOptions = CorrelationOptions()
-) -> FloatArray:
+def burg_covariances(errors: FloatArray, runs: IntArray) -> FloatArray:
     """Autocovariances (p + 1,) of a model of errors (N,), its order p chosen by BIC [Schwarz1978].
 
     Forward and backward predictions within unbroken runs only [Burg1975], so that gaps are never
@@ -171,13 +140,13 @@ def burg_covariances(
     errors count as if a little white noise had been added to them, by what it adds to the sums on
     average.
     """
-    products, rows = _window_products(errors, runs, options.largest_order)
+    products, rows = _window_products(errors, runs, LARGEST_ORDER)
     observed = float(products[0, 0, 0] / rows[0])
-    white = options.white_floor * observed
+    white = WHITE * observed
     polynomial, variance = np.ones(1), observed + white
     covariances, criteria = [variance], [0.0]
-    for k in range(1, options.largest_order + 1):
-        if rows[k] < options.pairs_per_coefficient * k or not observed > 0:
+    for k in range(1, LARGEST_ORDER + 1):
+        if rows[k] < PAIRS * k or not observed > 0:
             break
         window, past = products[k, : k + 1, : k + 1], polynomial[1:]
         # Of e_t to e_{t-k}: e_t less its forward prediction, e_{t-k} less its backward one.
@@ -191,7 +160,7 @@ def burg_covariances(
         polynomial, variance = _raised(polynomial, reflection), variance * (1 - reflection**2)
         criteria.append(rows[0] * np.log(variance / covariances[0]) + k * np.log(rows[0]))
     best = int(np.argmin(criteria))
-    return np.array(covariances[: best + 1]) / (1 + options.white_floor)
+    return np.array(covariances[: best + 1]) / (1 + WHITE)
 
 
 def _window_products(errors: FloatArray, runs: IntArray, order: int) -> tuple[FloatArray, IntArray]:
@@ -202,16 +171,12 @@ def _window_products(errors: FloatArray, runs: IntArray, order: int) -> tuple[Fl
     """
     width = order + 1
     products, counts = np.zeros((width, width, width)), np.zeros(width, dtype=np.int64)
-    for rows in row_blocks(len(errors)):
-        first = max(rows.start - order, 0)
-        missing = order - (rows.start - first)
-        series = np.where(runs[first : rows.stop] > 0, errors[first : rows.stop], 0.0)
-        windows = sliding_window_view(np.pad(series, (missing, 0)), width)[:, ::-1]
-        reach = np.minimum(runs[rows], width)
-        for length in np.unique(reach[reach > 0]):
-            inside = windows[reach == length, :length]
-            products[length - 1, :length, :length] += inside.T @ inside
-            counts[length - 1] += len(inside)
+    series = np.pad(np.where(runs > 0, errors, 0.0), (order, 0))
+    windows, reach = sliding_window_view(series, width)[:, ::-1], np.minimum(runs, width)
+    for length in np.unique(reach[reach > 0]):
+        inside = windows[reach == length, :length]
+        products[length - 1, :length, :length] = inside.T @ inside
+        counts[length - 1] = len(inside)
     return np.cumsum(products[::-1], axis=0)[::-1], np.cumsum(counts[::-1])[::-1]
 
 
@@ -221,20 +186,14 @@ def _raised(polynomial: FloatArray, reflection: float) -> FloatArray:
     return np.asarray(longer + reflection * longer[::-1], dtype=np.float64)
 
 
-# Parts of a correction that are tried, until one leaves innovations enough.
-DAMPING = (1.0, 0.5, 0.25, 0.125, 0.0)
-# Part in a combination of parameters that one recording may have for its scatter to be known.
-MOST_SHARE = 1.0 - 1e-6
-
-
-def with_scatter(found: WorkingFit, options: CorrelationOptions) -> WorkingFit:
+def with_scatter(found: WorkingFit) -> WorkingFit:
     """Of a fit ``within_runs``, what its estimates scatter between recordings included.
 
     Variances of estimates that scatter more between recordings are those of the scatter, with as
     many degrees of freedom as there are recordings, less one.
     """
     with one_blas_thread():
-        scatter, runs = _between_runs(found, options.least_runs)
+        scatter, runs = _between_runs(found)
     result, within = found.result, np.diag(found.result.covariance)
     varied = (within > 0) & (scatter > within)
     if not varied.any():
@@ -249,7 +208,7 @@ def with_scatter(found: WorkingFit, options: CorrelationOptions) -> WorkingFit:
     return replace(found, result=result)
 
 
-def _between_runs(fit: WorkingFit, least_runs: int) -> tuple[FloatArray, int]:
+def _between_runs(fit: WorkingFit) -> tuple[FloatArray, int]:
     """Variances (n,) of the estimates by their scatter between recordings, and the number of these.
 
     By the jackknife: estimates without a recording, whose orthonormal columns x and residuals r
@@ -261,24 +220,20 @@ def _between_runs(fit: WorkingFit, least_runs: int) -> tuple[FloatArray, int]:
     parts = [slice(*pair) for pair in pairwise(bounds)]
     parts = [rows for rows in parts if samples.used[rows].any()]
     squares = np.zeros(width)
-    if len(parts) < least_runs:
+    if len(parts) < LEAST_RUNS:
         return squares, len(parts)
     inverse = np.linalg.inv(fit.factor[:width, :width])
     for part in parts:
-        gram, score = np.zeros((width, width)), np.zeros(width)
-        for rows in row_blocks(part):
-            scale, W = result.weights * samples.used[rows], samples.regressor[rows]
-            residual = (samples.force[rows] - W @ result.values) * scale
-            columns = (W * scale[:, :, None]).reshape(-1, width) @ inverse
-            gram += columns.T @ columns
-            score += residual.ravel() @ columns
-        shares, turn = np.linalg.eigh(gram)
+        rows = samples.block_problem(part).weighted(result.weights)
+        columns = rows[:, :width] @ inverse
+        score = (rows @ np.append(-result.values, 1.0)) @ columns
+        shares, turn = np.linalg.eigh(columns.T @ columns)
         told = shares < MOST_SHARE
         squares += (inverse @ turn[:, told] @ (score @ turn[:, told] / (1.0 - shares[told]))) ** 2
     return (1.0 - 1.0 / len(parts)) * squares, len(parts)
 
 
-def within_runs(fit: WorkingFit, options: CorrelationOptions = CorrelationOptions()) -> WorkingFit:
+def within_runs(fit: WorkingFit, corrections: int = CORRECTIONS) -> WorkingFit:
     """The same estimates, their covariance under autoregressive errors of each actuator.
 
     The covariance is a sandwich, (XᵀX)⁻¹ XᵀΩX (XᵀX)⁻¹ with Ω the covariance of the weighted errors;
@@ -289,14 +244,14 @@ def within_runs(fit: WorkingFit, options: CorrelationOptions = CorrelationOption
     with one_blas_thread():
         inverse = np.asarray(np.linalg.inv(fit.factor[:width, :width]), dtype=np.float64)
         prior = np.zeros((0, width)) if fit.prior is None else fit.prior[:, :width] @ inverse
-        models = _error_models(fit, inverse, options)
+        models = _error_models(fit, inverse)
 
         def filling() -> FloatArray:
             """XᵀΩX of orthonormal columns."""
             parts = (model.sums for model in models.values())
             return np.asarray(sum(parts, prior.T @ prior), dtype=np.float64)
 
-        for _ in range(options.corrections):
+        for _ in range(corrections):
             total = filling()
             for model in models.values():
                 model.correct(total)
@@ -313,9 +268,7 @@ def within_runs(fit: WorkingFit, options: CorrelationOptions = CorrelationOption
     return replace(fit, result=found)
 
 
-def _error_models(
-    fit: WorkingFit, inverse: FloatArray, options: CorrelationOptions
-) -> dict[int, ErrorModel]:
+def _error_models(fit: WorkingFit, inverse: FloatArray) -> dict[int, ErrorModel]:
     """A model for each actuator that has samples, by its number."""
     result, samples, problem, models = fit.result, fit.samples, fit.samples.problem, {}
     residual, squares = samples.residual(result.values), problem.residual_squares(result.values)
@@ -329,7 +282,6 @@ def _error_models(
             used=samples.used[:, i],
             pieces=samples.pieces,
             least=weight * float(samples.least_errors[i]),
-            options=options,
         )
     return models
 
@@ -363,21 +315,23 @@ class ErrorModel:
         columns: FloatArray,
         residual: FloatArray,
         used: BoolArray,
-        pieces: tuple[slice, ...],
+        pieces: Pieces,
         least: float = 0.0,
-        options: CorrelationOptions = CorrelationOptions(),
     ) -> None:
         self._columns, self._used, self._pieces = columns, used, pieces
-        self._observed = burg_covariances(residual, run_lengths(used, pieces), options)
+        self._observed = burg_covariances(residual, run_lengths(used, pieces))
         self._observed[0] = max(self._observed[0], least**2)
-        order = len(self._observed) - 1
-        self._grams = lagged_grams(columns, pieces, order)
+        apart = [_apart(pieces, k) for k in range(len(self._observed))]
+        zero = np.zeros(2 * columns.shape[1:])
+        self._grams = np.array(
+            [sum((columns[a].T @ columns[b] for a, b in rows), zero) for rows in apart]
+        )
         # How many pairs of used samples are so far apart.
-        self._pairs = lagged_grams(used[:, None], pieces, order)[:, 0, 0]
+        self._pairs = np.array([sum((used[a] & used[b]).sum() for a, b in rows) for rows in apart])
         self.samples = int(self._pairs[0])
         freedom = max(self.samples - float(np.trace(self._grams[0])), 1.0)
         start = Autoregression.of_covariances(self._observed * self.samples / freedom)
-        self._least_innovation = options.kept_innovation * start.variance * freedom / self.samples
+        self._least_innovation = KEPT * start.variance * freedom / self.samples
         self._adopt(start)
 
     def taken_up(self, sums: FloatArray) -> FloatArray:
@@ -415,68 +369,34 @@ class ErrorModel:
     def _adopt(self, model: Autoregression) -> None:
         """Take a model, and the sums that it leads to.
 
-        ``_shared`` is Σ_t u_t (Ω x)_t · (x_{t+k} + x_{t-k}), u_t = 1 where a sample is used. Of
-        Ω X, the part from the past is filtered forwards, and that from the future backwards.
+        ``_shared`` is Σ_t u_t (Ω x)_t · (x_{t+k} + x_{t-k}), u_t = 1 where a sample is used.
         """
-        self.model = model
-        variance, grams = float(model.covariances[0]), self._grams[: model.order + 1]
-        traces = np.trace(grams, axis1=1, axis2=2)
-        if not model.order:
-            self.sums, self._shared = variance * grams[0], 2 * variance * traces
-            return
-        count = len(self._columns)
-        turned = tuple(slice(count - p.stop, count - p.start) for p in self._pieces[::-1])
-        past, ahead = past_sums(model, self._columns, self._used, self._pieces)
-        _, behind = past_sums(model, self._columns[::-1], self._used[::-1], turned)
-        self.sums = past + past.T - variance * grams[0]
-        self._shared = ahead + behind - 2 * variance * traces
+        self.model, X = model, self._columns
+        turned = model.filtered(X, self._pieces)
+        self.sums = X.T @ turned
+        turned *= self._used[:, None]
+        self._shared = np.array(
+            [
+                sum(
+                    float(np.vdot(turned[a], X[b]) + np.vdot(turned[b], X[a]))
+                    for a, b in _apart(self._pieces, k)
+                )
+                for k in range(model.order + 1)
+            ]
+        )
 
 
-def lagged_grams(
-    columns: FloatArray | BoolArray, pieces: tuple[slice, ...], order: int
-) -> FloatArray:
-    """Σ_t x_{t-k} x_tᵀ (order + 1, n, n) for each lag k, over rows x (N, n) within each piece."""
-    width = columns.shape[1]
-    grams = np.zeros((order + 1, width, width))
-    for piece in pieces:
-        for rows in row_blocks(piece):
-            for k in range(min(order + 1, rows.stop - piece.start)):
-                first = max(rows.start, piece.start + k)
-                later = np.asarray(columns[first : rows.stop], dtype=np.float64)
-                grams[k] += columns[first - k : rows.stop - k].T @ later
-    return grams
+def _apart(pieces: Pieces, k: int) -> list[tuple[slice, slice]]:
+    """Rows of each piece that have others k later, and these."""
+    long = [piece for piece in pieces if piece.stop - piece.start > k]
+    return [(slice(p.start, p.stop - k), slice(p.start + k, p.stop)) for p in long]
 
 
-def past_sums(
-    model: Autoregression, columns: FloatArray, used: BoolArray, pieces: tuple[slice, ...]
-) -> tuple[FloatArray, FloatArray]:
-    """With the past part Z of Ω X: Xᵀ Z (n, n), and Σ_t u_t z_t · (x_{t+k} + x_{t-k}) (p + 1,).
-
-    u_t = 1 where a sample is used.
-    """
-    width = columns.shape[1]
-    sums, shared = np.zeros((width, width)), np.zeros(model.order + 1)
-    for piece in pieces:
-        state = None
-        for rows in row_blocks(piece):
-            past, state = model.past_part(columns[rows], state)
-            sums += columns[rows].T @ past
-            present = past * used[rows, None]
-            for k in range(model.order + 1):
-                ahead = columns[rows.start + k : min(rows.stop + k, piece.stop)]
-                behind = columns[max(rows.start - k, piece.start) : max(rows.stop - k, piece.start)]
-                shared[k] += np.vdot(present[: len(ahead)], ahead)
-                shared[k] += np.vdot(present[len(present) - len(behind) :], behind)
-    return sums, shared
-
-
-def warn_of_correlation(
-    result: FitResult, independent: FitResult, options: CorrelationOptions = CorrelationOptions()
-) -> None:
+def warn_of_correlation(result: FitResult, independent: FitResult) -> None:
     """Name the actuators that have clearly fewer effective samples than rows."""
     noise = result.noise
     assert noise is not None
-    few = np.flatnonzero(noise.effective_samples < options.clearly_fewer * noise.samples)
+    few = np.flatnonzero(noise.effective_samples < CLEARLY_FEWER * noise.samples)
     if not len(few):
         return
     actuators = "; ".join(
@@ -494,13 +414,11 @@ def warn_of_correlation(
     warn(f"autocorrelated residuals of {actuators}: {consequence}", DataWarning)
 
 
-def warn_of_scatter(
-    result: FitResult, within: FitResult, options: CorrelationOptions = CorrelationOptions()
-) -> None:
+def warn_of_scatter(result: FitResult, within: FitResult) -> None:
     """Name the parameters whose estimates clearly vary from recording to recording."""
     from scipy.special import chdtri  # slow to import
 
-    freedom, chance = result.degrees_of_freedom, options.false_alarm / len(result.values)
+    freedom, chance = result.degrees_of_freedom, FALSE_ALARM / len(result.values)
     ratios = result.standard_errors / np.where(
         within.standard_errors > 0, within.standard_errors, np.inf
     )

@@ -15,13 +15,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from pydantic import Field
 
-from loopid.arguments import FloatArray, NotNegative, Positive, checked
-from loopid.errors import DataWarning, LoopidError, OptionError, warn
+from loopid.arguments import FloatArray, checked
+from loopid.errors import DataWarning, LoopidError, warn
 from loopid.identification.estimator import inverse_deviations
 from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import ROUND_OFF, FitProblem
@@ -30,53 +29,20 @@ from loopid.logs.recording import FilterOptions, Recording
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
-
-@record(kw_only=True, checked=True)
-class CutoffOptions:
-    """Which cut-offs are tried, and how one is chosen.
-
-    Attributes
-    ----------
-    step : float
-        Ratio of neighbouring cut-offs: the error of a fit changes little over it.
-    narrowest, widest : float
-        The first and the last, in bands of the motion (``motion_band``): products of velocities
-        and friction reach beyond its band, but hardly further than the last.
-    period : float
-        Least samples of the log in a period of the last cut-off.
-    judged : float
-        Cut-off of the band that all are judged in, in bands of the motion. In the band of the
-        motion itself fits that are too narrow look better than they are.
-    blocks : int
-        Of time, at least; each is left out once. More are shorter than the errors' memory.
-    clearly : float
-        Standard errors by which a prediction error is clearly worse than the least.
-    growth : float
-        Variance of the predictions, relative to the least, at which wider ones are given up.
-    tie : float
-        Part by which a variance may exceed the least: of such cut-offs the middle one is chosen.
-
-    Raises
-    ------
-    OptionError
-        When the widest is not beyond the narrowest.
-    """
-
-    step: Annotated[float, Field(gt=1)] = 1.4
-    narrowest: Positive = 1.4
-    widest: Positive = 30.0
-    period: Annotated[float, Field(gt=2)] = 5.0
-    judged: Positive = 4.0
-    blocks: Annotated[int, Field(ge=2)] = 10
-    clearly: NotNegative = 2.0
-    growth: Annotated[float, Field(gt=1)] = 10.0
-    tie: NotNegative = 0.05
-
-    def __post_init__(self) -> None:
-        if not self.narrowest < self.widest:
-            raise OptionError(
-                f"widest must be beyond the narrowest, {self.narrowest:g}, not {self.widest:g}"
-            )
+# Ratio of neighbouring cut-offs: the error of a fit changes little over it. The first and the last,
+# in bands of the motion: products of velocities and friction reach beyond its band, but hardly
+# further than the last. Least samples of the log in a period of the last.
+STEP, NARROWEST, WIDEST, PERIOD = 1.4, 1.4, 30.0, 5.0
+# Cut-off of the band that all are judged in, in bands of the motion: in the band of the motion
+# itself fits that are too narrow look better than they are.
+JUDGED = 4.0
+# Blocks of time, at least; each is left out once. More are shorter than the errors' memory.
+BLOCKS = 10
+# Standard errors by which a prediction error is clearly worse than the least.
+CLEARLY = 2.0
+# Variance of the predictions, relative to the least, at which wider cut-offs are given up; part by
+# which it may exceed the least: of such cut-offs the middle one is chosen.
+GROWTH, TIE = 10.0, 0.05
 
 
 @record
@@ -149,7 +115,6 @@ def choose_cutoff(
     force_model: ForceModel,
     recordings: Sequence[Recording],
     *,
-    options: CutoffOptions = CutoffOptions(),
     n_jobs: int = 1,
 ) -> CutoffChoice | None:
     """Choose the cut-off at which fits predict best what they were not fitted to.
@@ -160,7 +125,6 @@ def choose_cutoff(
     ----------
     recordings : sequence of Recording
         That will be fitted; nothing else is looked at.
-    options : CutoffOptions, optional
     n_jobs : int
         Processes that compute the regressors.
 
@@ -181,14 +145,14 @@ def choose_cutoff(
     robot = force_model.mechanism
     band = max(motion_band(robot, log) for log in logs)
     rate = min(log.rate(part) for log in logs for part in log.parts() if len(log.time[part]) > 1)
-    limit = rate / options.period
+    limit = rate / PERIOD
     if not band:
         return None
-    wanted, narrowest = options.widest * band, min(options.narrowest * band, limit)
-    count = int(np.log(min(wanted, limit) / narrowest) / np.log(options.step))
-    cutoffs = narrowest * options.step ** np.arange(count + 1)
-    judged = min(options.judged * band, limit)
-    parts = -(-options.blocks // len(open_ones))
+    wanted, narrowest = WIDEST * band, min(NARROWEST * band, limit)
+    count = int(np.log(min(wanted, limit) / narrowest) / np.log(STEP))
+    cutoffs = narrowest * STEP ** np.arange(count + 1)
+    judged = min(JUDGED * band, limit)
+    parts = -(-BLOCKS // len(open_ones))
 
     def at(cutoff: float) -> _Judged | None:
         return _fits(force_model, open_ones, cutoff, parts=parts, n_jobs=n_jobs)
@@ -205,12 +169,12 @@ def choose_cutoff(
             tried.append(cutoff)
             errors.append(_errors(judge, found))
             variances.append(_variance(judge, found))
-            if cutoff > judged and variances[-1] > options.growth * min(variances):
+            if cutoff > judged and variances[-1] > GROWTH * min(variances):
                 break
     if not tried:
         return None
-    chosen, clear = _chosen(np.array(errors), np.array(variances), judge.force, options)
-    last = chosen == len(tried) - 1 and limit < wanted and tried[-1] * options.step > limit
+    chosen, clear = _chosen(np.array(errors), np.array(variances), judge.force)
+    last = chosen == len(tried) - 1 and limit < wanted and tried[-1] * STEP > limit
     return CutoffChoice(
         cutoffs=np.array(tried),
         errors=np.sqrt(np.sum(errors, axis=1) / (judge.rows * judge.force)),
@@ -332,9 +296,7 @@ def _variance(judge: _Judged, found: _Judged) -> float:
     return (count - 1) / count * squares / judge.rows
 
 
-def _chosen(
-    errors: FloatArray, variances: FloatArray, force: float, options: CutoffOptions
-) -> tuple[int, FloatArray]:
+def _chosen(errors: FloatArray, variances: FloatArray, force: float) -> tuple[int, FloatArray]:
     """Which cut-off is chosen, of errors (k, K) and variances (k,); and how clear errors are (k,).
 
     A variance of few blocks is uncertain, so that it is averaged with those of its neighbours.
@@ -345,6 +307,6 @@ def _chosen(
     clear = np.divide(over.sum(axis=1), error, out=np.zeros(len(error)), where=error > 0)
     padded = np.pad(np.log(variances + ROUND_OFF**2 * force), 1, mode="edge")
     smooth = np.exp((padded[:-2] + 2 * padded[1:-1] + padded[2:]) / 4)
-    smooth[clear > options.clearly] = np.inf
-    ties = np.flatnonzero(smooth <= (1 + options.tie) * smooth.min())
+    smooth[clear > CLEARLY] = np.inf
+    ties = np.flatnonzero(smooth <= (1 + TIE) * smooth.min())
     return int(ties[len(ties) // 2]), clear

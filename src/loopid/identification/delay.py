@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, NotNegative, Positive, checked
+from loopid.arguments import BoolArray, FloatArray, checked
 from loopid.errors import DataError, DataWarning, RankError, warn
 from loopid.identification.estimator import chosen_estimator, solved
 from loopid.identification.fitting import quiet_fit
@@ -34,52 +34,27 @@ from loopid.workers import one_blas_thread
 
 NORMAL = 1.96  # standard errors to the end of a 95 % interval
 DEGREE = 5  # of splines between samples: off by 5e-4 of a signal at a fifth of the rate
-
-
-@record(kw_only=True, checked=True)
-class DelayOptions:
-    """How delays are looked for, and which of them are clear.
-
-    Attributes
-    ----------
-    longest : float
-        Shifts in s that are looked at.
-    part : float
-        The same as a part of the longest stretch: longer ones leave too little of a log.
-    tried : int
-        Shifts of all forces that are tried first, an odd number.
-    iterations : int
-        Of Newton's method at most.
-    settled : float
-        Change in steps of the log that ends them.
-    least : float
-        Delay in steps of the log that is worth a correction.
-    clear : float
-        The least ratio of a clear delay to half of its 95 % interval.
-    alone : float
-        The same of a motor that differs from the others, for which its delay is undone alone.
-    usual : float
-        Deviation in s of delays, or a step of the log where that is less: so much is held for
-        possible where the data do not tell.
-    chance : float
-        Probability that delays of motors that agree seem to differ; the interval of the common one
-        is then wider by as much as they do.
-    known : float
-        Singular value of the scaled regressor, relative to the largest, below which a combination
-        of its columns counts for nothing.
-    """
-
-    longest: Positive = 0.25
-    part: Positive = 0.05
-    tried: int = 51
-    iterations: int = 15
-    settled: Positive = 1e-3
-    least: NotNegative = 0.2
-    clear: Positive = 2.0
-    alone: Positive = 6.0
-    usual: Positive = 0.01
-    chance: Positive = 0.01
-    known: Positive = 1e-6
+# Shifts in s that are looked at, and the same as a part of the longest stretch: longer ones leave
+# too little of a log. Shifts of all forces that are tried first, an odd number.
+LONGEST, PART, TRIED = 0.25, 0.05, 51
+# Newton's method: iterations at most, and the change in steps of the log that ends them.
+ITERATIONS, SETTLED = 15, 1e-3
+# Singular value of the scaled regressor, relative to the largest, below which a combination of its
+# columns counts for nothing.
+KNOWN = 1e-6
+# Parts of time that count as recordings of their own. Errors of positions from a coarse encoder
+# gather where the motion turns back and friction jumps, which tells most of a delay: estimates
+# scatter between parts more than their autocorrelation lets expect.
+BLOCKS = 20
+# A delay is clear from so many steps of the log on, and so many times half of its 95 % interval;
+# of a motor that differs from the others, for which its delay is undone alone, so many times.
+LEAST, CLEAR, ALONE = 0.2, 2.0, 6.0
+# Probability that delays of motors that agree seem to differ; the interval of the common one is
+# then wider by as much as they do.
+CHANCE = 0.01
+# Deviation in s of delays, or a step of the log where that is less: so much is held for possible
+# where the data do not tell.
+USUAL = 0.01
 
 
 @record
@@ -152,12 +127,7 @@ def _late(whose: str, delay: float, interval: FloatArray | tuple[float, float]) 
 
 
 @checked
-def find_delay(
-    force_model: ForceModel,
-    recordings: Sequence[Recording],
-    *,
-    options: DelayOptions = DelayOptions(),
-) -> Delay | None:
+def find_delay(force_model: ForceModel, recordings: Sequence[Recording]) -> Delay | None:
     """How much later than the motion the forces are, of all motors and of each.
 
     Parameters
@@ -165,7 +135,6 @@ def find_delay(
     force_model : ForceModel
     recordings : sequence of Recording
         From ``prepare_recording``, of one robot and one way of logging.
-    options : DelayOptions, optional
 
     Returns
     -------
@@ -174,19 +143,14 @@ def find_delay(
 
     Examples
     --------
-    Forces that are two rows late:
+    Forces that are 20 ms late:
 
-    >>> import loopid, numpy as np
+    >>> import loopid
     >>> robot = loopid.load_mechanism("five_bar")
-    >>> sine, cosine = 0.1 * np.random.default_rng(0).normal(size=(2, 2, 4))
-    >>> series = loopid.FourierSeries(robot.actuated, 0.2, np.array([1.7, 0.7]), sine, cosine)
-    >>> motion = loopid.joint_motion(robot, series.motion(10.0, 100.0))
-    >>> run = loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=0.01))
-    >>> late = run.time[2:], run.position[2:], run.force[:-2]
-    >>> log = loopid.Log.from_arrays(*late, robot.actuated)
     >>> model = loopid.find_force_model(robot, "full")
-    >>> found = loopid.find_delay(model, [loopid.prepare_recording(robot, log)])
-    >>> round(found.common, 3)
+    >>> late = loopid.read_log("urdf/logs/five_bar.csv", robot).delayed(-0.02)
+    >>> found = loopid.find_delay(model, [loopid.prepare_recording(robot, late)])
+    >>> round(found.common, 2)
     0.02
     """
     robot = force_model.mechanism
@@ -195,8 +159,7 @@ def find_delay(
             runs = [in_motion_band(robot, one) for one in recordings if one.log is not None]
             if not runs:
                 return None
-            search = _Search(force_model, [_Run(force_model, one) for one in runs], options)
-            return search.result()
+            return _Search(force_model.mechanism, [_Run(force_model, one) for one in runs]).result()
         except (DataError, RankError):  # too few samples, or a motion without any change
             return None
 
@@ -278,8 +241,7 @@ class _Run:
         assert log is not None
         self.recording, self.robot = recording, force_model.mechanism
         self.time = np.asarray(recording.motion.time)
-        regressor = force_model.samples(recording).regressor
-        self.regressor = np.concatenate([regressor, _of_drives(recording)], axis=2)
+        self.samples = _beside(force_model.samples(recording), "drive", _of_drives(recording))
         parts = log.parts()
         self.steps = [1 / log.rate(part) for part in parts if part.stop - part.start > 1]
         self.lengths = [float(np.ptp(log.time[part])) for part in parts]
@@ -325,29 +287,14 @@ def _of_drives(recording: Recording) -> FloatArray:
 class _Search:
     """The samples of all recordings, their forces at any shift."""
 
-    def __init__(self, force_model: ForceModel, runs: list[_Run], options: DelayOptions) -> None:
-        robot = force_model.mechanism
-        self.runs, self.options, self.joints = runs, options, robot.actuated
+    def __init__(self, robot: Mechanism, runs: list[_Run]) -> None:
+        self.runs, self.joints = runs, robot.actuated
         self.step = min(step for run in runs for step in run.steps)
-        longest = options.part * max(length for run in runs for length in run.lengths)
-        self.longest = min(options.longest, longest)
+        self.longest = min(LONGEST, PART * max(length for run in runs for length in run.lengths))
         # Motors that act on all coordinates together are not told apart.
         self.count = 1 if robot.redundant else len(robot.actuated)
         self.driven = ~np.isin(robot.independent, robot.free)
-        samples = FitSamples.combined([_samples(run, robot.independent) for run in runs])
-        self.motion = self._told(samples)
-
-    def _told(self, samples: FitSamples) -> FitSamples:
-        """The samples of those combinations of columns only that the motion tells."""
-        sizes = samples.problem.force_rms
-        weights = np.divide(1.0, sizes, out=np.zeros(len(sizes)), where=sizes > 0)
-        R = samples.problem.weighted(weights)[:-1, :-1]
-        norms = np.linalg.norm(R, axis=0)
-        norms[norms == 0] = np.inf
-        _, values, right = np.linalg.svd(R / norms)
-        kept = values > self.options.known * values[0]
-        turn = (right[kept] / values[kept, None]).T / norms[:, None]
-        return samples.along(turn)
+        self.motion = _told(FitSamples.combined([run.samples for run in runs]))
 
     def shifted(self, shifts: FloatArray) -> FitSamples:
         """The samples with forces of times that are shifts (count,) later."""
@@ -357,7 +304,7 @@ class _Search:
 
     def best_shift(self) -> float:
         """Shift of all forces that leaves the least residuals, of those that are tried."""
-        shifts = np.linspace(-self.longest, self.longest, self.options.tried)
+        shifts = np.linspace(-self.longest, self.longest, TRIED)
         tried = [self.shifted(shift) for shift in shifts[:, None]]
         used = np.all([each.used for each in tried], axis=0)
         samples = replace(self.motion, used=used)
@@ -371,19 +318,17 @@ class _Search:
 
     def refined(self, shift: float, *, together: bool) -> tuple[FloatArray, FloatArray]:
         """Delays (k,) from a shift on, of all motors or each, and their 95 % intervals (k, 2)."""
-        shifts, width = (
-            np.full(1 if together else self.count, shift),
-            self.motion.regressor.shape[2],
-        )
-        reach = 2 * self.longest / (self.options.tried - 1)
+        shifts = np.full(1 if together else self.count, shift)
+        width = self.motion.regressor.shape[2]
+        reach = 2 * self.longest / (TRIED - 1)
         start = chosen_estimator("wls").fit(self.shifted(shifts).problem)
         values, weights = start.values, start.weights
-        for _ in range(self.options.iterations):
+        for _ in range(ITERATIONS):
             samples = self._with_rates(self.shifted(shifts), values, len(shifts))
             found, _ = solved(samples.problem, weights)
             values, change = found[:width], np.clip(found[width:], -reach, reach)
             shifts = np.clip(shifts + change, -self.longest, self.longest)
-            if np.abs(change).max() <= self.options.settled * self.step:
+            if np.abs(change).max() <= SETTLED * self.step:
                 fitted = quiet_fit(self._with_rates(self.shifted(shifts), values, len(shifts)))
                 delays, intervals = fitted.values[width:], fitted.intervals()[width:]
                 return shifts + delays, shifts[:, None] + intervals
@@ -393,13 +338,7 @@ class _Search:
         """With columns of what a delay of all motors, or of each, does to the forces at values."""
         rates = _rates(samples, samples.predicted(values), [run.time for run in self.runs])
         acting = self.driven[:, None] * (1.0 if count == 1 else np.eye(rates.shape[1], count))
-        columns = -rates[:, :, None] * acting
-        names = samples.parameters.parameters + _numbered("delay", count).parameters
-        return replace(
-            samples,
-            parameters=ParameterSet(names),
-            regressor=np.concatenate([samples.regressor, columns], axis=2),
-        )
+        return _beside(samples, "delay", -rates[:, :, None] * acting)
 
     def result(self) -> Delay:
         """The delay of all motors, and of each."""
@@ -439,7 +378,7 @@ class _Search:
             return np.where(undone != 0, errors, 0.0)
         if undone.any():
             return np.array([error])
-        usual = min(self.options.usual, self.step)
+        usual = min(USUAL, self.step)
         told = 1 / (1 + (error / usual) ** 2)
         return np.array([np.hypot(told * common, usual * np.sqrt(1 - told))])
 
@@ -451,7 +390,7 @@ class _Search:
             return 1.0
         mean = np.average(delays, weights=errors**-2)
         square, freedom = float((((delays - mean) / errors) ** 2).sum()), len(delays) - 1
-        return np.sqrt(square / freedom) if square > chdtri(freedom, self.options.chance) else 1.0
+        return np.sqrt(square / freedom) if square > chdtri(freedom, CHANCE) else 1.0
 
     def _stands_out(self, k: int, delays: FloatArray, errors: FloatArray) -> bool:
         """Whether a motor has clearly a delay of its own, and the others none like it."""
@@ -459,7 +398,7 @@ class _Search:
         if not (len(others) and np.isfinite(errors).all()):
             return False
         mean = np.average(delays[others], weights=errors[others] ** -2)
-        scale = self._disagreement(delays[others], errors[others]) * NORMAL * self.options.alone
+        scale = self._disagreement(delays[others], errors[others]) * NORMAL * ALONE
         own = self._clear(delays[k], NORMAL * errors[k])
         return own and abs(delays[k] - mean) > scale * np.hypot(
             errors[k], (errors[others] ** -2).sum() ** -0.5
@@ -467,21 +406,26 @@ class _Search:
 
     def _clear(self, delay: float, half: float) -> bool:
         """Whether a delay is clear, by half of its 95 % interval."""
-        return bool(abs(delay) > max(self.options.clear * half, self.options.least * self.step))
+        return bool(abs(delay) > max(CLEAR * half, LEAST * self.step))
 
 
-def _samples(run: _Run, actuators: tuple[str, ...]) -> FitSamples:
-    """All samples of a recording."""
-    recording, names = run.recording, _numbered("column", run.regressor.shape[2])
-    return FitSamples.of(
-        names,
-        actuators,
-        run.regressor,
-        recording.force,
-        used=recording.used,
-        stretches=recording.stretches,
+def _beside(samples: FitSamples, what: str, columns: FloatArray) -> FitSamples:
+    """The samples with further columns (N, dof, k)."""
+    more = ParameterSet.from_labels(f"{what}.{k}" for k in range(columns.shape[2]))
+    return replace(
+        samples,
+        parameters=ParameterSet(samples.parameters.parameters + more.parameters),
+        regressor=np.concatenate([samples.regressor, columns], axis=2),
     )
 
 
-def _numbered(what: str, count: int) -> ParameterSet:
-    return ParameterSet.from_labels(f"{what}.{k}" for k in range(count))
+def _told(samples: FitSamples) -> FitSamples:
+    """The samples of those combinations of columns only that the motion tells, in parts of time."""
+    sizes, count = samples.problem.force_rms, len(samples)
+    R = samples.problem.weighted(np.divide(1.0, sizes, out=np.zeros(len(sizes)), where=sizes > 0))
+    norms = np.linalg.norm(R[:-1, :-1], axis=0)
+    norms[norms == 0] = np.inf
+    _, values, right = np.linalg.svd(R[:-1, :-1] / norms)
+    kept = values > KNOWN * values[0]
+    told = samples.along((right[kept] / values[kept, None]).T / norms[:, None])
+    return replace(told, runs=np.arange(count) * BLOCKS // count)

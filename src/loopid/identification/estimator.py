@@ -17,7 +17,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
 
-from loopid.arguments import FloatArray, row_blocks
+from loopid.arguments import FloatArray
 from loopid.errors import DataError, OptionError, RankError
 from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
 from loopid.identification.result import FitResult, fit_quality
@@ -51,13 +51,9 @@ class WorkingFit:
 
     def response(self, force: FloatArray) -> FloatArray:
         """Change of the estimates (n, k) with further forces (N, dof, k)."""
-        width = len(self.result.parameters)
-        sums = np.zeros((width, force.shape[2]))
-        for rows in row_blocks(len(self.samples)):
-            weights = self.result.weights**2 * self.samples.used[rows]
-            columns = self.samples.regressor[rows] * weights[:, :, None]
-            sums += np.einsum("tij,tik->jk", columns, force[rows], optimize=True)
-        return np.asarray(cho_solve((self.factor[:width, :width], False), sums))
+        weights = self.result.weights**2 * self.samples.used
+        sums = np.einsum("tij,ti,tik->jk", self.samples.regressor, weights, force, optimize=True)
+        return np.asarray(cho_solve((self.factor[:-1, :-1], False), sums))
 
 
 class Estimator:
@@ -128,39 +124,21 @@ def require_rows(problem: FitProblem) -> None:
 LEAST_EXCITATION = 1e-8
 # Part in the unidentifiable directions, relative to the largest, above which a parameter is named.
 INVOLVED = 0.1
-# Round-off of the forces, relative to them: all that is known of errors that are as small.
-WEIGHT_ROUND_OFF = 1e-13
+# Weights have converged that change by less than this part, or than round-off of the forces: all
+# that is known of errors that are as small. Iterations to them at most.
+CONVERGED, WEIGHT_ROUND_OFF, ITERATIONS = 1e-10, 1e-13, 500
 
 
-@record(checked=True)
-class Convergence:
-    """When weights have converged.
-
-    Attributes
-    ----------
-    iterations : int
-        At most.
-    tolerance : float
-        Relative change of the weights that ends the iteration.
-    """
-
-    iterations: int = 500
-    tolerance: float = 1e-10
-
-
-def solved(
-    problem: FitProblem, weights: FloatArray, prior: FloatArray | None = None
-) -> tuple[FloatArray, FloatArray]:
-    """Least squares (n,) of the weighted rows and a prior's, and their triangular factor (n, n)."""
-    width = len(problem.parameters)
-    factor = problem.weighted(weights, prior)
-    R = factor[:width, :width]
+def solved(problem: FitProblem, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Least squares (n,) of the weighted rows, and their triangular factor (n, n)."""
+    factor = problem.weighted(weights)
+    R = factor[:-1, :-1]
     require_excitation(problem, R)
-    return np.asarray(solve_triangular(R, factor[:width, width]), dtype=np.float64), R
+    return np.asarray(solve_triangular(R, factor[:-1, -1]), dtype=np.float64), R
 
 
 def leverages(problem: FitProblem, weights: FloatArray, R: FloatArray) -> FloatArray:
-    """Part of the parameters (dof,) that each actuator determines; they sum to n without a prior.
+    """Part of the parameters (dof,) that each actuator determines; they sum to n.
 
     By the triangular factor R (n, n) of all weighted rows.
     """
@@ -197,7 +175,7 @@ def inverse_deviations(problem: FitProblem, squares: FloatArray, freedom: FloatA
 def converged_weights(
     problem: FitProblem,
     fitted: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
-    convergence: Convergence = Convergence(),
+    iterations: int = ITERATIONS,
 ) -> FloatArray:
     """Weights (dof,) that are the inverse deviations of the residuals that they lead to.
 
@@ -205,31 +183,16 @@ def converged_weights(
     """
     weights = equal_weights(problem)
     present, force = weights > 0, problem.force_rms
-    for _ in range(convergence.iterations):
+    for _ in range(iterations):
         values, leverage = fitted(weights)
         last, squares = weights, problem.residual_squares(values)
         weights = inverse_deviations(problem, squares, problem.samples - leverage)
         change = np.abs(weights[present] / last[present] - 1.0).max(initial=0.0)
-        if change <= max(convergence.tolerance, WEIGHT_ROUND_OFF * (weights * force).max()):
+        if change <= max(CONVERGED, WEIGHT_ROUND_OFF * (weights * force).max()):
             return weights
     raise DataError(
-        f"the weights do not converge in {convergence.iterations} iterations: use ols",
-        iterations=convergence.iterations,
+        f"the weights do not converge in {iterations} iterations: use ols", iterations=iterations
     )
-
-
-def least_squares_weights(
-    problem: FitProblem,
-    prior: FloatArray | None = None,
-    convergence: Convergence = Convergence(),
-) -> FloatArray:
-    """The converged weights (dof,) of least squares with the rows of a prior."""
-
-    def fitted(weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-        values, R = solved(problem, weights, prior)
-        return values, leverages(problem, weights, R)
-
-    return converged_weights(problem, fitted, convergence)
 
 
 def result_of(
@@ -299,19 +262,24 @@ class OrdinaryLeastSquares(Estimator):
         return result_of(self.name, problem, values, R, weights, variance)
 
 
-@record
+@record(checked=True)
 class WeightedLeastSquares(Estimator):
     """The variances are found by iteration.
 
     Attributes
     ----------
-    convergence : Convergence
+    iterations : int
+        At most.
     """
 
     name = "wls"
-    convergence: Convergence = Convergence()
+    iterations: int = ITERATIONS
 
     def _fit(self, problem: FitProblem) -> FitResult:
-        weights = least_squares_weights(problem, convergence=self.convergence)
+        def fitted(weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+            values, R = solved(problem, weights)
+            return values, leverages(problem, weights, R)
+
+        weights = converged_weights(problem, fitted, self.iterations)
         values, R = solved(problem, weights)
         return result_of(self.name, problem, values, R, weights, 1.0)

@@ -10,7 +10,6 @@ import numpy as np
 from loopid.arguments import checked
 from loopid.errors import DataWarning, OptionError, warn
 from loopid.identification.correlation import (
-    CorrelationOptions,
     warn_of_correlation,
     warn_of_scatter,
     with_scatter,
@@ -25,8 +24,6 @@ from loopid.identification.result import LEAST_FREEDOM, FitResult, fit_quality
 def fit(
     samples: FitSamples,
     estimator: str | Estimator = "wls",
-    *,
-    correlation: CorrelationOptions = CorrelationOptions(),
 ) -> FitResult:
     """Estimate parameters, with intervals that allow for autocorrelated residuals.
 
@@ -38,8 +35,6 @@ def fit(
     estimator : str or Estimator
         A name of ``ESTIMATORS``, or an estimator with its options. ``"iv"`` needs samples with
         instruments.
-    correlation : CorrelationOptions, optional
-        How errors that are not independent are modelled.
 
     Returns
     -------
@@ -77,7 +72,7 @@ def fit(
     >>> bool((abs(found.values - truth) < 4 * found.standard_errors).all())
     True
     """
-    found = working_fit(samples, estimator, correlation=correlation, quiet=False).result
+    found = working_fit(samples, estimator, quiet=False).result
     _warn_of_insignificant(found)
     return found
 
@@ -86,11 +81,9 @@ def fit(
 def quiet_fit(
     samples: FitSamples,
     estimator: str | Estimator = "wls",
-    *,
-    correlation: CorrelationOptions = CorrelationOptions(),
 ) -> FitResult:
     """As ``fit``, without warnings."""
-    return working_fit(samples, estimator, correlation=correlation).result
+    return working_fit(samples, estimator).result
 
 
 @checked
@@ -98,7 +91,6 @@ def working_fit(
     samples: FitSamples,
     estimator: str | Estimator = "wls",
     *,
-    correlation: CorrelationOptions = CorrelationOptions(),
     quiet: bool = True,
 ) -> WorkingFit:
     """As ``fit``, with the least squares that the fit amounts to, and fewer warnings.
@@ -106,11 +98,11 @@ def working_fit(
     Without any where quiet; of autocorrelation and scatter otherwise.
     """
     independent = chosen_estimator(estimator).fit_samples(samples)
-    within = within_runs(independent, correlation)
-    found = with_scatter(within, correlation)
+    within = within_runs(independent)
+    found = with_scatter(within)
     if not quiet:
-        warn_of_correlation(within.result, independent.result, correlation)
-        warn_of_scatter(found.result, within.result, correlation)
+        warn_of_correlation(within.result, independent.result)
+        warn_of_scatter(found.result, within.result)
     return found
 
 

@@ -15,7 +15,6 @@ import numpy as np
 from loopid.arguments import FloatArray, row_blocks
 from loopid.errors import OptionError, RankError
 from loopid.identification.estimator import (
-    Convergence,
     Estimator,
     WorkingFit,
     converged_weights,
@@ -28,20 +27,16 @@ from loopid.observation import triangular_factor
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
+# Statistic F of the regression of the regressor on the instruments, in the direction that these
+# determine least, below which they are too weak for intervals to hold [Staiger1997].
+LEAST_STRENGTH = 10.0
 
-@record(checked=True)
+
+@record
 class InstrumentalVariables(Estimator):
     """Estimates by instruments, which the samples bring (``FitSamples.with_instruments``).
 
     Each actuator counts by its own error variance, as in weighted least squares.
-
-    Attributes
-    ----------
-    least_strength : float
-        Statistic F of the regression of the regressor on the instruments, in the direction that
-        these determine least, below which they are too weak for intervals to hold [Staiger1997].
-    convergence : Convergence
-        Of the weights.
 
     Examples
     --------
@@ -60,8 +55,6 @@ class InstrumentalVariables(Estimator):
     """
 
     name = "iv"
-    least_strength: float = 10.0
-    convergence: Convergence = Convergence()
 
     def fit_samples(self, samples: FitSamples) -> WorkingFit:
         """As of ``Estimator``.
@@ -91,7 +84,7 @@ class InstrumentalVariables(Estimator):
                 leverage = columns * (rows[:, :, len(own) : -1] @ np.linalg.inv(shared))
                 return values, leverage.sum(axis=(1, 2))
 
-            weights = converged_weights(problem, fitted, self.convergence)
+            weights = converged_weights(problem, fitted)
             own, shared, values = self._projection(problem, weights[:, None, None] * factors)
             result = result_of(self.name, problem, values, shared, weights, 1.0)
         turn, residual = np.linalg.solve(own, shared), samples.residual(values)
@@ -114,13 +107,13 @@ class InstrumentalVariables(Estimator):
         cosine = float(np.linalg.svd(shared @ np.linalg.inv(R), compute_uv=False)[-1])
         unexplained = max(1.0 - cosine**2, np.finfo(float).eps)
         strength = problem.freedom / width * cosine**2 / unexplained
-        if strength < self.least_strength:
+        if strength < LEAST_STRENGTH:
             raise RankError(
                 f"the instruments are too weak: F statistic {strength:.2g} of the combination of "
-                f"parameters that they determine least (least {self.least_strength:g}); are they "
+                f"parameters that they determine least (least {LEAST_STRENGTH:g}); are they "
                 "of the same motion?",
                 strength=strength,
-                least=self.least_strength,
+                least=LEAST_STRENGTH,
             )
         return own, shared, np.asarray(np.linalg.solve(shared, whole[:width, -1]), dtype=np.float64)
 

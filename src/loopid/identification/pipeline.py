@@ -13,7 +13,7 @@ import numpy as np
 from loopid.arguments import FloatArray, checked
 from loopid.errors import DataError, DataWarning, OptionError, warn
 from loopid.identification.consistent import CONSISTENT, ConsistentOptions, consistent_fit
-from loopid.identification.cutoff import CutoffChoice, CutoffOptions, choose_cutoff, prepared_at
+from loopid.identification.cutoff import CutoffChoice, choose_cutoff, prepared_at
 from loopid.identification.delay import Delay, find_delay, with_delay_errors, without_delay
 from loopid.identification.estimator import ESTIMATORS, Estimator, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
@@ -57,8 +57,6 @@ class FitOptions:
         are fitted, the rest judges.
     consistent : ConsistentOptions
         Of the fit that weighs the robot file.
-    cutoff : CutoffOptions
-        Which cut-offs of the filter are tried (``choose_cutoff``).
     undo_delay : bool
         Whether a clear delay between forces and motion is undone in the logs (``find_delay``).
     terms : TermOptions
@@ -83,7 +81,6 @@ class FitOptions:
     unidentifiable: str = "prior"
     fraction: float = 0.6
     consistent: ConsistentOptions = ConsistentOptions()
-    cutoff: CutoffOptions = CutoffOptions()
     undo_delay: bool = True
     terms: TermOptions = TermOptions()
     n_jobs: int = 1
@@ -113,16 +110,6 @@ class FitOptions:
     def name(self) -> str:
         """Name of the estimator."""
         return self.estimator if isinstance(self.estimator, str) else self.estimator.name
-
-    @property
-    def keeps_robot_file(self) -> bool:
-        """Whether the robot file's values are kept where the data tell nothing."""
-        return self.unidentifiable == "prior"
-
-    @property
-    def weighs_robot_file(self) -> bool:
-        """Whether the robot file is weighed, too: by default, with ``"wls"``."""
-        return self.name == "wls"
 
 
 # Names of the candidates.
@@ -250,16 +237,13 @@ def split_recordings(
 
     Examples
     --------
-    >>> import loopid, numpy as np
+    >>> import loopid
     >>> robot = loopid.load_mechanism("five_bar")
-    >>> sine = 0.1 * np.ones((2, 1))
-    >>> series = loopid.FourierSeries(robot.actuated, 0.1, np.array([1.7, 0.7]), sine, sine)
-    >>> motion = loopid.joint_motion(robot, series.motion(20.0, 10.0))
-    >>> force = np.zeros((len(motion.time), 2))
-    >>> run = loopid.logs.Recording.of_motion(motion, force, robot.actuated)
+    >>> log = loopid.read_log("urdf/logs/five_bar.csv", robot)
+    >>> run = loopid.prepare_recording(robot, log)
     >>> training, validation = loopid.split_recordings([run], 0.75)
-    >>> len(run), len(training[0]), len(validation[0])
-    (201, 151, 50)
+    >>> len(training[0]) + len(validation[0]) == len(run)
+    True
     """
     parts = [recording.split(fraction) for recording in recordings]
     return tuple(part[0] for part in parts), tuple(part[1] for part in parts)
@@ -316,22 +300,13 @@ def identify(
 
     Examples
     --------
-    A five-bar whose log was simulated with friction:
-
-    >>> import loopid, numpy as np
+    >>> import loopid
     >>> robot = loopid.load_mechanism("five_bar")
-    >>> friction, values = loopid.JointTerms.with_values(robot, "Fc=1,Fv=2")
-    >>> sine, cosine = 0.1 * np.random.default_rng(0).normal(size=(2, 2, 4))
-    >>> series = loopid.FourierSeries(robot.actuated, 0.02, np.array([1.7, 0.7]), sine, cosine)
-    >>> motion = loopid.joint_motion(robot, series.motion(100.0, 5.0))
-    >>> noise = loopid.Noise(gaussian=0.01)
-    >>> log = loopid.simulate_measurement(
-    ...     robot, motion, noise, joint_terms=friction, joint_values=values
-    ... )
-    >>> run = loopid.logs.Recording.of_motion(motion, log.force, robot.actuated)
-    >>> found = loopid.identify(loopid.find_force_model(robot, "gravity"), [run])
-    >>> round(found.fit["left_crank_joint.Fv"].value, 1)
-    2.0
+    >>> log = loopid.read_log("urdf/logs/five_bar.csv", robot)  # with 0.1 N m of friction
+    >>> run = loopid.prepare_recording(robot, log)
+    >>> found = loopid.identify(loopid.find_force_model(robot, "full"), [run])
+    >>> round(found.fit["left_crank_joint.Fc"].value, 2)
+    0.1
     """
     options.require_references(len(references))
     delay = find_delay(force_model, recordings) if options.undo_delay else None
@@ -341,7 +316,7 @@ def identify(
     training, judging, friction = (
         without_delay(force_model, runs, delay) for runs in (training, judging, friction)
     )
-    cutoff = choose_cutoff(force_model, training, options=options.cutoff, n_jobs=options.n_jobs)
+    cutoff = choose_cutoff(force_model, training, n_jobs=options.n_jobs)
     if cutoff is not None:
         cutoff.warn()
         training, judging, friction = (
@@ -358,7 +333,7 @@ def identify(
     whole = fit_all(force_model, data, excited, first=first, options=options)
     start = fit_joint_terms(force_model, data, options=options)
     fits = {ROBOT_FILE: start, ALL: whole}
-    if options.weighs_robot_file:
+    if options.name == "wls":
         fits[CONSISTENT] = fit_solid_bodies(
             force_model, data, excited, whole=whole, terms_known=first is not None, options=options
         )
@@ -423,7 +398,7 @@ def fit_all(
         return fit_in_steps(first, data, known, estimator=estimator)
     if not excited.unidentifiable:
         return working_fit(data, estimator, quiet=False).result
-    if not (options.keeps_robot_file and excited.rank):
+    if not (options.unidentifiable == "prior" and excited.rank):
         raise excited.refusal
     return fit_excited(data, force_model.prior, excited.excitation, estimator=estimator)
 

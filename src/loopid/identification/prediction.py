@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, checked, finite, row_blocks
+from loopid.arguments import BoolArray, FloatArray, checked, finite
 from loopid.errors import DataError, OptionError
 from loopid.files import csv_text
 from loopid.identification.cutoff import prepared_at
@@ -183,11 +183,6 @@ class Candidate:
         return self.fit.values
 
     @property
-    def covariance(self) -> FloatArray:
-        """Covariance (n, n), zero where nothing was fitted."""
-        return self.fit.covariance
-
-    @property
     def training(self) -> Quality:
         """On the data of the fit."""
         return self.fit.quality
@@ -253,16 +248,12 @@ def _error_ratio(
     rms = fit_quality(samples.problem, baseline).residual_rms
     scale, present = np.maximum(rms, samples.least_errors), samples.problem.samples > 0
 
-    def squares(phi: FloatArray, rows: slice) -> FloatArray:
-        """Squared errors (L,) of some samples, each actuator in units of its baseline error."""
-        residual = samples.force[rows] - samples.regressor[rows] @ phi
-        residual = np.where(samples.used[rows], residual, 0.0)[:, present]
+    def squares(phi: FloatArray) -> FloatArray:
+        """Squared errors (N,), each actuator in units of its baseline error."""
+        residual = np.where(samples.used, samples.residual(phi), 0.0)[:, present]
         return np.asarray(((residual / scale[present]) ** 2).sum(axis=1))
 
-    own, other = (
-        np.concatenate([squares(phi, rows) for rows in row_blocks(len(samples))])
-        for phi in (values, baseline)
-    )
+    own, other = squares(values), squares(baseline)
     ratio = float(own.mean() / other.mean())
     return ratio, _mean_error(own - ratio * other) / float(other.mean())
 

@@ -34,6 +34,15 @@ from loopid.workers import one_blas_thread
 DOWN_WEIGHTED = 0.5
 # Median of the absolute value of a standard normal variable.
 NORMAL_MEDIAN = 0.6744897501960817
+# Residual, in units of their scale, from which on all count alike to Huber's estimate.
+HUBER_LIMIT = 1.345
+# Change of the predicted forces, relative to the scale of their errors, at which bisquare follows
+# Huber, and at which it ends.
+TOLERANCES = 1e-3, 1e-9
+# Iterations after which scales and mean slopes are held: single samples would let them flip.
+HELD_FROM = 20
+# Mean slope of ψ below which residuals are no normal core with outliers.
+LEAST_SLOPE = 0.1
 
 
 class _Score(NamedTuple):
@@ -72,17 +81,8 @@ class Bisquare(Estimator):
     tuning : float
         Residual, in units of their scale, from which on samples do not count. Weighted least
         squares for a large one; by default 95 % as efficient as these where errors are normal.
-    huber_limit : float
-        The same of Huber's estimate, which is the start.
     iterations : int
-        At most, of each of both.
-    tolerance, start_tolerance : float
-        Change of the predicted forces, relative to the scale of their errors, that ends the
-        iteration, and that of Huber's from which on bisquare takes over.
-    held_from : int
-        Iterations after which scales and mean slopes are held: single samples would let them flip.
-    least_slope : float
-        Mean slope of ψ below which residuals are no normal core with outliers.
+        At most, of Huber's estimate, which is the start, and of this one.
 
     Examples
     --------
@@ -100,12 +100,7 @@ class Bisquare(Estimator):
 
     name = "bisquare"
     tuning: Positive = 4.685
-    huber_limit: Positive = 1.345
     iterations: int = 200
-    tolerance: float = 1e-9
-    start_tolerance: float = 1e-3
-    held_from: int = 20
-    least_slope: float = 0.1
 
     def fit_samples(self, samples: FitSamples) -> WorkingFit:
         """As of ``Estimator``, by iteratively reweighted least squares.
@@ -118,7 +113,7 @@ class Bisquare(Estimator):
         """
         with one_blas_thread():
             plain = WeightedLeastSquares().fit(samples.problem)
-            found = self._iterated(samples, huber(self.huber_limit), plain.values, plain.weights)
+            found = self._iterated(samples, huber(HUBER_LIMIT), plain.values, plain.weights)
             score = bisquare(self.tuning)
             found = self._iterated(samples, score, found.values, found.weights, found.scale)
             return _working_fit(samples, score, found)
@@ -133,15 +128,15 @@ class Bisquare(Estimator):
     ) -> _State:
         """Reweighted until the predicted forces stay; with scales of its own only roughly."""
         problem = samples.problem
-        tolerance = self.start_tolerance if held_scale is None else self.tolerance
+        tolerance = TOLERANCES[held_scale is not None]
         for k in range(self.iterations):
             residual = samples.residual(values)
-            if k < self.held_from:
+            if k < HELD_FROM:
                 scale = _scales(samples, residual) if held_scale is None else held_scale
             row_weights = score.weight(residual / scale) * samples.used
-            if k < self.held_from:
+            if k < HELD_FROM:
                 counts = (row_weights > 0).sum(axis=0).astype(float)
-                slope = self._mean_slope(samples, score, residual / scale, row_weights > 0)
+                slope = _mean_slope(samples, score, residual / scale, row_weights > 0)
             squares = ((residual * row_weights / slope) ** 2).sum(axis=0)
             R = problem.weighted(weights)[:-1, :-1]
             weights = inverse_deviations(problem, squares, counts - leverages(problem, weights, R))
@@ -159,20 +154,21 @@ class Bisquare(Estimator):
             iterations=self.iterations,
         )
 
-    def _mean_slope(
-        self, samples: FitSamples, score: _Score, u: FloatArray, counting: BoolArray
-    ) -> FloatArray:
-        """Means (dof,) of ψ' over the samples (N, dof) that count; small without a normal core."""
-        counts, sums = counting.sum(axis=0), (score.slope(u) * counting).sum(axis=0)
-        slope = np.where(counts > 0, sums / np.maximum(counts, 1), 1.0)
-        if (slope < self.least_slope).any():
-            name = samples.actuators[int(slope.argmin())]
-            raise DataError(
-                f"the residuals of {name} have no normal core: mean slope {slope.min():.2g} (least "
-                f"{self.least_slope:g}); use wls, or a larger tuning constant",
-                actuator=name,
-            )
-        return slope
+
+def _mean_slope(
+    samples: FitSamples, score: _Score, u: FloatArray, counting: BoolArray
+) -> FloatArray:
+    """Means (dof,) of ψ' over the samples (N, dof) that count; small without a normal core."""
+    counts, sums = counting.sum(axis=0), (score.slope(u) * counting).sum(axis=0)
+    slope = np.where(counts > 0, sums / np.maximum(counts, 1), 1.0)
+    if (slope < LEAST_SLOPE).any():
+        name = samples.actuators[int(slope.argmin())]
+        raise DataError(
+            f"the residuals of {name} have no normal core: mean slope {slope.min():.2g} (least "
+            f"{LEAST_SLOPE:g}); use wls, or a larger tuning constant",
+            actuator=name,
+        )
+    return slope
 
 
 class _State(NamedTuple):

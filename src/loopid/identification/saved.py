@@ -13,11 +13,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from hashlib import sha256
 from importlib.metadata import version
+from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError
 
 from loopid.arguments import LARGEST, FloatArray, Number, checked, finite, frozen
 from loopid.base_parameters.base import BaseParameters, expression
@@ -27,11 +28,13 @@ from loopid.errors import DataError, FileError, OptionError
 from loopid.files import require_other_file, why_no_file, write_file
 from loopid.identification.force_model import ForceModel
 from loopid.identification.result import FileDeviation, FitResult, NoiseModel, Quality, Robustness
-from loopid.identification.saved_checks import SAME_ROBOT, differences, require_sound
+from loopid.kinematics.constraint import constraint_residual
+from loopid.kinematics.projection import closed_motion
 from loopid.kinematics.sampling import random_configurations
 from loopid.loading.files import bundled_robots, find_files
 from loopid.loading.load import load_mechanism
 from loopid.parameters import Parameter, ParameterSet
+from loopid.regressors.closed_loop import motion_parameters, motion_regressor
 from loopid.regressors.joint_terms import JointTerms
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
@@ -40,6 +43,9 @@ from loopid.yaml_files import LARGE, load_yaml
 ENDINGS = (".yaml", ".yml", ".json")
 LARGEST_JSON = 5 * LARGE  # bytes: a line a number
 STATES = 3  # of the robot, by which it is known again
+# Relative difference of closures, forces and columns up to which a robot is the same; of base
+# parameters from those of the standard parameters.
+SAME_ROBOT, FOLLOWS = 1e-6, 1e-9
 NO_EFFECT = 1e-10  # of a column, relative to the largest
 
 Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
@@ -152,7 +158,8 @@ class SavedFit(_Section):
     estimate : SavedEstimate or None
         Where a ``FitResult`` was saved.
     digest : str or None
-        SHA-256 of all but names and paths of the robot, by which changed numbers are known.
+        SHA-256 of all but names and paths of the robot, by which a changed file is known; None
+        before it is written.
     """
 
     format: Literal["loopid fit"] = "loopid fit"
@@ -174,7 +181,7 @@ class SavedFit(_Section):
         Raises
         ------
         DataError
-            When the fit is not one of these parameters.
+            When the fit is not one of these parameters, or has standard parameters of others.
         """
         estimate = fit if isinstance(fit, FitResult) else None
         robot, base, values = model.mechanism, model.base, _values_of(model, fit)
@@ -206,11 +213,6 @@ class SavedFit(_Section):
                 "estimate": estimate,
             }
         )
-
-    @model_validator(mode="after")
-    def _fits_together(self) -> SavedFit:
-        require_sound(self)
-        return self
 
     def __repr__(self) -> str:
         kind = "values" if self.estimate is None else self.estimate.estimator
@@ -304,7 +306,7 @@ class SavedFit(_Section):
         DataError
             Naming both robots, and the first thing that differs.
         """
-        difference = next(differences(self, mechanism), None)
+        difference = next(_differences(self, mechanism), None)
         if difference is not None:
             raise self._refusal(mechanism, difference)
 
@@ -400,6 +402,17 @@ def _values_of(model: ForceModel, fit: FitResult | FloatArray) -> FloatArray:
             f"a fit of {len(fitted)} parameters with values {values.shape} is none of the "
             f"{len(model.base)} base parameters of the force model"
         )
+    bodies = fit.standard_parameters if isinstance(fit, FitResult) else None
+    if bodies is not None:
+        made, size = model.base.values(bodies), np.abs(model.base.matrix) @ np.abs(bodies)
+        apart = np.abs(made - values) > FOLLOWS * (size + np.abs(values))
+        if apart.any():
+            k = int(apart.argmax())
+            name = fitted.labels[k]
+            raise DataError(
+                f"standard parameters of the fit make {name} {made[k]:.6g}, not {values[k]:.6g}",
+                parameter=name,
+            )
     return values
 
 
@@ -500,9 +513,9 @@ def read_fit(path: str | Path) -> SavedFit:
         raise DataError(f"{path} is not a saved fit: {found}", field=where, **facts) from error
     except (TypeError, OverflowError) as error:  # of whole numbers that are none
         raise DataError(f"{path} is not a saved fit: {error}") from error
-    if saved.digest not in (None, _digest(json.loads(document))):
+    if saved.digest != _digest(json.loads(document)):
         raise DataError(
-            f"{path} was changed after it was written: its digest is that of other numbers, so "
+            f"{path} was changed after it was written: its digest is not that of its content, so "
             "write it anew by save_fit",
             field="digest",
         )
@@ -554,6 +567,42 @@ def _parameter_set(entries: Iterable[SavedStandard | SavedBase]) -> ParameterSet
     return ParameterSet(
         tuple(replace(Parameter.parse(entry.name), unit=entry.unit) for entry in entries)
     )
+
+
+def _differences(saved: SavedFit, mechanism: Mechanism) -> Iterator[str]:
+    """What makes a mechanism another robot: only the first counts, the next build on it."""
+    kind, terms = saved.force_model.model, saved.force_model.joint_terms
+    known = {*mechanism.joints, *mechanism.coordinates}
+    missing = set(() if terms is None else terms.joints) - known
+    if missing:
+        yield f"that has no joint {min(missing)}"
+    for what, there, here in (
+        ("coordinate", mechanism.coordinates, saved.robot.coordinates),
+        ("row", mechanism.independent, saved.force_model.rows),
+        ("parameter", motion_parameters(mechanism, kind, terms).labels, saved.standard.labels),
+    ):
+        for one, other in zip_longest(there, here):
+            if one != other:
+                yield f"{what} {other or 'none'} is where that has {one or 'none'}"
+    gravity = mechanism.model.gravity.linear.tolist()
+    if not np.allclose(gravity, saved.force_model.gravity, rtol=SAME_ROBOT):
+        yield f"gravity is {gravity} m/s² there, not {list(saved.force_model.gravity)}"
+    q, v, a, force = (
+        np.array([getattr(state, part) for state in saved.check])
+        for part in ("configuration", "velocity", "acceleration", "force")
+    )
+    residual = np.abs(constraint_residual(mechanism, q)).max(axis=0, initial=0.0)
+    most = SAME_ROBOT * mechanism.length + 2 * mechanism.closure_residual
+    if residual.max(initial=0.0) > most:
+        k = int(residual.argmax())
+        yield f"closure {mechanism.row_names[k]} has a residual of {residual[k]:.3g} there"
+    W = motion_regressor(mechanism, closed_motion(mechanism, q, v, a), kind, joint_terms=terms)
+    apart = np.abs(W[..., saved._leading] @ saved.values - force).max(axis=0)
+    k = int(apart.argmax())
+    if apart[k] > SAME_ROBOT * np.abs(force).max():
+        why = " (bodies that load joints count)" if terms is not None and terms.loaded else ""
+        row = saved.force_model.rows[k]
+        yield f"the force along {row} differs by {apart[k]:.3g} there{why}"
 
 
 def _hashes(mechanism: Mechanism) -> dict[str, str]:

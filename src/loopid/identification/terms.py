@@ -42,6 +42,10 @@ from loopid.workers import one_blas_thread
 STRIBECK, OFFSET = "Fs~", "Fo"
 # Rates of a decade: neighbours are so near that they follow all between them.
 SERIES = (1.0, 2.0, 5.0)
+# The slowest, relative to the joint's largest rate in the data: below it are too few samples.
+SLOWEST = 0.01
+# Part of the effect of terms that other parameters must not make up for: less is round-off.
+OWN_EFFECT = 1e-4
 
 
 @record(kw_only=True, checked=True)
@@ -55,20 +59,13 @@ class TermOptions:
         the usual terms whatever the data say.
     further : float
         Probability that one more joint has more shape by chance, where another clearly has.
-    slowest : float
-        Of the rates that are tried, relative to the joint's largest rate in the data: below it
-        there are too few samples.
     known_offset : float
         Standard error, relative to the motor's force, up to which an offset is told well.
-    own_effect : float
-        Part of the effect of terms that other parameters must not make up for: less is round-off.
     """
 
     false_alarm: Share = 0.01
     further: Annotated[float, Field(gt=0, lt=1)] = 0.05
-    slowest: Annotated[float, Field(gt=0, lt=1)] = 0.01
     known_offset: Share = 0.05
-    own_effect: Share = 1e-4
 
 
 class Terms(NamedTuple):
@@ -129,7 +126,7 @@ def choose_terms(
     usual = force_model.joint_terms
     if usual is None or not (force_model.automatic and options.false_alarm):
         return force_model
-    pairs = list(_pairs(force_model, recordings, options))
+    pairs = list(_pairs(force_model, recordings))
     offsets = list(_offsets(force_model))
     wide = force_model.with_columns(_kinds(pairs))
     evidence = _Evidence.of(samples_of(wide, recordings, n_jobs=n_jobs))
@@ -159,9 +156,7 @@ def _offsets(force_model: ForceModel) -> Iterator[Terms]:
             yield Terms(name.link, (OFFSET,))
 
 
-def _pairs(
-    force_model: ForceModel, recordings: Sequence[Recording], options: TermOptions
-) -> Iterator[Terms]:
+def _pairs(force_model: ForceModel, recordings: Sequence[Recording]) -> Iterator[Terms]:
     """Neighbouring rates of each motor with friction, up to its largest rate in the data."""
     terms = force_model.joint_terms
     kinds = {} if terms is None else terms.of_joints
@@ -173,7 +168,7 @@ def _pairs(
         column = independent.index(joint)
         speeds = [np.abs(run.motion.velocities[:, column]).max(initial=0.0) for run in recordings]
         fastest = float(max(speeds, default=0.0))
-        for slow, fast in pairwise(_rates(options.slowest * fastest, fastest) if fastest else ()):
+        for slow, fast in pairwise(_rates(SLOWEST * fastest, fastest) if fastest else ()):
             yield Terms(joint, (f"{STRIBECK}{slow:g}", f"{STRIBECK}{fast:g}"))
 
 
@@ -235,7 +230,7 @@ class _Evidence(NamedTuple):
         found = []
         for each in terms:
             others = self._span(label for label in labels if label not in each.labels)
-            own, known = self._own(each, others, options), False
+            own, known = self._own(each, others), False
             if own is not None:
                 (label,) = each.labels
                 unit = own[:, 0]
@@ -258,7 +253,7 @@ class _Evidence(NamedTuple):
         taken, left, columns = list[Terms](), list(pairs), list(labels)
         while left:
             inside = self._span(columns)
-            parts = [self._own(each, inside, options) for each in left]
+            parts = [self._own(each, inside) for each in left]
             chances = [0.0 if own is None else self._chance(own) for own in parts]
             best = int(np.argmin(chances))
             if chances[best] >= (np.log(options.further) if taken else least):
@@ -276,14 +271,14 @@ class _Evidence(NamedTuple):
         U, sizes, _ = np.linalg.svd(columns / _lengths(columns), full_matrices=False)
         return np.asarray(U[:, sizes > LEAST_EXCITATION * sizes[0]])
 
-    def _own(self, terms: Terms, inside: FloatArray, options: TermOptions) -> FloatArray | None:
+    def _own(self, terms: Terms, inside: FloatArray) -> FloatArray | None:
         """Orthonormal columns (r, k) of what terms add to a span; None where that is nothing."""
         columns = np.stack([self.columns[label] for label in terms.labels], axis=1)
         own = columns / _lengths(columns)
         for _ in range(2):  # the second time for round-off
             own = own - inside @ (inside.T @ own)
         Q, R = np.linalg.qr(own)
-        return Q if np.abs(np.diag(R)).min() > options.own_effect else None
+        return Q if np.abs(np.diag(R)).min() > OWN_EFFECT else None
 
     def _chance(self, own: FloatArray) -> float:
         """Logarithm of the probability of so large an estimate by errors alone."""
