@@ -32,7 +32,7 @@ from loopid.paper.reproduction import (
 )
 from loopid.plots.chart import Chart, Mark, Panel
 from loopid.report.look import json_fields, json_value, plain_table
-from loopid.report.page import Report, Section
+from loopid.report.page import Part, Report, Section
 from loopid.report.structure import base_record, motions_record, motions_table
 
 FITS = 3.0  # standard errors within which a value of the paper fits
@@ -113,7 +113,7 @@ def _sections(found: PaperReproduction) -> tuple[Section, ...]:
         influence_table(simulated),
         influence_chart(simulated),
     )
-    robot = (
+    robot: tuple[Part, ...] = (
         "The first 60 % of each log are fitted. The values of eight parameters have no intervals: "
         "they are biased by the seven that are left out, by an amount that the log does not tell. "
         "With CAD as prior, bodies are solid and as near to the robot file as the data say.",
