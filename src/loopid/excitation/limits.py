@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
-from loopid.arguments import FloatArray
+from loopid.arguments import FloatArray, Positive
 from loopid.errors import OptionError
 from loopid.excitation.collisions import Collisions
 from loopid.kinematics.constraint import Constraint
@@ -67,30 +68,23 @@ class MotionLimits:
     {'all': 0.3}
     """
 
-    share: float = 1.0
+    share: Annotated[float, Field(gt=0, le=1)] = 1.0
     positions: Mapping[str, Range] = field(default_factory=dict)
-    speeds: Mapping[str, float] = field(default_factory=dict)
-    accelerations: Mapping[str, float] = field(default_factory=dict)
-    forces: Mapping[str, float] = field(default_factory=dict)
+    speeds: Mapping[str, Positive] = field(default_factory=dict)
+    accelerations: Mapping[str, Positive] = field(default_factory=dict)
+    forces: Mapping[str, Positive] = field(default_factory=dict)
     workspace: Mapping[str, Range] = field(default_factory=dict)
-    singularity: float | None = None
+    singularity: Annotated[float, Field(ge=0, le=1)] | None = None
     collisions: bool = True
-    clearance: float = 1e-3
+    clearance: Annotated[float, Field(ge=0, lt=1)] = 1e-3
 
     def __post_init__(self) -> None:
-        checks: list[tuple[str, Any, bool, str]] = [
-            ("share", self.share, 0 < self.share <= 1, "be a part of 1"),
-            ("singularity", self.singularity, 0 <= (self.singularity or 0) <= 1, "be a part of 1"),
-            ("clearance", self.clearance, 0 <= self.clearance < 1, "be a part of 1"),
-        ]
-        for what in ("positions", "workspace"):
-            ranges = getattr(self, what).values()
-            checks += [(what, ends, ends[0] < ends[1], "go from low to high") for ends in ranges]
-        for what in ("speeds", "accelerations", "forces"):
-            checks += [(what, x, x > 0, "be above 0") for x in getattr(self, what).values()]
-        for name, given, valid, words in checks:
-            if not valid:
-                raise OptionError(f"{name} must {words}, not {given}", argument=name, given=given)
+        for name in ("positions", "workspace"):
+            for ends in getattr(self, name).values():
+                if not ends[0] < ends[1]:
+                    raise OptionError(
+                        f"{name} must go from low to high, not {ends}", argument=name, given=ends
+                    )
 
 
 @record

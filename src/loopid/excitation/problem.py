@@ -12,11 +12,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from importlib.util import find_spec
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
-from loopid.arguments import FloatArray
+from loopid.arguments import FloatArray, Positive
 from loopid.errors import OptionError, SingularityError
 from loopid.excitation.criteria import CRITERIA, Criterion
 from loopid.excitation.limits import Bounds
@@ -104,18 +105,18 @@ class DesignOptions:
 
     criterion: str = "D"
     shape: str = "fourier"
-    size: int | None = None
-    duration: float | None = None
-    rate: float = 100.0
+    size: Annotated[int, Field(ge=2, le=MOST_SIZE)] | None = None
+    duration: Positive | None = None
+    rate: Positive = 100.0
     coordinates: str = "joints"
     noise: float | Mapping[str, float] | None = None
-    noise_share: float = 0.01
-    starts: int = 4
-    evaluations: int = 400
-    time_limit: float | None = None
-    inset: float = 0.01
+    noise_share: Positive = 0.01
+    starts: Annotated[int, Field(ge=1)] = 4
+    evaluations: Annotated[int, Field(ge=0)] = 400
+    time_limit: Positive | None = None
+    inset: Annotated[float, Field(ge=0, lt=0.5)] = 0.01
     solver: str | None = None
-    seed: int = 0
+    seed: Annotated[int, Field(ge=0)] = 0
 
     def __post_init__(self) -> None:
         for what, given, choices in (
@@ -127,23 +128,10 @@ class DesignOptions:
             if given not in choices:
                 raise OptionError.unknown(what, given, choices)
         noise = self.noise.values() if isinstance(self.noise, Mapping) else [self.noise]
-        for name, valid, words in (
-            ("size", self.size is None or 2 <= self.size <= MOST_SIZE, f"from 2 to {MOST_SIZE}"),
-            ("starts", self.starts >= 1, "1 at least"),
-            ("evaluations", self.evaluations >= 0, "0 at least"),
-            ("seed", self.seed >= 0, "0 at least"),
-            ("duration", self.duration is None or self.duration > 0, "above 0 s"),
-            ("rate", self.rate > 0, "above 0 Hz"),
-            ("time_limit", self.time_limit is None or self.time_limit > 0, "above 0 s"),
-            ("noise_share", self.noise_share > 0, "above 0"),
-            ("inset", 0 <= self.inset < 0.5, "a part below a half"),
-            ("noise", all(each is None or each > 0 for each in noise), "above 0"),
-        ):
-            if not valid:
-                given = getattr(self, name)
-                raise OptionError(
-                    f"{name} must be {words}, not {given}", argument=name, given=given
-                )
+        if not all(each is None or each > 0 for each in noise):
+            raise OptionError(
+                f"noise must be above 0, not {self.noise}", argument="noise", given=self.noise
+            )
 
 
 class Coordinates:
