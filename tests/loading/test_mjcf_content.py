@@ -474,7 +474,8 @@ def test_a_missing_file_is_missing(tmp_path):
 
 
 def test_without_mujoco_the_extra_is_named(monkeypatch):
-    monkeypatch.delitem(sys.modules, "loopid.formats.mjcf")
+    for module in ("mjcf", "mjcf_scene"):
+        monkeypatch.delitem(sys.modules, f"loopid.formats.{module}")
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(MissingExtraError) as missing:
         importlib.import_module("loopid.formats.mjcf")

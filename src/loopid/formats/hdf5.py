@@ -18,7 +18,7 @@ from loopid.logs.formats import (
     MOST_LISTED,
     ArrayFormat,
     Column,
-    columns_of,
+    array_columns,
     optional,
     other_kind,
     refusals,
@@ -47,7 +47,7 @@ class Hdf5Format(ArrayFormat):
                     columns = streams.setdefault(item.parent.name, {})
                     own = item.name.rsplit("/", 1)[-1]
                     fields = item.dtype.names and item.ndim == 1
-                    places = _fields(item.dtype) if fields else columns_of(own, item.shape)
+                    places = _fields(item.dtype) if fields else array_columns(own, item.shape)
                     self.collect(columns, item.name, places)
 
             start = self._chosen(file)

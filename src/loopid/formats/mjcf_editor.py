@@ -17,7 +17,7 @@ from lxml import etree
 
 from loopid.arguments import FloatArray
 from loopid.errors import RobotFileError
-from loopid.formats.mjcf import Scene, compile_mjcf, joint_forces, own_terms
+from loopid.formats.mjcf_scene import Scene, compile_mjcf, joint_forces, own_terms
 from loopid.inertia import Inertial, written
 from loopid.loading.urdf_tree import Element, read_xml
 
@@ -73,7 +73,7 @@ class MjcfEditor:
         derived = any(DERIVED in tag.attrib for file in files for tag in file.iter("joint"))
         degrees = self._spec(root).compiler.degree
         for k, (name, tag) in enumerate(zip(scene.joints, tags, strict=True)):
-            if name not in terms or scene.joint_kind(k) not in ("hinge", "slide"):
+            if name not in terms or scene.joint_kinds[k] not in ("hinge", "slide"):
                 continue
             own, total = own_terms(scene, k), whole.get(name, {})
             # Actuators add to what the joint has itself.
@@ -88,7 +88,7 @@ class MjcfEditor:
             changed = {kind for kind, value in new.items() if own.get(kind) != value}
             # Where actuators alone have more, there is nothing that the joint could have.
             changed -= {kind for kind in changed & {"Ia", "Fv"} if new[kind] < 0}
-            _edit_joint(tag, new, changed, degrees and scene.joint_kind(k) == "hinge")
+            _edit_joint(tag, new, changed, degrees and scene.joint_kinds[k] == "hinge")
 
     def _refuse_overruling(self, root: Element) -> None:
         for compiler in root.findall("compiler"):

@@ -14,7 +14,7 @@ from loopid.arguments import IntArray
 from loopid.errors import DataWarning, LogError, warn
 from loopid.logs.formats import MOST_LISTED, NANOSECONDS, NO_STAMP, stamps_in
 from loopid.logs.free import POSE
-from loopid.logs.headers import Heading, endings, heading, unit_names, unit_of, words
+from loopid.logs.headers import Unit, endings, heading, unit_names, unit_of, words
 from loopid.logs.mapping import QUANTITIES, Columns, LogMapping, StreamColumns, TimeColumns
 from loopid.logs.wrenches import COMPONENTS
 
@@ -147,9 +147,8 @@ class ColumnFinder:
         scales = self.mapping.by_joint(self.source, f"{quantity}_scale", joints)
         offsets = self.mapping.by_joint(self.source, f"{quantity}_offset", joints)
         for joint, place, scale, offset in zip(joints, places, scales, offsets, strict=True):
-            said = heading(place.column, joint)
-            linear = self._linear(quantity, place.column, said, scale, f"{quantity}_scale")
-            yield place, Channel(quantity, joint, place.column, linear[0], offset, linear[1])
+            unit = self._unit(quantity, place.column, scale, f"{quantity}_scale", joint)
+            yield place, Channel(quantity, joint, place.column, unit.scale, offset, unit.straight)
 
     def _wrenches(self) -> Iterator[tuple[Place, Channel]]:
         """Columns of the wrenches, each of them a quantity."""
@@ -163,15 +162,15 @@ class ColumnFinder:
                 )
             numbers = zip(places, COMPONENTS, given.six("scale"), given.six("offset"), strict=True)
             for place, component, scale, offset in numbers:
-                column, said = place.column, heading(place.column)
-                scale, straight = self._linear("force", column, said, scale, "scale of wrenches")
-                if straight is not None and straight != component.startswith("force"):
+                column = place.column
+                unit = self._unit("force", column, scale, "scale of wrenches")
+                if unit.straight is not None and unit.straight != component.startswith("force"):
                     raise self._refused(
                         f"the unit of column {column!r} is not that of the {component} on "
                         f"{given.frame}: forces stand before moments",
                         column=column,
                     )
-                yield place, Channel(wrench_name(k), component, column, scale, offset)
+                yield place, Channel(wrench_name(k), component, column, unit.scale, offset)
 
     def _free(self) -> Iterator[tuple[Place, Channel]]:
         """Columns of joints that no motor moves, each joint a quantity."""
@@ -183,14 +182,14 @@ class ColumnFinder:
                     columns=tuple(columns),
                 )
             for component, place in zip(POSE, map(self._called, columns), strict=False):
-                said = heading(place.column)
-                scale, _ = self._linear("position", place.column, said, None, "a header's unit")
-                yield place, Channel(free_name(joint), component, place.column, scale, 0.0)
+                unit = self._unit("position", place.column, None, "a header's unit")
+                yield place, Channel(free_name(joint), component, place.column, unit.scale, 0.0)
 
-    def _linear(
-        self, quantity: str, column: str, said: Heading, given: float | None, key: str
-    ) -> tuple[float, bool | None]:
-        """Scale of a column, as the mapping or else its header says, and what that unit is of."""
+    def _unit(
+        self, quantity: str, column: str, given: float | None, key: str, joint: str = ""
+    ) -> Unit:
+        """Unit of a column, as a key of the mapping or else its header says."""
+        said = heading(column, joint)
         known = None if said.unit is None else unit_of(quantity, said.unit)
         if given is not None:
             if known is not None and abs(abs(given) / known.scale - 1) > SAME_SCALE:
@@ -200,9 +199,9 @@ class ColumnFinder:
                     "holds",
                     DataWarning,
                 )
-            return given, None
+            return Unit(key, given)
         if known is not None:
-            return known.scale, known.straight
+            return known
         if said.unit is not None and said.sure:
             raise self._refused(
                 f"column {column!r} is in {said.unit!r}, which is no known unit of a {quantity} "
@@ -211,7 +210,7 @@ class ColumnFinder:
                 unit=said.unit,
                 valid=tuple(unit_names(quantity)),
             )
-        return 1.0, None
+        return Unit("SI", 1.0)
 
     @cached_property
     def _times(self) -> dict[str, TimeColumn]:
@@ -260,10 +259,9 @@ class ColumnFinder:
 
     def _nanoseconds(self, column: str, given: str | None = None) -> int:
         """The unit of a column of times, as the mapping or else its header says."""
-        said = heading(column)
         scale = None if given is None else NANOSECONDS[given] / NANOSECONDS["s"]
-        scale, _ = self._linear("time", column, said, scale, "the unit of the time")
-        return round(scale * NANOSECONDS["s"])
+        unit = self._unit("time", column, scale, "the unit of the time")
+        return round(unit.scale * NANOSECONDS["s"])
 
     def _motor_columns(self, joints: tuple[str, ...], quantity: str) -> list[Place]:
         """Columns of a quantity in the order of the motors."""

@@ -335,7 +335,7 @@ class ArrayFormat(LogFormat):
             columns[name] = Column(array, place)
 
 
-def columns_of(name: str, shape: tuple[int, ...]) -> dict[str, Any]:
+def array_columns(name: str, shape: tuple[int, ...]) -> dict[str, Any]:
     """Names and places of the columns of an array; none of one with other than one or two axes."""
     if len(shape) == 1:
         return {name: ...}
@@ -355,7 +355,7 @@ class NpzFormat(ArrayFormat):
         with refusals(self.path, self.kind), ZipFile(self.path) as archive:
             for member in archive.namelist():
                 array, (shape, _) = member.removesuffix(".npy"), _npy_header(archive, member)
-                self.collect(columns, array, columns_of(array, shape))
+                self.collect(columns, array, array_columns(array, shape))
         if not columns:
             raise LogError(f"{self.path} holds no arrays with one or two axes", file=self.path)
         return {stream_name(self.path): columns}

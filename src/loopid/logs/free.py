@@ -6,8 +6,8 @@ cameras tell. Its velocity is along its own axes, v = log(q_k⁻¹ q_k+1) / h be
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Collection, Mapping
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,8 +16,11 @@ from loopid.arguments import FloatArray, finite, samples
 from loopid.errors import DataError, OptionError
 from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.poses import difference
-from loopid.motion.filtering import LowPass, differentiate
+from loopid.motion.filtering import differentiate
 from loopid.robot.mechanism import Mechanism, lock_options
+
+if TYPE_CHECKING:
+    from loopid.logs.log import Log
 
 # Columns of a pose; a joint with one coordinate has one.
 POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
@@ -96,26 +99,17 @@ class FreeMotion(NamedTuple):
     accelerations: FloatArray
 
 
-def free_motion(
-    robot: Mechanism,
-    free: Mapping[str, FloatArray],
-    parts: Sequence[slice],
-    rates: Sequence[float],
-    lowpass: LowPass | None,
-) -> FreeMotion:
-    """Filter free joints (N, k) in each stretch, and differentiate them."""
-    count = parts[-1].stop
-    q = np.tile(robot.reference, (count, 1))
-    v, a = np.zeros((2, count, robot.model.nv))
-    for part, rate in zip(parts, rates, strict=True) if free else ():
-        for name, values in free.items():
-            own = values[part] if lowpass is None else lowpass.apply(values[part], rate)
-            _write(robot, name, q[part], own)
-        steps = difference(robot, q[part][:-1], q[part][1:])
-        way = np.concatenate([np.zeros((1, robot.model.nv)), np.cumsum(steps, axis=0)])
-        v[part] = differentiate(way, rate)
-        a[part] = differentiate(v[part], rate)
-    return FreeMotion(q, v, a)
+def free_motion(robot: Mechanism, log: Log, free: Mapping[str, FloatArray]) -> FreeMotion:
+    """Joints (N, k) of a log that no motor moves, filtered, and their derivatives."""
+    q = np.tile(robot.reference, (len(log), 1))
+    if not free:
+        return FreeMotion(q, *np.zeros((2, len(log), robot.model.nv)))
+    for name, values in free.items():
+        _write(robot, name, q, values)
+    steps = difference(robot, q[:-1], q[1:])
+    way = np.concatenate([np.zeros((1, robot.model.nv)), np.cumsum(steps, axis=0)])
+    v = log.by_part(differentiate, way)
+    return FreeMotion(q, v, log.by_part(differentiate, v))
 
 
 def _write(robot: Mechanism, name: str, q: FloatArray, values: FloatArray) -> None:

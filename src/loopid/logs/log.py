@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from itertools import pairwise
 from typing import Any
@@ -93,7 +93,7 @@ class Log(Tabular):
     free: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        time = _increasing(self.time)
+        time = _row(self.time)
         numbers: Any = np.asarray(self.stretches)
         whole = numbers.shape == time.shape and numbers.dtype.kind in "iu"
         if not whole or (np.diff(numbers) < 0).any():
@@ -182,11 +182,11 @@ class Log(Tabular):
         for quantity in units:
             if quantity not in UNITS:
                 raise OptionError.unknown("quantity with a unit", quantity, UNITS)
-        at = _row(time) * _scale("time", units.get("time", "s"), joints)
+        at = _row(time, repeated=True) * _scale("time", units.get("time"))
         given = dict(zip(QUANTITIES, (position, force, velocity, acceleration), strict=True))
         signals = {
             quantity: _columns(values, len(joints), quantity, len(at))
-            * _scale(quantity, units.get(quantity), joints)
+            * [_scale(quantity, unit) for unit in _by_joint(units.get(quantity), joints)]
             for quantity, values in given.items()
             if values is not None
         }
@@ -354,7 +354,8 @@ class Log(Tabular):
         >>> len(late) - len(log), bool(abs(log.force - log.position).max() < 1e-6)
         (4, True)
         """
-        shifts = _delays(delay, self.joints)
+        each = _by_joint(delay, self.joints, 0.0) if isinstance(delay, Mapping) else delay
+        shifts = np.broadcast_to(finite(each, "delay"), len(self.joints))
         if not shifts.any():
             return self
         force, known = self.force.copy(), np.ones(len(self), dtype=bool)
@@ -374,6 +375,12 @@ class Log(Tabular):
         changes = np.flatnonzero(np.diff(self.stretches)) + 1
         return [slice(a, b) for a, b in pairwise([0, *changes.tolist(), len(self)])]
 
+    def by_part(
+        self, function: Callable[[FloatArray, float], FloatArray], values: FloatArray
+    ) -> FloatArray:
+        """What a function makes of signals (N, ...) of each stretch, and of its rate."""
+        return np.concatenate([function(values[part], self.rate(part)) for part in self.parts()])
+
     def rate(self, part: slice) -> float:
         """Samples per second of a stretch; 0 for a single sample."""
         time = self.time[part]
@@ -385,16 +392,6 @@ def renumbered(stretches: IntArray, good: BoolArray) -> IntArray:
     new = np.append(True, np.diff(stretches) > 0) | np.append(True, ~good[:-1])
     # A stretch begins with the first good sample after a change: a bad one begins none.
     return np.asarray(np.cumsum(new & good)[good] - 1, dtype=np.int64)
-
-
-def _delays(delay: float | Mapping[str, float] | ArrayLike, joints: tuple[str, ...]) -> FloatArray:
-    """Delays (m,), zero for joints that are not named."""
-    if isinstance(delay, Mapping):
-        unknown = [joint for joint in delay if joint not in joints]
-        if unknown:
-            raise OptionError.unknown("joint", unknown[0], joints)
-        delay = [delay.get(joint, 0.0) for joint in joints]
-    return np.array(np.broadcast_to(finite(delay, "delay"), len(joints)))
 
 
 def _moved(values: FloatArray, steps: float) -> tuple[FloatArray, BoolArray]:
@@ -416,17 +413,11 @@ def _moved(values: FloatArray, steps: float) -> tuple[FloatArray, BoolArray]:
 # ---- arrays and tables of others ---------------------------------------------------------------
 
 
-def _increasing(time: ArrayLike) -> FloatArray:
-    values = _row(time)
-    if (np.diff(values) <= 0).any():
-        raise DataError("the time of a log must be a row of increasing numbers", argument="time")
-    return values
-
-
-def _row(time: ArrayLike) -> FloatArray:
-    """Times (N,), which do not go back."""
+def _row(time: ArrayLike, *, repeated: bool = False) -> FloatArray:
+    """Times (N,), which increase, or at least do not go back."""
     values = finite(time, "time")
-    if values.ndim != 1 or not len(values) or (np.diff(values) < 0).any():
+    back = np.less if repeated else np.less_equal
+    if values.ndim != 1 or not len(values) or back(np.diff(values), 0).any():
         raise DataError("the time of a log must be a row of increasing numbers", argument="time")
     return values
 
@@ -437,19 +428,22 @@ def _columns(values: ArrayLike, width: int, name: str, count: int) -> FloatArray
     return samples(array[:, None] if array.ndim == width == 1 else array, width, name, count)
 
 
-def _scale(quantity: str, unit: str | Mapping[str, str] | None, joints: Sequence[str]) -> Any:
-    """What numbers in a unit, or in one a joint (m,), are multiplied by."""
-    if isinstance(unit, Mapping):
-        unknown = [joint for joint in unit if joint not in joints]
-        if unknown:
-            raise OptionError.unknown("joint", unknown[0], joints)
-        return np.array([_scale(quantity, unit.get(joint), joints) for joint in joints])
-    if unit is None:
-        return 1.0
-    known = unit_of(quantity, unit)
-    if known is None:
+def _by_joint(given: Any, joints: Sequence[str], default: Any = None) -> list[Any]:
+    """What is given for all or by joint, in the order of the joints."""
+    if not isinstance(given, Mapping):
+        return [given] * len(joints)
+    for name in given:
+        if name not in joints:
+            raise OptionError.unknown("joint", name, joints)
+    return [given.get(joint, default) for joint in joints]
+
+
+def _scale(quantity: str, unit: Any) -> float:
+    """What numbers in a unit are multiplied by."""
+    known = unit_of(quantity, unit) if isinstance(unit, str) else None
+    if unit is not None and known is None:
         raise OptionError.unknown(f"unit of the {quantity}", unit, unit_names(quantity))
-    return known.scale
+    return 1.0 if known is None else known.scale
 
 
 def _on_even_grid(
@@ -459,7 +453,9 @@ def _on_even_grid(
     steps, allowed = np.diff(time), LogTolerances()
     median = float(np.median(steps)) if len(steps) else 0.0
     stretches = np.cumsum(np.append(False, steps > allowed.gap * median))
-    if all(off <= EVEN * median for off in _off_even(time, stretches)) and (steps > 0).all():
+    parts = np.split(time, np.flatnonzero(np.diff(stretches)) + 1)
+    off = (np.abs(part - np.linspace(part[0], part[-1], len(part))).max() for part in parts)
+    if max(off) <= EVEN * median and (steps > 0).all():
         return time, signals, stretches, ()
     channels = [
         Channel(what, name, f"{name}.{what}", 1.0, 0.0)
@@ -467,8 +463,8 @@ def _on_even_grid(
         for name in (joints if what in QUANTITIES else map(str, range(values.shape[1])))
     ]
     stamps = np.round((time - time[0]) * 1e9).astype(np.int64)
-    columns = [column for values in signals.values() for column in values.T]
-    stream = Stream(name, tuple(channels), np.arange(1, len(time) + 1), stamps, tuple(columns))
+    rows, values = np.arange(1, len(time) + 1), np.concatenate([*signals.values()], axis=1)
+    stream = Stream(name, tuple(channels), rows, stamps, values)
     aligned = align([with_increasing_stamps(stream, allowed)], joints, allowed.gap)
     return aligned.time + time[0], aligned.signals, aligned.stretches, aligned.dropped
 
@@ -482,12 +478,6 @@ def _by_field(
     prefix = free_name("")
     free = {n.removeprefix(prefix): signals[n] for n in signals if n.startswith(prefix)}
     return {**found, "wrenches": tuple(placed), "free": free}
-
-
-def _off_even(time: FloatArray, stretches: IntArray) -> Iterator[float]:
-    """How far times of each stretch are off even ones, in s."""
-    for part in np.split(time, np.flatnonzero(np.diff(stretches)) + 1):
-        yield float(np.abs(part - np.linspace(part[0], part[-1], len(part))).max())
 
 
 def _columns_of(frame: Any) -> dict[str, Any]:

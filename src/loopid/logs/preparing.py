@@ -8,7 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -115,7 +115,7 @@ def prepare_recording(
     log = long_enough(log, lowpass)
     signals = filter_log(log, lowpass)
     rows, ends = kept_rows(log, lowpass, filter)
-    free = free_motion(robot, log.free, log.parts(), [*map(log.rate, log.parts())], lowpass)
+    free = free_motion(robot, log, signals.free)
     measured = measured_values(robot, log, signals.position, free.configurations)
     found = assemble_samples(robot, log, measured, rows, masks, progress=progress)
     stretches, rows = renumbered(log.stretches[rows], found.good), rows[found.good]
@@ -132,6 +132,10 @@ def prepare_recording(
             "free flight",
             DataWarning,
         )
+    history, parts = None, tuple(log.parts())
+    if lowpass is not None:
+        known = log.joints, signals.velocity, parts, tuple(map(log.rate, parts))
+        history = RateHistory(*known, lowpass, rows, (rows, motion))
     recording = Recording(
         name=log.name,
         actuators=robot.independent,
@@ -147,12 +151,13 @@ def prepare_recording(
             *_flagged(log, "is saturated", saturated, motion.time),
         ),
         cutoff=None if lowpass is None else lowpass.cutoff,
-        history=_rate_history(log, signals.velocity, lowpass, motion, rows),
+        history=history,
         filter=filter,
         masks=masks,
         log=read,
     )
-    return recording.with_wrenches(robot, filtered_wrenches(log, lowpass, rows))
+    wrenches = [replace(one, values=one.values[rows]) for one in signals.wrenches]
+    return recording.with_wrenches(robot, wrenches)
 
 
 @checked
@@ -260,12 +265,14 @@ def _frozen(positions: FloatArray, k: int, masks: MaskOptions) -> BoolArray:
 
 
 class Signals(NamedTuple):
-    """Filtered signals (N, m) of the motors, at the rate of the log."""
+    """Filtered signals (N, m) of the motors, and of all else, at the rate of the log."""
 
     position: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
     force: FloatArray
+    wrenches: list[ExternalWrench]
+    free: dict[str, FloatArray]
 
 
 def long_enough(log: Log, lowpass: LowPass | None) -> Log:
@@ -289,31 +296,14 @@ def long_enough(log: Log, lowpass: LowPass | None) -> Log:
 
 def filter_log(log: Log, lowpass: LowPass | None) -> Signals:
     """Filter each stretch without delay, and differentiate what was not measured."""
-    found = Signals(*np.empty((4, *log.position.shape)))
-    for part in log.parts():
-        rate, below = log.rate(part), found.position[part]
-        for measured, signal in zip(
-            (log.position, log.velocity, log.acceleration, log.force), found, strict=True
-        ):
-            if measured is None:
-                signal[part] = differentiate(below, rate)
-            else:
-                own = measured[part]
-                signal[part] = own if lowpass is None else lowpass.apply(own, rate)
-            below = signal[part]
-    return found
-
-
-def filtered_wrenches(log: Log, lowpass: LowPass | None, rows: IntArray) -> list[ExternalWrench]:
-    """Some rows of the wrenches of a log, filtered as the forces are."""
-    found = []
-    for wrench in log.wrenches:
-        values = np.array(wrench.values)
-        for part in log.parts():
-            if lowpass is not None:
-                values[part] = lowpass.apply(values[part], log.rate(part))
-        found.append(replace(wrench, values=values[rows]))
-    return found
+    kept = partial(log.by_part, lowpass.apply) if lowpass else np.asarray
+    position = kept(log.position)
+    velocity, acceleration = log.velocity, log.acceleration
+    v = log.by_part(differentiate, position) if velocity is None else kept(velocity)
+    a = log.by_part(differentiate, v) if acceleration is None else kept(acceleration)
+    wrenches = [replace(wrench, values=kept(wrench.values)) for wrench in log.wrenches]
+    free = {name: kept(values) for name, values in log.free.items()}
+    return Signals(position, v, a, kept(log.force), wrenches, free)
 
 
 def kept_rows(
@@ -332,17 +322,6 @@ def kept_rows(
             ends.append(Dropped.at("end of a stretch", end))
         rows.append(np.arange(part.start + reach, part.stop - reach, step))
     return np.concatenate(rows), ends
-
-
-def _rate_history(
-    log: Log, velocity: FloatArray, lowpass: LowPass | None, motion: JointMotion, rows: IntArray
-) -> RateHistory | None:
-    """Filtered rates at the rate of the log, and which of its rows have a motion."""
-    if lowpass is None:
-        return None
-    parts = tuple(log.parts())
-    rates = tuple(map(log.rate, parts))
-    return RateHistory(log.joints, velocity, parts, rates, lowpass, rows, (rows, motion))
 
 
 # ---- assembly ----------------------------------------------------------------------------------

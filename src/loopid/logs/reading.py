@@ -276,30 +276,24 @@ def _advice(straight: bool, lower: float, upper: float, values: FloatArray) -> s
 
 def _without_glitches(stream: Stream, allowed: LogTolerances) -> Stream:
     """The stream without rows where a force is out of all proportion."""
-    bad = np.zeros(len(stream.rows), dtype=bool)
-    for _, values in stream.signals("force"):
-        sizes = np.abs(values)
-        usual = np.percentile(sizes, 99)
-        if usual > 0:
-            bad |= sizes > allowed.glitch * usual
+    sizes = np.abs(stream.values[:, stream.places("force")])
+    usual = np.percentile(sizes, 99, axis=0)
+    bad = np.any((sizes > allowed.glitch * usual) & (usual > 0), axis=1)
     reason = f"forces more than {allowed.glitch:g} times their 99th percentile"
     return stream.without(bad, reason, allowed.bad_rows)
 
 
 def _unwrapped(robot: Mechanism, stream: Stream) -> Stream:
     """The stream with turns counted on that are reset after a turn; quaternions keep their sign."""
-    values = [
-        np.unwrap(signal)
-        if what.quantity == "position" and robot.joint(what.joint).nq == 2
-        else signal
-        for what, signal in zip(stream.channels, stream.values, strict=True)
-    ]
-    for quantity in {what.quantity for what in stream.channels} - {*QUANTITIES}:
-        own = [k for k, what in enumerate(stream.channels) if what.quantity == quantity]
+    values = stream.values.copy()
+    for k in stream.places("position"):
+        if robot.joint(stream.channels[k].joint).nq == 2:
+            values[:, k] = np.unwrap(values[:, k])
+    for quantity in {channel.quantity for channel in stream.channels} - {*QUANTITIES}:
+        own = stream.places(quantity)
         if len(own) == len(POSE):
-            for k, signal in zip(own, continued(np.stack(values)[own].T).T, strict=True):
-                values[k] = signal
-    return replace(stream, values=tuple(values))
+            values[:, own] = continued(values[:, own])
+    return replace(stream, values=values)
 
 
 def _warn_of_excess(stream: Stream, what: str, limit: float, sizes: FloatArray) -> None:

@@ -142,10 +142,9 @@ class RateHistory:
 
     def lowpassed(self, signal: FloatArray) -> FloatArray:
         """A signal (M,) filtered, at the samples (N,) that were kept."""
-        filtered = np.empty(len(signal))
-        for part, rate in zip(self.parts, self.rates, strict=True):
-            filtered[part] = self.lowpass.apply(signal[part], rate)
-        return filtered[self.rows]
+        stretches = zip(self.parts, self.rates, strict=True)
+        filtered = [self.lowpass.apply(signal[part], rate) for part, rate in stretches]
+        return np.concatenate(filtered)[self.rows]
 
 
 @record

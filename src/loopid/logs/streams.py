@@ -83,14 +83,16 @@ class Stream:
     channels: tuple[Channel, ...]
     rows: IntArray  # (R,), row numbers in the file
     stamps: IntArray  # (R,) in ns, increasing
-    values: tuple[FloatArray, ...]  # of each channel (R,), in SI units
+    values: FloatArray  # (R, channels) in SI units
     left_out: tuple[tuple[str, IntArray], ...] = ()  # why rows were, and their numbers
+
+    def places(self, quantity: str) -> list[int]:
+        """Columns of a quantity."""
+        return [k for k, channel in enumerate(self.channels) if channel.quantity == quantity]
 
     def signals(self, quantity: str) -> Iterator[tuple[str, FloatArray]]:
         """Joints of which a quantity is here, and the values (R,)."""
-        for channel, values in zip(self.channels, self.values, strict=True):
-            if channel.quantity == quantity:
-                yield channel.joint, values
+        return ((self.channels[k].joint, self.values[:, k]) for k in self.places(quantity))
 
     def earlier(self, delay: float) -> Stream:
         """The stream with stamps that are so many s too late put right."""
@@ -106,7 +108,7 @@ class Stream:
             self,
             rows=self.rows[good],
             stamps=self.stamps[good],
-            values=tuple(values[good] for values in self.values),
+            values=self.values[good],
             left_out=(*self.left_out, (reason, numbers)),
         )
 
@@ -119,12 +121,12 @@ def make_stream(
     allowed: LogTolerances,
 ) -> Stream:
     """Turn cells into numbers, and leave out rows that are no samples; too many are refused."""
-    values = [c.scale * numbers_in(source, table.cells[c.column]) + c.offset for c in channels]
-    stamps = time.stamps(source, table.cells)
-    lacks = np.stack([*map(np.isnan, values), stamps == NO_STAMP])
-    fine = ~lacks.any(axis=0)
-    names = [*(channel.column for channel in channels), time.name]
-    named = ", ".join(name for name, flags in zip(names, lacks, strict=True) if flags.any())
+    columns = [c.scale * numbers_in(source, table.cells[c.column]) + c.offset for c in channels]
+    values, stamps = np.stack(columns, axis=1), time.stamps(source, table.cells)
+    lacks = np.column_stack([np.isnan(values), stamps == NO_STAMP])
+    fine = ~lacks.any(axis=1)
+    names = np.array([*(channel.column for channel in channels), time.name])
+    named = ", ".join(names[lacks.any(axis=0)])
     reasons = {
         f"no number in {named}": table.rows[~fine],
         "another number of cells than there are columns": table.garbled,
@@ -140,9 +142,8 @@ def make_stream(
             source=source,
             rows=int(fine.sum()),
         )
-    numbers, stamps, signals = table.rows[fine], stamps[fine], tuple(c[fine] for c in values)
-    stream = Stream(source, channels, numbers, stamps, signals, tuple(left_out))
-    return with_increasing_stamps(stream, allowed)
+    rest = table.rows[fine], stamps[fine], values[fine]
+    return with_increasing_stamps(Stream(source, channels, *rest, tuple(left_out)), allowed)
 
 
 def with_increasing_stamps(stream: Stream, allowed: LogTolerances) -> Stream:
@@ -150,8 +151,7 @@ def with_increasing_stamps(stream: Stream, allowed: LogTolerances) -> Stream:
     if (stream.stamps[1:] > stream.stamps[:-1]).all():
         return stream
     same = np.append(False, np.diff(stream.stamps) == 0)
-    for values in stream.values:
-        same[1:] &= values[1:] == values[:-1]
+    same[1:] &= (stream.values[1:] == stream.values[:-1]).all(axis=1)
     stream = stream.without(same, "the same time and values as in the row before", allowed.bad_rows)
     again = np.append(False, np.diff(stream.stamps) == 0)
     reason = "time stands still, with other values,"
@@ -169,14 +169,16 @@ def with_increasing_stamps(stream: Stream, allowed: LogTolerances) -> Stream:
 
 def on_joints(stream: Stream, maps: Sequence[JointMap]) -> Stream:
     """The stream of joints that motors move together, from that of these motors."""
-    channels, signals = list(stream.channels), list(stream.values)
+    channels, values = list(stream.channels), stream.values.copy()
     for one in maps:
         matrix = np.array(one.matrix)
         for quantity in QUANTITIES:
             factors = np.linalg.inv(matrix).T if quantity == "force" else matrix
-            places = {c.joint: k for k, c in enumerate(stream.channels) if c.quantity == quantity}
+            places = {stream.channels[k].joint: k for k in stream.places(quantity)}
             here = [places[motor] for motor in one.motors if motor in places]
-            if here and len(here) < len(one.motors):
+            if not here:
+                continue
+            if len(here) < len(one.motors):
                 raise LogError(
                     f"{stream.source} does not have the {quantity} of all motors that move "
                     f"{', '.join(one.joints)}: they must have the same time stamps",
@@ -184,11 +186,10 @@ def on_joints(stream: Stream, maps: Sequence[JointMap]) -> Stream:
                     quantity=quantity,
                     joints=tuple(one.joints),
                 )
-            moved = factors @ np.array([stream.values[k] for k in here]) if here else ()
-            for place, joint, values in zip(here, one.joints, moved, strict=bool(here)):
+            values[:, here] = stream.values[:, here] @ factors.T
+            for place, joint in zip(here, one.joints, strict=True):
                 channels[place] = channels[place]._replace(joint=joint, straight=None)
-                signals[place] = values
-    return replace(stream, channels=tuple(channels), values=tuple(signals))
+    return replace(stream, channels=tuple(channels), values=values)
 
 
 def refuse_or_warn(source: str, rows: IntArray, count: int, reason: str, most: float) -> None:
@@ -257,9 +258,9 @@ def align(streams: Sequence[Stream], joints: tuple[str, ...], gap: float) -> Ali
     tables = {name: np.empty((len(time), len(own))) for name, own in columns.items()}
     dropped = []
     for stream, stamps in zip(streams, times, strict=True):
-        for quantity, table in tables.items():
-            for joint, values in stream.signals(quantity):
-                table[:, columns[quantity].index(joint)] = np.interp(time, stamps, values)
+        for channel, values in zip(stream.channels, stream.values.T, strict=True):
+            place = columns[channel.quantity].index(channel.joint)
+            tables[channel.quantity][:, place] = np.interp(time, stamps, values)
         for reason, numbers in stream.left_out:  # rows without a time lie between others
             ends = np.interp(numbers[[0, -1]], stream.rows, stamps)
             dropped.append(Dropped(reason, len(numbers), *ends.tolist()))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping, Sequence
-from contextlib import closing, suppress
+from contextlib import closing, nullcontext, suppress
 from functools import cached_property
 from io import BytesIO
 from itertools import chain
@@ -46,36 +46,19 @@ Item = TypeVar("Item", bound=Hashable)
 
 
 class TextFormat(LogFormat):
-    """One table of text: a header if any, then one sample a line."""
+    """Tables of text: a header if any, then one sample a line; of a folder a stream a file."""
 
     endings = (*ENDINGS, *(f"{ending}{PACKED}" for ending in ENDINGS))
 
-    @cached_property
-    def _files(self) -> dict[str, Path]:
-        return {stream_name(self.path): self.path}
-
-    def columns(self) -> Mapping[str, tuple[str, ...]]:
-        files = self._files.items()
-        return {stream: read_header(file, self.ceiling(file)).names for stream, file in files}
-
-    def source(self, stream: str) -> str:
-        return str(self._files[stream])
-
-    def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
-        file = self._files[stream]
-        return [_read_table(file, self.ceiling(file), times, values)]
-
-
-class FolderFormat(TextFormat):
-    """A folder with one table of text a stream, each with time stamps of its own."""
-
     @classmethod
     def accepts(cls, path: Path) -> bool:
-        return path.is_dir()
+        return path.is_dir() or super().accepts(path)
 
     @cached_property
     def _files(self) -> dict[str, Path]:
-        files = [file for file in sorted(self.path.glob("*")) if TextFormat.accepts(file)]
+        files = [self.path]
+        if self.path.is_dir():
+            files = [*filter(super().accepts, sorted(self.path.glob("*")))]
         for file in files:
             if reason := why_no_file(file):
                 raise LogError(f"{file} {reason}", file=file)
@@ -90,9 +73,17 @@ class FolderFormat(TextFormat):
     def columns(self) -> Mapping[str, tuple[str, ...]]:
         found: dict[str, tuple[str, ...]] = dict.fromkeys(self._files, ())
         for stream, file in self._files.items():
-            with suppress(LogError):  # matters only if its columns are needed
+            # In a folder it matters only if its columns are needed.
+            with suppress(LogError) if self.path.is_dir() else nullcontext():
                 found[stream] = read_header(file, self.ceiling(file)).names
         return found
+
+    def source(self, stream: str) -> str:
+        return str(self._files[stream])
+
+    def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
+        file = self._files[stream]
+        return [_read_table(file, self.ceiling(file), times, values)]
 
 
 def _read_table(path: Path, ceiling: Ceiling, times: Sequence[str], values: Sequence[str]) -> Table:

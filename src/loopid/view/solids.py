@@ -61,7 +61,7 @@ def _of_urdf(robot: Mechanism, tree: Path) -> Iterator[Solid]:
 def _of_mjcf(robot: Mechanism, tree: Path) -> Iterator[Solid]:
     from mujoco import mjtGeom
 
-    from loopid.formats.mjcf import Scene, compile_mjcf
+    from loopid.formats.mjcf_scene import Scene, compile_mjcf
 
     compiled, _ = compile_mjcf(tree)
     links = Scene(tree, compiled).bodies
