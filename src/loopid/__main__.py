@@ -1,10 +1,13 @@
 """``loopid`` and ``python -m loopid``: the command line."""
 
+import io
 import sys
 
 
 def main() -> None:
     """Run the command line; Ctrl-C ends it with exit code 130 also while it is imported."""
+    if sys.stderr is None:  # closed: nobody hears warnings, but libraries write there
+        sys.stderr = io.StringIO()
     try:
         from loopid.cli import main as command
     except KeyboardInterrupt:  # later on, the command line answers it

@@ -164,7 +164,7 @@ class Answer:
             return
         self._print(report)
         if self.folder is None:
-            more = "" if self.verbose else " All tables: --verbose."
+            more = "" if self.verbose else " All: --verbose."
             typer.echo(f"Nothing was saved: --out DIR writes report.html and results.{more}")
             return
         typer.echo(one_line(f"Report: {written[0]}"))

@@ -5,7 +5,6 @@ In every table here, ± is half the width of a 95 % interval.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import cos, radians, sin
 
 import numpy as np
@@ -38,39 +37,6 @@ from loopid.report.structure import base_record, motions_record, motions_table
 
 FITS = 3.0  # standard errors within which a value of the paper fits
 
-STRUCTURE, SHARES, SIMULATED, INFLUENCE, ROBOT = (
-    "Geometry and base parameters",
-    "What the forces are made of",
-    "Identification, simulated",
-    "Which base parameters matter",
-    "Identification of the robot",
-)
-NOTES = {
-    STRUCTURE: (
-        "The paper's times are from another machine, a desktop with a 2.6 GHz Core i7: they cannot "
-        "be compared with those measured here."
-    ),
-    SHARES: (
-        "The nine trajectories are loopid's own, after the laboratory's; the paper does not say "
-        "which one it shows. All forces are simulated with the robot file."
-    ),
-    SIMULATED: (
-        "± is half the width of a 95 % interval, here and below. A fit of eight parameters is "
-        "biased by the seven that it leaves out: its intervals are about what is expected, the "
-        "value on average."
-    ),
-    INFLUENCE: (
-        "p_i is the norm of the forces by the first i parameters over that of all forces, with the "
-        "base regressor and i up to 15 (the paper's equation 13 has the full regressor and ends "
-        "at 8). It is a ratio of norms, not an accuracy: it need not grow with i, and can be near "
-        "100 % while the forces differ. The noise keeps what is explained below 100 %."
-    ),
-    ROBOT: (
-        "The first 60 % of each log are fitted. The values of eight parameters have no intervals: "
-        "they are biased by the seven that are left out, by an amount that the log does not tell. "
-        "With CAD as prior, bodies are solid and as near to the robot file as the data say."
-    ),
-}
 STAND_IN = (
     "No log of the real robot was given: a simulated robot stands in for it, whose masses and "
     "inertias are drawn about the robot file's with a standard deviation of 10 %. Figures 5 and 6 "
@@ -88,7 +54,7 @@ def paper_report(found: PaperReproduction) -> Report:
         **{"robot_eight": actual.eight, "robot_fifteen": actual.fifteen},
         "robot_informed": actual.informed,
     }
-    sections = [Section(title, (NOTES[title], *parts)) for title, parts in _parts(found).items()]
+    sections = _sections(found)
     return Report(
         name="paper",
         title="The 3UPS+RPU knee-rehabilitation robot, reproduced",
@@ -110,33 +76,59 @@ def paper_report(found: PaperReproduction) -> Report:
     )
 
 
-def _parts(found: PaperReproduction) -> dict[str, tuple[Part, ...]]:
-    """Tables and charts by the title of their section."""
+def _sections(found: PaperReproduction) -> tuple[Section, ...]:
+    """Notes, tables and charts, in the paper's order."""
     experiment, simulated, actual = found.experiment, found.simulated, found.actual
     seconds = {name: float(m.time[-1]) for name, m in experiment.motions.items()}
     motions = motions_record(experiment.mechanism.name, experiment.reviews, seconds)
-    stand_in = [STAND_IN] if actual.is_stand_in else []
-    return {
-        STRUCTURE: (
-            geometry_table(found.geometry),
-            base_table(found.base),
-            transfer_table(found.base),
-            search_table(found.base),
-        ),
-        SHARES: (
-            motions_table(motions),
-            shares_table(found.shares),
-            *share_charts(found.shares),
-        ),
-        SIMULATED: (
-            simulated_table(simulated),
-            fifteen_table(simulated),
-            conditions_table(simulated),
-            steps_table(found.two_steps),
-        ),
-        INFLUENCE: (influence_table(simulated), influence_chart(simulated)),
-        ROBOT: (*stand_in, actual_table(actual), errors_table(actual), *actual_charts(actual)),
-    }
+    structure = (
+        "The paper's times are from another machine, a desktop with a 2.6 GHz Core i7: they cannot "
+        "be compared with those measured here.",
+        geometry_table(found.geometry),
+        base_table(found.base),
+        transfer_table(found.base),
+        search_table(found.base),
+    )
+    shares = (
+        "The nine trajectories are loopid's own, after the laboratory's; the paper does not say "
+        "which one it shows. All forces are simulated with the robot file.",
+        motions_table(motions),
+        shares_table(found.shares),
+        *share_charts(found.shares),
+    )
+    fits = (
+        "± is half the width of a 95 % interval, here and below. A fit of eight parameters is "
+        "biased by the seven that it leaves out: its intervals are about what is expected, the "
+        "value on average.",
+        simulated_table(simulated),
+        fifteen_table(simulated),
+        conditions_table(simulated),
+        steps_table(found.two_steps),
+    )
+    influence = (
+        "p_i is the norm of the forces by the first i parameters over that of all forces, with the "
+        "base regressor and i up to 15 (the paper's equation 13 has the full regressor and ends "
+        "at 8). It is a ratio of norms, not an accuracy: it need not grow with i, and can be near "
+        "100 % while the forces differ. The noise keeps what is explained below 100 %.",
+        influence_table(simulated),
+        influence_chart(simulated),
+    )
+    robot: tuple[Part, ...] = (
+        "The first 60 % of each log are fitted. The values of eight parameters have no intervals: "
+        "they are biased by the seven that are left out, by an amount that the log does not tell. "
+        "With CAD as prior, bodies are solid and as near to the robot file as the data say.",
+        *([STAND_IN] if actual.is_stand_in else []),
+        actual_table(actual),
+        errors_table(actual),
+        *actual_charts(actual),
+    )
+    return (
+        Section("Geometry and base parameters", structure),
+        Section("What the forces are made of", shares),
+        Section("Identification, simulated", fits),
+        Section("Which base parameters matter", influence),
+        Section("Identification of the robot", robot),
+    )
 
 
 def geometry_table(geometry: dict[str, float]) -> Table:
@@ -320,20 +312,22 @@ def _reach(result: FitResult, k: int, value: str = ".3g", reach: str = ".2g") ->
     return f"{result.values[k]:{value}} ± {(high - low) / 2:{reach}}"
 
 
-def _limbs(
-    time: FloatArray, marks: Sequence[tuple[str, FloatArray, str]], reach: FloatArray | None = None
-) -> tuple[Panel, ...]:
-    """A panel a shown limb, with lines of forces (N, 4), and a band about the last."""
+Forces = tuple[str, FloatArray, str]  # name, (N, 4) in N, and look
+
+
+def _limb_chart(
+    number: int, what: str, time: FloatArray, *lines: Forces, reach: FloatArray | None = None
+) -> Chart:
+    """A figure with forces of the limbs that the paper shows, and a band about the last ones."""
     panels = []
     for letter, limb in zip("ab", LIMBS, strict=True):
-        k = limb - 1
-        lines = [Mark(name, time, force[:, k], look) for name, force, look in marks]
+        marks = [Mark(name, time, force[:, limb - 1], look) for name, force, look in lines]
         if reach is not None:
-            last = marks[-1][1][:, k]
-            low, high = last - reach[:, k], last + reach[:, k]
-            lines.insert(1, Mark("95 %", time, low, "fit", "band", high))
-        panels.append(Panel(f"({letter}) limb {limb}: force (N)", tuple(lines)))
-    return tuple(panels)
+            ends = (marks[-1].y + side * reach[:, limb - 1] for side in (-1, 1))
+            marks.insert(1, Mark("95 %", time, next(ends), "fit", "band", next(ends)))
+        panels.append(Panel(f"({letter}) limb {limb}: force (N)", tuple(marks)))
+    caption = f"Figure {number}: {what}"
+    return Chart(f"figure_{number}", caption, "time (s)", tuple(panels), zoom=True)
 
 
 def share_charts(shares: ForceShares) -> tuple[Chart, Chart]:
@@ -348,13 +342,11 @@ def share_charts(shares: ForceShares) -> tuple[Chart, Chart]:
         for name, force, unit, look in parts
     )
     both = ("gravity", shares.gravity, "file"), ("friction", shares.friction, "fit")
-    captions = (
-        "Figure 2: inertial, Coriolis and centrifugal forces of limbs 1 and 4, simulated.",
-        "Figure 3: gravitational and friction forces of limbs 1 and 4, simulated.",
-    )
+    caption = "Figure 2: inertial, Coriolis and centrifugal forces of limbs 1 and 4, simulated."
+    what = "gravitational and friction forces of limbs 1 and 4, simulated."
     return (
-        Chart("figure_2", captions[0], "time (s)", panels, columns=2, zoom=True),
-        Chart("figure_3", captions[1], "time (s)", _limbs(shares.time, both), zoom=True),
+        Chart("figure_2", caption, "time (s)", panels, columns=2, zoom=True),
+        _limb_chart(3, what, shares.time, *both),
     )
 
 
@@ -375,33 +367,28 @@ def influence_chart(simulated: SimulatedFit) -> Chart:
 def actual_charts(actual: ActualFit) -> tuple[Chart, Chart]:
     """Figures 5 and 6: gravity and total force of limbs 1 and 4, from the log and by the fits."""
     source = "simulated" if actual.is_stand_in else "measured"
-    gaps = ~actual.used  # lines break where the force was not used
-    figures = {
-        f"Figure 5: gravity of limbs 1 and 4: {source} less friction, by the robot file, and "
-        "fitted to the first 60 % with the robot file as prior.": (
-            (f"{source} less friction", actual.gravity, "measured"),
-            ("robot file", actual.cad_gravity, "file"),
-            ("fit", actual.informed_gravity, "fit"),
+
+    def used(name: str, force: FloatArray, look: str) -> Forces:  # lines break where it was not
+        return name, np.where(actual.used, force, np.nan), look
+
+    return (
+        _limb_chart(
+            5,
+            f"gravity of limbs 1 and 4: {source} less friction, by the robot file, and fitted to "
+            "the first 60 % with the robot file as prior.",
+            actual.time,
+            used(f"{source} less friction", actual.gravity, "measured"),
+            used("robot file", actual.cad_gravity, "file"),
+            used("fit", actual.informed_gravity, "fit"),
+            reach=actual.informed_reach,
         ),
-        f"Figure 6: total force of limbs 1 and 4: {source}, by the robot file, and by eight "
-        "parameters fitted to the first 60 %.": (
-            (source, actual.force, "measured"),
-            ("robot file", actual.cad_force, "file"),
-            ("eight parameters", actual.eight_force, "fit"),
+        _limb_chart(
+            6,
+            f"total force of limbs 1 and 4: {source}, by the robot file, and by eight parameters "
+            "fitted to the first 60 %.",
+            actual.time,
+            used(source, actual.force, "measured"),
+            used("robot file", actual.cad_force, "file"),
+            used("eight parameters", actual.eight_force, "fit"),
         ),
-    }
-    first, second = (
-        Chart(
-            f"figure_{number}",
-            caption,
-            "time (s)",
-            _limbs(
-                actual.time,
-                [(name, np.where(gaps, np.nan, force), look) for name, force, look in lines],
-                actual.informed_reach if number == 5 else None,
-            ),
-            zoom=True,
-        )
-        for number, (caption, lines) in enumerate(figures.items(), start=5)
     )
-    return first, second
