@@ -26,13 +26,13 @@ from scipy.signal import lfilter
 import loopid
 from loopid.control import (
     PID,
-    AdaptiveGravity,
+    AdaptiveCompensation,
     Controller,
     ControlLoop,
     Friction,
     Gravity,
     LoopOptions,
-    OnlineGravity,
+    OnlineCompensation,
     RecursiveLeastSquares,
     Signals,
     SlotineLi,
@@ -107,20 +107,22 @@ def leg() -> np.ndarray:
     return np.array([m, *(m * c), *inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
 
 
-def online(own: loopid.MotorModel, interval: float) -> OnlineGravity:
+def online(own: loopid.MotorModel, interval: float) -> OnlineCompensation:
     """Gravity and friction by recursive least squares, loosened when a leg is detected."""
     kinds = np.array([p.kind for p in own.force_model.parameters])
     spread = 0.2 * np.abs(own.values) + np.where(np.isin(kinds, ("Fc", "Fv")), 0.0, 0.1)
     rls = RecursiveLeastSquares(own.values, np.diag(spread**2), np.full(4, DEVIATION))
-    return OnlineGravity(own, rls, interval, payload=("platform", np.array([5, 0.5, 0.5, 1.0])))
+    return OnlineCompensation(
+        own, rls, interval, payload=("platform", np.array([5, 0.5, 0.5, 1.0]))
+    )
 
 
-def adaptive(own: loopid.MotorModel, interval: float) -> AdaptiveGravity:
+def adaptive(own: loopid.MotorModel, interval: float) -> AdaptiveCompensation:
     """All parameters by their gradients."""
     kinds = np.array([p.kind for p in own.force_model.parameters])
     bodies, coulomb = ADAPTATION * (np.abs(own.values) + 0.1), 50 * own.values
     gains = np.select([kinds == "Fc", kinds == "Fv"], [coulomb, 0 * coulomb], bodies)
-    return AdaptiveGravity(own, interval, gains=gains)
+    return AdaptiveCompensation(own, interval, gains=gains)
 
 
 Own = tuple[loopid.MotorModel, loopid.MotorModel]
@@ -260,11 +262,11 @@ def carried(name: str, rate: int, seed: int) -> dict[str, Any]:
     def change(k: int, loop: ControlLoop) -> None:
         if k in (ON * rate, OFF * rate):
             loop.load("platform", leg() if k == ON * rate else -leg())
-        if k == (ON + 10) * rate and isinstance(law, OnlineGravity):
+        if k == (ON + 10) * rate and isinstance(law, OnlineCompensation):
             found["mass"] = float(law.payload[0][0])
 
     run = loop.run(*arrays(reference), at_sample=change)
-    if isinstance(law, OnlineGravity):
+    if isinstance(law, OnlineCompensation):
         changes = [k / rate for k in law.changes]
         wrong = sum(not (ON < t < ON + 5 or OFF < t < OFF + 5) for t in changes)
         found["false alarms"] = wrong

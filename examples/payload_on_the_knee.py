@@ -25,7 +25,9 @@ for name in ("PD+G", "PID+G", "PID+G online"):
     own = loopid.MotorModel(slow, guess, start=q[0], smoothing=2e-4, near=3e-4)
     laws = [control.PID(Kp, Kd, (name != "PD+G") * 2 * Kp, interval=dt)]
     rls = control.RecursiveLeastSquares(guess, np.diag(0.1 * guess**2 + 0.01), np.full(4, 7.0))
-    online = control.OnlineGravity(own, rls, dt, payload=("platform", np.array([5, 0.5, 0.5, 1])))
+    online = control.OnlineCompensation(
+        own, rls, dt, payload=("platform", np.array([5, 0.5, 0.5, 1]))
+    )
     laws += [online] if "online" in name else [control.Friction(own), control.Gravity(own)]
     truth = loopid.MotorModel(full, full.base.values(bodies), start=q[0])
     noise = loopid.Noise(uniform=12, encoder_step=2e-5)

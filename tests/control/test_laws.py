@@ -7,13 +7,13 @@ from scipy.integrate import solve_ivp
 import loopid
 from loopid.control import (
     PID,
-    AdaptiveGravity,
+    AdaptiveCompensation,
     Controller,
     ControlLoop,
     Friction,
     Gravity,
     LoopOptions,
-    OnlineGravity,
+    OnlineCompensation,
     RecursiveLeastSquares,
     Reference,
     Signals,
@@ -57,7 +57,7 @@ def test_a_controller_is_the_sum_of_its_laws(five_bar):
 def test_adaptation_follows_its_gradient_in_the_given_columns(five_bar):
     model = loopid.MotorModel(five_bar)
     B = model.payload_columns("left_coupler")[:, :4]
-    law = AdaptiveGravity(
+    law = AdaptiveCompensation(
         model, 0.1, gains=np.array([1.0, 2.0, 0.0, 3.0]), columns=B, bandwidth=4.0
     )
     now = signals(five_bar, velocity=0.2)
@@ -184,7 +184,7 @@ def test_online_gravity_finds_a_payload_and_when_it_came(load_once):
     estimate = RecursiveLeastSquares(own.values, spread, np.full(2, 0.05))
     body = np.zeros(10)
     body[:2] = 0.5, 0.05
-    law = OnlineGravity(
+    law = OnlineCompensation(
         own,
         estimate,
         0.01,

@@ -232,7 +232,7 @@ def export(
 
     The robot is loaded as it was for the fit, and refused where it is another one.
     """
-    from loopid.export.everything import ExportOptions, export_fit
+    from loopid.export.everything import export_fit
     from loopid.identification.saved import read_fit
     from loopid.report.look import json_text
 
@@ -246,7 +246,7 @@ def export(
         yaml=yaml,
         c=c,
         name=name,
-        options=ExportOptions(overwrite=overwrite),
+        overwrite=overwrite,
     )
     places = [str(place) for place in written]
     if as_json:

@@ -1,11 +1,11 @@
 from .laws import (
     PID as PID,
-    AdaptiveGravity as AdaptiveGravity,
+    AdaptiveCompensation as AdaptiveCompensation,
     Controller as Controller,
     Friction as Friction,
     Gravity as Gravity,
     Law as Law,
-    OnlineGravity as OnlineGravity,
+    OnlineCompensation as OnlineCompensation,
     Reference as Reference,
     Signals as Signals,
     SlotineLi as SlotineLi,

@@ -3,7 +3,7 @@
 A law gives forces of the motors from what the sensors say and where the robot is to be:
 
     Controller(PID(Kp, Kd), Friction(model), Gravity(model))            PD+G
-    Controller(PID(Kp, Kd, Ki, interval=0.01), OnlineGravity(...))      PID with online gravity
+    Controller(PID(Kp, Kd, Ki, interval=0.01), OnlineCompensation(...))     with online gravity
 
 e = u_d - u is the error of the positions.
 """
@@ -130,7 +130,13 @@ class Friction:
         return self.model.friction(signals.position, reference.velocity)
 
 
-class OnlineGravity:
+def _gravity_and_friction(model: MotorModel, signals: Signals, reference: Reference) -> FloatArray:
+    """K (dof, n) of both laws together."""
+    u = signals.position
+    return model.regressor(u) + model.friction_regressor(u, reference.velocity)
+
+
+class OnlineCompensation:
     """Gravity and friction with values that are estimated while the robot moves.
 
     The values fit the last forces, which hold the controller's own. Used at once, they would be a
@@ -193,9 +199,8 @@ class OnlineGravity:
     def force(self, signals: Signals, reference: Reference) -> FloatArray:
         """Forces (dof,) of gravity and friction."""
         self._learn(signals.force)
-        u, rate = signals.position, reference.velocity
-        K = self.model.regressor(u) + self.model.friction_regressor(u, rate)
-        self._last = K, self._moves(u, rate)
+        K = _gravity_and_friction(self.model, signals, reference)
+        self._last = K, self._moves(signals.position, reference.velocity)
         self.samples += 1
         return np.asarray(K @ self.values)
 
@@ -234,7 +239,7 @@ class OnlineGravity:
         return found, np.sqrt(spread.diagonal())
 
 
-class AdaptiveGravity:
+class AdaptiveCompensation:
     """Gravity and friction whose values adapt by what they miss: φ̇ = B γ Bᵀ Kᵀ s [Slotine1987].
 
     s = ė + λ e; friction is that of the commanded velocity.
@@ -269,9 +274,9 @@ class AdaptiveGravity:
 
     def force(self, signals: Signals, reference: Reference) -> FloatArray:
         """Forces (dof,)."""
-        u, rate = signals.position, reference.velocity
-        K = self.model.regressor(u) + self.model.friction_regressor(u, rate)
-        s = rate - signals.velocity + self.bandwidth * (reference.position - u)
+        K = _gravity_and_friction(self.model, signals, reference)
+        s = reference.velocity - signals.velocity
+        s += self.bandwidth * (reference.position - signals.position)
         slope = self.columns.T @ (K.T @ s)
         self.values = self.values + self.interval * self.columns @ (self.gains * slope)
         return np.asarray(K @ self.values)

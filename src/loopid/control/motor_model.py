@@ -259,6 +259,11 @@ class MotorModel:
         self._add(K, [law for law in self._laws if law.friction], v, np.zeros_like(v))
         return np.asarray(K[0])
 
+    def coefficients(self, kind: str) -> FloatArray:
+        """Values (dof,) of a kind of joint term, such as Coulomb friction ``"Fc"``; 0 without."""
+        values = dict(zip(self.force_model.parameters.labels, self.values.tolist(), strict=True))
+        return np.array([values.get(f"{each}.{kind}", 0.0) for each in self.mechanism.independent])
+
     @property
     def friction_kinds(self) -> tuple[str, ...]:
         """Kinds of the joint terms that depend on rates."""
@@ -274,28 +279,23 @@ class MotorModel:
 
     def mass(self, positions: FloatArray) -> FloatArray:
         """Mass matrix M (dof, dof), rotor inertias included."""
+        self._require_full("mass matrix")
         return np.asarray(self.mass_regressor(positions) @ self.values)
 
     def mass_regressor(self, positions: FloatArray) -> FloatArray:
-        """(dof, dof, n), M per unit of each parameter."""
+        """(dof, dof, n), M per unit of each parameter; of a gravity model, that of rotors alone."""
         self.assemble(positions)
-        self._require_full("mass matrix")
         K = self._regressors(np.zeros((self.dof, self.dof)), np.eye(self.dof))
         return np.asarray(np.moveaxis(K - self.regressor(positions), 0, 1))
 
     def coriolis(self, positions: FloatArray, velocities: FloatArray) -> FloatArray:
         """C (dof, dof) of Christoffel symbols, with which Ṁ - 2C is skew."""
-        return np.asarray(self.coriolis_regressor(positions, velocities) @ self.values)
-
-    def coriolis_regressor(self, positions: FloatArray, velocities: FloatArray) -> FloatArray:
-        """(dof, dof, n), C per unit of each parameter."""
         self.assemble(positions)
         self._require_full("Coriolis matrix")
-        v, one, dof = self._rates(velocities), np.eye(self.dof), self.dof
-        K = self._regressors(
-            np.concatenate([v + one, v - one]) / 2, np.zeros((2 * dof, dof)), False
-        )
-        return np.asarray(np.moveaxis(K[:dof] - K[dof:], 0, 1))
+        v, one = self._rates(velocities), np.eye(self.dof)
+        rates = np.concatenate([v + one, v - one]) / 2
+        plus, minus = np.split(self._regressors(rates, np.zeros_like(rates), False), 2)
+        return np.asarray(((plus - minus) @ self.values).T)
 
     def passive_regressor(
         self,
@@ -335,9 +335,10 @@ class MotorModel:
         v, a = velocities @ pose.G[0].T, accelerations @ pose.G[0].T
         if velocities.any():
             a += self._gamma(v)
-        q, G = (each.repeat(count, axis=0) for each in (pose.q, pose.G))
         model = self.force_model.model
-        rates = (v, a) if model == "full" else (None, None)
+        full = model == "full"
+        q, G = (each.repeat(count if full else 1, axis=0) for each in (pose.q, pose.G))
+        rates = (v, a) if full else (None, None)
         K = np.zeros((count, dof, len(self.values)))
         Y = torque_regressors(robot, q, *rates, model=model, G=G)
         K[:, :, self._bodies] = Y.take(self._standard, axis=2)

@@ -82,8 +82,8 @@ class WrenchObserver:
     Parameters
     ----------
     model : MotorModel
-        With the covariance of its values; a gravity model is observed as if it stood still
-        everywhere, without momentum.
+        With the covariance of its values; bodies of a gravity model are observed as if they stood
+        still everywhere, without momentum.
     interval : float
         Between samples in s.
     gain : float
@@ -149,10 +149,6 @@ class WrenchObserver:
         self.frame, self._data = frames[frame], robot.model.createData()
         # Values that follow one another are as many independent ones as the filter forgets.
         self.threshold = float(chi2.isf(alarms / (3600.0 * gain / 2), model.dof))
-        parameters = model.force_model.parameters
-        names, labels = robot.independent, list(parameters.labels)
-        coulomb = [f"{name}.Fc" for name in names]
-        self._coulomb = np.array([labels.index(k) if k in labels else -1 for k in coulomb])
         self._last: tuple[FloatArray, ...] | None = None  # rates, mass and bias
         self._passed: tuple[FloatArray, FloatArray]  # what has come through the filter
 
@@ -164,8 +160,7 @@ class WrenchObserver:
         model, u, v = self.model, *signals[:2]
         commanded = v if rates is None else rates
         bias = model.rigid_regressor(u, v, 0 * v) + model.friction_regressor(u, commanded)
-        full = model.force_model.model == "full"
-        mass = model.mass_regressor(u) if full else np.zeros((model.dof, *bias.shape))
+        mass = model.mass_regressor(u)
         if self._last is None:  # nothing touches the robot at first
             self._passed = bias, bias @ model.values
         else:
@@ -184,8 +179,8 @@ class WrenchObserver:
         model = self.model
         passed = self.part / (2.0 - self.part)  # of the variance of white noise
         variance = passed * self.noise**2 + self.unmodelled**2
-        coulomb = np.where(self._coulomb >= 0, model.values[self._coulomb], 0.0)
-        S = D @ model.covariance @ D.T + np.diag(variance + (standing * coulomb) ** 2)
+        variance += (standing * model.coefficients("Fc")) ** 2
+        S = D @ model.covariance @ D.T + np.diag(variance)
         J = self.jacobian(positions)
         units = np.repeat([1.0, model.mechanism.length], 3)[:, None]  # moments like forces
         left, sizes, right = np.linalg.svd(units * J)

@@ -106,7 +106,7 @@ class RecursiveLeastSquares:
     @property
     def covariance(self) -> FloatArray:
         """(n, n) of the estimates, for errors that are independent."""
-        root = self._root()
+        root = solve_triangular(self._told(), np.eye(self._n), check_finite=False)
         return np.asarray(root @ root.T)
 
     def innovation(self, regressor: FloatArray, force: FloatArray) -> tuple[float, int]:
@@ -143,16 +143,12 @@ class RecursiveLeastSquares:
     def _told(self) -> FloatArray:
         R: FloatArray = self._work[: self._n, : self._n]
         own = np.abs(R.diagonal())
-        if own.min() <= np.finfo(float).eps * own.max():
+        if missing := int((own <= np.finfo(float).eps * own.max()).sum()):
             raise RankError(
-                f"{int((own <= np.finfo(float).eps * own.max()).sum())} of {self._n} values are "
-                "not told yet: begin with a covariance, or with more samples"
+                f"{missing} of {self._n} values are not told yet: begin with a covariance, or with "
+                "more samples"
             )
         return R
-
-    def _root(self) -> FloatArray:
-        """Square root R⁻¹ (n, n) of the covariance."""
-        return np.asarray(solve_triangular(self._told(), np.eye(self._n), check_finite=False))
 
 
 def _information_root(covariance: FloatArray, values: FloatArray) -> FloatArray:

@@ -21,6 +21,7 @@ from loopid.control.motor_model import MotorModel
 from loopid.errors import OptionError
 from loopid.motion.simulation import Noise
 from loopid.records import record
+from loopid.robot.mechanism import shortened
 
 SAME, SWEEPS = 1e-12, 1000  # relative change of velocities that ends their iteration; at most
 FRICTION = ("Fc", "Fv")
@@ -133,20 +134,19 @@ class ControlLoop:
     ) -> None:
         self.robot, self.controller, self.options = robot, controller, options
         self.random = random_generator(seed)
-        terms = robot.force_model.parameters
         names = robot.mechanism.independent
-        others = {p.kind for p in terms if p.kind in robot.friction_kinds} - {*FRICTION}
-        passive = {p.link for p in terms if p.kind in FRICTION} - {*names}
-        if others or passive:
+        others = [
+            each.label
+            for each in robot.force_model.parameters
+            if each.kind in robot.friction_kinds
+            and not (each.kind in FRICTION and each.link in names)
+        ]
+        if others:
             raise OptionError(
                 "only Coulomb and viscous friction of independent coordinates is simulated, not "
-                f"{', '.join(sorted(others | passive))}"
+                f"{shortened(others)}"
             )
-        labels = list(terms.labels)
-        self.coulomb, self.viscous = (
-            np.array([robot.values[labels.index(k)] if k in labels else 0.0 for k in own])
-            for own in ([f"{name}.{kind}" for name in names] for kind in FRICTION)
-        )
+        self.coulomb, self.viscous = map(robot.coefficients, FRICTION)
         self.values = np.array(robot.values)
         own = robot.mechanism.velocity_indices(names)
         self.position = robot.configuration[robot.mechanism.first_positions[own]]

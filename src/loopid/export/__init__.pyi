@@ -1,5 +1,5 @@
 from .c_code import CSource as CSource, c_source as c_source, export_c as export_c
-from .everything import ExportOptions as ExportOptions, export_fit as export_fit
+from .everything import export_fit as export_fit
 from .robot_file import (
     export_robot_file as export_robot_file,
     updated_robot_file as updated_robot_file,

@@ -10,21 +10,7 @@ from loopid.export.c_code import c_source
 from loopid.export.robot_file import export_robot_file
 from loopid.files import require_other_file
 from loopid.identification.saved import SavedFit, robot_files
-from loopid.records import record
 from loopid.robot.mechanism import Mechanism
-
-
-@record(kw_only=True, checked=True)
-class ExportOptions:
-    """What an export may do that is refused otherwise.
-
-    Attributes
-    ----------
-    overwrite : bool
-        Whether the robot's own file may be replaced.
-    """
-
-    overwrite: bool = False
 
 
 @checked
@@ -36,7 +22,7 @@ def export_fit(
     yaml: str | Path | None = None,
     c: str | Path | None = None,
     name: str | None = None,
-    options: ExportOptions = ExportOptions(),
+    overwrite: bool = False,
 ) -> list[Path]:
     """Write what is asked for; all that may be refused is found out before the first file.
 
@@ -53,7 +39,8 @@ def export_fit(
         Folder of C source for the controller, with the values; see ``c_source``.
     name : str, optional
         Of the C functions.
-    options : ExportOptions, optional
+    overwrite : bool
+        Whether the robot's own file may be replaced.
 
     Raises
     ------
@@ -78,7 +65,7 @@ def export_fit(
     code = None if c is None else c_source(model, name=name, values=saved.values)
     if robot is not None:
         place = export_robot_file(
-            mechanism, standard, robot, overwrite=options.overwrite, parameters=saved.standard
+            mechanism, standard, robot, overwrite=overwrite, parameters=saved.standard
         )
         written.append(place)
     if yaml is not None:

@@ -10,13 +10,8 @@ static const double reference_u[] = {@REFERENCE_U@};
 
 /* G, factors, residual and pivots at q. Returns the length of the Newton step from there to better. */
 static double linearise(struct @NAME@_state *state, double *better) {
-  const double *arguments[1];
-  double *results[4], measures[3];
-  arguments[0] = state->q;
-  results[0] = state->G;
-  results[1] = state->factors;
-  results[2] = better;
-  results[3] = measures;
+  const double *arguments[] = {state->q};
+  double measures[3], *results[] = {state->G, state->factors, better, measures};
   @NAME@_casadi_linearise(arguments, results, 0, 0, 0);
   state->residual = measures[0];
   state->pivots = measures[2];
@@ -27,17 +22,9 @@ static double linearise(struct @NAME@_state *state, double *better) {
    contracts from the first step on: then the root is the one on its branch (Kantorovich). */
 static int advance(struct @NAME@_state *state, const double *u, double part) {
   struct @NAME@_state next = *state;
-  const double *arguments[5];
-  double *results[3], better[@GUARD@_NQ], length, longest;
+  const double *arguments[] = {state->q, state->u, u, &part, state->G};
+  double better[@GUARD@_NQ], length, longest, *results[] = {next.q, next.u, &length};
   int k;
-  arguments[0] = state->q;
-  arguments[1] = state->u;
-  arguments[2] = u;
-  arguments[3] = &part;
-  arguments[4] = state->G;
-  results[0] = next.q;
-  results[1] = next.u;
-  results[2] = &length;
   @NAME@_casadi_predict(arguments, results, 0, 0, 0);
   longest = @LONGEST_STEP@;
   for (k = 0; k <= @GUARD@_NEWTON_STEPS; ++k) {
@@ -85,34 +72,20 @@ static int check(const double *numbers, int count) {
 }
 
 int @NAME@_gravity(const struct @NAME@_state *state, const double *phi, double *force) {
-  const double *arguments[3];
-  arguments[0] = state->q;
-  arguments[1] = state->G;
-  arguments[2] = phi;
+  const double *arguments[] = {state->q, state->G, phi};
   @NAME@_casadi_gravity(arguments, &force, 0, 0, 0);
   return check(force, @GUARD@_DOF);
 }
 
 int @NAME@_forces(const struct @NAME@_state *state, const double *du, const double *ddu,
                   const double *phi, double *force) {
-  const double *arguments[6];
-  arguments[0] = state->q;
-  arguments[1] = state->G;
-  arguments[2] = state->factors;
-  arguments[3] = du;
-  arguments[4] = ddu;
-  arguments[5] = phi;
+  const double *arguments[] = {state->q, state->G, state->factors, du, ddu, phi};
   @NAME@_casadi_forces(arguments, &force, 0, 0, 0);
   return check(force, @GUARD@_DOF);
 }
 
 int @NAME@_regressor(const struct @NAME@_state *state, const double *du, const double *ddu, double *K) {
-  const double *arguments[5];
-  arguments[0] = state->q;
-  arguments[1] = state->G;
-  arguments[2] = state->factors;
-  arguments[3] = du;
-  arguments[4] = ddu;
+  const double *arguments[] = {state->q, state->G, state->factors, du, ddu};
   @NAME@_casadi_regressor(arguments, &K, 0, 0, 0);
   return check(K, @GUARD@_DOF * @GUARD@_PARAMETERS);
 }
@@ -123,17 +96,9 @@ int @NAME@_regressor(const struct @NAME@_state *state, const double *du, const d
 int @NAME@_observe(struct @NAME@_state *state, const double *du, const double *force, const double *phi,
                    double bandwidth, double dt, double *external) {
   enum { dof = @GUARD@_DOF };
-  double mass[dof * dof], bias[dof]; /* M, and C du + g + friction */
-  const double *arguments[5];
-  double *results[2];
+  double mass[dof * dof], bias[dof], *results[] = {mass, bias}; /* M, and C du + g + friction */
+  const double *arguments[] = {state->q, state->G, state->factors, du, phi};
   int i, j;
-  arguments[0] = state->q;
-  arguments[1] = state->G;
-  arguments[2] = state->factors;
-  arguments[3] = du;
-  arguments[4] = phi;
-  results[0] = mass;
-  results[1] = bias;
   @NAME@_casadi_dynamics(arguments, results, 0, 0, 0);
   for (i = 0; i < dof; ++i) {
     double gained = 0.5 * (bias[i] + state->bias[i]) - force[i];
