@@ -439,7 +439,7 @@ def test_the_steps_called_one_by_one_are_the_whole(knee, log, recording):
     whole = long_enough(without_frozen(log, masks), lowpass)
     signals = filter_log(whole, lowpass)
     rows, ends = kept_rows(whole, lowpass, options)
-    found = assemble_samples(knee, whole, signals.position, rows, masks)
+    found = assemble_samples(knee, whole, signals.position[rows], rows, masks)
     assert found.good.all()
     np.testing.assert_array_equal(found.configurations, recording.motion.configurations)
     np.testing.assert_array_equal(signals.velocity[rows], recording.motion.velocities)

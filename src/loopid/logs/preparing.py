@@ -93,13 +93,11 @@ def prepare_recording(
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("four_bar")
-    >>> series = loopid.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
-    >>> motion = loopid.joint_motion(robot, series.motion(duration=4.0))
-    >>> run = loopid.simulate_measurement(robot, motion)
-    >>> log = loopid.Log.from_arrays(run.time, run.position, run.force, robot.actuated, name="run")
+    >>> from loopid.loading import bundled_directory
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> log = loopid.read_log(bundled_directory() / "logs" / "five_bar.csv", robot)
     >>> loopid.prepare_recording(robot, log)
-    <Recording 'run': 70 samples, filtered at 3.75 Hz, forces used: crank_joint 100%>
+    <Recording 'five_bar': 735 samples, filtered at 5.8 Hz, forces used: ...>
     """
     require_known_motion(robot, log.free)
     if log.joints != robot.actuated:
@@ -115,8 +113,8 @@ def prepare_recording(
     log = long_enough(log, lowpass)
     signals = filter_log(log, lowpass)
     rows, ends = kept_rows(log, lowpass, filter)
-    free = free_motion(robot, log, signals.free)
-    measured = measured_values(robot, log, signals.position, free.configurations)
+    told = measured_motion(robot, log, signals)
+    measured = JointCoordinates(robot, robot.measured).read(told.configurations[rows])
     found = assemble_samples(robot, log, measured, rows, masks, progress=progress)
     stretches, rows = renumbered(log.stretches[rows], found.good), rows[found.good]
     saturated = near_saturation(log, limits, lowpass, masks)[rows]
@@ -124,7 +122,7 @@ def prepare_recording(
     if (idle | saturated).all():
         said = f"{log.name}: no force can be used, as all motors stand or are saturated"
         raise LogError(said, source=log.name)
-    motion = motion_of(robot, log, signals, free, rows, found)
+    motion = motion_of(robot, log, told, rows, found)
     force, used = on_independent(robot, motion, signals.force[rows], ~(idle | saturated))
     if {*log.free} & {*robot.floating} and not log.wrenches:
         warn(
@@ -324,6 +322,15 @@ def kept_rows(
     return np.concatenate(rows), ends
 
 
+def measured_motion(robot: Mechanism, log: Log, signals: Signals) -> FreeMotion:
+    """Motors and free joints along a log."""
+    told, motors = free_motion(robot, log, signals.free), robot.velocity_indices(log.joints)
+    q = JointCoordinates(robot, log.joints).write(told.configurations, signals.position)
+    told.velocities[:, motors] = signals.velocity
+    told.accelerations[:, motors] = signals.acceleration
+    return told._replace(configurations=q)
+
+
 # ---- assembly ----------------------------------------------------------------------------------
 
 
@@ -339,17 +346,17 @@ class Assembled(NamedTuple):
 def assemble_samples(
     robot: Mechanism,
     log: Log,
-    position: FloatArray,
+    measured: FloatArray,
     rows: IntArray,
     masks: MaskOptions,
     *,
     progress: Progress | None = None,
 ) -> Assembled:
-    """Assemble some rows of a log, with ``robot.measured`` at positions (N, c), in order.
+    """Assemble some rows of a log, with ``robot.measured`` at values (K, c), in order.
 
     Samples that do not close or are near a singularity are left out, with a warning.
     """
-    measured, time, start = position[rows], log.time[rows], None
+    time, start = log.time[rows], None
     configurations, singularity, residual, closed = [], [], [], []
     for block in row_blocks(len(rows), BLOCK):
         outcome = try_assemble(robot, measured[block], start=start, trajectory=True)
@@ -398,23 +405,10 @@ def assemble_samples(
     return Assembled(np.concatenate(configurations)[regular], measure[regular], good, dropped)
 
 
-def measured_values(
-    robot: Mechanism, log: Log, position: FloatArray, free: FloatArray
-) -> FloatArray:
-    """Values (N, c) of ``robot.measured``: of motors (N, m), of others from configurations."""
-    others = [name for name in robot.measured if name not in log.joints]
-    columns = {name: position[:, k] for k, name in enumerate(log.joints)}
-    if others:
-        values = JointCoordinates(robot, others).read(free)
-        columns |= {name: values[:, k] for k, name in enumerate(others)}
-    return np.stack([columns[name] for name in robot.measured], axis=1)
-
-
 def motion_of(
     robot: Mechanism,
     log: Log,
-    signals: Signals,
-    free: FreeMotion,
+    told: FreeMotion,
     rows: IntArray,
     found: Assembled,
 ) -> JointMotion:
@@ -422,14 +416,12 @@ def motion_of(
 
     No loop feels where a base is.
     """
-    q, v, a = found.configurations, free.velocities.copy(), free.accelerations.copy()
+    q, independent = found.configurations, robot.velocity_indices(robot.independent)
     for joint in (robot.joint(name) for name in log.free if name in robot.floating):
         pose = slice(joint.idx_q, joint.idx_q + joint.nq)
-        q[:, pose] = free.configurations[rows][:, pose]
-    motors, independent = (robot.velocity_indices(n) for n in (log.joints, robot.independent))
-    v[:, motors], a[:, motors] = signals.velocity, signals.acceleration
-    rates, accelerations = v[rows][:, independent], a[rows][:, independent]
-    return JointMotion(log.time[rows], q, rates, accelerations, found.singularity)
+        q[:, pose] = told.configurations[rows][:, pose]
+    v, a = told.velocities[rows][:, independent], told.accelerations[rows][:, independent]
+    return JointMotion(log.time[rows], q, v, a, found.singularity)
 
 
 def _with_exchanged(robot: Mechanism, position: FloatArray) -> str:

@@ -73,20 +73,11 @@ def read_log(
 
     Examples
     --------
-    >>> import numpy as np
     >>> import loopid
-    >>> from pathlib import Path
-    >>> from tempfile import TemporaryDirectory
-    >>> robot = loopid.load_mechanism("four_bar")
-    >>> time = np.arange(0, 2, 0.01)
-    >>> columns = np.stack([time, 1 + np.sin(time), np.cos(time)], axis=1)
-    >>> names = "time,crank_joint.position,crank_joint.force"
-    >>> with TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "run.csv"
-    ...     np.savetxt(path, columns, delimiter=",", header=names)
-    ...     log = loopid.read_log(path, robot)
-    >>> log
-    <Log 'run': 200 samples of crank_joint over 1.99 s in 1 stretch>
+    >>> from loopid.loading import bundled_directory
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> loopid.read_log(bundled_directory() / "logs" / "five_bar.csv", robot)
+    <Log 'five_bar': 2241 samples of left_crank_joint, right_crank_joint over 22.40 s in 1 stretch>
     """
     place = Path(path)
     if not isinstance(mapping, LogMapping):
