@@ -19,6 +19,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, row_blocks, spread_rows
+from loopid.identification.delay import directions
 from loopid.identification.information import body_sizes
 from loopid.kinematics.assembly import AssemblyOptions, try_assemble
 from loopid.kinematics.measured import JointCoordinates
@@ -174,14 +175,9 @@ class Evidence:
         self._known_products: dict[tuple[Pose, tuple[float, ...]], FloatArray] = {}
 
     def _samples(self, recording: Recording, most: int) -> list[Any]:
-        motion, history = recording.motion, recording.history
-        rows = spread_rows(len(recording), most)
-        if history is None:
-            sign = np.sign(motion.velocities)
-        else:  # friction as the forces are filtered
-            speeds = [history.velocity[:, history.joints.index(name)] for name in self.names]
-            sign = np.column_stack([history.lowpassed(np.sign(speed)) for speed in speeds])
-        rates = [rate[rows] for rate in (sign, motion.velocities, motion.accelerations)]
+        motion, rows = recording.motion, spread_rows(len(recording), most)
+        signals = directions(recording), motion.velocities, motion.accelerations
+        rates = [signal[rows] for signal in signals]
         q, force, used = motion.configurations, recording.motor_force, recording.used
         external = recording.force - force
         return [q[rows], np.stack(rates, axis=2), force[rows], used[rows], external[rows]]

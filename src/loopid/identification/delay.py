@@ -18,7 +18,7 @@ import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, checked
 from loopid.errors import DataError, DataWarning, RankError, warn
-from loopid.identification.estimator import chosen_estimator, solved
+from loopid.identification.estimator import chosen_estimator, scaled_svd, solved
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import FitSamples
@@ -271,14 +271,19 @@ class _Run:
         return force, known & self.recording.used
 
 
-def _of_drives(recording: Recording) -> FloatArray:
-    """Friction, an offset and inertia of each drive (N, dof, 4 dof), filtered as the forces are."""
-    motion, history = recording.motion, recording.history
-    sign = np.sign(motion.velocities)
+def directions(recording: Recording) -> FloatArray:
+    """Signs of the velocities (N, dof), filtered as friction in the forces is."""
+    history, sign = recording.history, np.sign(recording.motion.velocities)
     for j, name in enumerate(recording.actuators):
         if history is not None and name in history.joints:
             rate = history.velocity[:, history.joints.index(name)]
             sign[:, j] = history.lowpassed(np.sign(rate))
+    return np.asarray(sign, dtype=np.float64)
+
+
+def _of_drives(recording: Recording) -> FloatArray:
+    """Friction, an offset and inertia of each drive (N, dof, 4 dof)."""
+    motion, sign = recording.motion, directions(recording)
     signals = np.stack([sign, motion.velocities, np.ones_like(sign), motion.accelerations], axis=2)
     table = signals[:, :, None, :] * np.eye(sign.shape[1])[:, :, None]
     return np.asarray(table.reshape(*sign.shape, -1))
@@ -423,9 +428,7 @@ def _told(samples: FitSamples) -> FitSamples:
     """The samples of those combinations of columns only that the motion tells, in parts of time."""
     sizes, count = samples.problem.force_rms, len(samples)
     R = samples.problem.weighted(np.divide(1.0, sizes, out=np.zeros(len(sizes)), where=sizes > 0))
-    norms = np.linalg.norm(R[:-1, :-1], axis=0)
-    norms[norms == 0] = np.inf
-    _, values, right = np.linalg.svd(R[:-1, :-1] / norms)
+    lengths, values, right = scaled_svd(R[:-1, :-1])
     kept = values > KNOWN * values[0]
-    told = samples.along((right[kept] / values[kept, None]).T / norms[:, None])
+    told = samples.along((right[kept] / values[kept, None]).T / lengths[:, None])
     return replace(told, runs=np.arange(count) * BLOCKS // count)

@@ -220,11 +220,11 @@ def result_of(
 
 def require_excitation(problem: FitProblem, R: FloatArray) -> None:
     """Refuse a triangular factor (n, n) whose scaled columns are linearly dependent."""
-    labels, norms = problem.parameters.labels, np.linalg.norm(R, axis=0)
-    if not (norms > 0).all():
-        name = labels[int(norms.argmin())]
+    labels, present = problem.parameters.labels, R.any(axis=0)
+    if not present.all():
+        name = labels[int(present.argmin())]
         raise RankError(f"the data do not excite {name} at all", parameters=(name,))
-    _, values, right = np.linalg.svd(R / norms)
+    _, values, right = scaled_svd(R)
     if values[-1] >= LEAST_EXCITATION * values[0]:
         return
     # Round-off turns the single directions where there are several: only their span is named.
@@ -242,11 +242,19 @@ def require_excitation(problem: FitProblem, R: FloatArray) -> None:
 
 def excited_rank(R: FloatArray) -> int:
     """Number of combinations of parameters that the data of a triangular factor (n, n) excite."""
+    _, values, _ = scaled_svd(R)
+    return int((values >= LEAST_EXCITATION * (values[0] or np.inf)).sum())
+
+
+def scaled_svd(R: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Lengths (n,) of the columns of R (r, n), 1 for none; with columns over these, its SVD.
+
+    That is singular values (n,) and right vectors (n, n), in rows.
+    """
     norms = np.linalg.norm(R, axis=0)
-    if not norms.any():
-        return 0
-    values = np.linalg.svd(R[:, norms > 0] / norms[norms > 0], compute_uv=False)
-    return int((values >= LEAST_EXCITATION * values[0]).sum())
+    lengths = np.where(norms > 0, norms, 1.0)
+    _, values, right = np.linalg.svd(R / lengths)
+    return lengths, values, right
 
 
 @record

@@ -27,11 +27,11 @@ class OfArrays:
     """Lists, as files have them, become arrays."""
 
     def __post_init__(self) -> None:
-        kinds = {"FloatArray": np.float64, "IntArray": np.int64}
+        kinds = {"FloatArray": np.float64, "IntArray": np.int64, "FloatArray | None": np.float64}
         for field in fields(self):  # type: ignore[arg-type]
-            if field.type in kinds:
-                array = frozen(getattr(self, field.name), kinds[field.type])
-                object.__setattr__(self, field.name, array)
+            given = getattr(self, field.name)
+            if field.type in kinds and given is not None:
+                object.__setattr__(self, field.name, frozen(given, kinds[field.type]))
 
 
 @record
@@ -273,8 +273,6 @@ class FitResult(OfArrays, Tabular):
         super().__post_init__()
         freedom = np.broadcast_to(self.degrees_of_freedom, self.values.shape)
         object.__setattr__(self, "degrees_of_freedom", frozen(freedom))
-        if self.standard_parameters is not None:
-            object.__setattr__(self, "standard_parameters", frozen(self.standard_parameters))
         for name in self.assumed:
             if name not in self.parameters.labels:
                 raise OptionError.unknown("assumed parameter", name, self.parameters.labels)

@@ -27,7 +27,7 @@ from pydantic import Field
 
 from loopid.arguments import FloatArray, Share, checked, finite
 from loopid.errors import DataError, OptionError, RankError
-from loopid.identification.estimator import LEAST_EXCITATION
+from loopid.identification.estimator import LEAST_EXCITATION, scaled_svd
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_model import ForceModel, samples_of
 from loopid.identification.problem import FitSamples
@@ -203,11 +203,9 @@ class _Evidence(NamedTuple):
         n = len(data.parameters)
         with one_blas_thread():
             R = data.problem.weighted(np.ones(len(data.actuators)))[:n, :n]
-            norms = np.linalg.norm(R, axis=0)
-            scales = np.divide(1.0, norms, out=np.zeros(n), where=norms > 0)
-            _, effects, turn = np.linalg.svd(R * scales)
+            lengths, effects, turn = scaled_svd(R)
             excited = turn[effects > LEAST_EXCITATION * effects[0]]
-        reduced = data.along(scales[:, None] * excited.T)
+        reduced = data.along((excited / lengths).T)
         try:
             fit = quiet_fit(reduced)
         except (DataError, RankError):
@@ -216,8 +214,7 @@ class _Evidence(NamedTuple):
             return None
         with one_blas_thread():
             Q = reduced.problem.weighted(fit.weights)[:-1, :-1]
-            back = np.divide(1.0, scales, out=np.zeros(n), where=scales > 0)
-            every = Q @ (excited * back)
+            every = Q @ (excited * lengths * R.any(axis=0))
         columns = dict(zip(data.parameters.labels, every.T, strict=True))
         freedom = float(fit.degrees_of_freedom.min())
         forces = dict(zip(data.actuators, data.problem.force_rms.tolist(), strict=True))
