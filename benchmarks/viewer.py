@@ -17,7 +17,7 @@ import loopid
 from loopid.view.scene import Pose
 from loopid.view.viewer import BROWSERS, Viewer
 
-SECONDS = 5.0  # of a drag
+WARM, SECONDS = 10.0, 5.0  # of a drag while shaders are compiled, and of what is counted
 OPTIONS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 # Frames, and those of them in which the browser got another pose to draw: a texture of places.
 COUNT = """
@@ -69,7 +69,7 @@ def drag(viewer: Any, page: Any) -> tuple[float, float, float, float]:
     page.mouse.move(x, y)
     page.mouse.down()
     page.evaluate(HAND, [x, y])
-    page.wait_for_timeout(1000)
+    page.wait_for_timeout(1e3 * WARM)
     start, first = time.perf_counter(), page.evaluate("[seen_, frames_]")
     viewer.residuals.clear()
     time.sleep(SECONDS)

@@ -28,7 +28,7 @@ LOGS = Argument(
     help="CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream.",
 )
 CUTOFF = Option(None, help="Cut-off of the low-pass filter in Hz; by default what predicts best.")
-ROWS = Option(None, metavar="M:N", help="Rows of each LOG that are used, from 1.")
+ROWS = Option(None, metavar="M:N", help="Rows of each LOG to use, counted from 1.")
 
 
 @of_robot
@@ -56,9 +56,9 @@ def identify(
     ),
     validate: list[str] | None = Option(None, metavar="LOG", help="Validate on this log instead."),
     start: float = Option(
-        0.0, "--from", metavar="S", help="Time in s, from the start of each LOG."
+        0.0, "--from", metavar="S", help="Use each LOG from here on, in s from its start."
     ),
-    end: float = Option(inf, "--to", metavar="S", help="Time in s, from the start of each LOG."),
+    end: float = Option(inf, "--to", metavar="S", help="Use each LOG up to here."),
     rows: str | None = ROWS,
     friction_log: list[str] | None = Option(
         None, metavar="LOG", help="Identify the terms from this log first."
@@ -147,7 +147,7 @@ def predict(
     cutoff: float | None = CUTOFF,
     rows: str | None = ROWS,
 ) -> None:
-    """Compare a fit's forces with those of logs."""
+    """Predict the forces of logs with a saved fit."""
     from loopid.diagnosis.log_mistakes import warn_of_suspicions
     from loopid.identification.prediction import predict as predicted
     from loopid.identification.saved import read_fit
@@ -262,7 +262,7 @@ def compare(
         ..., metavar="RUN...", help="Folders of 'loopid identify --out', or saved fits."
     ),
 ) -> None:
-    """Tell which parameters of saved fits differ."""
+    """Show which parameters of saved fits differ."""
     from loopid.identification.saved import read_fit
     from loopid.report.compare import comparison_report
 

@@ -37,7 +37,7 @@ def loaded(
         None, metavar="JOINT", help="Lock a joint, or a turn such as ball.wz; repeatable."
     ),
     rounding: float | None = Option(
-        None, help="Error of the file's numbers in m and rad: loops may be open by it."
+        None, help="Rounding of the file's numbers in m and rad: loops may be open by it."
     ),
     floating_base: bool = Option(
         False, "--floating-base", help="The root of the URDF moves freely."
@@ -75,7 +75,7 @@ of_robot = with_options(robot=loaded, answer=answering)
 
 @of_robot
 def check(robot: Mechanism, answer: Answer) -> None:
-    """Tell joints, closures, mobility and singularities."""
+    """Show joints, loop closures, mobility and singularities."""
     from loopid.report.structure import check_report
 
     answer.require(robot.path)
@@ -178,9 +178,11 @@ def excite(
     terms: str = Option("none", help=TERMS),
     criterion: str = Option("D", help="What is optimised: D, A, E or condition."),
     shape: str = Option("fourier", help="fourier, spline, or poses to stand in (gravity)."),
-    size: int | None = Option(None, help="Harmonics, waypoints or poses; enough by default."),
+    size: int | None = Option(
+        None, help="Number of harmonics, waypoints or poses; enough by default."
+    ),
     duration: float | None = Option(
-        None, help="Seconds; 20 for a gravity model, 10 for a full one."
+        None, help="Seconds; by default 20 for a gravity model, 10 for a full one."
     ),
     rate: float = Option(100.0, help="Samples per second of the run."),
     coordinates: str = Option("joints", help="Design in joints or platform coordinates."),
@@ -197,31 +199,33 @@ def excite(
         None, metavar="X=LOW:HIGH", help="Range of a platform coordinate; repeatable."
     ),
     margin: float | None = Option(
-        None, help="Least singularity measure; 0.02, or what is possible."
+        None, help="Least singularity measure; by default 0.02, or what is possible."
     ),
     collisions: bool = Option(True, help="Links must not touch, by the URDF's collision geometry."),
     noise: list[str] | None = Option(
         None,
         metavar="[JOINT=]S",
-        help="Standard deviation of the motors' forces; 1 % of their root mean square.",
+        help="Standard deviation of the motors' forces; by default 1 % of their RMS value.",
     ),
     after: list[str] | None = Option(
-        None, metavar="LOG", help="Log that there is already; repeatable."
+        None, metavar="LOG", help="A log that you already have; repeatable."
     ),
     mapping: str | None = MAPPING,
     wanted: list[str] | None = Option(
-        None, "--for", metavar="PARAMETER", help="One that is to be told; repeatable."
+        None, "--for", metavar="PARAMETER", help="One that the motion should excite; repeatable."
     ),
     payload: str | None = Option(
         None, metavar="LINK", help="Link whose parameters alone are unknown."
     ),
     starts: int = Option(4, help="Random motions to begin with."),
     evaluations: int = Option(400, help="Motions that are tried; more never give a worse one."),
-    time_limit: float | None = Option(None, help="Seconds; the best motion so far is kept."),
+    time_limit: float | None = Option(
+        None, help="Seconds of search, at most; the best motion so far is kept."
+    ),
     seed: int = Option(0, help="Seed of the random motions."),
     solver: str | None = Option(None, help="ipopt, where it is installed, or slsqp."),
 ) -> None:
-    """Design a motion that tells the parameters.
+    """Design a motion that excites the parameters.
 
     Ctrl-C keeps the best motion so far.
     """

@@ -149,12 +149,11 @@ class PlatformCoordinates(MeasuredCoordinates):
         residual, closures = Constraint(self.mechanism, q).scaled()
         frame = frame_poses(self.mechanism, q, [self.platform.frame_id])
         twist = np.repeat([1.0, self.mechanism.length], 3)[:, None]
-        pose = np.concatenate([frame.linear[:, 0], frame.angular[:, 0]], axis=1)
         known = np.zeros((len(q), residual.shape[1] + 6, self.width))
         known[:, -6:] = -twist * self.platform.twist_map(values)
         return Linearisation(
             np.concatenate([residual, self._off_pose(frame, values)], 1),
-            np.concatenate([closures, twist * pose * self.mechanism.coordinate_scales], 1),
+            np.concatenate([closures, twist * frame.twists * self.mechanism.coordinate_scales], 1),
             known,
         )
 
@@ -246,7 +245,6 @@ def platform_coordinates(mechanism: Mechanism, configurations: FloatArray) -> Fl
     >>> loopid.kinematics.platform_coordinates(robot, robot.reference).shape
     (1, 4)
     """
-    declared_platform(mechanism)
     return coordinates_at(mechanism, samples(configurations, mechanism.model.nq, "configurations"))
 
 
@@ -264,12 +262,11 @@ def platform_jacobian(mechanism: Mechanism, q: FloatArray, G: FloatArray) -> Flo
     """
     platform = declared_platform(mechanism)
     frame = frame_poses(mechanism, q, [platform.frame_id])
-    twists = np.concatenate([frame.linear[:, 0], frame.angular[:, 0]], axis=1) @ G
     units = np.repeat([1.0, mechanism.length], 3)[:, None]
     E = platform.twist_map(platform.coordinates(frame.rotation[:, 0], frame.origin[:, 0]))
     lengths = np.where([motion.startswith("r") for motion in platform.motions], 1.0, units[-1])
     factors = Factorisation.of(units * E * lengths)
-    return np.asarray(lengths[:, None] * factors.solve(units * twists))
+    return np.asarray(lengths[:, None] * factors.solve(units * (frame.twists @ G)))
 
 
 @checked
@@ -298,10 +295,10 @@ def _platform_motion(
     constraint = Constraint(mechanism, q)
     frame = frame_poses(mechanism, q, [platform.frame_id])
     x = platform.coordinates(frame.rotation[:, 0], frame.origin[:, 0])
-    jacobian = [constraint.jacobian(), frame.linear[:, 0], frame.angular[:, 0]]
     scales, units = mechanism.coordinate_scales, np.repeat([1.0, mechanism.length], 3)
     rows = np.append(mechanism.row_scales, units)
-    factors = Factorisation.of(rows[:, None] * np.concatenate(jacobian, axis=1) * scales)
+    jacobian = np.concatenate([constraint.jacobian(), frame.twists], axis=1)
+    factors = Factorisation.of(rows[:, None] * jacobian * scales)
 
     def solve(closures: FloatArray, twists: FloatArray) -> FloatArray:
         wanted = rows * np.concatenate([closures, twists], axis=1)

@@ -165,6 +165,11 @@ class FramePoses:
         moved = shift.reshape(count, 3 * frames, 6) @ self.joint_jacobian
         return moved.reshape(count, frames, 3, moved.shape[2]) * self.supports[:, None]
 
+    @property
+    def twists(self) -> FloatArray:
+        """(N, 6, nv) of the first frame, linear above angular, per unit of each coordinate."""
+        return np.concatenate([self.linear[:, 0], self.angular[:, 0]], axis=1)
+
 
 @dataclass(frozen=True)
 class FrameMotions:

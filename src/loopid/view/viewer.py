@@ -271,8 +271,8 @@ class Viewer:
                 if slider is not dragged:
                     slider.value = float(np.clip(value, slider.min, slider.max))
             kept = "closed to" if pose.residual <= self.scene.closed else "open by"
-            self._state.value = f"{said}{kept} {pose.residual:.1e} m"
-            self._singularity.value = f"{pose.singularity:.3g}"
+            self._state.value = f"{said}{kept} {pose.residual:.0e} m"
+            self._singularity.value = f"{pose.singularity:.2g}"
 
     def _add_controls(self) -> None:
         gui, robot = self._server.gui, self.scene.mechanism
