@@ -194,11 +194,10 @@ def _require_usual_step(stream: Stream, allowed: LogTolerances) -> None:
     if not shortest <= step <= longest:
         fitting = [factor for factor in OTHER_TIMES if shortest <= step * factor <= longest]
         factors = " or ".join(f"{factor:g}" for factor in fitting)
-        raise LogError(
-            f"{stream.source}: the median step between time stamps is {step:.3g} s, but must be "
+        raise stream.refused(
+            f"the median step between time stamps is {step:.3g} s, but must be "
             f"from {shortest:g} to {longest:g} s: give the unit of the time in a mapping"
             f"{f'; times {factors} it would fit' if factors else ''}",
-            source=stream.source,
             step=step,
             fitting=tuple(fitting),
         )
@@ -210,11 +209,10 @@ def _require_units(robot: Mechanism, stream: Stream) -> None:
         straight = robot.velocity_indices([what.joint])[0] in robot.prismatic
         if what.straight is not None and what.straight != straight:
             said = ("turns", "slides") if what.straight else ("slides", "turns")
-            raise LogError(
-                f"{stream.source}: the unit of column {what.column!r} is that of a joint that "
+            raise stream.refused(
+                f"the unit of column {what.column!r} is that of a joint that "
                 f"{said[1]}, but {what.joint} {said[0]}: give {what.quantity}_scale in a mapping "
                 "if the column is right",
-                source=stream.source,
                 joint=what.joint,
                 column=what.column,
             )
@@ -235,19 +233,15 @@ def _inside_limits(robot: Mechanism, stream: Stream, allowed: LogTolerances) -> 
         if told.any():
             worst = float(values[told][np.argmax(distance[told])])
             said = (
-                f"{stream.source}: {joint} is outside its limits [{lower:g}, {upper:g}] in "
+                f"{joint} is outside its limits [{lower:g}, {upper:g}] in "
                 f"{rows_text(stream.rows[told])} of {len(values)}, at worst {worst:g}"
             )
             if refused:
                 straight = robot.velocity_indices([joint])[0] in robot.prismatic
-                raise LogError(
-                    f"{said}; {_advice(straight, lower, upper, values)}",
-                    source=stream.source,
-                    joint=joint,
-                    limits=(lower, upper),
-                    given=worst,
-                )
-            warn(f"{said}: kept", DataWarning)
+                advice = _advice(straight, lower, upper, values)
+                facts = {"joint": joint, "limits": (lower, upper), "given": worst}
+                raise stream.refused(f"{said}; {advice}", **facts)
+            warn(f"{stream.source}: {said}: kept", DataWarning)
         lost |= far
     return stream.without(
         lost, "positions far outside the limits of their joints", allowed.bad_rows

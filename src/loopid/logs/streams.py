@@ -94,6 +94,10 @@ class Stream:
         """Joints of which a quantity is here, and the values (R,)."""
         return ((self.channels[k].joint, self.values[:, k]) for k in self.places(quantity))
 
+    def refused(self, said: str, **facts: object) -> LogError:
+        """An error that names the stream."""
+        return LogError(f"{self.source}: {said}", source=self.source, **facts)
+
     def earlier(self, delay: float) -> Stream:
         """The stream with stamps that are so many s too late put right."""
         return replace(self, stamps=self.stamps - round(1e9 * delay)) if delay else self
@@ -158,10 +162,9 @@ def with_increasing_stamps(stream: Stream, allowed: LogTolerances) -> Stream:
     stream = stream.without(again, reason, allowed.repeated_stamps)
     wrong = np.flatnonzero(np.diff(stream.stamps) <= 0) + 1
     if len(wrong):
-        raise LogError(
-            f"{stream.source}: time must increase from row to row, but goes back {len(wrong)} "
-            f"times, in {rows_text(stream.rows[wrong])}",
-            source=stream.source,
+        raise stream.refused(
+            f"time must increase from row to row, but goes back {len(wrong)} times, in "
+            f"{rows_text(stream.rows[wrong])}",
             rows=stream.rows[wrong].tolist(),
         )
     return stream
