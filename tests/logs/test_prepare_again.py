@@ -5,6 +5,7 @@ import pytest
 
 import loopid
 from loopid.logs import FilterOptions, Recording, prepare_again
+from loopid.motion import JointMotion
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +36,21 @@ def test_parts_stay_apart_and_together_are_the_whole(recording, cutoff):
     times = np.concatenate([part.motion.time for part in parts])
     assert np.array_equal(times, prepare_again(robot, whole, filter=filtered).motion.time)
     assert all(part.cutoff == cutoff for part in parts)
+
+
+@pytest.mark.parametrize("rows", [slice(None), slice(None, None, -1), slice(5, 6)])
+def test_a_known_motion_changes_nothing(recording, rows):
+    """Of another filter, backwards, or of one sample: loops only start elsewhere."""
+    robot, whole = recording
+    other = prepare_again(robot, whole, filter=FilterOptions(cutoff=4.0)).motion
+    time, q = other.time[rows], other.configurations[rows]
+    rates = np.zeros((len(time), 2))
+    known = JointMotion(np.sort(time), q, rates, rates, np.ones(len(time)))
+    found = loopid.prepare_recording(robot, whole.log, filter=whole.filter, known=known)
+    np.testing.assert_array_equal(found.motion.time, whole.motion.time)
+    for part in ("configurations", "velocities", "accelerations", "singularity"):
+        ours, theirs = getattr(found.motion, part), getattr(whole.motion, part)
+        np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-9)
 
 
 def test_an_exact_motion_stays_as_it_is(recording):

@@ -17,7 +17,7 @@ import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, checked, row_blocks, spread_rows
 from loopid.errors import AssemblyError, DataWarning, LogError, OptionError, warn
-from loopid.kinematics.assembly import AssemblyOptions, try_assemble
+from loopid.kinematics.assembly import Assembly, AssemblyOptions, try_assemble
 from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import project, singularity_measure
 from loopid.logs.free import FreeMotion, free_motion, require_known_motion
@@ -54,6 +54,7 @@ def prepare_recording(
     *,
     filter: FilterOptions = FilterOptions(),  # noqa: A002
     masks: MaskOptions = MaskOptions(),
+    known: JointMotion | None = None,
     progress: Progress | None = None,
 ) -> Recording:
     """Make a log ready for identification.
@@ -68,6 +69,8 @@ def prepare_recording(
         the motion, until ``identify`` chooses one.
     masks : MaskOptions
         Which samples say nothing.
+    known : JointMotion, optional
+        The same motion with another filter: loops close sooner from its samples.
     progress : callable, optional
         Called with the samples that are assembled, and all.
 
@@ -115,7 +118,7 @@ def prepare_recording(
     rows, ends = kept_rows(log, lowpass, filter)
     told = measured_motion(robot, log, signals)
     measured = JointCoordinates(robot, robot.measured).read(told.configurations[rows])
-    found = assemble_samples(robot, log, measured, rows, masks, progress=progress)
+    found = assemble_samples(robot, log, measured, rows, masks, known=known, progress=progress)
     stretches, rows = renumbered(log.stretches[rows], found.good), rows[found.good]
     saturated = near_saturation(log, limits, lowpass, masks)[rows]
     idle = standing(robot, log, signals.velocity, rows, lowpass, masks)
@@ -132,8 +135,8 @@ def prepare_recording(
         )
     history, parts = None, tuple(log.parts())
     if lowpass is not None:
-        known = log.joints, signals.velocity, parts, tuple(map(log.rate, parts))
-        history = RateHistory(*known, lowpass, rows, (rows, motion))
+        rates = log.joints, signals.velocity, parts, tuple(map(log.rate, parts))
+        history = RateHistory(*rates, lowpass, rows, (rows, motion))
     recording = Recording(
         name=log.name,
         actuators=robot.independent,
@@ -183,19 +186,18 @@ def prepare_again(
     if recording.log is None:
         return recording
     filtered, masks = filter or recording.filter, recording.masks
-    whole = _quietly_prepared(
-        robot, log or recording.log, filtered or FilterOptions(), masks or MaskOptions()
-    )
-    return whole.within(recording)
+    options = filtered or FilterOptions(), masks or MaskOptions()
+    known = recording.history.whole[1] if recording.history else recording.motion
+    return _quietly_prepared(robot, log or recording.log, *options, known).within(recording)
 
 
 @lru_cache(maxsize=1)  # parts of a log follow one another
 def _quietly_prepared(
-    robot: Mechanism, log: Log, filtered: FilterOptions, masks: MaskOptions
+    robot: Mechanism, log: Log, filtered: FilterOptions, masks: MaskOptions, known: JointMotion
 ) -> Recording:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return prepare_recording(robot, log, filter=filtered, masks=masks)
+        return prepare_recording(robot, log, filter=filtered, masks=masks, known=known)
 
 
 @checked
@@ -350,22 +352,23 @@ def assemble_samples(
     rows: IntArray,
     masks: MaskOptions,
     *,
+    known: JointMotion | None = None,
     progress: Progress | None = None,
 ) -> Assembled:
     """Assemble some rows of a log, with ``robot.measured`` at values (K, c), in order.
 
     Samples that do not close or are near a singularity are left out, with a warning.
     """
-    time, start = log.time[rows], None
+    time, last = log.time[rows], None
     configurations, singularity, residual, closed = [], [], [], []
     for block in row_blocks(len(rows), BLOCK):
-        outcome = try_assemble(robot, measured[block], start=start, trajectory=True)
+        outcome = _assembled(robot, time[block], measured[block], known, last)
         found = outcome.configurations[outcome.assembled]
         configurations.append(found)
         singularity.append(singularity_measure(robot, found))
         residual.append(outcome.residual)
         closed.append(outcome.assembled)
-        start = found[-1] if len(found) else start
+        last = found[-1] if len(found) else last
         if progress is not None:
             progress(block.stop, len(rows))
     measure, good = np.concatenate(singularity), np.concatenate(closed)
@@ -403,6 +406,22 @@ def assemble_samples(
             raise LogError(said, source=log.name, tolerance=masks.singularity)
         warn(f"{said}: left out", DataWarning)
     return Assembled(np.concatenate(configurations)[regular], measure[regular], good, dropped)
+
+
+def _assembled(
+    robot: Mechanism,
+    time: FloatArray,
+    measured: FloatArray,
+    known: JointMotion | None,
+    last: FloatArray | None,
+) -> Assembly:
+    """Assemble all at once from a known motion; without one, or if any fails, one by one."""
+    if known is not None:
+        at = np.interp(time, known.time, np.arange(len(known))).round().astype(np.int64)
+        found = try_assemble(robot, measured, start=known.configurations[at])
+        if found.assembled.all():
+            return found
+    return try_assemble(robot, measured, start=last, trajectory=True)
 
 
 def motion_of(
