@@ -58,6 +58,12 @@ def test_only_this_machine_is_served_and_a_taken_port_is_no_problem(five_bar):
         assert all(viewer.url.startswith("http://127.0.0.1:") for viewer in (first, second))
 
 
+@pytest.mark.parametrize("port", [-1, 0, 80, 65_536])
+def test_a_port_that_cannot_be_had_is_refused(five_bar, port):
+    with pytest.raises(OptionError, match=r"port must be .* than or equal to"):
+        open_viewer(five_bar, port=port)
+
+
 def test_without_viser_or_a_browser_one_sentence_says_what_to_install(five_bar, monkeypatch):
     with Viewer(five_bar) as viewer, monkeypatch.context() as patch:
         patch.setenv("PATH", "/nowhere")

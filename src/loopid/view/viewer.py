@@ -13,9 +13,10 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
+from pydantic import Field
 from scipy.spatial.transform import Rotation
 from trimesh import creation
 
@@ -29,6 +30,8 @@ from loopid.robot.mechanism import Mechanism
 from loopid.view.scene import BodyMass, Pose, Scene, body_masses, fitted_masses
 from loopid.view.solids import read_solids
 
+# Of the user, with some above to go on to: the server waits for ever for one that cannot be had.
+Port: TypeAlias = Annotated[int, Field(ge=1024, le=65_000)]
 RATE = 25.0  # poses a second of a playback
 STEPS, PAUSE = 2, 0.02  # to where a slider is, as browsers tell it every 50 ms; s between them
 STOPPED = "stopped by a singularity or the end of reach, "
@@ -54,7 +57,7 @@ class Viewer:
     fits : mapping
         Saved fits by the names that are shown, whose masses stand beside those of the robot file.
     port : int
-        The next free one where it is taken.
+        From 1024 to 65,000; the next free one where it is taken.
 
     Attributes
     ----------
@@ -82,7 +85,7 @@ class Viewer:
         *,
         motion: JointMotion | None = None,
         fits: Mapping[str, SavedFit] | None = None,
-        port: int = 8080,
+        port: Port = 8080,
     ) -> None:
         try:
             import viser
@@ -365,7 +368,7 @@ def _turns_of_z(directions: FloatArray) -> FloatArray:
 
 @checked
 def open_viewer(
-    mechanism: Mechanism, files: Sequence[str | Path] = (), *, port: int = 8080
+    mechanism: Mechanism, files: Sequence[str | Path] = (), *, port: Port = 8080
 ) -> Viewer:
     """Show a robot with a log or a motion, which can be played, and with saved fits.
 
