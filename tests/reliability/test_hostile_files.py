@@ -206,6 +206,16 @@ def test_an_mjcf_that_mujoco_does_not_survive_is_refused(refused, monkeypatch):
     assert "MuJoCo crashes on it: exit code 1" in refused("robot.xml", mjcf())
 
 
+def test_what_this_process_takes_does_not_widen_the_limit_of_memory(refused, tmp_path, monkeypatch):
+    pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
+    monkeypatch.setattr(mjcf_compiler, "MOST_BYTES", 5 * 10**8)
+    (tmp_path / "big.png").write_bytes(black_png(16_000))
+    held = b"x" * 10**9
+    texture = mjcf('<asset><texture type="2d" file="big.png"/></asset>')
+    assert "more than 0.5 GB of memory" in refused("robot.xml", texture)
+    assert len(held) == 10**9
+
+
 def test_files_that_include_each_other_again_and_again_are_refused(refused, tmp_path):
     pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
     for k in range(9):

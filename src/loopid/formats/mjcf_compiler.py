@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 MOST_BYTES, MOST_SECONDS = 2 * 10**9, 30.0  # of the processor
 REFUSED = 3  # exit code: none of Python's own
 ERROR_BYTES = 1000
-SIZE_UNIT = 1 if sys.platform == "darwin" else 1024  # bytes, in which a process knows its size
 
 
 def compile_guarded(path: Path) -> tuple[mujoco.MjModel, list[str]]:
@@ -77,13 +76,16 @@ def _refuse(text: bytes) -> None:
 
 def _watch(parent: int, most_bytes: int, most_seconds: float) -> None:
     """End this process at its limits, or after its parent."""
+    # On Linux ``ru_maxrss`` begins with what the parent had taken.
+    statm = None if sys.platform == "darwin" else os.open("/proc/self/statm", os.O_RDONLY)
 
     def size() -> int:
-        return SIZE_UNIT * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        if statm is None:
+            return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        return resource.getpagesize() * int(os.pread(statm, ERROR_BYTES, 0).split()[1])
 
-    start = size()  # Linux counts what the parent took before
     while os.getppid() == parent:
-        if size() - start > most_bytes:
+        if size() > most_bytes:
             _refuse(b"it takes more than %g GB of memory" % (most_bytes / 1e9))
         if time.process_time() > most_seconds:
             _refuse(b"it takes more than %g s of the processor" % most_seconds)
