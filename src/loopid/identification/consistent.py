@@ -163,22 +163,100 @@ def consistent_fit(
     >>> bool(np.allclose(model.base.values(found.standard_parameters), found.values))
     True
     """
-    if data.parameters != force_model.parameters or data.actuators != noise.actuators:
-        raise DataError("data and noise must be of the parameters and actuators of the force model")
-    weights = _weights(data.problem, noise)
-    priors = _joint_priors(force_model, data.problem, joint_values, joint_deviations)
+    weights, program = _posed(force_model, data, noise, joint_values, joint_deviations)
     with one_blas_thread():
-        program = _Program.of(force_model, data.problem.weighted(weights), priors)
         state, common = _most_likely(program, options)
         found = _result(force_model, data, weights, program, state, options.freedom)
     far = FileDeviation(
         common, program.names, state.deviations, options.deviations[1], options.farthest
     )
-    told = program.terms.of_groups(program.step(state).told[WIDTH * len(program.file) :])
-    groups = TermDeviations(program.terms.names, state.groups, told, program.terms.bounds)
-    found = replace(found, deviation=far, term_deviations=groups if groups.names else None)
+    found = replace(found, deviation=far, term_deviations=_groups(program, state))
     _warn(force_model, program, far)
     return found
+
+
+@checked
+def consistent_values(
+    force_model: ForceModel,
+    data: FitSamples,
+    noise: NoiseModel,
+    *,
+    options: ConsistentOptions = ConsistentOptions(),
+) -> tuple[FloatArray, TermDeviations | None]:
+    """The values (n,) of ``consistent_fit`` without their uncertainty, and the groups of terms."""
+    _, program = _posed(force_model, data, noise, None, None)
+    with one_blas_thread():
+        state, _ = _most_likely(program, options)
+        values = force_model.base.values(program.standard(state))
+    return values, _groups(program, state)
+
+
+@checked
+def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> FitResult:
+    """As ``consistent_fit``, with the bodies of the robot file.
+
+    Returns
+    -------
+    FitResult
+        Parameters of bodies alone are ``assumed``; those that joint terms fold into are not.
+    """
+    weights, program = _posed(force_model, data, noise, None, None)
+    standard, base = force_model.standard_prior, force_model.base
+    first = len(standard) - len(program.terms.start)
+    J, bodies = base.matrix[:, first:], np.append(standard[:first], 0 * standard[first:])
+    program = replace(
+        program,
+        target=program.target - program.effects @ bodies,
+        names=(),
+        file=program.file[:0],
+        columns=program.columns[:0],
+    )
+    left = data.less(data.predicted(base.values(bodies))).along(J)
+    with one_blas_thread():
+        state, _ = _most_likely(program, ConsistentOptions())
+        standard[first:] = state.joints
+        spread = program.terms.spread(state.groups)
+        found = _posterior(left, weights, state.joints, spread.T)
+        freedom = _freedom(program, state, spread, ConsistentOptions().freedom)
+    freedom = np.minimum(found.degrees_of_freedom, freedom)
+    labels, inside = force_model.parameters.labels, J != 0
+    values = base.values(standard)
+    return replace(
+        found,
+        parameters=force_model.parameters,
+        values=values,
+        covariance=J @ found.covariance @ J.T,
+        degrees_of_freedom=np.where(inside, freedom, np.inf).min(axis=1, initial=data.problem.rows),
+        quality=fit_quality(data.problem, values),
+        assumed=tuple(labels[j] for j in np.flatnonzero(~inside.any(axis=1))),
+        standard_parameters=standard,
+        term_deviations=_groups(program, state),
+    )
+
+
+def _posed(
+    force_model: ForceModel,
+    data: FitSamples,
+    noise: NoiseModel,
+    joint_values: FloatArray | None,
+    joint_deviations: FloatArray | None,
+) -> tuple[FloatArray, _Program]:
+    """Weights (dof,) of the actuators' rows, and what is minimised."""
+    if data.parameters != force_model.parameters or data.actuators != noise.actuators:
+        raise DataError("data and noise must be of the parameters and actuators of the force model")
+    weights = _weights(data.problem, noise)
+    priors = _joint_priors(force_model, data.problem, joint_values, joint_deviations)
+    with one_blas_thread():
+        return weights, _Program.of(force_model, data.problem.weighted(weights), priors)
+
+
+def _groups(program: _Program, state: _State) -> TermDeviations | None:
+    """Deviations of the groups of joint terms, and what of them the data tell."""
+    terms = program.terms
+    if not terms.names:
+        return None
+    told = terms.of_groups(program.step(state).told[WIDTH * len(program.file) :])
+    return TermDeviations(terms.names, state.groups, told, terms.bounds)
 
 
 def _weights(problem: FitProblem, noise: NoiseModel) -> FloatArray:
@@ -512,7 +590,7 @@ def _result(
     freedom: float,
 ) -> FitResult:
     """The values, with Laplace's covariance for autocorrelated errors."""
-    M, standard, problem = force_model.base.matrix, program.standard(state), data.problem
+    M, standard = force_model.base.matrix, program.standard(state)
     told = M @ program.changes(state)
     # Bodies without a mass are kept so, and not known to be.
     sizes = MASSLESS * body_sizes(force_model.mechanism, force_model.model)
@@ -520,18 +598,35 @@ def _result(
     kept = M[:, : len(sizes)] * sizes
     kept = kept[:, sizes > 0]
     values = force_model.base.values(standard)
-    # The prior as rows, whose least squares with the data are the values.
     C = np.asarray(np.linalg.qr(np.hstack([told, kept]).T, mode="r"))
+    only_kept = kept.any(axis=1) & ~told.any(axis=1)
+    found = _posterior(data, weights, values, C)
+    known = np.minimum(found.degrees_of_freedom, _freedom(program, state, told, freedom))
+    return replace(
+        found,
+        assumed=tuple(force_model.parameters.labels[j] for j in np.flatnonzero(only_kept)),
+        standard_parameters=standard,
+        degrees_of_freedom=known,
+    )
+
+
+def _posterior(
+    data: FitSamples, weights: FloatArray, values: FloatArray, C: FloatArray
+) -> FitResult:
+    """Values (n,) with the covariance for autocorrelated errors; CᵀC (n, n) is that of the prior.
+
+    The prior counts as rows whose least squares with the data are the values.
+    """
+    problem = data.problem
     R = problem.weighted(weights)
     middle = values + C.T @ (C @ (R[:-1, :-1].T @ (R[:-1, :-1] @ values - R[:-1, -1])))
     rows = np.linalg.inv(C).T
     rows = np.column_stack([rows, rows @ middle])
     factor = problem.weighted(weights, rows)[:-1, :-1]
     inverse = np.linalg.inv(factor)
-    only_kept = kept.any(axis=1) & ~told.any(axis=1)
     plain = FitResult(
         estimator=CONSISTENT,
-        parameters=force_model.parameters,
+        parameters=data.parameters,
         actuators=data.actuators,
         values=values,
         covariance=inverse @ inverse.T,
@@ -539,13 +634,8 @@ def _result(
         degrees_of_freedom=np.array(float(max(problem.freedom, 1))),
         quality=fit_quality(problem, values),
         weights=weights,
-        assumed=tuple(force_model.parameters.labels[j] for j in np.flatnonzero(only_kept)),
-        standard_parameters=standard,
     )
-    working = within_runs(WorkingFit(plain, data, rows))
-    found = with_scatter(working).result
-    known = np.minimum(found.degrees_of_freedom, _freedom(program, state, told, freedom))
-    return replace(found, degrees_of_freedom=known)
+    return with_scatter(within_runs(WorkingFit(plain, data, rows))).result
 
 
 def _freedom(program: _Program, state: _State, told: FloatArray, nu: float) -> FloatArray:
@@ -558,8 +648,8 @@ def _freedom(program: _Program, state: _State, told: FloatArray, nu: float) -> F
     parts = [(own**2).sum(axis=2)]
     parts.append(np.stack([terms.of_groups(row**2) for row in spread[:, WIDTH * bodies :]]))
     shares = np.hstack(parts) / np.where(variance > 0, variance, 1.0)[:, None]
-    inside = np.maximum(terms.of_groups(known[WIDTH * bodies :]), 1.0)
-    squares = (shares**2 / np.append(nu + _told(program, known), inside)).sum(axis=1)
+    every = np.append(_told(program, known), terms.of_groups(known[WIDTH * bodies :]))
+    squares = (shares**2 / (nu + every)).sum(axis=1)
     return np.asarray(np.divide(1.0, squares, out=np.full(len(told), np.inf), where=squares > 0))
 
 

@@ -197,6 +197,32 @@ class TermDeviations(OfArrays):
 
 
 @record
+class SpeedRange(OfArrays):
+    """Rates of the motors in the samples of a fit, in m/s or rad/s.
+
+    Attributes
+    ----------
+    joints : tuple of str
+    slowest, fastest : FloatArray
+        (m,), slowest informative and fastest rate of each.
+    """
+
+    joints: tuple[str, ...]
+    slowest: FloatArray
+    fastest: FloatArray
+
+    @property
+    def columns(self) -> tuple[tuple[str, ...], list[float], list[float]]:
+        """Joints, slowest and fastest rates."""
+        return self.joints, self.slowest.tolist(), self.fastest.tolist()
+
+    def of(self, joint: str) -> tuple[float, float]:
+        """Slowest and fastest rate of a joint."""
+        k = self.joints.index(joint)
+        return float(self.slowest[k]), float(self.fastest[k])
+
+
+@record
 class Estimate:
     """All numbers about one parameter.
 
@@ -265,6 +291,8 @@ class FitResult(OfArrays, Tabular):
         In Hz, of the filter, where it was chosen by predictions.
     term_deviations : TermDeviations or None
         Of groups of joint terms, where there are any.
+    speeds : SpeedRange or None
+        Of the motors in the data; None where it is not known.
 
     Examples
     --------
@@ -299,6 +327,7 @@ class FitResult(OfArrays, Tabular):
     deviation: FileDeviation | None = None
     cutoff: float | None = None
     term_deviations: TermDeviations | None = None
+    speeds: SpeedRange | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
