@@ -163,16 +163,38 @@ def consistent_fit(
     >>> bool(np.allclose(model.base.values(found.standard_parameters), found.values))
     True
     """
+    found = quiet_consistent_fit(
+        force_model,
+        data,
+        noise,
+        joint_values=joint_values,
+        joint_deviations=joint_deviations,
+        options=options,
+    )
+    warn_of_bodies(force_model, found)
+    return found
+
+
+@checked
+def quiet_consistent_fit(
+    force_model: ForceModel,
+    data: FitSamples,
+    noise: NoiseModel,
+    *,
+    joint_values: FloatArray | None = None,
+    joint_deviations: FloatArray | None = None,
+    options: ConsistentOptions = ConsistentOptions(),
+) -> FitResult:
+    """As ``consistent_fit``, without warnings."""
     weights, program = _posed(force_model, data, noise, joint_values, joint_deviations)
     with one_blas_thread():
         state, common = _most_likely(program, options)
         found = _result(force_model, data, weights, program, state, options.freedom)
+        groups = _groups(program, state, found)
     far = FileDeviation(
         common, program.names, state.deviations, options.deviations[1], options.farthest
     )
-    found = replace(found, deviation=far, term_deviations=_groups(program, state))
-    _warn(force_model, program, far)
-    return found
+    return replace(found, deviation=far, term_deviations=groups)
 
 
 @checked
@@ -182,13 +204,12 @@ def consistent_values(
     noise: NoiseModel,
     *,
     options: ConsistentOptions = ConsistentOptions(),
-) -> tuple[FloatArray, TermDeviations | None]:
-    """The values (n,) of ``consistent_fit`` without their uncertainty, and the groups of terms."""
+) -> FloatArray:
+    """The values (n,) of ``consistent_fit``, without their uncertainty."""
     _, program = _posed(force_model, data, noise, None, None)
     with one_blas_thread():
         state, _ = _most_likely(program, options)
-        values = force_model.base.values(program.standard(state))
-    return values, _groups(program, state)
+        return force_model.base.values(program.standard(state))
 
 
 @checked
@@ -218,6 +239,7 @@ def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> F
         spread = program.terms.spread(state.groups)
         found = _posterior(left, weights, state.joints, spread.T)
         freedom = _freedom(program, state, spread, ConsistentOptions().freedom)
+        groups = _groups(program, state, found)
     freedom = np.minimum(found.degrees_of_freedom, freedom)
     labels, inside = force_model.parameters.labels, J != 0
     values = base.values(standard)
@@ -230,7 +252,7 @@ def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> F
         quality=fit_quality(data.problem, values),
         assumed=tuple(labels[j] for j in np.flatnonzero(~inside.any(axis=1))),
         standard_parameters=standard,
-        term_deviations=_groups(program, state),
+        term_deviations=groups,
     )
 
 
@@ -250,13 +272,27 @@ def _posed(
         return weights, _Program.of(force_model, data.problem.weighted(weights), priors)
 
 
-def _groups(program: _Program, state: _State) -> TermDeviations | None:
-    """Deviations of the groups of joint terms, and what of them the data tell."""
-    terms = program.terms
+def _groups(program: _Program, state: _State, found: FitResult) -> TermDeviations | None:
+    """Deviations of the groups of joint terms, and what the data say of them.
+
+    The evidence is the ratio of the densities of a group's prior and posterior at none
+    [Dickey1971], its distance from none by the covariance for autocorrelated errors. The terms of
+    groups are the last parameters of the fit.
+    """
+    terms, first = program.terms, WIDTH * len(program.file)
     if not terms.names:
         return None
-    told = terms.of_groups(program.step(state).told[WIDTH * len(program.file) :])
-    return TermDeviations(terms.names, state.groups, told, terms.bounds)
+    step, evidence = program.step(state), []
+    places = np.cumsum(terms.group >= 0) - (terms.group >= 0).sum() + len(found.values) - 1
+    for number in range(len(terms.names)):
+        own = np.flatnonzero(terms.group == number)
+        rows = np.eye(first + len(terms.group))[first + own]
+        apart = state.joints[own]
+        spread = found.covariance[np.ix_(places[own], places[own])]
+        size = np.linalg.slogdet(step.covariance(rows)[:, first + own])[1]
+        evidence.append((size + apart @ np.linalg.solve(spread, apart)) / 2)
+    told = terms.of_groups(step.told[first:])
+    return TermDeviations(terms.names, state.groups, told, np.array(evidence))
 
 
 def _weights(problem: FitProblem, noise: NoiseModel) -> FloatArray:
@@ -392,7 +428,6 @@ class _Program:
     effects: FloatArray
     target: FloatArray
     names: tuple[str, ...]
-    unsound: tuple[str, ...]
     file: FloatArray
     columns: IntArray
     terms: JointPriors
@@ -400,7 +435,7 @@ class _Program:
     @classmethod
     def of(cls, force_model: ForceModel, R: FloatArray, terms: JointPriors) -> _Program:
         """The program of a triangular factor (r + 1, r + 1)."""
-        P, unsound = _solid_bodies(force_model)
+        P, _ = _solid_bodies(force_model)
         massive = P[:, 3, 3] > 0
         parameters, count = force_model.base.parameters, len(terms.start)
         columns = np.arange(len(parameters) - count).reshape(len(P), -1)
@@ -409,7 +444,6 @@ class _Program:
             effects=R[:-1, :-1] @ force_model.base.matrix,
             target=R[:-1, -1],
             names=tuple(name for name, flag in zip(names, massive, strict=True) if flag),
-            unsound=tuple(name for name, flag in zip(names, unsound, strict=True) if flag),
             file=upper_factor(P[massive]),
             columns=columns[massive],
             terms=terms,
@@ -620,8 +654,8 @@ def _posterior(
     problem = data.problem
     R = problem.weighted(weights)
     middle = values + C.T @ (C @ (R[:-1, :-1].T @ (R[:-1, :-1] @ values - R[:-1, -1])))
-    rows = np.linalg.inv(C).T
-    rows = np.column_stack([rows, rows @ middle])
+    inverse = np.linalg.inv(C).T
+    rows = np.asarray(np.column_stack([inverse, inverse @ middle]), dtype=np.float64)
     factor = problem.weighted(weights, rows)[:-1, :-1]
     inverse = np.linalg.inv(factor)
     plain = FitResult(
@@ -677,8 +711,8 @@ def _solid_bodies(force_model: ForceModel) -> tuple[FloatArray, BoolArray]:
     return P, unsound
 
 
-def _warn(force_model: ForceModel, program: _Program, found: FileDeviation) -> None:
-    """Tell of bodies that are none, and of a model that lacks a force."""
+def warn_of_bodies(force_model: ForceModel, found: FitResult) -> None:
+    """Tell of bodies of the file that are none, and of a model that lacks a force."""
     name = force_model.mechanism.name
     if not force_model.has_masses:
         warn(
@@ -687,14 +721,17 @@ def _warn(force_model: ForceModel, program: _Program, found: FileDeviation) -> N
             ModelWarning,
         )
         return
-    if program.unsound and force_model.model == "full":
+    _, unsound = _solid_bodies(force_model)
+    if unsound.any() and force_model.model == "full":
+        links = [body.link for body in force_model.base.parameters if body.kind == KINDS[0]]
+        listed = ", ".join(link for link, flag in zip(links, unsound, strict=True) if flag)
         warn(
-            f"no solid bodies have the inertials of {', '.join(program.unsound)} in the file of "
-            f"{name}: the nearest that have are taken",
+            f"no solid bodies have the inertials of {listed} in the file of {name}: the nearest "
+            "that have are taken",
             ModelWarning,
         )
-    if found.suspicion:
+    if found.deviation is not None and (suspicion := found.deviation.suspicion):
         kinds = {parameter.kind for parameter in force_model.base.parameters}
         known = "Ia" in kinds or force_model.model == "gravity"
         advice = "" if known else ', such as drive inertia, terms="Fc,Fv,Fo,Ia"'
-        warn(f"{name}: {found.suspicion}{advice}", ModelWarning)
+        warn(f"{name}: {suspicion}{advice}", ModelWarning)

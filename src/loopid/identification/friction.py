@@ -15,17 +15,28 @@ stays as it is there; above, it goes on as the line; in both its band widens.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, OptionError
-from loopid.identification.consistent import ConsistentOptions, consistent_values
+from loopid.identification.consistent import (
+    ConsistentOptions,
+    consistent_values,
+    quiet_consistent_fit,
+    warn_of_bodies,
+)
 from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import LEAST_FREEDOM, FitResult, NoiseModel, SpeedRange
+from loopid.identification.result import (
+    LEAST_FREEDOM,
+    FitResult,
+    NoiseModel,
+    SpeedRange,
+    TermDeviations,
+)
 from loopid.logs.recording import Recording
 from loopid.parameters import KINDS
 from loopid.records import Tabular, record
@@ -40,8 +51,10 @@ DIGITS = 2
 # Load of a motor in the root mean square, relative to its force, below which it has no load
 # friction: Coulomb friction would be taken for it.
 LEAST_LOAD = 0.1
-# Fits that find bodies and load friction together.
+# Fits that find bodies, load friction and the size of errors together, before anything is dropped.
 ROUNDS = 2
+# Logarithm of how much likelier the data are with a group that is clearly there: twenty times.
+CLEARLY = 3.0
 # Part of the friction at the slowest, or fastest, rate that it may differ by far beyond: a usual
 # size of what curves show there.
 DOUBT = 0.1
@@ -109,7 +122,7 @@ def with_friction(
     whole: FitResult,
     *,
     options: ConsistentOptions = ConsistentOptions(),
-) -> tuple[ForceModel, FitSamples, NoiseModel]:
+) -> tuple[ForceModel, FitSamples, FitResult]:
     """Add the friction curves and the load friction that recordings ask for.
 
     A step of ``identify``.
@@ -124,38 +137,53 @@ def with_friction(
     Returns
     -------
     force_model : ForceModel
-        With the terms that have an effect, and the loads of the bodies that were found with them.
+        With the terms that the data ask for, and the loads of the bodies that were found with them.
     data : FitSamples
         The recordings as samples of it.
-    noise : NoiseModel
-        What is left of the errors.
+    fit : FitResult
+        Of these, by ``consistent_fit``.
     """
     noise = whole.noise
     if noise is None:
         raise DataError("the fit has no model of its errors that friction could be weighed by")
-    values, _ = consistent_values(force_model, data, noise, options=options)
+    values = consistent_values(force_model, data, noise, options=options)
     speeds = speed_range(force_model, recordings)
     kinds = friction_kinds(force_model, data, speeds, force_model.loads(data.regressor))
-    if not kinds:
-        return force_model, data, noise
-    plain, wide, first = data, force_model.with_columns(kinds), len(force_model.parameters)
-    values = np.append(values, np.zeros(len(wide.parameters) - first))
-    groups = None
-    for _ in range(ROUNDS):
-        wide = wide.with_loads(values)
-        data = wide.widened(data, recordings)
-        values, groups = consistent_values(wide, data, noise, options=options)
+    plain, known = data, dict(zip(force_model.parameters.labels, values.tolist(), strict=True))
+    left = ROUNDS
+    while True:
+        wide = force_model.with_columns(kinds)
+        wide = wide.with_loads(np.array([known.get(p.label, 0.0) for p in wide.parameters]))
+        data = wide.widened(plain, recordings)
+        if left and kinds:
+            left -= 1
+            values = consistent_values(wide, data, noise, options=options)
+        else:
+            fit = quiet_consistent_fit(wide, data, noise, options=options)
+            asked = {} if fit.term_deviations is None else _asked(kinds, fit.term_deviations)
+            if asked == kinds:
+                warn_of_bodies(wide, fit)
+                return wide, data, fit
+            kinds, values = asked, fit.values
         noise = less_noise(whole, data, values)
-    assert groups is not None
-    present = {tuple(name.split(": ")) for name in groups.present}
-    kept = {
-        joint: tuple(k for k in own if (joint, _group(k)) in present)
-        for joint, own in kinds.items()
-    }
-    chosen = force_model.with_columns({joint: own for joint, own in kept.items() if own})
-    columns = [wide.parameters.labels.index(label) for label in chosen.parameters.labels]
-    chosen = chosen.with_loads(values[columns])
-    return chosen, chosen.widened(plain, recordings), noise
+        known = dict(zip(wide.parameters.labels, values.tolist(), strict=True))
+
+
+def _asked(
+    kinds: Mapping[str, tuple[str, ...]], groups: TermDeviations
+) -> dict[str, tuple[str, ...]]:
+    """Kinds without those of the group of each joint that the data ask for least, if not clearly.
+
+    One at a time: two groups may stand for each other.
+    """
+    evidence = dict(zip(groups.names, groups.evidence.tolist(), strict=True))
+    left = dict[str, tuple[str, ...]]()
+    for joint, own in kinds.items():
+        asked = {name: evidence[f"{joint}: {name}"] for name in dict.fromkeys(map(_group, own))}
+        least = min(asked, key=asked.__getitem__)
+        gone = least if asked[least] < CLEARLY else None
+        left[joint] = tuple(kind for kind in own if _group(kind) != gone)
+    return {joint: own for joint, own in left.items() if own}
 
 
 def less_noise(whole: FitResult, data: FitSamples, values: FloatArray) -> NoiseModel:

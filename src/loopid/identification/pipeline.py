@@ -337,20 +337,21 @@ def identify(
     fitted = plain if first is None else np.setdiff1d(plain, force_model.joint_columns)
     excited = identifiability(force_model, data.select(fitted))
     whole = fit_all(force_model, data, excited, first=first, options=options)
-    noise = whole.noise
-    if options.name == "wls" and force_model.automatic and first is None:
-        force_model, data, noise = with_friction(
-            force_model, data, training, whole, options=options.consistent
-        )
-        whole = widened(whole, force_model.parameters)
+    solid = None
+    if options.name == "wls":
+        if force_model.automatic and first is None:
+            force_model, data, solid = with_friction(
+                force_model, data, training, whole, options=options.consistent
+            )
+        else:
+            known = whole if first is not None else None
+            solid = fit_solid_bodies(force_model, data, whole.noise, known=known, options=options)
+        solid = with_assumed(solid, excited)
     new = samples_of(force_model, judging, n_jobs=options.n_jobs)
     start = fit_joint_terms(force_model, data, options=options)
-    fits = {ROBOT_FILE: start, ALL: whole}
-    if options.name == "wls":
-        known = whole if first is not None else None
-        fits[CONSISTENT] = fit_solid_bodies(
-            force_model, data, excited, noise=noise, known=known, options=options
-        )
+    fits = {ROBOT_FILE: start, ALL: widened(whole, force_model.parameters)}
+    if solid is not None:
+        fits[CONSISTENT] = solid
     speeds = speed_range(force_model, training)
     fits = {
         name: replace(
@@ -527,9 +528,8 @@ def not_below(least: FloatArray, data: FitSamples, found: FitResult) -> FloatArr
 def fit_solid_bodies(
     force_model: ForceModel,
     data: FitSamples,
-    excited: Identifiability,
-    *,
     noise: NoiseModel | None,
+    *,
     known: FitResult | None = None,
     options: FitOptions = FitOptions(),
 ) -> FitResult:
@@ -554,7 +554,11 @@ def fit_solid_bodies(
         values, deviations = np.nan_to_num(force_model.joint_values), np.full(count, np.inf)
         values[places], deviations[places] = known.values[own], known.standard_errors[own]
         terms = {"joint_values": values, "joint_deviations": deviations}
-    found = consistent_fit(force_model, data, noise, **terms, options=options.consistent)
+    return consistent_fit(force_model, data, noise, **terms, options=options.consistent)
+
+
+def with_assumed(found: FitResult, excited: Identifiability) -> FitResult:
+    """A fit, with what the data do not excite ``assumed``."""
     assumed = {*found.assumed, *(excited.assumed if excited.unidentifiable else ())}
-    labels = force_model.parameters.labels
+    labels = found.parameters.labels
     return replace(found, assumed=tuple(name for name in labels if name in assumed))

@@ -180,20 +180,14 @@ class TermDeviations(OfArrays):
         (g,), deviation of each, in the unit of its terms.
     told : FloatArray
         (g,), how many of its terms the data tell.
-    bounds : FloatArray
-        (g, 2), least and largest that each may be: at the least, the group has no effect.
+    evidence : FloatArray
+        (g,), logarithm of how much likelier the data are with the group than without it.
     """
 
     names: tuple[str, ...]
     own: FloatArray
     told: FloatArray
-    bounds: FloatArray
-
-    @property
-    def present(self) -> tuple[str, ...]:
-        """Groups that the data ask for."""
-        asked = self.own > self.bounds[:, 0]
-        return tuple(name for name, flag in zip(self.names, asked, strict=True) if flag)
+    evidence: FloatArray
 
 
 @record

@@ -448,7 +448,7 @@ def _states(model: ForceModel, values: FloatArray) -> Iterator[dict[str, FloatAr
     q = random_configurations(model.mechanism, STATES, seed=0)
     shape = 2, STATES, len(model.mechanism.independent)
     v, a = np.random.default_rng(0).standard_normal(shape)
-    motion = JointMotion(np.arange(STATES), q, v, a, np.ones(STATES))
+    motion = JointMotion(np.arange(float(STATES)), q, v, a, np.ones(STATES))
     force = model.with_loads(values).regressor(motion) @ values
     for state in zip(q, v, a, force, strict=True):
         yield dict(zip(SavedState.model_fields, state, strict=True))
