@@ -15,6 +15,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 import numpy as np
 from pydantic import TypeAdapter
 
+from loopid.base_parameters.account import SubgroupAccount, TriedGroup
 from loopid.base_parameters.base import BaseParameters
 from loopid.base_parameters.choice import SearchResult
 from loopid.base_parameters.structure import Structure
@@ -30,7 +31,7 @@ from loopid.identification.verdict import Verdict
 from loopid.motion.joints import MotionReview
 from loopid.report.excitation import CRITERIA, FOUND
 from loopid.report.page import VERSION
-from loopid.report.structure import SEARCH
+from loopid.report.searches import ACCOUNT, GROUP, SEARCH
 
 
 def of(cls: Any, *names: str) -> dict[str, Any]:
@@ -62,8 +63,20 @@ Real = float | None  # null for infinity, and for what is unknown
 Text = str | None
 
 _NAMED = {"mechanism": str, "model": str}
+_SUBGROUPS = {
+    **of(SubgroupAccount, *ACCOUNT),
+    "found_in": int | None,
+    "groups": [
+        {"rows": [str], "tried": int, **of(TriedGroup, *GROUP)}
+        | dict.fromkeys(("removed", "added"), Text)
+    ],
+    "condition_numbers": [
+        {"from": float, "below": Real} | dict.fromkeys(("full_rank", "deficient"), int)
+    ],
+}
+_SEARCH = of(SearchResult, *SEARCH) | {"subgroups": (_SUBGROUPS, None)}
 _CHOICE = {
-    **{"nonzero_parameters": int, "search": of(SearchResult, *SEARCH)},
+    **{"nonzero_parameters": int, "search": _SEARCH},
     **of(Structure, "rank", "rank_gap"),
     **of(BaseParameters, "condition_number", "nullspace_condition_number"),
     "doubtful": [
@@ -177,6 +190,12 @@ FORMS: dict[str, dict[Any, Any]] = {
     },
     "paper": {
         **{"geometry": {str: float}, "base": _BASE, "rows": [int | None], "stand_in": bool},
+        **{"subgroups": {str: _SEARCH}, "subgroup_rows": {str: int}},
+        "symbolic": {
+            **{"poses": int, "columns": int, "formulas": {str: str}},
+            **dict.fromkeys(("difference", "symbolic_seconds", "pinocchio_seconds"), float),
+            "transfers": [{"row": int, "label": str, "formula": str, "value": float}],
+        },
         **{"fits": {str: {"values": [float], "standard_errors": [Real]}}, "influence": [float]},
     },
     "export": {},
