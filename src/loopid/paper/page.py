@@ -199,9 +199,9 @@ def _sections(found: PaperReproduction, subgroups: dict[str, Any]) -> tuple[Sect
         "order of the columns. The other variant decides it by a gap.",
         search_chart(list(comparison.subgroups.values())),
         search_table(comparison),
-        "Exact search proves that no choice is better; to try all of them confirms it (python "
-        "benchmarks/search.py --full). The paper's times are from another machine and cannot be "
-        "compared with those measured here.",
+        "Exact search proves that no choice is better; benchmarks/search.py confirms it by trying "
+        "all of them. The paper's times are from another machine and cannot be compared with those "
+        "measured here.",
     )
     model: tuple[Part, ...] = (
         f"K_G = J⁻ᵀ P, derived by SymPy from the paper's geometry alone, and Pinocchio's K of the "
