@@ -603,7 +603,7 @@ def test_plugins_that_couple_or_close_are_noted(read):
         <plugin name="b" filename="libclosed_loop_plugin.so"/>
         <plugin name="c" filename="libcontrol.so"/></gazebo>"""
     assert read(*BRANCHES, plugins).notes == (
-        "plugin 'libmimic_joint_plugin.so' is not read: give joint 'wrist' a <mimic>",
+        "plugin 'libmimic_joint_plugin.so' is not read: give a <mimic> to wrist",
         "plugin 'libclosed_loop_plugin.so' is not read: write its closure into a YAML beside it",
     )
     tied = mimicking("shoulder").replace("finger", "wrist")
@@ -727,7 +727,10 @@ WRONG = {
     "nothing between": ([coupling("arm", "hand")], ("belt", "no joint moves", "predecessor 'arm'")),
     "floating": ([*FLIGHT, coupling("drone", "wheel")], ("belt", "flight", "floating")),
     "neither true nor false": ([WRONG_DEPENDENT], ("hub", "independent", "'fasle'")),
-    "mimic: unknown": ([TIP, mimicking("elbow")], ("finger mimics 'elbow'", "wrist, hub, finger")),
+    "mimic: unknown": (
+        [TIP, mimicking("elbow")],
+        ("finger mimics 'elbow'", "wrist, hub", "take its <mimic> out"),
+    ),
     "mimic: itself": ([TIP, mimicking("finger")], ("finger mimics finger", "circle")),
     "mimic: circle": (
         [

@@ -12,7 +12,7 @@ from loopid.loading.description import ClosureDescription
 from loopid.loading.files import naming
 from loopid.loading.urdf import Dialect, closure_of, coefficients, linked
 from loopid.loading.urdf_tree import UrdfFile, child, inner_tags, label, local_name, placement, said
-from loopid.robot.mechanism import LeftOut
+from loopid.robot.mechanism import LeftOut, shortened
 
 CLOSING_PLUGIN = re.compile("closed_?loop|attach_links")
 WEIGHTLESS = {"turnGravityOff": ("true", "1"), "gravity": ("false", "0")}  # what each must say
@@ -61,12 +61,21 @@ def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
 
 def _unread_plugins(urdf: UrdfFile) -> tuple[str, ...]:
     """Sentences about plugins that couple joints, or close loops, which no tag tells."""
-    followers, notes = {j.name for j in urdf.robot.joints if j.mimic is not None}, list[str]()
+    followers = {j.name for j in urdf.robot.joints if j.mimic is not None}
+    mimicking, closing = dict[str, list[str]](), dict[str, None]()
     for plugin in urdf.root.iterfind("gazebo//plugin"):
         file, follower = plugin.get("filename", ""), (plugin.findtext("mimicJoint") or "").strip()
-        what = f"plugin {file!r:.80} is not read"
         if follower and follower not in followers:
-            notes.append(f"{what}: give joint {follower!r:.60} a <mimic>")
+            mimicking.setdefault(file, []).append(follower)
         elif CLOSING_PLUGIN.search(file):
-            notes.append(f"{what}: write its closure into a YAML beside it")
-    return tuple(notes)
+            closing[file] = None
+    return (
+        *(
+            f"plugin {file!r:.80} is not read: give a <mimic> to {shortened(joints)}"
+            for file, joints in mimicking.items()
+        ),
+        *(
+            f"plugin {file!r:.80} is not read: write its closure into a YAML beside it"
+            for file in closing
+        ),
+    )

@@ -133,14 +133,17 @@ def _mimics(all_joints: Iterable[Joint]) -> dict[str, ClosureDescription]:
     }
     for name, leading in leaders.items():
         what = f"joint {name} mimics {leading!r}"
+        valid = ", ".join(other for other in joints if leaders.get(other) is None)
+        way_out = f": name another joint ({valid}), or take its <mimic> out"
         if leading not in joints:
-            raise RobotFileError(f"{what}, which is not there: choose among {', '.join(joints)}")
+            raise RobotFileError(f"{what}, which is not there{way_out}")
         if joints[leading].type == "fixed":
-            raise RobotFileError(f"{what}, which is fixed")
+            raise RobotFileError(f"{what}, which is fixed{way_out}")
         for end in (joints[name], joints[leading]):
             if end.type in SEVERAL:
                 raise RobotFileError(
-                    f"{what}, but {end.name} is {end.type}: it has several coordinates"
+                    f"{what}, but {end.name} is {end.type}, with several coordinates: take the "
+                    "<mimic> out"
                 )
     for follower in leaders:
         chain = [follower]
@@ -148,7 +151,9 @@ def _mimics(all_joints: Iterable[Joint]) -> dict[str, ClosureDescription]:
             chain.append(leaders[chain[-1]])
             if chain[-1] == follower:
                 circle = " mimics ".join(chain)
-                raise RobotFileError(f"joint {circle}: a circle, with no joint to lead it")
+                raise RobotFileError(
+                    f"joint {circle}: a circle, with no joint to lead it: take one <mimic> out"
+                )
     found = {}
     for name, leading in leaders.items():
         factor, offset = joints[name].mimic.multiplier, joints[name].mimic.offset
