@@ -56,7 +56,10 @@ SPUN = (
     ", the spin of a rod between its ends, which moves nothing else and is harmless: {lock} takes "
     "its row '= 0' out"
 )
-UNKNOWN = ": no force acts there, and rows '= 0' say so; lock what does not move"
+UNKNOWN = (
+    ": no force acts there, and rows '= 0' say so; lock what does not move, and write what moves "
+    "with a loop into 'closures' of a YAML beside the file"
+)
 
 
 def _kept_by(moving: Sequence[str], near_couplings: Sequence[NearCoupling]) -> str:

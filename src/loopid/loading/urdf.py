@@ -7,7 +7,7 @@ registered in ``urdf_dialects``, have tags of their own.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -93,7 +93,8 @@ def read_urdf(
         signs = [sign for sign in urdf_dialects if urdf.root.xpath(sign)]
         dialects = [urdf_dialects[sign](urdf, model) for sign in signs]
         closures += [closure for dialect in dialects for closure in dialect.closures]
-        motors = _motors(urdf, dialects, mimics, looped=any(c.frames for c in closures))
+        looped = any(closure.frames for closure in closures)
+        motors = _motors(urdf, dialects, mimics, looped)
         terms, left_out = _joint_forces(urdf, dialects)
     children = {joint.child for joint in joints}
     root_link = next(link.name for link in links if link.name not in children)
@@ -114,6 +115,7 @@ def read_urdf(
         ),
         left_out=tuple(left_out),
         notes=(*notes, *(note for dialect in dialects for note in dialect.notes)),
+        signs=() if looped else tuple(_undriven(urdf, mimics)),
     )
 
 
@@ -283,6 +285,21 @@ def _motors(
     if not named and not followers:
         return None
     return [name for name in moving if name in (named or moving) and name not in followers]
+
+
+def _undriven(urdf: UrdfFile, mimics: Collection[str]) -> Iterator[str]:
+    """A sentence about joints of an open tree that no ``<transmission>`` drives beside others."""
+    tags = urdf.root.iterfind("transmission/joint")
+    driven = {(joint.get("name") or "").strip() for joint in tags}
+    moving = [j.name for j in urdf.robot.joints if j.type not in ("fixed", *SEVERAL)]
+    moving = [name for name in moving if name not in mimics]
+    rest = [name for name in moving if name not in driven]
+    if rest and len(rest) < len(moving):
+        yield (
+            f"transmissions drive {len(moving) - len(rest)} of {len(moving)} joints, not "
+            f"{shortened(rest)}: where loops move them, a YAML beside the file lists the motors as "
+            "'name_mot' and the loops as closures: [{type: 3d, frames: [LINK, LINK]}]"
+        )
 
 
 # Forces in joints: <dynamics>, transmissions, and what dialects add.
