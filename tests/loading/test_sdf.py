@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 from closure_robots import chain, files, frame, joint as hinge, tie
+from linkages import four_bar
 from loopid import (
     find_base_parameters,
     gravity_regressor,
@@ -388,3 +389,44 @@ def test_links_drawn_in_layers_are_told_what_closes_them(tmp_path, kind):
         assert mobility(robot).degrees_of_freedom == 1
         assert robot.actuated == ("crank",)
         assert robot.reference_values(robot.reference)["crank"] == pytest.approx(-1)
+
+
+HELD = """<plugin filename="gz-sim-detachable-joint-system"
+ name="gz::sim::systems::DetachableJoint"><parent_link>{}</parent_link>
+ <child_model>{}</child_model><child_link>{}</child_link></plugin>"""
+
+
+def test_gazebos_detachable_joint_closes_a_loop_as_drawn(load, tmp_path):
+    """As the fixed joint that it stands for; in a URDF, too."""
+    branches = [*ARM, HINGE.format("j3", "world", "three", 1, "", "")]
+    fixed = """<joint name="two_three" type="fixed"><parent>two</parent><child>three</child>
+    </joint>"""
+    held, told = (
+        load(model(*branches, HELD.format("two", "m", "three"))),
+        load(model(*branches, fixed)),
+    )
+    assert [closure.kind for closure in held.closures] == ["6d"]
+    assert mobility(held) == mobility(told)
+    assert held.reference.tolist() == told.reference.tolist()
+    with pytest.raises(RobotFileError, match=r"DetachableJoint.*'gone'"):
+        load(model(*branches, HELD.format("two", "m", "gone")))
+    (tmp_path / "robot.sdf").write_text(model(*ARM[:2], *ARM[3:], HELD.format("two", "box", "lid")))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        assert load_mechanism(tmp_path / "robot.sdf").closures == ()
+    assert any("DetachableJoint holds another model, 'box'" in str(w.message) for w in caught)
+
+
+@pytest.mark.parametrize("owner", ["m", "__model__"])
+def test_a_urdf_may_hold_its_links_by_it_too(tmp_path, owner):
+    parts, _ = four_bar("6d")
+    plugin = f"<gazebo>{HELD.format('end', owner, 'pivot')}</gazebo>"
+    urdf, _ = files([*parts, plugin], {})
+    (tmp_path / "robot.urdf").write_text(re.sub('robot name="[^"]*"', 'robot name="m"', urdf))
+    (tmp_path / "robot.yaml").write_text("name_mot: [crank_joint]\n")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        robot = load_mechanism(tmp_path / "robot.yaml")
+    (closure,) = robot.closures
+    assert (closure.kind, closure.name) == ("6d", "end_pivot_parent-end_pivot_child")
+    assert np.abs(robot.reference).max() < 1e-9  # closed as drawn

@@ -19,6 +19,7 @@ from lxml import etree
 
 from loopid.arguments import FloatArray, number
 from loopid.errors import OptionError, RobotFileError
+from loopid.formats.gazebo import detachable_joints
 from loopid.inertia import written
 from loopid.loading.description import ClosureDescription
 from loopid.loading.files import naming
@@ -138,6 +139,7 @@ class _Sdf:
         if (text := root.findtext("world/gravity")) is not None:
             self.gravity = np.array(numbers_in("<gravity>", text, 3))
         # Elements that have a place, each with the scope of its name; models by "scope__model__".
+        self.held: list[str] = []  # other models, by DetachableJoint
         self.placed: dict[str, tuple[Element, str]] = {}
         self._collect(self.model, "")
         self.places: dict[str, pin.SE3] = {}
@@ -153,6 +155,7 @@ class _Sdf:
             for name, (element, scope) in self.placed.items()
             if element.tag == "joint"
         ]
+        edges += self._attached()
         self.geared = [edge for edge in edges if edge.kind == "gearbox"]
         self.tree, self.closing = self._spread([e for e in edges if e.kind != "gearbox"])
         # Placement of a link's frame in the tree, as seen from the link itself.
@@ -260,6 +263,27 @@ class _Sdf:
             if parent == carried:
                 raise RobotFileError(f"link {parent!r} is at both its ends")
         return _Edge(element, scope, name, kind, (parent, carried))
+
+    def _attached(self) -> Iterator[_Edge]:
+        """Links that Gazebo's DetachableJoint holds together, as drawn."""
+        for plugin, parent, owner, link in detachable_joints(self.model):
+            models = [each.get("name", "") for each in plugin.iterancestors("model")]
+            scope = "".join(f"{name}::" for name in models[-2::-1])
+            if owner == models[0] or owner in ("", MODEL):
+                inside = scope
+            elif f"{scope}{owner}::{MODEL}" in self.placed:
+                inside = f"{scope}{owner}::"
+            else:
+                self.held.append(owner)
+                continue
+            joint = etree.Element("joint", name=f"{parent}_{link}", type="fixed")
+            etree.SubElement(joint, "parent").text = scope + parent
+            etree.SubElement(joint, "child").text = inside + link
+            with naming("DetachableJoint"):
+                if joint.get("name") in self.placed:
+                    raise RobotFileError(f"another element has the name {joint.get('name')!r}")
+                self.placed[required(joint, "name")] = joint, ""
+                yield self._edge(required(joint, "name"), joint, "")
 
     def _spread(self, edges: list[_Edge]) -> tuple[list[_Edge], list[_Edge]]:
         """Joints of the tree, and those that close its loops.
@@ -522,6 +546,8 @@ class _Sdf:
             ]
             if missing:
                 yield f"{edge.name} has no <{'>, <'.join(missing)}>: z, as SDF says"
+        for owner in dict.fromkeys(self.held):
+            yield f"a DetachableJoint holds another model, {owner!r:.60}: it is not read"
         if self.static:
             yield f"static models are not read: {shortened(self.static)}"
         if bare:
