@@ -18,8 +18,9 @@ from pydantic import TypeAdapter
 from loopid.base_parameters.base import BaseParameters
 from loopid.base_parameters.choice import SearchResult
 from loopid.base_parameters.structure import Structure
+from loopid.diagnosis.gains import GainFit
 from loopid.diagnosis.log_mistakes import Suspicions
-from loopid.diagnosis.payload import GainFit
+from loopid.diagnosis.payload import MotorMasses
 from loopid.errors import OptionError
 from loopid.excitation.criteria import Criteria
 from loopid.excitation.design import ExcitationDesign
@@ -162,9 +163,14 @@ FORMS: dict[str, dict[Any, Any]] = {
     "payload": {
         **{"link": str, "parameters": [str], "units": [str], "values": [float]},
         **{"intervals_95_percent": [[Real]], "mass": Real, "centre": ([Real], None)},
-        "centre_intervals_95_percent": ([[Real]], None),
+        **{"centre_intervals_95_percent": ([[Real]], None), "standard_parameters": [float]},
+        "motors": (
+            of(MotorMasses, "actuators", "values", "untold")
+            | {"chance": float, "disagreement": Text, "intervals_95_percent": [[Real]]},
+            None,
+        ),
     },
-    "gains": {**of(GainFit, "actuators", "gains"), "intervals_95_percent": [[Real]]},
+    "gains": {**of(GainFit, "actuators", "gains", "untold"), "intervals_95_percent": [[Real]]},
     "comparison": {
         "runs": [
             dict.fromkeys(("name", "robot", "model"), str)
