@@ -1,3 +1,4 @@
+from .agreement import Agreement as Agreement, compare_fits as compare_fits
 from .evidence import SuspicionOptions as SuspicionOptions
 from .gains import GainFit as GainFit, KnownLoad as KnownLoad, drive_gains as drive_gains
 from .log_mistakes import (

@@ -88,7 +88,7 @@ class MotorMasses:
 
     @property
     def spread(self) -> float:
-        """Standard deviation in kg by which motors differ beyond their errors [DerSimonian1986]."""
+        """Standard deviation in kg by which motors differ beyond their errors [Paule1982]."""
         from scipy.optimize import brentq  # slow to import
 
         count = len(self.values) - 1

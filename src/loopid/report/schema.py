@@ -178,7 +178,10 @@ FORMS: dict[str, dict[Any, Any]] = {
         ],
         "parameters": [
             dict.fromkeys(("name", "expression", "unit"), str)
-            | {"values": [Real], "standard_errors": [Real], "apart": Real}
+            | {"values": [Real], "standard_errors": [Real], "apart": Real, "differs": bool}
+        ],
+        "agreements": [
+            {"fits": [str], "usual": float, "clear": [str], "common": int, "others": int}
         ],
     },
     "paper": {
