@@ -19,8 +19,9 @@ from loopid.base_parameters.account import SubgroupAccount, TriedGroup
 from loopid.base_parameters.base import BaseParameters
 from loopid.base_parameters.choice import SearchResult
 from loopid.base_parameters.structure import Structure
+from loopid.diagnosis.gains import GainFit
 from loopid.diagnosis.log_mistakes import Suspicions
-from loopid.diagnosis.payload import GainFit
+from loopid.diagnosis.payload import MotorMasses
 from loopid.errors import OptionError
 from loopid.excitation.criteria import Criteria
 from loopid.excitation.design import ExcitationDesign
@@ -176,9 +177,14 @@ FORMS: dict[str, dict[Any, Any]] = {
     "payload": {
         **{"link": str, "parameters": [str], "units": [str], "values": [float]},
         **{"intervals_95_percent": [[Real]], "mass": Real, "centre": ([Real], None)},
-        "centre_intervals_95_percent": ([[Real]], None),
+        **{"centre_intervals_95_percent": ([[Real]], None), "standard_parameters": [float]},
+        "motors": (
+            of(MotorMasses, "actuators", "values", "untold")
+            | {"chance": float, "disagreement": Text, "intervals_95_percent": [[Real]]},
+            None,
+        ),
     },
-    "gains": {**of(GainFit, "actuators", "gains"), "intervals_95_percent": [[Real]]},
+    "gains": {**of(GainFit, "actuators", "gains", "untold"), "intervals_95_percent": [[Real]]},
     "comparison": {
         "runs": [
             dict.fromkeys(("name", "robot", "model"), str)
@@ -186,7 +192,10 @@ FORMS: dict[str, dict[Any, Any]] = {
         ],
         "parameters": [
             dict.fromkeys(("name", "expression", "unit"), str)
-            | {"values": [Real], "standard_errors": [Real], "apart": Real}
+            | {"values": [Real], "standard_errors": [Real], "apart": Real, "differs": bool}
+        ],
+        "agreements": [
+            {"fits": [str], "usual": float, "clear": [str], "common": int, "others": int}
         ],
     },
     "paper": {
