@@ -24,8 +24,9 @@ from loopid.records import record
 from loopid.robot.mechanism import shortened
 
 SAME, SWEEPS = 1e-12, 1000  # relative change of velocities that ends their iteration; at most
-# Kinds of friction that may hold a joint, or are smooth; numbers follow them.
-FRICTION = "Fc", "Fc+", "Fc-", "Fv", "Fs", "Fk0", "Fk", "Fa", "Fa1", "Ft"
+# Kinds of friction that may hold a joint, or are viscous; of those before a number.
+FRICTION = "Fc", "Fc+", "Fc-", "Fv", "Ft"
+NUMBERED = "Fs~", "Fk0~", "Fk~", "Fa~", "Fa1~"
 
 
 @record(kw_only=True, checked=True)
@@ -140,7 +141,7 @@ class ControlLoop:
             each.label
             for each in robot.force_model.parameters
             if each.kind in robot.friction_kinds
-            and not (each.link in names and each.kind.partition("~")[0] in FRICTION)
+            and not (each.link in names and _simulated(each.kind))
         ]
         if others:
             raise OptionError(
@@ -232,6 +233,10 @@ class ControlLoop:
             b = self._inertia @ self.velocity + push - h * uneven
             self.velocity = _slowed(A, b, h * dry, self.velocity)
             self.position = self.position + h * self.velocity
+
+
+def _simulated(kind: str) -> bool:
+    return kind in FRICTION or kind.startswith(NUMBERED)
 
 
 def _slowed(A: FloatArray, b: FloatArray, least: FloatArray, x: FloatArray) -> FloatArray:
