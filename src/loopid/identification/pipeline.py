@@ -341,6 +341,7 @@ def identify(
         name: replace(
             with_delay_errors(each, data, training, delay),
             cutoff=None if cutoff is None else cutoff.chosen,
+            force_model=force_model,
         )
         for name, each in fits.items()
     }
