@@ -165,6 +165,18 @@ def test_where_all_is_excited_it_is_the_plain_fit(crank_model, crank_data):
     assert found.assumed == ()
 
 
+def test_a_motor_of_few_rows_leaves_what_it_cannot_tell_to_the_robot_file(crank_model, crank_data):
+    samples = crank_model.samples(crank_data[1][0])
+    own = (np.abs(samples.regressor[:, 0]) > 0).any(axis=0).sum()
+    few = np.array(samples.used)
+    few[:, 0] = np.cumsum(few[:, 0]) <= own  # fitted without error by parameters of its own
+    samples = replace(samples, used=few)
+    excitation = Excitation.of(crank_model, samples.problem)
+    found = fit_excited(samples, crank_model.prior, excitation)
+    assert np.isfinite(found.values).all()
+    assert found.quality.residual_rms[0] > 0
+
+
 def test_assumed_values_have_no_interval_and_the_other_intervals_cover_the_true_values(
     crank_model, crank_runs, crank_truth
 ):

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
-from loopid.errors import DataError, DataWarning, OptionError, warn
+from loopid.errors import DataError, DataWarning, OptionError, RankError, warn
 from loopid.identification.consistent import CONSISTENT, ConsistentOptions, consistent_fit
 from loopid.identification.cutoff import CutoffChoice, choose_cutoff, prepared_at
 from loopid.identification.delay import Delay, find_delay, with_delay_errors, without_delay
@@ -397,10 +397,21 @@ def fit_all(
         known = [labels[j] for j in force_model.joint_columns]
         return fit_in_steps(first, data, known, estimator=estimator)
     if not excited.unidentifiable:
-        return working_fit(data, estimator, quiet=False).result
-    if not (options.unidentifiable == "prior" and excited.rank):
+        try:
+            return working_fit(data, estimator, quiet=False).result
+        except RankError:  # a motor of small errors counts for so much that others are lost
+            if options.unidentifiable == "error":
+                raise
+    elif options.unidentifiable == "error" or not excited.rank:
         raise excited.refusal
-    return fit_excited(data, force_model.prior, excited.excitation, estimator=estimator)
+    found = fit_excited(data, force_model.prior, excited.excitation, estimator=estimator)
+    if found.assumed and not excited.unidentifiable:
+        warn(
+            "weighted by the motors' errors, the data do not tell all of "
+            f"{', '.join(found.assumed)}: what is left open is as in the robot file",
+            DataWarning,
+        )
+    return found
 
 
 @checked
