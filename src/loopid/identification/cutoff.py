@@ -34,6 +34,9 @@ OCTAVES = 4  # below the last, at least, where the band of the motion is doubtfu
 ROWS = 10.0
 # A change is a root of a sum of few squares, and scatters by a third: such ones are as small.
 TIE = 1.5
+# Up to so many times the least, lower cut-offs are preferred: where noise buries accelerations,
+# estimates stand still again, and wrong.
+LOWER = 2.0
 # Bias by noise grows by 2 to 5 from one to the next: after ten times the least nothing comes back.
 GROWTH, BEYOND = 10.0, 4.0  # looked at from so many bands of the motion on
 # Of the motors' errors: where predictions change by more up to the last, motion is lost.
@@ -173,12 +176,19 @@ def choose_cutoff(
 def _chosen(changes: Sequence[float], *, bounded: bool) -> int:
     """Which of k cut-offs is chosen, of changes (k - 1,) from each to the next.
 
-    The larger change of the two sides counts, and of the least ones the middle one is taken. The
-    first is there to compare with, and so is the last unless the rate of the log bounds it.
+    The larger change of the two sides counts. The first is there to compare with, and so is the
+    last unless the rate of the log bounds it. From the lowest that is near the least on, changes
+    are followed to where they no longer fall; of neighbours there that are as small, the middle one
+    is chosen.
     """
     after = changes[-1] if bounded and len(changes) else np.inf
     worse = np.maximum([np.inf, *changes], [*changes, after])
-    ties = np.flatnonzero(worse <= TIE * worse.min())
+    least = int(np.argmax(worse <= LOWER * worse.min()))
+    while least + 1 < len(worse) and worse[least + 1] <= worse[least]:
+        least += 1
+    small = worse <= TIE * worse[least]
+    larger_before = np.cumsum(~small)
+    ties = np.flatnonzero(small & (larger_before == larger_before[least]))
     return int(ties[len(ties) // 2])
 
 

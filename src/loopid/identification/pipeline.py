@@ -399,8 +399,8 @@ def fit_all(
     if not excited.unidentifiable:
         try:
             return working_fit(data, estimator, quiet=False).result
-        except RankError:  # a motor of small errors counts for so much that others are lost
-            if options.unidentifiable == "error":
+        except (DataError, RankError):  # a motor of few rows counts for so much that others do not
+            if options.unidentifiable == "error" or data.problem.freedom < 1:
                 raise
     elif options.unidentifiable == "error" or not excited.rank:
         raise excited.refusal
