@@ -61,6 +61,7 @@ from .result import (
     NoiseModel as NoiseModel,
     Quality as Quality,
     Robustness as Robustness,
+    TermDeviations as TermDeviations,
     fit_quality as fit_quality,
 )
 from .robust import Bisquare as Bisquare

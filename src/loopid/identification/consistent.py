@@ -8,11 +8,13 @@ base parameters of standard ones π and joint terms f; P_i is the pseudo-inertia
 that of the robot file. D is the Bregman divergence of -log det [Lee2020]: convex, independent of
 frames and units, and its own barrier, so that no step leaves the solid bodies and what the data
 do not excite stays as in the file. Near the file, D is ½ |Z|² of P = L (1 + Z) Lᵀ, P⁰ = L Lᵀ: s_i
-is the deviation of body i in parts of itself. Joint terms that cannot be negative stop at zero.
+is the deviation of body i in parts of itself. Joint terms keep linear limits, A f ≥ b, such as
+friction that does not drive (``joint_priors.py``).
 
 Newton's method turns with the bodies: with L a factor of the present P = L Lᵀ, the Hessian of D is
-the identity in Z, so that each step is a ridge regression, solved by singular values at any
-scaling.
+the identity in Z, so that each step is a ridge regression, solved by an orthogonal factorisation at
+any scaling. Where it would leave the limits, it is a least-distance problem, solved by non-negative
+least squares [Lawson1974, ch. 23].
 
 The deviations are those under which the data are most likely, by MacKay's fixed point
 [MacKay1992]. Those of single bodies scatter about a common s as 1 / s_i² ~ Gamma(ν / 2, ν s² / 2):
@@ -21,6 +23,10 @@ the data and d_i = 2 D(P_i | P⁰_i),
 
     s_i² = (ν s² + d_i) / (ν + γ_i)  and  Σ_i (d_i - γ_i s²) / (ν s² + d_i) = 0.
 
+A group of joint terms, such as the points of a friction curve, has one deviation σ, found in the
+same fixed point: with u the terms in units of σ and γ the number of them that the data tell,
+σ² = |σ u|² / γ. Where the data ask for none, σ falls to its least and the terms with it.
+
 The inverse Hessian is the covariance (Laplace). What of a variance rests on the file is known with
 ν + γ_i degrees of freedom.
 """
@@ -28,6 +34,7 @@ The inverse Hessian is the covariance (Laplace). What of a variance rests on the
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -37,12 +44,18 @@ from loopid.identification.correlation import with_scatter, within_runs
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.force_model import ForceModel
 from loopid.identification.information import Excitation, body_sizes
+from loopid.identification.joint_priors import JointPriors
 from loopid.identification.problem import FitProblem, FitSamples
-from loopid.identification.result import FileDeviation, FitResult, NoiseModel, fit_quality
+from loopid.identification.result import (
+    FileDeviation,
+    FitResult,
+    NoiseModel,
+    TermDeviations,
+    fit_quality,
+)
 from loopid.inertia import body_defect, nearest_solid, parameters_of, pseudo_inertia, upper_factor
 from loopid.parameters import KINDS
 from loopid.records import record
-from loopid.regressors.joint_laws import joint_term
 from loopid.workers import one_blas_thread
 
 CONSISTENT = "consistent"
@@ -113,13 +126,15 @@ def consistent_fit(
         Errors of each actuator, as of a fit by weighted least squares.
     joint_values, joint_deviations : FloatArray, optional
         (k,), what is known of ``force_model.joint_terms``, with standard deviations, which may be
-        infinite; by default nothing but that some are not negative (``JointTerm.positive``).
+        infinite; by default nothing but that some are not negative (``JointTerm.positive``), and
+        that some belong to groups (``JointTerm.prior``), whose deviations the data choose.
     options : ConsistentOptions, optional
 
     Returns
     -------
     FitResult
-        With ``standard_parameters`` and the ``deviation`` of the robot file.
+        With ``standard_parameters``, the ``deviation`` of the robot file, and the
+        ``term_deviations`` of groups of joint terms.
 
     Raises
     ------
@@ -151,15 +166,17 @@ def consistent_fit(
     if data.parameters != force_model.parameters or data.actuators != noise.actuators:
         raise DataError("data and noise must be of the parameters and actuators of the force model")
     weights = _weights(data.problem, noise)
-    known = _known_terms(force_model, data.problem, joint_values, joint_deviations)
+    priors = _joint_priors(force_model, data.problem, joint_values, joint_deviations)
     with one_blas_thread():
-        program = _Program.of(force_model, data.problem.weighted(weights), known)
+        program = _Program.of(force_model, data.problem.weighted(weights), priors)
         state, common = _most_likely(program, options)
         found = _result(force_model, data, weights, program, state, options.freedom)
     far = FileDeviation(
         common, program.names, state.deviations, options.deviations[1], options.farthest
     )
-    found = replace(found, deviation=far)
+    told = program.terms.of_groups(program.step(state).told[WIDTH * len(program.file) :])
+    groups = TermDeviations(program.terms.names, state.groups, told, program.terms.bounds)
+    found = replace(found, deviation=far, term_deviations=groups if groups.names else None)
     _warn(force_model, program, far)
     return found
 
@@ -175,13 +192,13 @@ def _weights(problem: FitProblem, noise: NoiseModel) -> FloatArray:
     return weights
 
 
-def _known_terms(
+def _joint_priors(
     force_model: ForceModel,
     problem: FitProblem,
     values: FloatArray | None,
     deviations: FloatArray | None,
-) -> tuple[FloatArray, FloatArray]:
-    """Values and deviations (k,) of the joint terms, both finite."""
+) -> JointPriors:
+    """What is known of the joint terms; deviations are finite."""
     sizes = FLAT * Excitation.of(force_model, problem).joint_sizes
     given = force_model.joint_values if values is None else finite(values, "joint values")
     spread = np.full(len(sizes), np.inf) if deviations is None else np.asarray(deviations)
@@ -190,7 +207,8 @@ def _known_terms(
             f"joint values and deviations must have shape ({len(sizes)},), and deviations be above "
             f"0, not {given.shape} and {spread.shape}"
         )
-    return np.nan_to_num(given), np.where(np.isfinite(spread), spread, sizes)
+    known = np.where(np.isfinite(spread), spread, sizes)
+    return JointPriors.of(force_model, problem, np.nan_to_num(given), known, spread)
 
 
 # An orthonormal basis of the symmetric matrices, and the ten parameters of each.
@@ -209,11 +227,15 @@ def _vector(matrices: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """Upper factors L (b, 4, 4) of the bodies P = L Lᵀ, joint terms (k,), deviations (b,)."""
+    """Upper factors L (b, 4, 4) of the bodies P = L Lᵀ, and joint terms (k,).
+
+    With deviations of the bodies (b,) and of the groups of joint terms (g,).
+    """
 
     factors: FloatArray
     joints: FloatArray
     deviations: FloatArray
+    groups: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,33 +254,52 @@ class _Step:
         """Of what is minimised."""
         return np.asarray(self.g - self.J.T @ self.e)
 
-    def solution(self, least: FloatArray) -> FloatArray:
-        """The best z from its least values (q,) on, where those are finite.
+    @cached_property
+    def _triangle(self) -> FloatArray:
+        """R (q, q + 1) of [J, e; 1, -g]: RᵀR of its first q columns is the Hessian."""
+        count = len(self.g)
+        rows = np.vstack([self.J, np.eye(count)])
+        whole = np.column_stack([rows, np.append(self.e, -self.g)])
+        return np.asarray(np.linalg.qr(whole, mode="r")[:count])
 
-        Values at their least stay there while the gradient asks for less.
-        """
-        free, z = (least < 0) | (self.gradient <= 0), np.zeros(len(least))
-        while True:
-            z[~free] = least[~free]
-            J, g = self.J[:, free], self.g[free]
-            U, s, V = np.linalg.svd(J, full_matrices=False)
-            e = self.e - self.J[:, ~free] @ z[~free]
-            z[free] = V.T @ (s / (1 + s**2) * (U.T @ (e + J @ g))) - g
-            below = free & (z < least)
-            if not below.any():
-                return z
-            free &= ~below
+    @cached_property
+    def _root(self) -> FloatArray:
+        """R⁻¹ (q, q)."""
+        return np.asarray(np.linalg.inv(self._triangle[:, :-1]))
+
+    def solution(self, rows: FloatArray, least: FloatArray) -> FloatArray:
+        """The best z (q,) with rows (m, q) z ≥ least (m,)."""
+        z = self._root @ self._triangle[:, -1]
+        missing = least - rows @ z
+        if not (missing > 0).any():
+            return np.asarray(z)
+        # With x = R (z - z_free): the shortest x with G x ≥ h, rows of G of unit length.
+        G = rows @ self._root
+        lengths = np.linalg.norm(G, axis=1)
+        kept = lengths > 0
+        G, h = G[kept] / lengths[kept, None], missing[kept] / lengths[kept]
+        return np.asarray(z + self._root @ _least_distance(G, h))
 
     @property
     def told(self) -> FloatArray:
         """How much of each z the data tell, from 0 to 1."""
-        _, s, V = np.linalg.svd(self.J, full_matrices=False)
-        return np.asarray((V**2).T @ (s**2 / (1 + s**2)))
+        return np.asarray(np.maximum(1.0 - (self._root**2).sum(axis=1), 0.0))
 
     def covariance(self, rows: FloatArray) -> FloatArray:
         """``rows`` (r, q) times the covariance of z."""
-        _, s, V = np.linalg.svd(self.J, full_matrices=False)
-        return np.asarray(rows - (rows @ V.T * (s**2 / (1 + s**2))) @ V)
+        return np.asarray((rows @ self._root) @ self._root.T)
+
+
+def _least_distance(G: FloatArray, h: FloatArray) -> FloatArray:
+    """The shortest x with G x ≥ h, of which there is one [Lawson1974, 23.4]."""
+    from scipy.optimize import nnls  # slow to import
+
+    scale = np.abs(h).max()
+    E = np.vstack([G.T, h / scale])
+    aim = np.append(np.zeros(G.shape[1]), 1.0)
+    multipliers, _ = nnls(E, aim, maxiter=NNLS_STEPS * len(h))
+    left = E @ multipliers - aim
+    return np.asarray(-scale * left[:-1] / left[-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,7 +308,7 @@ class _Program:
 
     ``effects`` (r, p) are those of all standard parameters on the rows, ``target`` (r,) what is
     measured; ``file`` (b, 4, 4) the upper factors of the bodies with a mass, ``columns`` (b, 4 or
-    10) where their parameters are; ``start``, ``spread`` and ``positive`` (k,) are of joint terms.
+    10) where their parameters are; ``terms`` is what is known of the joint terms.
     """
 
     effects: FloatArray
@@ -276,21 +317,16 @@ class _Program:
     unsound: tuple[str, ...]
     file: FloatArray
     columns: IntArray
-    start: FloatArray
-    spread: FloatArray
-    positive: BoolArray
+    terms: JointPriors
 
     @classmethod
-    def of(
-        cls, force_model: ForceModel, R: FloatArray, known: tuple[FloatArray, FloatArray]
-    ) -> _Program:
+    def of(cls, force_model: ForceModel, R: FloatArray, terms: JointPriors) -> _Program:
         """The program of a triangular factor (r + 1, r + 1)."""
         P, unsound = _solid_bodies(force_model)
         massive = P[:, 3, 3] > 0
-        parameters, count = force_model.base.parameters, len(known[0])
+        parameters, count = force_model.base.parameters, len(terms.start)
         columns = np.arange(len(parameters) - count).reshape(len(P), -1)
         names = [parameters[int(first)].link for first in columns[:, 0]]
-        kinds = [parameter.kind for parameter in list(parameters)[columns.size :]]
         return cls(
             effects=R[:-1, :-1] @ force_model.base.matrix,
             target=R[:-1, -1],
@@ -298,22 +334,23 @@ class _Program:
             unsound=tuple(name for name, flag in zip(names, unsound, strict=True) if flag),
             file=upper_factor(P[massive]),
             columns=columns[massive],
-            start=known[0],
-            spread=known[1],
-            positive=np.array([joint_term(kind).positive for kind in kinds], dtype=bool),
+            terms=terms,
         )
 
     def first(self, deviation: float) -> _State:
-        """Bodies of the file, joint terms as known."""
-        joints = np.where(self.positive, np.maximum(self.start, 0.0), self.start)
-        return _State(self.file, joints, np.full(len(self.file), deviation))
+        """Bodies of the file, joint terms as known where that is within the limits."""
+        terms = self.terms
+        inside = (terms.limits @ terms.start >= terms.least).all()
+        joints = terms.start if inside else np.zeros(len(terms.start))
+        groups = FIRST * terms.bounds[:, 1]
+        return _State(self.file, joints, np.full(len(self.file), deviation), groups)
 
     def standard(self, state: _State) -> FloatArray:
         """Standard parameters and joint terms (p,) of a state."""
         found = np.zeros(self.effects.shape[1])
         P = state.factors @ state.factors.swapaxes(1, 2)
         found[self.columns] = (_vector(P) @ PARAMETERS)[:, : self.columns.shape[1]]
-        found[len(found) - len(self.start) :] = state.joints
+        found[len(found) - len(state.joints) :] = state.joints
         return found
 
     def divergences(self, state: _State) -> FloatArray:
@@ -325,25 +362,25 @@ class _Program:
     def value(self, state: _State) -> float:
         """What is minimised."""
         e = self.target - self.effects @ self.standard(state)
-        u = (state.joints - self.start) / self.spread
+        u = self.terms.departures(state.joints, state.groups)
         return float(0.5 * (e @ e + u @ u) + (self.divergences(state) / state.deviations**2).sum())
 
     def changes(self, state: _State) -> FloatArray:
         """Changes (p, 10 b + k) of all standard parameters with z."""
-        L, count = state.factors[:, None], len(self.start)
+        L, count = state.factors[:, None], len(state.joints)
         turned = _vector(L @ UNITS @ L.swapaxes(2, 3)) @ PARAMETERS
         turned = turned[..., : self.columns.shape[1]] * state.deviations[:, None, None]
         T = np.zeros((self.effects.shape[1], WIDTH * len(self.file) + count))
         for k, columns in enumerate(self.columns):
             T[columns, WIDTH * k : WIDTH * (k + 1)] = turned[k].T
-        T[len(T) - count :, T.shape[1] - count :] = np.diag(self.spread)
+        T[len(T) - count :, T.shape[1] - count :] = self.terms.spread(state.groups)
         return T
 
     def step(self, state: _State) -> _Step:
         """The ridge regression about a state."""
         C = np.linalg.solve(self.file, state.factors)
         G = (C.swapaxes(1, 2) @ C - np.eye(4)) / state.deviations[:, None, None]
-        u = (state.joints - self.start) / self.spread
+        u = self.terms.departures(state.joints, state.groups)
         e = self.target - self.effects @ self.standard(state)
         return _Step(self.effects @ self.changes(state), e, np.append(_vector(G).ravel(), u))
 
@@ -354,28 +391,33 @@ class _Program:
 
     def moved(self, state: _State, z: FloatArray) -> _State:
         """The state after a step inside the solid bodies."""
-        joints = state.joints + self.spread * z[WIDTH * len(self.file) :]
-        return replace(
-            state,
-            factors=state.factors @ upper_factor(np.eye(4) + self.turns(state, z)),
-            joints=np.where(self.positive, np.maximum(joints, 0.0), joints),
-        )
+        joints = state.joints + self.terms.spread(state.groups) @ z[WIDTH * len(self.file) :]
+        joints = joints.clip(*self.terms.box)  # to round-off it is inside
+        factors = state.factors @ upper_factor(np.eye(4) + self.turns(state, z))
+        return replace(state, factors=factors, joints=joints)
+
+    def limits(self, state: _State) -> tuple[FloatArray, FloatArray]:
+        """Rows (m, q) and their least (m,) that a step z keeps to."""
+        rows = np.zeros((len(self.terms.least), WIDTH * len(self.file) + len(state.joints)))
+        rows[:, WIDTH * len(self.file) :] = self.terms.limits @ self.terms.spread(state.groups)
+        return rows, np.minimum(self.terms.least - self.terms.limits @ state.joints, 0.0)
 
 
 # Part of the decrease that the slope promises which a step must reach; how far it goes to where a
 # body is flat; round-off of what is minimised; least part of a step; how much more data weigh from
 # one approach to the next.
 ARMIJO, INSIDE, ROUND_OFF, SHORTEST, HEAVIER = 1e-4, 0.95, 1e-13, 1e-12, 10.0
+# First deviation of a group relative to its largest; largest growth of its steps; iterations of
+# non-negative least squares for each limit.
+FIRST, FASTEST, NNLS_STEPS = 0.1, 8.0, 30
 
 
 def _minimised(program: _Program, state: _State) -> _State:
-    """Newton's method at given deviations; joint terms that would be negative stay zero."""
-    value, first = program.value(state), WIDTH * len(program.file)
-    least = np.full(first + len(program.start), -np.inf)
+    """Newton's method at given deviations, within the limits of the joint terms."""
+    value = program.value(state)
     for _ in range(ITERATIONS):
         step = program.step(state)
-        least[first:] = np.where(program.positive, -state.joints / program.spread, -np.inf)
-        z = step.solution(least)
+        z = step.solution(*program.limits(state))
         decrement = -float(step.gradient @ z)
         if decrement <= TOLERANCE + ROUND_OFF * abs(value):
             return state
@@ -402,15 +444,31 @@ def _most_likely(program: _Program, options: ConsistentOptions) -> tuple[_State,
     """The best state at the most likely deviations, and the common one."""
     common, nu = options.deviations[0], options.freedom
     state = _approached(program, program.first(common))
+    steps, gains = np.zeros((2, len(state.groups)))
     for _ in range(ITERATIONS):
         state = _minimised(program, state)
-        gamma, d = _told(program, state), 2 * program.divergences(state)
+        told = program.step(state).told
+        gamma, d = _told(program, told), 2 * program.divergences(state)
         common = _common(gamma, d, options)
         own = np.sqrt((nu * common**2 + d) / (nu + gamma)).clip(max=options.farthest)
-        if np.abs(own / state.deviations - 1).max(initial=0.0) <= SETTLED:
+        before, steps = steps, _group_steps(program, state, told)
+        settled = np.append(own / state.deviations - 1, steps)
+        if np.abs(settled).max(initial=0.0) <= SETTLED:
             break
-        state = replace(state, deviations=own)
+        # Steps that go on in one direction, as towards none, grow.
+        gains = np.where(steps * before > 0, np.minimum(1.5 * gains, FASTEST), 1.0)
+        groups = (state.groups * np.exp(gains * steps)).clip(*program.terms.bounds.T)
+        state = replace(state, deviations=own, groups=groups)
     return state, common
+
+
+def _group_steps(program: _Program, state: _State, told: FloatArray) -> FloatArray:
+    """Logarithms (g,) of what the deviations of groups are to be multiplied by."""
+    terms = program.terms
+    u = terms.departures(state.joints, state.groups)
+    gamma = terms.of_groups(told[WIDTH * len(program.file) :])
+    squares = state.groups**2 * terms.of_groups(u**2) / np.maximum(gamma, np.finfo(float).tiny)
+    return np.log(np.sqrt(squares).clip(*terms.bounds.T) / state.groups)
 
 
 def _approached(program: _Program, state: _State) -> _State:
@@ -423,10 +481,10 @@ def _approached(program: _Program, state: _State) -> _State:
     return state
 
 
-def _told(program: _Program, state: _State) -> FloatArray:
-    """How many of the ten parameters of each body the data tell, (b,)."""
-    told = program.step(state).told[: WIDTH * len(program.file)]
-    return np.asarray(told.reshape(-1, WIDTH).sum(axis=1))
+def _told(program: _Program, told: FloatArray) -> FloatArray:
+    """How many of the ten parameters of each body the data tell, (b,), of all z."""
+    bodies = told[: WIDTH * len(program.file)]
+    return np.asarray(bodies.reshape(-1, WIDTH).sum(axis=1))
 
 
 def _common(gamma: FloatArray, d: FloatArray, options: ConsistentOptions) -> float:
@@ -491,13 +549,17 @@ def _result(
 
 
 def _freedom(program: _Program, state: _State, told: FloatArray, nu: float) -> FloatArray:
-    """Degrees of freedom (r,) that what rests on the file leaves the variances [Welch1947]."""
-    step, bodies = program.step(state), len(program.file)
+    """Degrees of freedom (r,) that what rests on priors leaves the variances [Welch1947]."""
+    step, bodies, terms = program.step(state), len(program.file), program.terms
     spread = step.covariance(told)
     variance = (spread * told).sum(axis=1)
     own = spread[:, : WIDTH * bodies].reshape(len(told), bodies, WIDTH)
-    shares = (own**2).sum(axis=2) / np.where(variance > 0, variance, 1.0)[:, None]
-    squares = (shares**2 / (nu + _told(program, state))).sum(axis=1)
+    known = step.told
+    parts = [(own**2).sum(axis=2)]
+    parts.append(np.stack([terms.of_groups(row**2) for row in spread[:, WIDTH * bodies :]]))
+    shares = np.hstack(parts) / np.where(variance > 0, variance, 1.0)[:, None]
+    inside = np.maximum(terms.of_groups(known[WIDTH * bodies :]), 1.0)
+    squares = (shares**2 / np.append(nu + _told(program, known), inside)).sum(axis=1)
     return np.asarray(np.divide(1.0, squares, out=np.full(len(told), np.inf), where=squares > 0))
 
 

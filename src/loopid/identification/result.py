@@ -169,6 +169,34 @@ class FileDeviation(OfArrays):
 
 
 @record
+class TermDeviations(OfArrays):
+    """Prior deviations of groups of joint terms, as the evidence of the data chooses them.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the groups, such as ``"elbow: friction curve"``.
+    own : FloatArray
+        (g,), deviation of each, in the unit of its terms.
+    told : FloatArray
+        (g,), how many of its terms the data tell.
+    bounds : FloatArray
+        (g, 2), least and largest that each may be: at the least, the group has no effect.
+    """
+
+    names: tuple[str, ...]
+    own: FloatArray
+    told: FloatArray
+    bounds: FloatArray
+
+    @property
+    def present(self) -> tuple[str, ...]:
+        """Groups that the data ask for."""
+        asked = self.own > self.bounds[:, 0]
+        return tuple(name for name, flag in zip(self.names, asked, strict=True) if flag)
+
+
+@record
 class Estimate:
     """All numbers about one parameter.
 
@@ -235,6 +263,8 @@ class FitResult(OfArrays, Tabular):
         Of the robot file, where the fit weighs it.
     cutoff : float or None
         In Hz, of the filter, where it was chosen by predictions.
+    term_deviations : TermDeviations or None
+        Of groups of joint terms, where there are any.
 
     Examples
     --------
@@ -268,6 +298,7 @@ class FitResult(OfArrays, Tabular):
     standard_parameters: FloatArray | None = None
     deviation: FileDeviation | None = None
     cutoff: float | None = None
+    term_deviations: TermDeviations | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -27,7 +27,14 @@ from loopid.base_parameters.structure import analyse
 from loopid.errors import DataError, FileError, OptionError
 from loopid.files import require_other_file, why_no_file, write_file
 from loopid.identification.force_model import ForceModel
-from loopid.identification.result import FileDeviation, FitResult, NoiseModel, Quality, Robustness
+from loopid.identification.result import (
+    FileDeviation,
+    FitResult,
+    NoiseModel,
+    Quality,
+    Robustness,
+    TermDeviations,
+)
 from loopid.kinematics.constraint import constraint_residual
 from loopid.kinematics.projection import closed_motion
 from loopid.kinematics.sampling import random_configurations
@@ -139,6 +146,7 @@ class SavedEstimate(_Section):
     robustness: Robustness | None = None
     deviation: FileDeviation | None = None
     cutoff: Annotated[float, Field(gt=0, le=LARGEST)] | None = None
+    term_deviations: TermDeviations | None = None
 
 
 class SavedFit(_Section):

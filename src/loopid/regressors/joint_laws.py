@@ -49,6 +49,30 @@ NEEDS = "position", "rate", "acceleration", "load", "sign"
 STEP, SAME_SLOPE = 1e-6, 1e-4
 
 
+@record
+class PriorGroup:
+    """Terms of a joint that share one prior deviation, which the evidence of the data chooses.
+
+    For laws of many coefficients, such as the points of a curve: where the data ask for none, all
+    are zero.
+
+    Attributes
+    ----------
+    name : str
+        Of the terms of one joint together, in sentences.
+    largest : float
+        Largest prior deviation: of a coefficient without unit as it is, else relative to the rms
+        force of the motor.
+    correlation : callable, optional
+        Prior correlation (k, k) of the k terms of a joint, of their numbers ``at`` (k,); by
+        default they are independent.
+    """
+
+    name: str
+    largest: float = 1.0
+    correlation: Callable[[FloatArray], FloatArray] | None = None
+
+
 @record(checked=True)
 class JointTerm:
     """A law of a force in a joint.
@@ -71,6 +95,10 @@ class JointTerm:
         in m or rad, a rate in m/s or rad/s. 0 where the kind has none.
     positive : bool
         Whether the coefficient cannot be negative: friction that would drive, inertia below zero.
+    most : float, optional
+        Largest coefficient that there can be.
+    prior : PriorGroup, optional
+        The group of terms whose size the evidence decides.
 
     Raises
     ------
@@ -99,6 +127,8 @@ class JointTerm:
     beside: tuple[str, ...] = ()
     at: float = 0.0
     positive: bool = False
+    most: float | None = None
+    prior: PriorGroup | None = None
 
     def __post_init__(self) -> None:
         for unit in self.units:
