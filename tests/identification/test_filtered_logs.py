@@ -142,7 +142,11 @@ def test_a_choice_at_a_bound_is_told():
     choice = choose_cutoff(model, [quietly(prepare_recording, model.mechanism, log)])
     assert choice.bound == "rate"
     assert choice.chosen == pytest.approx(10.0 / 5)
-    words = {"rate": "motion is lost", "lowest": "band of the motion", "length": "length of the log"}
+    words = {
+        "rate": "motion is lost",
+        "lowest": "band of the motion",
+        "length": "length of the log",
+    }
     for bound, said in {**words, "alone": "only one cut-off"}.items():
         with pytest.warns(DataWarning, match=f"{choice.chosen:.3g} Hz") as told:
             replace(choice, bound=bound).warn()
@@ -279,7 +283,7 @@ def test_a_saved_fit_predicts_with_the_filter_that_it_was_judged_with(tmp_path):
 @pytest.mark.validate
 @pytest.mark.draws
 def test_a_payload_is_found_with_the_filter_that_predicts_best():
-    """Encoders of 10 bits: at the provisional cut-off of five bands the mass is far off."""
+    """Encoders of 10 bits: at the provisional cut-off of six bands the mass is far off."""
     robot = load_mechanism("five_bar")
     model = find_force_model(robot, "full", "Fc,Fv")
     bodies, load = robot.standard_parameters("full"), 0.5

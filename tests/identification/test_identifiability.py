@@ -186,8 +186,8 @@ def test_a_motor_of_few_rows_leaves_what_it_cannot_tell_to_the_robot_file(crank_
     assert abs(found["right_crank_joint.Fc"].value) < 0.05
     with pytest.warns(DataWarning, match=f"do not tell all of {found.assumed[0]}"):
         fit_all(model, samples, identifiability(model, samples))
+    options = FitOptions(unidentifiable="error")
     with pytest.raises((DataError, RankError)):
-        options = FitOptions(unidentifiable="error")
         fit_all(model, samples, identifiability(model, samples), options=options)
 
 

@@ -1,6 +1,6 @@
 """The cut-off of the filter around which estimates change least.
 
-A narrow filter loses motion, and a wide one lets noise of the positions into the regressor, whatever
+A narrow filter loses motion. A wide one lets noise of the positions into the regressor, whatever
 its colour: encoders in steps, stamps that jitter, held values. Both bias estimates before residuals
 show it. The first bias shrinks from one cut-off to the next, and the second grows: where estimates
 change least, the two are balanced. This is the rule of quasi-optimality [TikhonovGlasko1965], with
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -141,35 +142,29 @@ def choose_cutoff(
     first = min(band, last / 2**OCTAVES)
     shortest = min(_least_cutoff(open_ones, ROWS * count), last)
     steps = int(np.log(last / max(first, shortest)) / np.log(STEP))
+    tried, changes, values = list[float](), list[float](), force_model.prior
     with one_blas_thread():
-        judge = _problem(force_model, open_ones, n_jobs)
-        _, weights = _fit(judge, force_model.prior)
-        seen = weights[:, None, None] * judge.factors[:, :, :-1] / np.sqrt(judge.rows)
-        tried, changes, before = [], [], None
+        judge = _fitted(force_model, open_ones, n_jobs)
+        if judge is None:
+            return None
+        seen = judge.weights[:, None, None] * judge.problem.factors[:, :, :-1]
         for cutoff in (last / STEP ** np.arange(steps, -1, -1)).tolist():
-            try:
-                runs = prepared_at(force_model, open_ones, cutoff)
-                problem = _problem(force_model, runs, n_jobs)
-                values, _ = _fit(problem, force_model.prior)
-            except LoopidError:  # too little is left for such a filter
+            found = _fitted(force_model, open_ones, n_jobs, cutoff)
+            if found is None or (found.problem.rows < ROWS * count and cutoff < last):
                 continue
-            if problem.rows < ROWS * count and cutoff < last:
-                continue
-            if before is not None:
-                changes.append(float(np.linalg.norm(seen @ (values - before))))
-            tried, before = [*tried, cutoff], values
+            if tried:
+                moved = np.linalg.norm(seen @ (found.values - values))
+                changes.append(float(moved / np.sqrt(judge.problem.rows)))
+            tried, values = [*tried, cutoff], found.values
             if cutoff > BEYOND * band and changes and changes[-1] > GROWTH * min(changes):
                 break
     if not tried:
         return None
     chosen = _chosen(changes, bounded=tried[-1] == limit)
-    bound = ""
-    if not changes:
-        bound = "alone"
-    elif chosen <= 1 < len(changes):
-        bound = "length" if shortest > first else "lowest"
-    elif tried[chosen] == limit and changes[-1] > CLEAR:
-        bound = "rate"
+    lowest = "length" if shortest > first else "lowest"
+    still = tried[chosen] == limit and bool(changes) and changes[-1] > CLEAR
+    low = chosen <= 1 < len(changes)
+    bound = "alone" if not changes else "rate" if still else lowest if low else ""
     return CutoffChoice(np.array(tried), np.array(changes), tried[chosen], bound)
 
 
@@ -198,23 +193,40 @@ def _least_cutoff(recordings: Sequence[Recording], rows: float) -> float:
     return float(rows / (FilterOptions().oversampling * max(sum(spans), np.finfo(float).tiny)))
 
 
-def _problem(force_model: ForceModel, recordings: Sequence[Recording], n_jobs: int) -> FitProblem:
-    return FitProblem.combined(force_model.samples(run, n_jobs).problem for run in recordings)
+class _Fitted(NamedTuple):
+    """A problem, its values (n,), and weights of the motors (dof,)."""
+
+    problem: FitProblem
+    values: FloatArray
+    weights: FloatArray
 
 
-def _fit(problem: FitProblem, prior: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Values (n,), those of the prior where nothing is known, and weights of the motors (dof,)."""
-    weights = 1.0 / np.where(problem.force_rms > 0, problem.force_rms, 1.0)
-    freedom = np.asarray(problem.samples * (problem.freedom / problem.rows))
-    values = prior
-    for _ in range(WEIGHTED):
-        rows = (weights[:, None, None] * problem.factors).reshape(-1, len(prior) + 1)
-        X, y = rows[:, :-1], rows[:, -1] - rows[:, :-1] @ prior
-        lengths = np.linalg.norm(X, axis=0)
-        lengths = np.where(lengths > 0, lengths, 1.0)
-        values = prior + np.linalg.lstsq(X / lengths, y, rcond=UNKNOWN)[0] / lengths
-        weights = inverse_deviations(problem, problem.residual_squares(values), freedom)
-    return values, weights
+def _fitted(
+    force_model: ForceModel,
+    recordings: Sequence[Recording],
+    n_jobs: int,
+    cutoff: float | None = None,
+) -> _Fitted | None:
+    """Recordings at a cut-off, or as they are; None where too little is left of them.
+
+    Values are those of the robot file where nothing is known.
+    """
+    prior = force_model.prior
+    try:
+        runs = recordings if cutoff is None else prepared_at(force_model, recordings, cutoff)
+        problem = FitProblem.combined(force_model.samples(run, n_jobs).problem for run in runs)
+        weights = 1.0 / np.where(problem.force_rms > 0, problem.force_rms, 1.0)
+        freedom = np.asarray(problem.samples * (problem.freedom / problem.rows))
+        for _ in range(WEIGHTED):
+            rows = (weights[:, None, None] * problem.factors).reshape(-1, len(prior) + 1)
+            X, y = rows[:, :-1], rows[:, -1] - rows[:, :-1] @ prior
+            lengths = np.linalg.norm(X, axis=0)
+            lengths = np.where(lengths > 0, lengths, 1.0)
+            values = prior + np.linalg.lstsq(X / lengths, y, rcond=UNKNOWN)[0] / lengths
+            weights = inverse_deviations(problem, problem.residual_squares(values), freedom)
+    except LoopidError:
+        return None
+    return _Fitted(problem, values, weights)
 
 
 def leaves_cutoff_open(recording: Recording) -> bool:

@@ -162,10 +162,10 @@ def fit_excited(
 ) -> FitResult:
     """Fit what the data excite; of all parameters that fit as well, those nearest to the prior.
 
-    Where a motor of few rows would be fitted without error, it counts for so much that others are
-    lost: the least excited directions are left out until it is not. This is the limit of Bayes' estimate for a prior (n,) that is ever less certain, in sizes. In
+    This is the limit of Bayes' estimate for a prior (n,) that is ever less certain, in sizes. In
     unidentifiable directions the covariance is that of the robot file, one size; parameters that
-    have a part there are ``assumed``.
+    have a part there are ``assumed``. A motor of few rows that is fitted without error counts for
+    so much that others are lost: the least excited directions are left out until it is not.
     """
     while True:
         try:

@@ -100,7 +100,7 @@ def prepare_recording(
     >>> robot = loopid.load_mechanism("five_bar")
     >>> log = loopid.read_log(bundled_directory() / "logs" / "five_bar.csv", robot)
     >>> loopid.prepare_recording(robot, log)
-    <Recording 'five_bar': 735 samples, filtered at 5.8 Hz, forces used: ...>
+    <Recording 'five_bar': 550 samples, filtered at 4.82 Hz, forces used: ...>
     """
     require_known_motion(robot, log.free)
     if log.joints != robot.actuated:

@@ -259,9 +259,9 @@ def filter_chart(found: CutoffChoice) -> Chart:
     )
     title = "change of forces (% of errors)"
     caption = (
-        "How far predicted forces move between neighbouring cut-offs of the low-pass filter. Around "
-        f"{found.chosen:.3g} Hz they move least: a lower one loses motion, a higher one lets noise "
-        "of the positions in. Of several that are as good the middle one is chosen."
+        "How far predicted forces move between neighbouring cut-offs of the low-pass filter. "
+        f"They move little around {found.chosen:.3g} Hz: a lower one loses motion, a higher one "
+        "lets noise of the positions in."
     )
     return Chart("filter", caption, "cut-off (Hz)", (Panel(title, marks, log="xy"),))
 
