@@ -378,8 +378,9 @@ def friction_summary(fit: FitResult) -> FrictionSummary:
 
 def friction_findings(fit: FitResult) -> list[str]:
     """What friction a fit has beside Coulomb and viscous friction: a sentence each."""
-    groups = () if fit.term_deviations is None else fit.term_deviations.names
-    parted = [name.rpartition(": ")[::2] for name in groups]
+    groups = fit.term_deviations
+    clear = () if groups is None else np.flatnonzero(groups.evidence >= CLEARLY)
+    parted = [groups.names[k].rpartition(": ")[::2] for k in clear] if groups else []
     said = {
         CURVE.name: "Friction of {} is a curve of the rate",
         ASYMMETRY.name: "Friction of {} differs by direction",
