@@ -163,9 +163,29 @@ def consistent_fit(
     >>> bool(np.allclose(model.base.values(found.standard_parameters), found.values))
     True
     """
+    return consistent_working_fit(
+        force_model,
+        data,
+        noise,
+        joint_values=joint_values,
+        joint_deviations=joint_deviations,
+        options=options,
+    ).result
+
+
+def consistent_working_fit(
+    force_model: ForceModel,
+    data: FitSamples,
+    noise: NoiseModel,
+    *,
+    joint_values: FloatArray | None = None,
+    joint_deviations: FloatArray | None = None,
+    options: ConsistentOptions = ConsistentOptions(),
+) -> WorkingFit:
+    """As ``consistent_fit``, with the least squares that the fit amounts to: the file as rows."""
     if data.parameters != force_model.parameters or data.actuators != noise.actuators:
         raise DataError("data and noise must be of the parameters and actuators of the force model")
-    weights = _weights(data.problem, noise)
+    weights = error_weights(data.problem, noise)
     priors = _joint_priors(force_model, data.problem, joint_values, joint_deviations)
     with one_blas_thread():
         program = _Program.of(force_model, data.problem.weighted(weights), priors)
@@ -176,12 +196,12 @@ def consistent_fit(
     )
     told = program.terms.of_groups(program.step(state).told[WIDTH * len(program.file) :])
     groups = TermDeviations(program.terms.names, state.groups, told, program.terms.bounds)
-    found = replace(found, deviation=far, term_deviations=groups if groups.names else None)
+    result = replace(found.result, deviation=far, term_deviations=groups if groups.names else None)
     _warn(force_model, program, far)
-    return found
+    return replace(found, result=result)
 
 
-def _weights(problem: FitProblem, noise: NoiseModel) -> FloatArray:
+def error_weights(problem: FitProblem, noise: NoiseModel) -> FloatArray:
     """Weights (dof,) of the actuators' rows, which count as their effective samples."""
     present = (noise.samples > 0) & (problem.samples > 0)
     least = np.maximum(problem.least_errors, PRECISION * problem.force_rms)
@@ -510,7 +530,7 @@ def _result(
     program: _Program,
     state: _State,
     freedom: float,
-) -> FitResult:
+) -> WorkingFit:
     """The values, with Laplace's covariance for autocorrelated errors."""
     M, standard, problem = force_model.base.matrix, program.standard(state), data.problem
     told = M @ program.changes(state)
@@ -543,9 +563,51 @@ def _result(
         standard_parameters=standard,
     )
     working = within_runs(WorkingFit(plain, data, rows))
-    found = with_scatter(working).result
-    known = np.minimum(found.degrees_of_freedom, _freedom(program, state, told, freedom))
-    return replace(found, degrees_of_freedom=known)
+    found = with_scatter(working)
+    known = np.minimum(found.result.degrees_of_freedom, _freedom(program, state, told, freedom))
+    return replace(found, result=replace(found.result, degrees_of_freedom=known))
+
+
+def solid_body(
+    values: FloatArray, covariance: FloatArray, matrix: FloatArray, guess: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The most likely solid body of estimates x = M π, of which nothing else is known.
+
+    Parameters
+    ----------
+    values, covariance : FloatArray
+        (r,) and (r, r), the estimates.
+    matrix : FloatArray
+        (r, 4) or (r, 10), M.
+    guess : FloatArray
+        (4, 4), pseudo-inertia of a body near it, which may be off by ``farthest`` times itself.
+
+    Returns
+    -------
+    standard_parameters : FloatArray
+        (4,) or (10,), π.
+    covariance : FloatArray
+        (r, r) of M π.
+    """
+    # Errors that are round-off of such a body count as a little larger, lest they are nothing.
+    own = (_vector(guess) @ PARAMETERS)[: matrix.shape[1]]
+    sizes = np.sqrt(np.diag(covariance)) + PRECISION * (np.abs(matrix) @ np.abs(own))
+    shares, turn = np.linalg.eigh(covariance / np.outer(sizes, sizes))
+    least = PRECISION**2 * shares.max() + PRECISION**2
+    inverse = (turn / np.sqrt(np.maximum(shares, least))).T / sizes
+    program = _Program(
+        effects=inverse @ matrix,
+        target=inverse @ values,
+        names=("",),
+        unsound=(),
+        file=upper_factor(guess[None]),
+        columns=np.arange(matrix.shape[1])[None],
+        terms=JointPriors.none(),
+    )
+    with one_blas_thread():
+        state = _minimised(program, program.first(ConsistentOptions().farthest))
+        turned = matrix @ program.changes(state)
+        return program.standard(state), program.step(state).covariance(turned) @ turned.T
 
 
 def _freedom(program: _Program, state: _State, told: FloatArray, nu: float) -> FloatArray:
