@@ -198,6 +198,23 @@ def require_folder(folder: str | Path) -> None:
         raise FileError(f"cannot write to {folder}: no permission in {existing}")
 
 
+def require_name(path: str | Path, what: str) -> None:
+    """Refuse an empty text, which would stand for the folder that one is in."""
+    if isinstance(path, str) and not path.strip():
+        raise FileError(f"{what} has no name: give a path, not {path!r}", given=path)
+
+
+def require_own_kind(path: str | Path, endings: Sequence[str]) -> None:
+    """Refuse to write over a file of another kind, by its ending."""
+    place = Path(path)
+    if place.exists() and not place.name.lower().endswith(tuple(endings)):
+        raise FileError(
+            f"{path} exists, and is of another kind than {', '.join(endings)}: name another file",
+            file=str(path),
+            valid=tuple(endings),
+        )
+
+
 def require_other_file(path: str | Path, *inputs: str | Path) -> None:
     """Refuse to write over a file that the result is made from."""
     place = Path(path)
