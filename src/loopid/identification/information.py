@@ -101,6 +101,7 @@ class Excitation:
         R = problem.weighted(weights)[:n, :n] / np.sqrt(max(problem.rows, 1))
         # A joint term has its effect in the data, or that in random states if they hardly move it.
         effect, leading = np.sqrt((K**2).mean(axis=(0, 1))), base.base[columns]
+        usual = effect[leading]
         effect[base.base] *= HARDLY_MOVED
         effect[leading] = np.maximum(effect[leading], np.linalg.norm(R, axis=0))
         joints = effect[len(bodies) :]
@@ -110,7 +111,7 @@ class Excitation:
         _, effects, right = np.linalg.svd(R @ L)
         rows = K[:, :, leading].reshape(-1, n) @ L
         structural = np.linalg.svd(rows, compute_uv=False) / np.sqrt(len(rows))
-        return cls(weights, L, effects, right.T, structural, joint_sizes, excited_rank(R))
+        return cls(weights, L, effects, right.T, structural, joint_sizes, excited_rank(R, usual))
 
     @property
     def sizes(self) -> FloatArray:
@@ -164,9 +165,17 @@ def fit_excited(
 
     This is the limit of Bayes' estimate for a prior (n,) that is ever less certain, in sizes. In
     unidentifiable directions the covariance is that of the robot file, one size; parameters that
-    have a part there are ``assumed``.
+    have a part there are ``assumed``. A motor of few rows that is fitted without error counts for
+    so much that others are lost: the least excited directions are left out until it is not.
     """
-    found = quiet_fit(excited_samples(samples, prior, excitation), estimator)
+    while True:
+        try:
+            found = quiet_fit(excited_samples(samples, prior, excitation), estimator)
+            break
+        except (DataError, RankError):
+            if excitation.rank <= 1:
+                raise
+            excitation = replace(excitation, rank=excitation.rank - 1)
     B, U = excitation.excited, excitation.unidentifiable
     values, covariance = prior + B @ found.values, B @ found.covariance @ B.T + U @ U.T
     return replace(

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields, replace
+from dataclasses import field, fields, replace
 from difflib import SequenceMatcher
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from loopid.errors import DataError, OptionError
 from loopid.identification.problem import FitProblem
 from loopid.parameters import ParameterSet, html_table
 from loopid.records import Tabular, record
+
+if TYPE_CHECKING:
+    from loopid.identification.force_model import ForceModel
 
 # Squared deviation of a force from its mean, relative to its square, that is but round-off.
 CONSTANT_FORCE = 1e-12
@@ -28,10 +31,10 @@ class OfArrays:
 
     def __post_init__(self) -> None:
         kinds = {"FloatArray": np.float64, "IntArray": np.int64, "FloatArray | None": np.float64}
-        for field in fields(self):  # type: ignore[arg-type]
-            given = getattr(self, field.name)
-            if field.type in kinds and given is not None:
-                object.__setattr__(self, field.name, frozen(given, kinds[field.type]))
+        for each in fields(self):  # type: ignore[arg-type]
+            given = getattr(self, each.name)
+            if each.type in kinds and given is not None:
+                object.__setattr__(self, each.name, frozen(given, kinds[each.type]))
 
 
 @record
@@ -180,20 +183,43 @@ class TermDeviations(OfArrays):
         (g,), deviation of each, in the unit of its terms.
     told : FloatArray
         (g,), how many of its terms the data tell.
-    bounds : FloatArray
-        (g, 2), least and largest that each may be: at the least, the group has no effect.
+    evidence : FloatArray
+        (g,), logarithm of how much likelier the data are with the group than without it.
     """
 
     names: tuple[str, ...]
     own: FloatArray
     told: FloatArray
-    bounds: FloatArray
+    evidence: FloatArray
+
+
+@record
+class MotorUse(OfArrays):
+    """How the motors were used in the samples of a fit.
+
+    Attributes
+    ----------
+    joints : tuple of str
+    slowest, fastest : FloatArray
+        (m,), slowest informative and fastest rate of each, in m/s or rad/s.
+    load : FloatArray
+        (m,), mean size of the force that moved the bodies, in N or N m.
+    """
+
+    joints: tuple[str, ...]
+    slowest: FloatArray
+    fastest: FloatArray
+    load: FloatArray
 
     @property
-    def present(self) -> tuple[str, ...]:
-        """Groups that the data ask for."""
-        asked = self.own > self.bounds[:, 0]
-        return tuple(name for name, flag in zip(self.names, asked, strict=True) if flag)
+    def columns(self) -> tuple[tuple[str, ...], list[float], list[float]]:
+        """Joints, slowest and fastest rates."""
+        return self.joints, self.slowest.tolist(), self.fastest.tolist()
+
+    def of(self, joint: str) -> tuple[float, float]:
+        """Slowest and fastest rate of a joint."""
+        k = self.joints.index(joint)
+        return float(self.slowest[k]), float(self.fastest[k])
 
 
 @record
@@ -265,6 +291,11 @@ class FitResult(OfArrays, Tabular):
         In Hz, of the filter, where it was chosen by predictions.
     term_deviations : TermDeviations or None
         Of groups of joint terms, where there are any.
+    use : MotorUse or None
+        Rates and loads of the motors in the data; None where they are not known.
+    force_model : ForceModel or None
+        Whose parameters these are, where ``identify`` fitted them: it may have chosen joint terms
+        beside those of the model that it was given.
 
     Examples
     --------
@@ -299,6 +330,8 @@ class FitResult(OfArrays, Tabular):
     deviation: FileDeviation | None = None
     cutoff: float | None = None
     term_deviations: TermDeviations | None = None
+    use: MotorUse | None = None
+    force_model: ForceModel | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
