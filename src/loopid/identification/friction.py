@@ -16,7 +16,6 @@ stays as it is there; above, it goes on as the line; in both its band widens.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +28,8 @@ from loopid.identification.consistent import (
     quiet_consistent_fit,
     warn_of_bodies,
 )
+from loopid.identification.correlation import residual_noise
+from loopid.identification.estimator import LEAST_EXCITATION
 from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import (
@@ -36,7 +37,6 @@ from loopid.identification.result import (
     Estimate,
     FitResult,
     MotorUse,
-    NoiseModel,
     TermDeviations,
 )
 from loopid.logs.recording import Recording
@@ -53,6 +53,7 @@ from loopid.regressors.joint_laws import (
     joint_term,
 )
 from loopid.regressors.joint_terms import JointTerms
+from loopid.workers import one_blas_thread
 
 # Percentile of the rates of a motor's samples that is its slowest informative one, and most rates
 # of a curve, from the fastest down.
@@ -182,6 +183,10 @@ def with_friction(
         wide = force_model.with_columns(kinds)
         wide = wide.with_loads(np.array([known.get(p.label, 0.0) for p in wide.parameters]))
         data = wide.widened(plain, recordings)
+        if left == ROUNDS:
+            # What plain terms leave of friction is no error.
+            every, rank = _all_told(data, whole.weights)
+            noise = residual_noise(data, every, rank)
         if left and kinds:
             left -= 1
             values = consistent_values(wide, data, noise, options=options)
@@ -192,8 +197,18 @@ def with_friction(
                 warn_of_bodies(wide, fit)
                 return wide, data, fit
             kinds, values = asked, fit.values
-        noise = less_noise(whole, data, values)
+        noise = residual_noise(data, values, rank)
         known = dict(zip(wide.parameters.labels, values.tolist(), strict=True))
+
+
+def _all_told(data: FitSamples, weights: FloatArray) -> tuple[FloatArray, int]:
+    """Least squares (n,) of all columns that the data excite, and how many these are."""
+    with one_blas_thread():
+        R = data.problem.weighted(weights)
+        lengths = np.linalg.norm(R[:-1, :-1], axis=0)
+        lengths = np.where(lengths > 0, lengths, 1.0)
+        x, _, rank, _ = np.linalg.lstsq(R[:-1, :-1] / lengths, R[:-1, -1], rcond=LEAST_EXCITATION)
+    return np.asarray(x / lengths, dtype=np.float64), int(rank)
 
 
 def _asked(
@@ -215,16 +230,6 @@ def _asked(
             gone.add(least)
         left[joint] = tuple(kind for kind in own if _group(kind) not in gone)
     return {joint: own for joint, own in left.items() if own}
-
-
-def less_noise(whole: FitResult, data: FitSamples, values: FloatArray) -> NoiseModel:
-    """The errors of a fit with what further terms explain of them taken off."""
-    noise, old = whole.noise, whole.quality.residual_rms
-    assert noise is not None
-    squares = data.problem.residual_squares(values) / np.maximum(data.problem.samples, 1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(old > 0, np.sqrt(squares) / old, 1.0)
-    return replace(noise, deviation=noise.deviation * np.fmin(ratio, 1.0))
 
 
 def _group(kind: str) -> str:
