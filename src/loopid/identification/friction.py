@@ -15,7 +15,8 @@ stays as it is there; above, it goes on as the line; in both its band widens.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,7 @@ from loopid.identification.result import (
     Estimate,
     FitResult,
     MotorUse,
+    NoiseModel,
     TermDeviations,
 )
 from loopid.logs.recording import Recording
@@ -172,13 +174,13 @@ def with_friction(
         Of these, by ``consistent_fit``.
     """
     noise = whole.noise
-    if noise is None:
+    if whole.noise is None or noise is None:
         raise DataError("the fit has no model of its errors that friction could be weighed by")
     values = consistent_values(force_model, data, noise, options=options)
     use, loads = motor_use(force_model, data, recordings), force_model.loads(data.regressor)
     kinds = friction_kinds(force_model, data, use, loads)
     plain, known = data, dict(zip(force_model.parameters.labels, values.tolist(), strict=True))
-    left = ROUNDS
+    left, honest = ROUNDS, False
     while True:
         wide = force_model.with_columns(kinds)
         wide = wide.with_loads(np.array([known.get(p.label, 0.0) for p in wide.parameters]))
@@ -190,15 +192,28 @@ def with_friction(
         if left and kinds:
             left -= 1
             values = consistent_values(wide, data, noise, options=options)
+            noise = residual_noise(data, values, rank)
         else:
+            noise = _of_motors(kinds, noise, whole.noise)
             fit = quiet_consistent_fit(wide, data, noise, options=options).result
             asked = {} if fit.term_deviations is None else _asked(kinds, fit.term_deviations)
-            if asked == kinds:
+            if asked == kinds and honest:
                 warn_of_bodies(wide, fit)
                 return wide, data, fit
-            kinds, values = asked, fit.values
-        noise = residual_noise(data, values, rank)
+            assert fit.noise is not None
+            # With what the fit took up of slow errors added back.
+            kinds, values, noise, honest = asked, fit.values, fit.noise, True
         known = dict(zip(wide.parameters.labels, values.tolist(), strict=True))
+
+
+def _of_motors(motors: Iterable[str], noise: NoiseModel, others: NoiseModel) -> NoiseModel:
+    """Errors with the sizes of one model for some motors, and of another for the others."""
+    own = np.isin(others.actuators, list(motors))
+    return replace(
+        others,
+        deviation=np.where(own, noise.deviation, others.deviation),
+        effective_samples=np.where(own, noise.effective_samples, others.effective_samples),
+    )
 
 
 def _all_told(data: FitSamples, weights: FloatArray) -> tuple[FloatArray, int]:
