@@ -92,10 +92,13 @@ def test_all_tables_fit_the_terminal_and_no_number_in_them_is_cut(report, width)
 
 
 def test_the_terminal_shows_the_recommended_values(report, study):
-    (brief,) = report.brief
+    brief, masses = report.brief
     names, values, errors, _ = ([str(c) for c in column.cells] for column in brief.columns)
     fit = study.identification.fit
-    assert names == list(fit.parameters.labels)
+    assert names == list(fit.parameters.names)
+    masses = [[str(cell) for cell in column.cells] for column in masses.columns]
+    assert masses[0] == [name for name in fit.robot if name.endswith((".m", ".Ia"))]
+    assert [who == "" for who in masses[-1]] == [fit.robot[name].told for name in masses[0]]
     for value, error, estimate in zip(values, errors, fit.estimates, strict=True):
         assert float(value) == pytest.approx(estimate.value, rel=5e-4, abs=estimate.standard_error)
         assert (error == "= file") == (estimate.name in fit.assumed)
@@ -107,7 +110,7 @@ def test_values_in_the_tables_are_those_of_the_fit(report, study):
     )
     found = study.identification
     fit, model = found.fit, found.force_model
-    assert names == list(fit.parameters.labels)
+    assert names == list(fit.parameters.expressions)
     ends = [[float("nan") if cell == "-" else float(cell) for cell in part] for part in (low, high)]
     known = np.isfinite(fit.intervals()).all(axis=1)
     np.testing.assert_allclose(np.transpose(ends)[known], fit.intervals()[known], rtol=1e-3)
@@ -167,7 +170,7 @@ def test_parameters_are_shown_against_the_robot_file_with_their_intervals(study,
     np.testing.assert_allclose(spans.x + spans.to, 2 * dots.x, atol=1e-9)
     reach = np.ptp(fit.intervals()[bodies], axis=1) / np.abs(fit.values - model.prior)[bodies]
     np.testing.assert_allclose((spans.to - spans.x) / np.abs(dots.x), reach, rtol=1e-9)
-    assert panel.labels == tuple(fit.parameters.labels[j] for j in bodies)
+    assert panel.labels == tuple(fit.parameters.names[j] for j in bodies)
 
 
 def test_friction_is_drawn_with_what_it_explains(study, report):
@@ -267,7 +270,7 @@ def test_the_recommended_fit_is_said_listed_and_saved(study):
     assert other.recommended is other["robot file"]
     (said,) = [text for text in findings(worse) if "Recommended" in text]
     assert "robot file with fitted joint terms, as nothing is clearly better" in said
-    bodies = [found.fit.parameters.labels[j] for j in found.force_model.body_columns]
+    bodies = [found.fit.parameters.names[j] for j in found.force_model.body_columns]
     assert other.fit.assumed == tuple(bodies)
 
 
@@ -301,7 +304,7 @@ def test_an_identification_is_recorded_whole(study):
     np.testing.assert_array_equal(record["robot_file"], model.prior)
     np.testing.assert_array_equal(record["essential"], study.essential.values)
     assert record["all_parameters"] == SavedFit.of(model, found["all parameters"].fit).record()
-    corrected = [model.parameters.labels[j] for j in study.reduction.columns]
+    corrected = [model.parameters.names[j] for j in study.reduction.columns]
     assert record["essential_parameters"] == corrected
 
 

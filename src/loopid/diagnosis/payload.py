@@ -289,7 +289,7 @@ def identify_payload(
     """
     runs, chosen = LoadedRuns.of(force_model, link, unloaded, loaded), chosen_estimator(estimator)
     base = _payload_parameters(runs)
-    samples = runs.robot.beside(base.parameters.select(base.base), base.regressor(runs.carried))
+    samples = runs.robot.beside(base.combinations, base.regressor(runs.carried))
     if chosen.name == "wls":
         working = _with_the_file(runs, samples)
     else:
@@ -356,7 +356,7 @@ def _solid(
     standard, covariance = solid_body(x, C, base.matrix, guess)
     return standard, replace(
         result,
-        parameters=base.parameters.select(base.base),
+        parameters=base.combinations,
         values=base.matrix @ standard,
         covariance=covariance,
         degrees_of_freedom=result.degrees_of_freedom[first:],

@@ -50,6 +50,7 @@ from loopid.identification.result import (
     FileDeviation,
     FitResult,
     NoiseModel,
+    RobotUncertainty,
     TermDeviations,
     fit_quality,
 )
@@ -559,13 +560,38 @@ def _result(
         degrees_of_freedom=np.array(float(max(problem.freedom, 1))),
         quality=fit_quality(problem, values),
         weights=weights,
-        assumed=tuple(force_model.parameters.labels[j] for j in np.flatnonzero(only_kept)),
+        assumed=tuple(force_model.parameters.names[j] for j in np.flatnonzero(only_kept)),
         standard_parameters=standard,
     )
     working = within_runs(WorkingFit(plain, data, rows))
     found = with_scatter(working)
     known = np.minimum(found.result.degrees_of_freedom, _freedom(program, state, told, freedom))
-    return replace(found, result=replace(found.result, degrees_of_freedom=known))
+    robot = _robot_uncertainty(force_model, program, state, freedom)
+    return replace(found, result=replace(found.result, degrees_of_freedom=known, uncertainty=robot))
+
+
+# Relative eigenvalues of a covariance that are round-off.
+SINGULAR = 1e-12
+
+
+def _robot_uncertainty(
+    force_model: ForceModel, program: _Program, state: _State, nu: float
+) -> RobotUncertainty:
+    """Of standard parameters: what the posterior of the base parameters leaves open beside them."""
+    T, M = program.changes(state), force_model.base.matrix
+    spread = program.step(state).covariance(T)
+    both, base = spread @ (M @ T).T, (M @ spread) @ (M @ T).T
+    sizes = np.sqrt(np.diag(base))
+    sizes = np.where(sizes > 0, sizes, 1.0)
+    gain = both / sizes @ np.linalg.pinv(base / np.outer(sizes, sizes), SINGULAR, True) / sizes
+    return RobotUncertainty(
+        parameters=force_model.base.parameters,
+        gain=gain,
+        beside=np.maximum((spread * T).sum(axis=1) - (gain * both).sum(axis=1), 0.0),
+        # What no force depends on only the file tells, though it goes with its body.
+        file=np.where(M.any(axis=0), (T**2).sum(axis=1), 0.0),
+        degrees_of_freedom=_freedom(program, state, T, nu),
+    )
 
 
 def solid_body(

@@ -26,7 +26,13 @@ from loopid.identification.information import (
 )
 from loopid.identification.prediction import Candidate, judge
 from loopid.identification.problem import ROUND_OFF, FitSamples
-from loopid.identification.result import FitResult, fit_quality, nearest_first, of_all
+from loopid.identification.result import (
+    FitResult,
+    RobotUncertainty,
+    fit_quality,
+    nearest_first,
+    of_all,
+)
 from loopid.identification.terms import TermOptions, choose_terms
 from loopid.identification.verdict import Verdict
 from loopid.logs.recording import Recording
@@ -430,7 +436,7 @@ def fit_joint_terms(
             degrees_of_freedom=np.array(float(data.problem.rows)),
             quality=fit_quality(data.problem, values),
             weights=equal_weights(data.problem),
-            assumed=force_model.parameters.labels,
+            assumed=force_model.parameters.names,
             standard_parameters=force_model.standard_prior,
         )
     estimator = chosen_estimator(options.estimator)
@@ -446,10 +452,14 @@ def fit_joint_terms(
     values[joints] = not_below(least, left, terms)
     standard[places] += values[joints] - force_model.prior[joints]
     terms = replace(terms, values=values[joints])
+    gain, file = np.zeros((len(standard), len(values))), np.zeros(len(standard))
+    gain[places, joints], file[places] = 1.0, np.inf
+    known = np.zeros(len(standard)), file, np.full(len(standard), np.inf)
     return replace(
         of_all(terms, force_model.parameters, joints, values),
         quality=fit_quality(data.problem, values),
         standard_parameters=standard,
+        uncertainty=RobotUncertainty(force_model.base.parameters, gain, *known),
     )
 
 
@@ -503,5 +513,5 @@ def fit_solid_bodies(
         known = {"joint_values": values, "joint_deviations": deviations}
     found = consistent_fit(force_model, data, whole.noise, **known, options=options.consistent)
     assumed = {*found.assumed, *(excited.assumed if excited.unidentifiable else ())}
-    labels = force_model.parameters.labels
-    return replace(found, assumed=tuple(name for name in labels if name in assumed))
+    names = force_model.parameters.names
+    return replace(found, assumed=tuple(name for name in names if name in assumed))

@@ -366,9 +366,7 @@ def friction_curve(
     values, spread = laws @ fit.values[columns], fit.covariance[np.ix_(columns, columns)]
     error = np.sqrt(np.maximum(((laws @ spread) * laws).sum(axis=1), 0.0))
     freedom = float(fit.degrees_of_freedom[columns].min())
-    sure = freedom >= LEAST_FREEDOM and not {*fit.parameters.select(columns).labels} & {
-        *fit.assumed
-    }
+    sure = freedom >= LEAST_FREEDOM and not {*fit.parameters.select(columns).names} & {*fit.assumed}
     reach = stdtrit(freedom, 0.975) * error if sure else np.full(len(rate), np.inf)
     return FrictionCurve(joint, rate, values, np.stack([values - reach, values + reach], axis=1))
 

@@ -101,7 +101,8 @@ def _least_known(found: Identification) -> tuple[str, ...]:
     alone = found.recommended is found.baseline  # of the bodies it has no estimates
     fit = found["all parameters"].fit if alone else found.fit
     weak, order = set(fit.insignificant()), np.argsort(-fit.relative_std, kind="stable")
-    return tuple(name for j in order if (name := fit.parameters.labels[j]) in weak)
+    labels, names = fit.parameters.labels, fit.parameters.names
+    return tuple(labels[j] for j in order if names[j] in weak)
 
 
 def _listed(names: Sequence[str]) -> str:
