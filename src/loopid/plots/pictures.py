@@ -13,11 +13,11 @@ from loopid.base_parameters.choice import SearchResult
 from loopid.errors import OptionError
 from loopid.excitation.design import ExcitationDesign
 from loopid.identification.cutoff import CutoffChoice
+from loopid.identification.friction import friction_columns, friction_curve, frictional_joints
 from loopid.identification.information import Identifiability, body_sizes
 from loopid.identification.pipeline import Identification
 from loopid.identification.prediction import Prediction
 from loopid.identification.saved import SavedFit
-from loopid.identification.terms import friction_columns, friction_curve, frictional_joints
 from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel
 from loopid.robot.mechanism import Mechanism
 from loopid.view.scene import link_rods, placed
@@ -324,21 +324,19 @@ def spectrum_chart(found: Identifiability) -> Chart:
 
 @checked
 def filter_chart(found: CutoffChoice) -> Chart:
-    """Errors and spread of predictions at the cut-offs that were tried."""
-    errors, spreads = 100 * found.errors, 100 * found.spreads
-    both = np.concatenate([errors, spreads])
-    ends = np.array([np.nanmin(both), np.nanmax(both)])
+    """How far predicted forces move from each cut-off that was tried to the next."""
+    between, changes = np.sqrt(found.cutoffs[:-1] * found.cutoffs[1:]), 100 * found.changes
+    ends = np.array([changes.min(initial=np.inf), changes.max(initial=0.0)])
     marks = (
-        Mark("error", found.cutoffs, errors, "file"),
-        Mark("deviation of the predictions", found.cutoffs, spreads, "other"),
-        Mark("", found.cutoffs, errors, "file", "dots"),
-        Mark("", found.cutoffs, spreads, "other", "dots"),
-        Mark("chosen", np.full(2, found.chosen), ends, "fit"),
+        Mark("change", between, changes, "file"),
+        Mark("", between, changes, "file", "dots"),
+        *([Mark("chosen", np.full(2, found.chosen), ends, "fit")] if len(changes) else []),
     )
-    title = f"predictions below {found.judged:.3g} Hz of data that were not fitted (% of the force)"
+    title = "change of forces (% of errors)"
     caption = (
-        "Cut-offs of the low-pass filter that were tried: errors on data that were not fitted, and "
-        f"how far predictions vary with the data; {found.chosen:.3g} Hz is best."
+        "How far predicted forces move between neighbouring cut-offs of the low-pass filter. "
+        f"They move little around {found.chosen:.3g} Hz: a lower one loses motion, a higher one "
+        "lets noise of the positions in."
     )
     return Chart("filter", caption, "cut-off (Hz)", (Panel(title, marks, log="xy"),))
 
