@@ -34,6 +34,7 @@ SEARCHES: Registry[type[SearchStrategy]] = Registry(
         "qr": "loopid.base_parameters.choice:PivotedQR",
     },
 )
+LISTED = 3  # base parameters that a ``repr`` names
 LEAST_TIME = 0.01  # s, for a search after one that used all there was
 
 
@@ -121,8 +122,8 @@ class BaseParameters(Tabular):
         return (
             f"BaseParameters({len(self)} of {len(self.parameters)} parameters, "
             f"{len(self.dependent)} dependent, rank gap {self.structure.rank_gap:.1e})\n"
-            f"  {self.search!r}\n  {', '.join(self.combinations.names[:6])}"
-            f"{', ...' if len(self) > 6 else ''}"
+            f"  {self.search!r}\n  {', '.join(self.combinations.names[:LISTED])}"
+            f"{', ...' if len(self) > LISTED else ''}"
         )
 
     def _repr_html_(self) -> str:

@@ -434,7 +434,9 @@ class FitResult(OfArrays, Tabular):
                 given=name,
                 valid=tuple(with_it),
             )
-        raise OptionError.unknown("parameter", name, nearest_first(name, names))
+        near = nearest_first(name, self.parameters.labels)
+        called = dict(zip(self.parameters.labels, names, strict=True))
+        raise OptionError.unknown("parameter", name, [called[label] for label in near])
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.parameters.names)

@@ -41,8 +41,8 @@ from loopid.report.look import (
 )
 from loopid.report.page import Part, Report, Section
 
-# Kinds of parameters that are shown first: masses and drive inertias.
-LOOKED_FOR = "m", "Ia"
+# Values that the terminal shows where they do not fit in two columns.
+SHOWN = 14
 # Of the kinds whose size the evidence decides: those that say something alone.
 ALONE = "Fk0", "Ft"
 
@@ -55,26 +55,19 @@ def identification_report(study: Study, command: str = "") -> Report:
     for each in _shown(found.fit):
         value, error = _value_and_error(found.fit, each)
         rows.append((each.name, value, "= file" if error == "-" else f"± {error}", each.unit))
+    if len(rows) > 2 * SHOWN or any(" more" in row[0] for row in rows):
+        left = len(rows) - SHOWN
+        rows[SHOWN:] = [(f"... and {left} more: --verbose", "", "", "")] if left > 0 else []
     return Report(
         name="identification",
         title=f"{model.mechanism.name}, {model.model} model",
         verdict=str(judged),
         record=identification_record(study),
-        brief=[plain_table("", ("", ">", "", ""), rows), *_mass_tables(found)],
+        brief=[plain_table("", ("", ">", "", ""), rows)],
         sections=lambda: _sections(study),
         results=lambda: _fits(found),
         advice=command if judged.excite else "",
     )
-
-
-def _mass_tables(found: Identification) -> list[Table]:
-    """Masses and rotors of the recommended robot: what people look for beside the sums."""
-    rows = []
-    for each in found.fit.robot.values():
-        if Parameter.parse(each.name).kind in LOOKED_FOR:
-            value, error = with_error(each.value, each.standard_error)
-            rows.append((each.name, value, f"± {error}", each.unit, "" if each.told else "by file"))
-    return [plain_table("masses and rotors", ("", ">", "", "", ""), rows)] if rows else []
 
 
 def _sections(study: Study) -> list[Section]:
