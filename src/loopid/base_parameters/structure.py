@@ -48,6 +48,8 @@ class Structure:
         Combinations that may have an effect or not; they do not count.
     tolerances : RankTolerances
         What decided.
+    rank_bounds : tuple of int or None
+        Between which numbers the rank lies where the gap is not clear; None where it is.
     """
 
     parameters: ParameterSet
@@ -59,6 +61,7 @@ class Structure:
     row_factor: FloatArray
     doubtful: tuple[DoubtfulCombination, ...] = ()
     tolerances: RankTolerances = RankTolerances()
+    rank_bounds: tuple[int, int] | None = None
 
     @property
     def precision(self) -> float:
@@ -94,19 +97,30 @@ def analyse(observation: Observation, tolerances: RankTolerances = RankTolerance
     (4, 7, ())
     """
     with one_blas_thread():
-        found = decide_rank(observation, tolerances)
+        decisive = observation.unit_motions or observation
+        found = decide_rank(decisive, tolerances)
+        if found.bounds and decisive.draws is not None:
+            more = decisive.draws.more()
+            decisive = more.unit_motions or more
+            found = decide_rank(decisive, tolerances)
         columns, rank = found.columns, found.value
-        R = observation.factor[:, columns]
         # Columns of equal length give the most accurate null vectors, unless small ones are noise.
-        scales = found.scales[columns] if found.doubtful else 1 / np.linalg.norm(R, axis=0)
-        values, right = decomposed(R * scales)
-        basis = _orthonormal(right[rank:].T * scales[:, None])
+        norms = np.linalg.norm(decisive.factor[:, columns], axis=0)
+        scales = found.scales[columns] if found.doubtful else 1 / norms
+        values, right = decomposed(decisive.factor[:, columns] * scales)
+        basis = right[rank:].T
         # Rows of round-off are zeros: enough of them would make a V22 with an excellent condition
         # number and no meaning.
         precision = _precision(found.gap, doubtful=bool(found.doubtful))
+        import os
+        if os.environ.get("DBG"):
+            n_ = np.sort(np.linalg.norm(basis, axis=1))
+            print("rows", np.array2string(np.log10(np.maximum(n_,1e-18)),precision=1, max_line_width=200), "sr %.1e"%(values[rank-1]/values[0]))
         basis[np.linalg.norm(basis, axis=1) < precision] = 0.0
-        basis, _ = np.linalg.qr(basis)
-        factor = values[:rank, None] * right[:rank] / scales
+        basis = np.linalg.qr(basis)[0]
+        factor = observation.factor[:, columns] * scales
+        values, right = decomposed(factor - (factor @ basis) @ basis.T)
+        factor = values[:rank, None] * right[:rank]
         factor -= (factor @ basis) @ basis.T  # so that both have the same regular choices
     return Structure(
         parameters=observation.parameters.select(columns),
@@ -114,10 +128,11 @@ def analyse(observation: Observation, tolerances: RankTolerances = RankTolerance
         singular_values=found.singular_values,
         rank=rank,
         rank_gap=found.gap,
-        null_basis=basis,
-        row_factor=factor,
+        null_basis=_orthonormal(basis * scales[:, None]),
+        row_factor=factor / scales,
         doubtful=found.doubtful,
         tolerances=tolerances,
+        rank_bounds=found.bounds,
     )
 
 

@@ -183,9 +183,9 @@ def _ranges(measured: MeasuredCoordinates) -> tuple[FloatArray, FloatArray, Floa
     """Reference values of the measured joints, and the limits between which they are drawn."""
     mechanism = measured.mechanism
     home = measured.read(mechanism.reference[None])[0]
-    joints = [mechanism.joint(name) for name in mechanism.measured]
-    sliding = np.isin([joint.idx_v for joint in joints], mechanism.prismatic)
-    width = np.where(sliding, mechanism.length, np.pi)
+    chosen = mechanism.velocity_indices(mechanism.measured)
+    sliding = np.isin(chosen, mechanism.prismatic)
+    width = np.where(sliding, 1.0, np.pi) * mechanism.coordinate_scales[chosen]
     limits = np.array([mechanism.limits(name) for name in mechanism.measured]).reshape(-1, 2)
     limited = np.abs(limits) < UNLIMITED * width[:, None]
     lower = np.where(limited[:, 0], limits[:, 0], home - width)
@@ -245,8 +245,7 @@ def random_motions(
         require_count(count, "count")
     generator = seed if isinstance(seed, np.random.Generator) else random_generator(seed)
     independent, _ = partition(mechanism)
-    unit = np.ones(len(independent))
-    unit[np.isin(independent, mechanism.prismatic)] = mechanism.length
+    unit = mechanism.coordinate_scales[independent]
     gravity = float(np.linalg.norm(mechanism.model.gravity.linear)) or 1.0
     rate = np.sqrt(gravity / mechanism.length)
     drawn = generator.uniform(-1.0, 1.0, size=(2, count, len(unit)))

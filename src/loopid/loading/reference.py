@@ -268,7 +268,8 @@ def _scattered(
             turn[mechanism.prismatic] = 0.0
             q = integrate(mechanism, q[None], np.pi * turn[None])[0]
             continue
-        width = mechanism.length if joint.idx_v in mechanism.prismatic else np.pi
+        turn = 1.0 if joint.idx_v in mechanism.prismatic else np.pi
+        width = turn * mechanism.coordinate_scales[joint.idx_v]
         lower, upper = mechanism.limits(name)
         low, high = max(lower, -width), min(upper, width)
         if low <= high:

@@ -34,6 +34,7 @@ COMPONENTS = {
     "JointModelTranslation": LINEAR,
 }
 OUTSIDE = 1e-9  # m or rad: the round-off of a position at its limit
+SLIGHT = 1e-9  # of the steepest slope of a coupling: another is none
 NO_LIMIT = 1e100  # readers write the largest float where a file gives no limit
 LISTED = 8  # names in a sentence
 
@@ -425,10 +426,20 @@ class Mechanism:
 
     @cached_property
     def coordinate_scales(self) -> FloatArray:
-        """Unit steps (nv,) of the coordinates: 1 rad, or the characteristic length in m."""
+        """Unit steps (nv,) of the coordinates: 1 rad, or the characteristic length in m.
+
+        Couplings, as gears, may move some coordinates much faster than others: steps of these are
+        longer. Of coordinates that move bodies the slowest keeps its unit.
+        """
         scales = np.ones(self.model.nv)
         scales[self.prismatic] = self.length
-        return frozen(scales)
+        slopes = [np.zeros((0, self.model.nv))]
+        for coupling in self.couplings:
+            slope = np.zeros((1, self.model.nv))
+            slope[0, list(coupling.v_indices)] = coupling.jacobian(self.reference[None])[0]
+            slopes.append(np.abs(slope) * scales)
+        moved = {k for body in self.bodies for k in self.model.supports[body.joint_id]}
+        return frozen(scales * gear_ratios(np.concatenate(slopes), np.isin(self.joint_ids, [*moved])))
 
     @cached_property
     def row_scales(self) -> FloatArray:
@@ -533,6 +544,31 @@ class Mechanism:
         width = len(model_kinds(model))
         first = len(KINDS) * (np.array([body.joint_id for body in self.bodies]) - 1)
         return (first[:, None] + np.arange(width)).ravel()
+
+
+def gear_ratios(slopes: FloatArray, moving: BoolArray) -> FloatArray:
+    """How much faster coordinates (nv,) move than the slowest one that they are coupled with.
+
+    From sizes (couplings, nv) of the slopes of couplings: a step of each coordinate shall count the
+    same in each of them. Of those that are ``moving`` bodies the slowest has a ratio of 1.
+    """
+    ratios, coupled = np.ones(slopes.shape[1]), slopes > SLIGHT * slopes.max(axis=1, initial=0.0)[:, None]
+    equations, rhs = [], []
+    for row, own in zip(slopes, coupled, strict=True):
+        first, *others = np.flatnonzero(own)
+        for other in others:
+            equation = np.zeros(len(ratios))
+            equation[[first, other]] = -1.0, 1.0
+            equations.append(equation)
+            rhs.append(np.log(row[first] / row[other]))
+    if equations:
+        ratios = np.exp(np.linalg.lstsq(np.array(equations), np.array(rhs))[0])
+    count, group = connected_components(csr_array(coupled.T.astype(float) @ coupled), directed=False)
+    for k in range(count):
+        own = group == k
+        slowest = own & moving if (own & moving).any() else own
+        ratios[own] /= ratios[slowest].min()
+    return ratios
 
 
 _thread = threading.local()
