@@ -15,7 +15,7 @@ from math import isfinite
 import numpy as np
 import scipy.linalg
 
-from loopid.arguments import FloatArray, IntArray
+from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.errors import AccuracyWarning, OptionError, RankError, warn
 from loopid.observation import Observation
 from loopid.parameters import KINDS
@@ -24,6 +24,8 @@ from loopid.records import record
 SHOWN = 4  # parameters that a warning names
 TRIED = 1e-4  # of the characteristic length: rounding that shows what doubtful values take
 EQUAL = 1e-6  # relative; round-off decides no pivot
+SHORTEST = 1e-15  # of the largest column: shorter ones are round-off
+SPANNED = 1e-6  # of a column: what is farther from a span is not in it
 DIGITS = 6  # nor the order of combinations
 SHORT = 1e-2  # of the least combination that counts
 SLIGHT = 1e-3  # of the largest term: smaller ones are left out of doubtful combinations
@@ -150,7 +152,8 @@ def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
         When no parameter has an effect, or when there are too few rows.
     """
     scales, norms, largest = _common_units(observation, tolerances)
-    columns = np.flatnonzero(norms > tolerances.zero * largest)
+    felt = norms > tolerances.zero * largest
+    columns = np.flatnonzero(felt)
     if not len(columns):
         raise RankError(
             "no parameter has an effect: every column of the regressor is zero, as at rest where "
@@ -176,7 +179,9 @@ def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
         doubtful = _combinations(observation, forces, scales, source)
         # Nothing that counts is felt of columns so much shorter than what counts.
         shortest = sizes[0] * min(np.sqrt(values[rank - 1] * below), SHORT * values[rank - 1])
-        columns = np.flatnonzero(norms > shortest)
+        felt = norms > shortest
+    some = ~felt & (norms > SHORTEST * largest)
+    felt |= _spanned(observation.factor * scales, felt, some, rank)
     gap = float(values[rank - 1] / max(below, np.finfo(float).eps))
     bounds = None
     if gap < tolerances.clear:
@@ -185,7 +190,7 @@ def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
             for bound in (tolerances.clear * below, values[rank - 1] / tolerances.clear)
         )
         bounds = max(lowest, 1), highest
-    return Rank(rank, gap, values, scales, columns, doubtful, bounds)
+    return Rank(rank, gap, values, scales, np.flatnonzero(felt), doubtful, bounds)
 
 
 def warn_of_doubts(
@@ -244,6 +249,19 @@ def _common_units(
     return scales, norms, largest
 
 
+def _spanned(matrix: FloatArray, felt: BoolArray, short: BoolArray, rank: int) -> BoolArray:
+    """Which of some short columns (p,) of a matrix (m, p) lie in the span of those that are felt.
+
+    Round-off does not: however short they are, they have an effect.
+    """
+    if short.any():
+        span = np.linalg.svd(matrix[:, felt] / np.linalg.norm(matrix[:, felt], axis=0))[0][:, :rank]
+        columns = matrix[:, short] / np.linalg.norm(matrix[:, short], axis=0)
+        apart = np.linalg.norm(columns - span @ (span.T @ columns), axis=0)
+        short[short] = apart <= SPANNED
+    return short
+
+
 def decomposed(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Singular values and all right singular vectors, as rows.
 
@@ -278,7 +296,9 @@ def _not_round_off(
     part = slice(counted, last)
     roundings = _roundings(observation, scales, directions[part], values[part], known=False)
     real = np.flatnonzero(~(roundings <= ROUND_OFF * observation.length))
-    effects = np.flatnonzero(roundings > observation.length)
+    # Who asks for coarse values to be left out has them left out, real or not.
+    usual = tolerances.least <= RankTolerances.least
+    effects = np.flatnonzero(usual & (roundings > observation.length))
     last = counted + int(real.max(initial=-1)) + 1
     return counted + int(effects.max(initial=-1)) + 1, last
 

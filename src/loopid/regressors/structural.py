@@ -146,7 +146,7 @@ class _Drawn:
         if found.motors_alone is None or units.motors_alone is None:
             return found
         alone = self._completed(
-            found.motors_alone, units.motors_alone, kept, driven, lambda: _alone(more())
+            found.motors_alone, units.motors_alone, kept, driven, partial(_alone, more)
         )
         return replace(found, motors_alone=alone)
 
@@ -175,7 +175,7 @@ class _Drawn:
         places = mechanism.draw_places(np.arange(mechanism.model.nv))
         slow = self._slow_rates()
         for q in configuration_batches(mechanism, samples, seed, options=self.options):
-            rates = generator.normal(size=(2, len(q), mechanism.model.nv))[:, :, places]
+            rates = generator.uniform(-1.0, 1.0, (2, len(q), mechanism.model.nv))[:, :, places]
             for k, slower in enumerate(slow, 1):
                 rates[0, k :: len(slow) + 1] *= slower
             yield q, rates
@@ -225,10 +225,11 @@ class _Drawn:
         return np.stack(found)
 
 
-def _alone(observation: Observation) -> Observation:
-    """What the motors alone feel, where there are free coordinates."""
-    assert observation.motors_alone is not None
-    return observation.motors_alone
+def _alone(draw: Callable[[], Observation]) -> Observation:
+    """What the motors alone feel of an observation, where there are free coordinates."""
+    alone = draw().motors_alone
+    assert alone is not None
+    return alone
 
 
 def _order(mechanism: Mechanism) -> tuple[str, ...]:

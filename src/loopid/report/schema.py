@@ -64,7 +64,7 @@ Text = str | None
 _NAMED = {"mechanism": str, "model": str}
 _CHOICE = {
     **{"nonzero_parameters": int, "search": of(SearchResult, *SEARCH)},
-    **of(Structure, "rank", "rank_gap"),
+    **of(Structure, "rank", "rank_gap", "rank_bounds"),
     **of(BaseParameters, "condition_number", "nullspace_condition_number"),
     "doubtful": [
         {"expression": str, "terms": {str: float}}
