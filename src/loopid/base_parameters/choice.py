@@ -153,7 +153,6 @@ class ChoiceProblem:
             chosen = base_columns(self.size, chosen)
         return float(condition_numbers(self.vectors[chosen][None])[0])
 
-
     def uncertainty(self, condition: float) -> float:
         """Relative error of condition numbers up to one given, by round-off in the vectors.
 

@@ -42,12 +42,7 @@ from loopid.base_parameters.choice import (
     most_readable,
     readabilities,
 )
-from loopid.base_parameters.tree import (
-    Leaves,
-    margin,
-    one_between,
-    selections_between,
-)
+from loopid.base_parameters.tree import Leaves, margin, one_between, selections_between
 from loopid.records import record
 
 MORE_NODES = 4  # times as many, that a box is asked about by each rule at every further attempt

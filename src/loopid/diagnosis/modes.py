@@ -15,8 +15,8 @@ from loopid.regressors.structural import LEAST_SAMPLES, structural_observation
 from loopid.robot.mechanism import AssemblyMode, Mechanism
 
 ROWS_PER_COLUMN = 1.5  # of observations that only tell a rank
-# Parts of the limits that poses are from: all, as for base parameters; less where these do not close
-# or show no gap.
+# Parts of the limits that poses are from: all, as for base parameters; less where these do not
+# close, or show no gap.
 SPREADS = (1.0, 0.05)
 LARGEST = 600  # parameters of a robot whose modes are compared
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray, checked, frozen, random_generator, require_count
 from loopid.errors import AssemblyError, OptionError
-from loopid.kinematics.assembly import CLOSURE_TOLERANCE, AssemblyOptions, follow_paths
+from loopid.kinematics.assembly import AssemblyOptions, follow_paths, largest_opening
 from loopid.kinematics.closing import displaced, nearby_configurations
 from loopid.kinematics.measured import MeasuredCoordinates, measured_coordinates
 from loopid.kinematics.poses import prepared
@@ -228,7 +228,7 @@ def _completed(mechanism: Mechanism, q: FloatArray, generator: np.random.Generat
     steps = generator.uniform(-1.0, 1.0, size=(len(q), len(chosen)))
     steps = steps[:, mechanism.draw_places(chosen)] * units * parts
     q, residual = displaced(mechanism, q, steps)
-    closed = residual <= max(CLOSURE_TOLERANCE, 2.0 * mechanism.closure_residual)
+    closed = residual <= largest_opening(mechanism)
     return q[closed & ~mechanism.outside(q).any(axis=1)]
 
 

@@ -128,7 +128,8 @@ class _Drawn:
                     batch = _Batch(q, rates, np.minimum(regularity / usual, 1.0) ** 2)
                     along.add(batch.weights[:, None, None] * rows)
                     own = directions[:, mechanism.velocity_indices(mechanism.independent)]
-                    forces.add(np.linalg.solve(own.swapaxes(1, 2), rows))
+                    # G = N R, with R the inverse of N's rows of the independent coordinates.
+                    forces.add(np.asarray(np.linalg.solve(own.swapaxes(1, 2), rows), dtype=float))
                     if done < self.enough:
                         kept.append(batch)
                     done += len(q)

@@ -33,7 +33,7 @@ COMPONENTS = {
     "JointModelPlanar": ("vx", "vy", "wz"),
     "JointModelTranslation": LINEAR,
 }
-OUTSIDE = 1e-9  # m or rad: the round-off of a position at its limit
+OUTSIDE = 1e-9  # rad or characteristic lengths: the round-off of a position at its limit
 SLIGHT = 1e-9  # of the steepest slope of a coupling: another is none
 NO_LIMIT = 1e100  # readers write the largest float where a file gives no limit
 LISTED = 8  # names in a sentence
@@ -295,10 +295,17 @@ class Mechanism:
         lower[none | (lower < -NO_LIMIT)], upper[none | (upper > NO_LIMIT)] = -np.inf, np.inf
         return frozen(lower), frozen(upper)
 
+    @cached_property
+    def position_units(self) -> FloatArray:
+        """Units (nq,) of joints with one coordinate: 1 rad, or the characteristic length in m."""
+        units = np.ones(self.model.nq)
+        units[self.first_positions[self.prismatic]] = self.length
+        return frozen(units)
+
     def outside(self, q: FloatArray) -> BoolArray:
         """Which positions (N, nq) are outside the limits by more than ``OUTSIDE``."""
-        lower, upper = self.position_limits
-        outside: BoolArray = np.asarray((q < lower - OUTSIDE) | (q > upper + OUTSIDE), dtype=bool)
+        (lower, upper), slack = self.position_limits, OUTSIDE * self.position_units
+        outside: BoolArray = np.asarray((q < lower - slack) | (q > upper + slack), dtype=bool)
         for name in self.following:
             outside[:, self.joint(name).idx_q] = False
         return outside
@@ -439,7 +446,9 @@ class Mechanism:
             slope[0, list(coupling.v_indices)] = coupling.jacobian(self.reference[None])[0]
             slopes.append(np.abs(slope) * scales)
         moved = {k for body in self.bodies for k in self.model.supports[body.joint_id]}
-        return frozen(scales * gear_ratios(np.concatenate(slopes), np.isin(self.joint_ids, [*moved])))
+        return frozen(
+            scales * gear_ratios(np.concatenate(slopes), np.isin(self.joint_ids, [*moved]))
+        )
 
     @cached_property
     def row_scales(self) -> FloatArray:
@@ -552,7 +561,10 @@ def gear_ratios(slopes: FloatArray, moving: BoolArray) -> FloatArray:
     From sizes (couplings, nv) of the slopes of couplings: a step of each coordinate shall count the
     same in each of them. Of those that are ``moving`` bodies the slowest has a ratio of 1.
     """
-    ratios, coupled = np.ones(slopes.shape[1]), slopes > SLIGHT * slopes.max(axis=1, initial=0.0)[:, None]
+    ratios, coupled = (
+        np.ones(slopes.shape[1]),
+        slopes > SLIGHT * slopes.max(axis=1, initial=0.0)[:, None],
+    )
     equations, rhs = [], []
     for row, own in zip(slopes, coupled, strict=True):
         first, *others = np.flatnonzero(own)
@@ -563,7 +575,9 @@ def gear_ratios(slopes: FloatArray, moving: BoolArray) -> FloatArray:
             rhs.append(np.log(row[first] / row[other]))
     if equations:
         ratios = np.exp(np.linalg.lstsq(np.array(equations), np.array(rhs))[0])
-    count, group = connected_components(csr_array(coupled.T.astype(float) @ coupled), directed=False)
+    count, group = connected_components(
+        csr_array(coupled.T.astype(float) @ coupled), directed=False
+    )
     for k in range(count):
         own = group == k
         slowest = own & moving if (own & moving).any() else own
