@@ -184,8 +184,7 @@ def _ranges(measured: MeasuredCoordinates) -> tuple[FloatArray, FloatArray, Floa
     mechanism = measured.mechanism
     home = measured.read(mechanism.reference[None])[0]
     chosen = mechanism.velocity_indices(mechanism.measured)
-    sliding = np.isin(chosen, mechanism.prismatic)
-    width = np.where(sliding, 1.0, np.pi) * mechanism.coordinate_scales[chosen]
+    width = mechanism.coordinate_ranges[chosen]
     limits = np.array([mechanism.limits(name) for name in mechanism.measured]).reshape(-1, 2)
     limited = np.abs(limits) < UNLIMITED * width[:, None]
     lower = np.where(limited[:, 0], limits[:, 0], home - width)

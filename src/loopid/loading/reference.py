@@ -270,8 +270,7 @@ def _scattered(
             turn[mechanism.prismatic] = 0.0
             q = integrate(mechanism, q[None], np.pi * turn[None])[0]
             continue
-        width = float(mechanism.coordinate_scales[joint.idx_v])
-        width *= 1.0 if joint.idx_v in mechanism.prismatic else np.pi
+        width = float(mechanism.coordinate_ranges[joint.idx_v])
         lower, upper = mechanism.limits(name)
         low, high = max(lower, -width), min(upper, width)
         if low <= high:

@@ -438,17 +438,26 @@ class Mechanism:
         Couplings, as gears, may move some coordinates much faster than others: steps of these are
         longer. Of coordinates that move bodies the slowest keeps its unit.
         """
-        scales = np.ones(self.model.nv)
-        scales[self.prismatic] = self.length
-        slopes = [np.zeros((0, self.model.nv))]
-        for coupling in self.couplings:
-            slope = np.zeros((1, self.model.nv))
-            slope[0, list(coupling.v_indices)] = coupling.jacobian(self.reference[None])[0]
-            slopes.append(np.abs(slope) * scales)
+        return self._geared(1.0)
+
+    @cached_property
+    def coordinate_ranges(self) -> FloatArray:
+        """How far (nv,) coordinates go either way: half a turn, or the characteristic length.
+
+        Coordinates behind gears go as far as it takes to move the slowest body so.
+        """
+        return self._geared(np.pi)
+
+    def _geared(self, turn: float) -> FloatArray:
+        """Units (nv,) of coordinates that turn, and of those that slide, made even by couplings."""
+        units = np.full(self.model.nv, turn)
+        units[self.prismatic] = self.length
+        slopes = np.zeros((len(self.couplings), self.model.nv))
+        for row, coupling in zip(slopes, self.couplings, strict=True):
+            row[list(coupling.v_indices)] = coupling.jacobian(self.reference[None])[0]
         moved = {k for body in self.bodies for k in self.model.supports[body.joint_id]}
-        return frozen(
-            scales * gear_ratios(np.concatenate(slopes), np.isin(self.joint_ids, [*moved]))
-        )
+        moving = np.isin(self.joint_ids, [*moved])
+        return frozen(units * gear_ratios(np.abs(slopes) * units, moving))
 
     @cached_property
     def row_scales(self) -> FloatArray:
@@ -561,27 +570,22 @@ def gear_ratios(slopes: FloatArray, moving: BoolArray) -> FloatArray:
     From sizes (couplings, nv) of the slopes of couplings: a step of each coordinate shall count the
     same in each of them. Of those that are ``moving`` bodies the slowest has a ratio of 1.
     """
-    ratios, coupled = (
-        np.ones(slopes.shape[1]),
-        slopes > SLIGHT * slopes.max(axis=1, initial=0.0)[:, None],
-    )
-    equations, rhs = [], []
+    ratios, equations = np.ones(slopes.shape[1]), list[FloatArray]()
+    coupled = slopes > SLIGHT * slopes.max(axis=1, keepdims=True)
     for row, own in zip(slopes, coupled, strict=True):
         first, *others = np.flatnonzero(own)
-        for other in others:
-            equation = np.zeros(len(ratios))
-            equation[[first, other]] = -1.0, 1.0
+        for other in others:  # logarithms of ratios, and of what they have to make up for
+            equation = np.zeros(len(ratios) + 1)
+            equation[first], equation[other] = -1.0, 1.0
+            equation[-1] = np.log(row[first] / row[other])
             equations.append(equation)
-            rhs.append(np.log(row[first] / row[other]))
     if equations:
-        ratios = np.exp(np.linalg.lstsq(np.array(equations), np.array(rhs))[0])
-    count, group = connected_components(
-        csr_array(coupled.T.astype(float) @ coupled), directed=False
-    )
-    for k in range(count):
-        own = group == k
-        slowest = own & moving if (own & moving).any() else own
-        ratios[own] /= ratios[slowest].min()
+        table = np.array(equations)
+        ratios = np.exp(np.linalg.lstsq(table[:, :-1], table[:, -1])[0])
+        count, group = connected_components(csr_array(1.0 * (coupled.T @ coupled)), directed=False)
+        for own in (group == k for k in range(count)):
+            bodies = own & moving
+            ratios[own] /= ratios[bodies if bodies.any() else own].min()
     return ratios
 
 
