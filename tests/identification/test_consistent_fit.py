@@ -11,6 +11,7 @@ from loopid import JointTerms, consistent_fit, find_force_model, load_mechanism
 from loopid.errors import DataError, ModelWarning
 from loopid.identification import ConsistentOptions, quiet_fit
 from loopid.identification.consistent import WIDTH, _Program, _State
+from loopid.identification.joint_priors import JointPriors
 from loopid.inertia import FLAT, body_defect, nearest_solid, parameters_of, pseudo_inertia
 from made_runs import ARM, modelled, wander
 
@@ -38,6 +39,26 @@ def off(arm_case):
     return arm_case.samples(0.3, truth=truth), truth
 
 
+def priors(start, deviations):
+    """Of joint terms that are not negative, the last three of them a group of correlated ones."""
+    count = len(start)
+    factor = np.eye(count)
+    factor[-3:, -3:] = np.linalg.cholesky(0.5 + 0.5 * np.eye(3))
+    box = np.array([np.zeros(count), np.full(count, np.inf)])
+    group = np.where(np.arange(count) < count - 3, -1, 0)
+    return JointPriors(
+        start=start,
+        deviations=np.where(group < 0, deviations, 1.0),
+        names=("arm: group",),
+        group=group,
+        factor=factor,
+        bounds=np.array([[1e-4, 1.0]]),
+        box=box,
+        limits=np.eye(count),
+        least=np.zeros(count),
+    )
+
+
 @pytest.fixture
 def program(arm_case):
     """A program of made-up data, and a state away from the file."""
@@ -50,15 +71,12 @@ def program(arm_case):
         effects=generator.normal(size=(len(base), len(base.parameters))),
         target=generator.normal(size=len(base)),
         names=("upper", "lower"),
-        unsound=(),
         file=file,
         columns=own,
-        start=start,
-        spread=1.0 + generator.random(len(start)),
-        positive=np.ones(len(start), dtype=bool),
+        terms=priors(start, 1.0 + generator.random(len(start))),
     )
     factors = file @ (np.eye(4) + np.triu(0.2 * generator.normal(size=file.shape)))
-    return q, _State(factors, start + 0.5, np.array([0.4, 0.7]))
+    return q, _State(factors, start + 0.5, np.array([0.4, 0.7]), np.array([0.3]))
 
 
 def test_gradient_and_hessian_are_those_of_finite_differences(program):
@@ -193,10 +211,9 @@ def test_frames_do_not_matter(program):
     other = replace(q, file=seen(q.file), effects=effects)
     moved = replace(state, factors=seen(state.factors))
     assert other.value(moved) == pytest.approx(q.value(state), rel=1e-8)
-    free = np.full(len(q.step(state).g), -np.inf)
-    values = [
-        own.moved(at, 0.1 * own.step(at).solution(free)) for own, at in ((q, state), (other, moved))
-    ]
+    free = np.zeros((0, len(q.step(state).g))), np.zeros(0)
+    pairs = (q, state), (other, moved)
+    values = [own.moved(at, 0.1 * own.step(at).solution(*free)) for own, at in pairs]
     assert other.value(values[1]) == pytest.approx(q.value(values[0]), rel=1e-8)
 
 

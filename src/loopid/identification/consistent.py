@@ -8,11 +8,13 @@ base parameters of standard ones π and joint terms f; P_i is the pseudo-inertia
 that of the robot file. D is the Bregman divergence of -log det [Lee2020]: convex, independent of
 frames and units, and its own barrier, so that no step leaves the solid bodies and what the data
 do not excite stays as in the file. Near the file, D is ½ |Z|² of P = L (1 + Z) Lᵀ, P⁰ = L Lᵀ: s_i
-is the deviation of body i in parts of itself. Joint terms that cannot be negative stop at zero.
+is the deviation of body i in parts of itself. Joint terms keep linear limits, A f ≥ b, such as
+friction that does not drive (``joint_priors.py``).
 
 Newton's method turns with the bodies: with L a factor of the present P = L Lᵀ, the Hessian of D is
-the identity in Z, so that each step is a ridge regression, solved by singular values at any
-scaling.
+the identity in Z, so that each step is a ridge regression, solved by an orthogonal factorisation at
+any scaling. Where it would leave the limits, it is a least-distance problem, solved by non-negative
+least squares [Lawson1974, ch. 23].
 
 The deviations are those under which the data are most likely, by MacKay's fixed point
 [MacKay1992]. Those of single bodies scatter about a common s as 1 / s_i² ~ Gamma(ν / 2, ν s² / 2):
@@ -21,6 +23,10 @@ the data and d_i = 2 D(P_i | P⁰_i),
 
     s_i² = (ν s² + d_i) / (ν + γ_i)  and  Σ_i (d_i - γ_i s²) / (ν s² + d_i) = 0.
 
+A group of joint terms, such as the points of a friction curve, has one deviation σ, found in the
+same fixed point: with u the terms in units of σ and γ the number of them that the data tell,
+σ² = |σ u|² / γ. Where the data ask for none, σ falls to its least and the terms with it.
+
 The inverse Hessian is the covariance (Laplace). What of a variance rests on the file is known with
 ν + γ_i degrees of freedom.
 """
@@ -28,6 +34,7 @@ The inverse Hessian is the covariance (Laplace). What of a variance rests on the
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -37,12 +44,18 @@ from loopid.identification.correlation import with_scatter, within_runs
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.force_model import ForceModel
 from loopid.identification.information import Excitation, body_sizes
+from loopid.identification.joint_priors import JointPriors
 from loopid.identification.problem import FitProblem, FitSamples
-from loopid.identification.result import FileDeviation, FitResult, NoiseModel, fit_quality
+from loopid.identification.result import (
+    FileDeviation,
+    FitResult,
+    NoiseModel,
+    TermDeviations,
+    fit_quality,
+)
 from loopid.inertia import body_defect, nearest_solid, parameters_of, pseudo_inertia, upper_factor
 from loopid.parameters import KINDS
 from loopid.records import record
-from loopid.regressors.joint_laws import joint_term
 from loopid.workers import one_blas_thread
 
 CONSISTENT = "consistent"
@@ -113,13 +126,15 @@ def consistent_fit(
         Errors of each actuator, as of a fit by weighted least squares.
     joint_values, joint_deviations : FloatArray, optional
         (k,), what is known of ``force_model.joint_terms``, with standard deviations, which may be
-        infinite; by default nothing but that some are not negative (``JointTerm.positive``).
+        infinite; by default nothing but that some are not negative (``JointTerm.positive``), and
+        that some belong to groups (``JointTerm.prior``), whose deviations the data choose.
     options : ConsistentOptions, optional
 
     Returns
     -------
     FitResult
-        With ``standard_parameters`` and the ``deviation`` of the robot file.
+        With ``standard_parameters``, the ``deviation`` of the robot file, and the
+        ``term_deviations`` of groups of joint terms.
 
     Raises
     ------
@@ -148,23 +163,158 @@ def consistent_fit(
     >>> bool(np.allclose(model.base.values(found.standard_parameters), found.values))
     True
     """
-    if data.parameters != force_model.parameters or data.actuators != noise.actuators:
-        raise DataError("data and noise must be of the parameters and actuators of the force model")
-    weights = _weights(data.problem, noise)
-    known = _known_terms(force_model, data.problem, joint_values, joint_deviations)
-    with one_blas_thread():
-        program = _Program.of(force_model, data.problem.weighted(weights), known)
-        state, common = _most_likely(program, options)
-        found = _result(force_model, data, weights, program, state, options.freedom)
-    far = FileDeviation(
-        common, program.names, state.deviations, options.deviations[1], options.farthest
+    return consistent_working_fit(
+        force_model,
+        data,
+        noise,
+        joint_values=joint_values,
+        joint_deviations=joint_deviations,
+        options=options,
+    ).result
+
+
+def consistent_working_fit(
+    force_model: ForceModel,
+    data: FitSamples,
+    noise: NoiseModel,
+    *,
+    joint_values: FloatArray | None = None,
+    joint_deviations: FloatArray | None = None,
+    options: ConsistentOptions = ConsistentOptions(),
+) -> WorkingFit:
+    """As ``consistent_fit``, with the least squares that the fit amounts to: the file as rows."""
+    found = quiet_consistent_fit(
+        force_model,
+        data,
+        noise,
+        joint_values=joint_values,
+        joint_deviations=joint_deviations,
+        options=options,
     )
-    found = replace(found, deviation=far)
-    _warn(force_model, program, far)
+    warn_of_bodies(force_model, found.result)
     return found
 
 
-def _weights(problem: FitProblem, noise: NoiseModel) -> FloatArray:
+def quiet_consistent_fit(
+    force_model: ForceModel,
+    data: FitSamples,
+    noise: NoiseModel,
+    *,
+    joint_values: FloatArray | None = None,
+    joint_deviations: FloatArray | None = None,
+    options: ConsistentOptions = ConsistentOptions(),
+) -> WorkingFit:
+    """As ``consistent_working_fit``, without warnings."""
+    weights, program = _posed(force_model, data, noise, joint_values, joint_deviations)
+    with one_blas_thread():
+        state, common = _most_likely(program, options)
+        found = _result(force_model, data, weights, program, state, options.freedom)
+        groups = _groups(program, state, found.result)
+    far = FileDeviation(
+        common, program.names, state.deviations, options.deviations[1], options.farthest
+    )
+    return replace(found, result=replace(found.result, deviation=far, term_deviations=groups))
+
+
+@checked
+def consistent_values(
+    force_model: ForceModel,
+    data: FitSamples,
+    noise: NoiseModel,
+    *,
+    options: ConsistentOptions = ConsistentOptions(),
+) -> FloatArray:
+    """The values (n,) of ``consistent_fit``, without their uncertainty."""
+    _, program = _posed(force_model, data, noise, None, None)
+    with one_blas_thread():
+        state, _ = _most_likely(program, options)
+        return force_model.base.values(program.standard(state))
+
+
+@checked
+def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> FitResult:
+    """As ``consistent_fit``, with the bodies of the robot file.
+
+    Returns
+    -------
+    FitResult
+        Parameters of bodies alone are ``assumed``; those that joint terms fold into are not.
+    """
+    weights, program = _posed(force_model, data, noise, None, None)
+    standard, base = force_model.standard_prior, force_model.base
+    first = len(standard) - len(program.terms.start)
+    J, bodies = base.matrix[:, first:], np.append(standard[:first], 0 * standard[first:])
+    program = replace(
+        program,
+        target=program.target - program.effects @ bodies,
+        names=(),
+        file=program.file[:0],
+        columns=program.columns[:0],
+    )
+    left = data.less(data.predicted(base.values(bodies))).along(J)
+    with one_blas_thread():
+        state, _ = _most_likely(program, ConsistentOptions())
+        standard[first:] = state.joints
+        spread = program.terms.spread(state.groups)
+        found = _posterior(left, weights, state.joints, spread.T).result
+        freedom = _freedom(program, state, spread, ConsistentOptions().freedom)
+        groups = _groups(program, state, found)
+    freedom = np.minimum(found.degrees_of_freedom, freedom)
+    labels, inside = force_model.parameters.labels, J != 0
+    values = base.values(standard)
+    return replace(
+        found,
+        parameters=force_model.parameters,
+        values=values,
+        covariance=J @ found.covariance @ J.T,
+        degrees_of_freedom=np.where(inside, freedom, np.inf).min(axis=1, initial=data.problem.rows),
+        quality=fit_quality(data.problem, values),
+        assumed=tuple(labels[j] for j in np.flatnonzero(~inside.any(axis=1))),
+        standard_parameters=standard,
+        term_deviations=groups,
+    )
+
+
+def _posed(
+    force_model: ForceModel,
+    data: FitSamples,
+    noise: NoiseModel,
+    joint_values: FloatArray | None,
+    joint_deviations: FloatArray | None,
+) -> tuple[FloatArray, _Program]:
+    """Weights (dof,) of the actuators' rows, and what is minimised."""
+    if data.parameters != force_model.parameters or data.actuators != noise.actuators:
+        raise DataError("data and noise must be of the parameters and actuators of the force model")
+    weights = error_weights(data.problem, noise)
+    priors = _joint_priors(force_model, data.problem, joint_values, joint_deviations)
+    with one_blas_thread():
+        return weights, _Program.of(force_model, data.problem.weighted(weights), priors)
+
+
+def _groups(program: _Program, state: _State, found: FitResult) -> TermDeviations | None:
+    """Deviations of the groups of joint terms, and what the data say of them.
+
+    The evidence is the ratio of the densities of a group's prior and posterior at none
+    [Dickey1971], its distance from none by the covariance for autocorrelated errors. The terms of
+    groups are the last parameters of the fit.
+    """
+    terms, first = program.terms, WIDTH * len(program.file)
+    if not terms.names:
+        return None
+    step, evidence = program.step(state), []
+    places = np.cumsum(terms.group >= 0) - (terms.group >= 0).sum() + len(found.values) - 1
+    for number in range(len(terms.names)):
+        own = np.flatnonzero(terms.group == number)
+        rows = np.eye(first + len(terms.group))[first + own]
+        apart = state.joints[own]
+        spread = found.covariance[np.ix_(places[own], places[own])]
+        size = np.linalg.slogdet(step.covariance(rows)[:, first + own])[1]
+        evidence.append((size + apart @ np.linalg.solve(spread, apart)) / 2)
+    told = terms.of_groups(step.told[first:])
+    return TermDeviations(terms.names, state.groups, told, np.array(evidence))
+
+
+def error_weights(problem: FitProblem, noise: NoiseModel) -> FloatArray:
     """Weights (dof,) of the actuators' rows, which count as their effective samples."""
     present = (noise.samples > 0) & (problem.samples > 0)
     least = np.maximum(problem.least_errors, PRECISION * problem.force_rms)
@@ -175,13 +325,13 @@ def _weights(problem: FitProblem, noise: NoiseModel) -> FloatArray:
     return weights
 
 
-def _known_terms(
+def _joint_priors(
     force_model: ForceModel,
     problem: FitProblem,
     values: FloatArray | None,
     deviations: FloatArray | None,
-) -> tuple[FloatArray, FloatArray]:
-    """Values and deviations (k,) of the joint terms, both finite."""
+) -> JointPriors:
+    """What is known of the joint terms; deviations are finite."""
     sizes = FLAT * Excitation.of(force_model, problem).joint_sizes
     given = force_model.joint_values if values is None else finite(values, "joint values")
     spread = np.full(len(sizes), np.inf) if deviations is None else np.asarray(deviations)
@@ -190,7 +340,8 @@ def _known_terms(
             f"joint values and deviations must have shape ({len(sizes)},), and deviations be above "
             f"0, not {given.shape} and {spread.shape}"
         )
-    return np.nan_to_num(given), np.where(np.isfinite(spread), spread, sizes)
+    known = np.where(np.isfinite(spread), spread, sizes)
+    return JointPriors.of(force_model, problem, np.nan_to_num(given), known, spread)
 
 
 # An orthonormal basis of the symmetric matrices, and the ten parameters of each.
@@ -209,11 +360,15 @@ def _vector(matrices: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """Upper factors L (b, 4, 4) of the bodies P = L Lᵀ, joint terms (k,), deviations (b,)."""
+    """Upper factors L (b, 4, 4) of the bodies P = L Lᵀ, and joint terms (k,).
+
+    With deviations of the bodies (b,) and of the groups of joint terms (g,).
+    """
 
     factors: FloatArray
     joints: FloatArray
     deviations: FloatArray
+    groups: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,33 +387,52 @@ class _Step:
         """Of what is minimised."""
         return np.asarray(self.g - self.J.T @ self.e)
 
-    def solution(self, least: FloatArray) -> FloatArray:
-        """The best z from its least values (q,) on, where those are finite.
+    @cached_property
+    def _triangle(self) -> FloatArray:
+        """R (q, q + 1) of [J, e; 1, -g]: RᵀR of its first q columns is the Hessian."""
+        count = len(self.g)
+        rows = np.vstack([self.J, np.eye(count)])
+        whole = np.column_stack([rows, np.append(self.e, -self.g)])
+        return np.asarray(np.linalg.qr(whole, mode="r")[:count])
 
-        Values at their least stay there while the gradient asks for less.
-        """
-        free, z = (least < 0) | (self.gradient <= 0), np.zeros(len(least))
-        while True:
-            z[~free] = least[~free]
-            J, g = self.J[:, free], self.g[free]
-            U, s, V = np.linalg.svd(J, full_matrices=False)
-            e = self.e - self.J[:, ~free] @ z[~free]
-            z[free] = V.T @ (s / (1 + s**2) * (U.T @ (e + J @ g))) - g
-            below = free & (z < least)
-            if not below.any():
-                return z
-            free &= ~below
+    @cached_property
+    def _root(self) -> FloatArray:
+        """R⁻¹ (q, q)."""
+        return np.asarray(np.linalg.inv(self._triangle[:, :-1]))
+
+    def solution(self, rows: FloatArray, least: FloatArray) -> FloatArray:
+        """The best z (q,) with rows (m, q) z ≥ least (m,)."""
+        z = self._root @ self._triangle[:, -1]
+        missing = least - rows @ z
+        if not (missing > 0).any():
+            return np.asarray(z)
+        # With x = R (z - z_free): the shortest x with G x ≥ h, rows of G of unit length.
+        G = rows @ self._root
+        lengths = np.linalg.norm(G, axis=1)
+        kept = lengths > 0
+        G, h = G[kept] / lengths[kept, None], missing[kept] / lengths[kept]
+        return np.asarray(z + self._root @ _least_distance(G, h))
 
     @property
     def told(self) -> FloatArray:
         """How much of each z the data tell, from 0 to 1."""
-        _, s, V = np.linalg.svd(self.J, full_matrices=False)
-        return np.asarray((V**2).T @ (s**2 / (1 + s**2)))
+        return np.asarray(np.maximum(1.0 - (self._root**2).sum(axis=1), 0.0))
 
     def covariance(self, rows: FloatArray) -> FloatArray:
         """``rows`` (r, q) times the covariance of z."""
-        _, s, V = np.linalg.svd(self.J, full_matrices=False)
-        return np.asarray(rows - (rows @ V.T * (s**2 / (1 + s**2))) @ V)
+        return np.asarray((rows @ self._root) @ self._root.T)
+
+
+def _least_distance(G: FloatArray, h: FloatArray) -> FloatArray:
+    """The shortest x with G x ≥ h, of which there is one [Lawson1974, 23.4]."""
+    from scipy.optimize import nnls  # slow to import
+
+    scale = np.abs(h).max()
+    E = np.vstack([G.T, h / scale])
+    aim = np.append(np.zeros(G.shape[1]), 1.0)
+    multipliers, _ = nnls(E, aim, maxiter=NNLS_STEPS * len(h))
+    left = E @ multipliers - aim
+    return np.asarray(-scale * left[:-1] / left[-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,53 +441,47 @@ class _Program:
 
     ``effects`` (r, p) are those of all standard parameters on the rows, ``target`` (r,) what is
     measured; ``file`` (b, 4, 4) the upper factors of the bodies with a mass, ``columns`` (b, 4 or
-    10) where their parameters are; ``start``, ``spread`` and ``positive`` (k,) are of joint terms.
+    10) where their parameters are; ``terms`` is what is known of the joint terms.
     """
 
     effects: FloatArray
     target: FloatArray
     names: tuple[str, ...]
-    unsound: tuple[str, ...]
     file: FloatArray
     columns: IntArray
-    start: FloatArray
-    spread: FloatArray
-    positive: BoolArray
+    terms: JointPriors
 
     @classmethod
-    def of(
-        cls, force_model: ForceModel, R: FloatArray, known: tuple[FloatArray, FloatArray]
-    ) -> _Program:
+    def of(cls, force_model: ForceModel, R: FloatArray, terms: JointPriors) -> _Program:
         """The program of a triangular factor (r + 1, r + 1)."""
-        P, unsound = _solid_bodies(force_model)
+        P, _ = _solid_bodies(force_model)
         massive = P[:, 3, 3] > 0
-        parameters, count = force_model.base.parameters, len(known[0])
+        parameters, count = force_model.base.parameters, len(terms.start)
         columns = np.arange(len(parameters) - count).reshape(len(P), -1)
         names = [parameters[int(first)].link for first in columns[:, 0]]
-        kinds = [parameter.kind for parameter in list(parameters)[columns.size :]]
         return cls(
             effects=R[:-1, :-1] @ force_model.base.matrix,
             target=R[:-1, -1],
             names=tuple(name for name, flag in zip(names, massive, strict=True) if flag),
-            unsound=tuple(name for name, flag in zip(names, unsound, strict=True) if flag),
             file=upper_factor(P[massive]),
             columns=columns[massive],
-            start=known[0],
-            spread=known[1],
-            positive=np.array([joint_term(kind).positive for kind in kinds], dtype=bool),
+            terms=terms,
         )
 
     def first(self, deviation: float) -> _State:
-        """Bodies of the file, joint terms as known."""
-        joints = np.where(self.positive, np.maximum(self.start, 0.0), self.start)
-        return _State(self.file, joints, np.full(len(self.file), deviation))
+        """Bodies of the file, joint terms as known where that is within the limits."""
+        terms = self.terms
+        inside = (terms.limits @ terms.start >= terms.least).all()
+        joints = terms.start if inside else np.zeros(len(terms.start))
+        groups = FIRST * terms.bounds[:, 1]
+        return _State(self.file, joints, np.full(len(self.file), deviation), groups)
 
     def standard(self, state: _State) -> FloatArray:
         """Standard parameters and joint terms (p,) of a state."""
         found = np.zeros(self.effects.shape[1])
         P = state.factors @ state.factors.swapaxes(1, 2)
         found[self.columns] = (_vector(P) @ PARAMETERS)[:, : self.columns.shape[1]]
-        found[len(found) - len(self.start) :] = state.joints
+        found[len(found) - len(state.joints) :] = state.joints
         return found
 
     def divergences(self, state: _State) -> FloatArray:
@@ -325,25 +493,25 @@ class _Program:
     def value(self, state: _State) -> float:
         """What is minimised."""
         e = self.target - self.effects @ self.standard(state)
-        u = (state.joints - self.start) / self.spread
+        u = self.terms.departures(state.joints, state.groups)
         return float(0.5 * (e @ e + u @ u) + (self.divergences(state) / state.deviations**2).sum())
 
     def changes(self, state: _State) -> FloatArray:
         """Changes (p, 10 b + k) of all standard parameters with z."""
-        L, count = state.factors[:, None], len(self.start)
+        L, count = state.factors[:, None], len(state.joints)
         turned = _vector(L @ UNITS @ L.swapaxes(2, 3)) @ PARAMETERS
         turned = turned[..., : self.columns.shape[1]] * state.deviations[:, None, None]
         T = np.zeros((self.effects.shape[1], WIDTH * len(self.file) + count))
         for k, columns in enumerate(self.columns):
             T[columns, WIDTH * k : WIDTH * (k + 1)] = turned[k].T
-        T[len(T) - count :, T.shape[1] - count :] = np.diag(self.spread)
+        T[len(T) - count :, T.shape[1] - count :] = self.terms.spread(state.groups)
         return T
 
     def step(self, state: _State) -> _Step:
         """The ridge regression about a state."""
         C = np.linalg.solve(self.file, state.factors)
         G = (C.swapaxes(1, 2) @ C - np.eye(4)) / state.deviations[:, None, None]
-        u = (state.joints - self.start) / self.spread
+        u = self.terms.departures(state.joints, state.groups)
         e = self.target - self.effects @ self.standard(state)
         return _Step(self.effects @ self.changes(state), e, np.append(_vector(G).ravel(), u))
 
@@ -354,28 +522,33 @@ class _Program:
 
     def moved(self, state: _State, z: FloatArray) -> _State:
         """The state after a step inside the solid bodies."""
-        joints = state.joints + self.spread * z[WIDTH * len(self.file) :]
-        return replace(
-            state,
-            factors=state.factors @ upper_factor(np.eye(4) + self.turns(state, z)),
-            joints=np.where(self.positive, np.maximum(joints, 0.0), joints),
-        )
+        joints = state.joints + self.terms.spread(state.groups) @ z[WIDTH * len(self.file) :]
+        joints = joints.clip(*self.terms.box)  # to round-off it is inside
+        factors = state.factors @ upper_factor(np.eye(4) + self.turns(state, z))
+        return replace(state, factors=factors, joints=joints)
+
+    def limits(self, state: _State) -> tuple[FloatArray, FloatArray]:
+        """Rows (m, q) and their least (m,) that a step z keeps to."""
+        rows = np.zeros((len(self.terms.least), WIDTH * len(self.file) + len(state.joints)))
+        rows[:, WIDTH * len(self.file) :] = self.terms.limits @ self.terms.spread(state.groups)
+        return rows, np.minimum(self.terms.least - self.terms.limits @ state.joints, 0.0)
 
 
 # Part of the decrease that the slope promises which a step must reach; how far it goes to where a
 # body is flat; round-off of what is minimised; least part of a step; how much more data weigh from
 # one approach to the next.
 ARMIJO, INSIDE, ROUND_OFF, SHORTEST, HEAVIER = 1e-4, 0.95, 1e-13, 1e-12, 10.0
+# First deviation of a group relative to its largest; largest growth of its steps; iterations of
+# non-negative least squares for each limit.
+FIRST, FASTEST, NNLS_STEPS = 0.1, 8.0, 30
 
 
 def _minimised(program: _Program, state: _State) -> _State:
-    """Newton's method at given deviations; joint terms that would be negative stay zero."""
-    value, first = program.value(state), WIDTH * len(program.file)
-    least = np.full(first + len(program.start), -np.inf)
+    """Newton's method at given deviations, within the limits of the joint terms."""
+    value = program.value(state)
     for _ in range(ITERATIONS):
         step = program.step(state)
-        least[first:] = np.where(program.positive, -state.joints / program.spread, -np.inf)
-        z = step.solution(least)
+        z = step.solution(*program.limits(state))
         decrement = -float(step.gradient @ z)
         if decrement <= TOLERANCE + ROUND_OFF * abs(value):
             return state
@@ -402,15 +575,31 @@ def _most_likely(program: _Program, options: ConsistentOptions) -> tuple[_State,
     """The best state at the most likely deviations, and the common one."""
     common, nu = options.deviations[0], options.freedom
     state = _approached(program, program.first(common))
+    steps, gains = np.zeros((2, len(state.groups)))
     for _ in range(ITERATIONS):
         state = _minimised(program, state)
-        gamma, d = _told(program, state), 2 * program.divergences(state)
+        told = program.step(state).told
+        gamma, d = _told(program, told), 2 * program.divergences(state)
         common = _common(gamma, d, options)
         own = np.sqrt((nu * common**2 + d) / (nu + gamma)).clip(max=options.farthest)
-        if np.abs(own / state.deviations - 1).max(initial=0.0) <= SETTLED:
+        before, steps = steps, _group_steps(program, state, told)
+        settled = np.append(own / state.deviations - 1, steps)
+        if np.abs(settled).max(initial=0.0) <= SETTLED:
             break
-        state = replace(state, deviations=own)
+        # Steps that go on in one direction, as towards none, grow.
+        gains = np.where(steps * before > 0, np.minimum(1.5 * gains, FASTEST), 1.0)
+        groups = (state.groups * np.exp(gains * steps)).clip(*program.terms.bounds.T)
+        state = replace(state, deviations=own, groups=groups)
     return state, common
+
+
+def _group_steps(program: _Program, state: _State, told: FloatArray) -> FloatArray:
+    """Logarithms (g,) of what the deviations of groups are to be multiplied by."""
+    terms = program.terms
+    u = terms.departures(state.joints, state.groups)
+    gamma = terms.of_groups(told[WIDTH * len(program.file) :])
+    squares = state.groups**2 * terms.of_groups(u**2) / np.maximum(gamma, np.finfo(float).tiny)
+    return np.log(np.sqrt(squares).clip(*terms.bounds.T) / state.groups)
 
 
 def _approached(program: _Program, state: _State) -> _State:
@@ -423,10 +612,10 @@ def _approached(program: _Program, state: _State) -> _State:
     return state
 
 
-def _told(program: _Program, state: _State) -> FloatArray:
-    """How many of the ten parameters of each body the data tell, (b,)."""
-    told = program.step(state).told[: WIDTH * len(program.file)]
-    return np.asarray(told.reshape(-1, WIDTH).sum(axis=1))
+def _told(program: _Program, told: FloatArray) -> FloatArray:
+    """How many of the ten parameters of each body the data tell, (b,), of all z."""
+    bodies = told[: WIDTH * len(program.file)]
+    return np.asarray(bodies.reshape(-1, WIDTH).sum(axis=1))
 
 
 def _common(gamma: FloatArray, d: FloatArray, options: ConsistentOptions) -> float:
@@ -452,9 +641,9 @@ def _result(
     program: _Program,
     state: _State,
     freedom: float,
-) -> FitResult:
+) -> WorkingFit:
     """The values, with Laplace's covariance for autocorrelated errors."""
-    M, standard, problem = force_model.base.matrix, program.standard(state), data.problem
+    M, standard = force_model.base.matrix, program.standard(state)
     told = M @ program.changes(state)
     # Bodies without a mass are kept so, and not known to be.
     sizes = MASSLESS * body_sizes(force_model.mechanism, force_model.model)
@@ -462,18 +651,36 @@ def _result(
     kept = M[:, : len(sizes)] * sizes
     kept = kept[:, sizes > 0]
     values = force_model.base.values(standard)
-    # The prior as rows, whose least squares with the data are the values.
     C = np.asarray(np.linalg.qr(np.hstack([told, kept]).T, mode="r"))
+    only_kept = kept.any(axis=1) & ~told.any(axis=1)
+    found = _posterior(data, weights, values, C)
+    known = np.minimum(found.result.degrees_of_freedom, _freedom(program, state, told, freedom))
+    result = replace(
+        found.result,
+        assumed=tuple(force_model.parameters.labels[j] for j in np.flatnonzero(only_kept)),
+        standard_parameters=standard,
+        degrees_of_freedom=known,
+    )
+    return replace(found, result=result)
+
+
+def _posterior(
+    data: FitSamples, weights: FloatArray, values: FloatArray, C: FloatArray
+) -> WorkingFit:
+    """Values (n,) with the covariance for autocorrelated errors; CᵀC (n, n) is that of the prior.
+
+    The prior counts as rows whose least squares with the data are the values.
+    """
+    problem = data.problem
     R = problem.weighted(weights)
     middle = values + C.T @ (C @ (R[:-1, :-1].T @ (R[:-1, :-1] @ values - R[:-1, -1])))
-    rows = np.linalg.inv(C).T
-    rows = np.column_stack([rows, rows @ middle])
+    inverse = np.linalg.inv(C).T
+    rows = np.asarray(np.column_stack([inverse, inverse @ middle]), dtype=np.float64)
     factor = problem.weighted(weights, rows)[:-1, :-1]
     inverse = np.linalg.inv(factor)
-    only_kept = kept.any(axis=1) & ~told.any(axis=1)
     plain = FitResult(
         estimator=CONSISTENT,
-        parameters=force_model.parameters,
+        parameters=data.parameters,
         actuators=data.actuators,
         values=values,
         covariance=inverse @ inverse.T,
@@ -481,23 +688,63 @@ def _result(
         degrees_of_freedom=np.array(float(max(problem.freedom, 1))),
         quality=fit_quality(problem, values),
         weights=weights,
-        assumed=tuple(force_model.parameters.labels[j] for j in np.flatnonzero(only_kept)),
-        standard_parameters=standard,
     )
-    working = within_runs(WorkingFit(plain, data, rows))
-    found = with_scatter(working).result
-    known = np.minimum(found.degrees_of_freedom, _freedom(program, state, told, freedom))
-    return replace(found, degrees_of_freedom=known)
+    return with_scatter(within_runs(WorkingFit(plain, data, rows)))
+
+
+def solid_body(
+    values: FloatArray, covariance: FloatArray, matrix: FloatArray, guess: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The most likely solid body of estimates x = M π, of which nothing else is known.
+
+    Parameters
+    ----------
+    values, covariance : FloatArray
+        (r,) and (r, r), the estimates.
+    matrix : FloatArray
+        (r, 4) or (r, 10), M.
+    guess : FloatArray
+        (4, 4), pseudo-inertia of a body near it, which may be off by ``farthest`` times itself.
+
+    Returns
+    -------
+    standard_parameters : FloatArray
+        (4,) or (10,), π.
+    covariance : FloatArray
+        (r, r) of M π.
+    """
+    # Errors that are round-off of such a body count as a little larger, lest they are nothing.
+    own = (_vector(guess) @ PARAMETERS)[: matrix.shape[1]]
+    sizes = np.sqrt(np.diag(covariance)) + PRECISION * (np.abs(matrix) @ np.abs(own))
+    shares, turn = np.linalg.eigh(covariance / np.outer(sizes, sizes))
+    least = PRECISION**2 * shares.max() + PRECISION**2
+    inverse = (turn / np.sqrt(np.maximum(shares, least))).T / sizes
+    program = _Program(
+        effects=inverse @ matrix,
+        target=inverse @ values,
+        names=("",),
+        file=upper_factor(guess[None]),
+        columns=np.arange(matrix.shape[1])[None],
+        terms=JointPriors.none(),
+    )
+    with one_blas_thread():
+        state = _minimised(program, program.first(ConsistentOptions().farthest))
+        turned = matrix @ program.changes(state)
+        return program.standard(state), program.step(state).covariance(turned) @ turned.T
 
 
 def _freedom(program: _Program, state: _State, told: FloatArray, nu: float) -> FloatArray:
-    """Degrees of freedom (r,) that what rests on the file leaves the variances [Welch1947]."""
-    step, bodies = program.step(state), len(program.file)
+    """Degrees of freedom (r,) that what rests on priors leaves the variances [Welch1947]."""
+    step, bodies, terms = program.step(state), len(program.file), program.terms
     spread = step.covariance(told)
     variance = (spread * told).sum(axis=1)
     own = spread[:, : WIDTH * bodies].reshape(len(told), bodies, WIDTH)
-    shares = (own**2).sum(axis=2) / np.where(variance > 0, variance, 1.0)[:, None]
-    squares = (shares**2 / (nu + _told(program, state))).sum(axis=1)
+    known = step.told
+    parts = [(own**2).sum(axis=2)]
+    parts.append(np.stack([terms.of_groups(row**2) for row in spread[:, WIDTH * bodies :]]))
+    shares = np.hstack(parts) / np.where(variance > 0, variance, 1.0)[:, None]
+    every = np.append(_told(program, known), terms.of_groups(known[WIDTH * bodies :]))
+    squares = (shares**2 / (nu + every)).sum(axis=1)
     return np.asarray(np.divide(1.0, squares, out=np.full(len(told), np.inf), where=squares > 0))
 
 
@@ -525,8 +772,8 @@ def _solid_bodies(force_model: ForceModel) -> tuple[FloatArray, BoolArray]:
     return P, unsound
 
 
-def _warn(force_model: ForceModel, program: _Program, found: FileDeviation) -> None:
-    """Tell of bodies that are none, and of a model that lacks a force."""
+def warn_of_bodies(force_model: ForceModel, found: FitResult) -> None:
+    """Tell of bodies of the file that are none, and of a model that lacks a force."""
     name = force_model.mechanism.name
     if not force_model.has_masses:
         warn(
@@ -535,14 +782,17 @@ def _warn(force_model: ForceModel, program: _Program, found: FileDeviation) -> N
             ModelWarning,
         )
         return
-    if program.unsound and force_model.model == "full":
+    _, unsound = _solid_bodies(force_model)
+    if unsound.any() and force_model.model == "full":
+        links = [body.link for body in force_model.base.parameters if body.kind == KINDS[0]]
+        listed = ", ".join(link for link, flag in zip(links, unsound, strict=True) if flag)
         warn(
-            f"no solid bodies have the inertials of {', '.join(program.unsound)} in the file of "
-            f"{name}: the nearest that have are taken",
+            f"no solid bodies have the inertials of {listed} in the file of {name}: the nearest "
+            "that have are taken",
             ModelWarning,
         )
-    if found.suspicion:
+    if found.deviation is not None and (suspicion := found.deviation.suspicion):
         kinds = {parameter.kind for parameter in force_model.base.parameters}
         known = "Ia" in kinds or force_model.model == "gravity"
         advice = "" if known else ', such as drive inertia, terms="Fc,Fv,Fo,Ia"'
-        warn(f"{name}: {found.suspicion}{advice}", ModelWarning)
+        warn(f"{name}: {suspicion}{advice}", ModelWarning)

@@ -169,6 +169,57 @@ class FileDeviation(OfArrays):
 
 
 @record
+class TermDeviations(OfArrays):
+    """Prior deviations of groups of joint terms, as the evidence of the data chooses them.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the groups, such as ``"elbow: friction curve"``.
+    own : FloatArray
+        (g,), deviation of each, in the unit of its terms.
+    told : FloatArray
+        (g,), how many of its terms the data tell.
+    evidence : FloatArray
+        (g,), logarithm of how much likelier the data are with the group than without it.
+    """
+
+    names: tuple[str, ...]
+    own: FloatArray
+    told: FloatArray
+    evidence: FloatArray
+
+
+@record
+class MotorUse(OfArrays):
+    """How the motors were used in the samples of a fit.
+
+    Attributes
+    ----------
+    joints : tuple of str
+    slowest, fastest : FloatArray
+        (m,), slowest informative and fastest rate of each, in m/s or rad/s.
+    load : FloatArray
+        (m,), mean size of the force that moved the bodies, in N or N m.
+    """
+
+    joints: tuple[str, ...]
+    slowest: FloatArray
+    fastest: FloatArray
+    load: FloatArray
+
+    @property
+    def columns(self) -> tuple[tuple[str, ...], list[float], list[float]]:
+        """Joints, slowest and fastest rates."""
+        return self.joints, self.slowest.tolist(), self.fastest.tolist()
+
+    def of(self, joint: str) -> tuple[float, float]:
+        """Slowest and fastest rate of a joint."""
+        k = self.joints.index(joint)
+        return float(self.slowest[k]), float(self.fastest[k])
+
+
+@record
 class Estimate:
     """All numbers about one parameter.
 
@@ -235,6 +286,10 @@ class FitResult(OfArrays, Tabular):
         Of the robot file, where the fit weighs it.
     cutoff : float or None
         In Hz, of the filter, where it was chosen by predictions.
+    term_deviations : TermDeviations or None
+        Of groups of joint terms, where there are any.
+    use : MotorUse or None
+        Rates and loads of the motors in the data; None where they are not known.
 
     Examples
     --------
@@ -268,6 +323,8 @@ class FitResult(OfArrays, Tabular):
     standard_parameters: FloatArray | None = None
     deviation: FileDeviation | None = None
     cutoff: float | None = None
+    term_deviations: TermDeviations | None = None
+    use: MotorUse | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

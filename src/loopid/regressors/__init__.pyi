@@ -11,6 +11,7 @@ from .joint_laws import (
     JOINT_TERMS as JOINT_TERMS,
     JointState as JointState,
     JointTerm as JointTerm,
+    PriorGroup as PriorGroup,
     length_term as length_term,
 )
 from .joint_terms import (

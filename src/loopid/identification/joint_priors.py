@@ -1,0 +1,183 @@
+"""What is known of joint terms before any data: values, groups of one size, limits.
+
+The terms of a group have the prior f ~ N(f⁰, σ² F Fᵀ) with one deviation σ, which the evidence of
+the data chooses (``consistent.py``). A curve of many points then has the shape that the data ask
+for, and none where they ask for none. Limits are linear, A f ≥ b: a coefficient that cannot be
+negative, or is bounded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from loopid.arguments import FloatArray, IntArray
+from loopid.errors import DataError
+from loopid.identification.force_model import ForceModel
+from loopid.identification.problem import FitProblem
+from loopid.parameters import KINDS, Parameter
+from loopid.records import record
+from loopid.regressors.joint_laws import ASYMMETRY, CURVE, RATIO, JointState, joint_term
+
+# Least deviation of a group, relative to its largest: what it does is then below any error.
+LEAST = 1e-4
+# What friction curves are made of; a rate next to standstill, relative to that of the first point.
+CURVES, CLOSE = (CURVE, ASYMMETRY), 1e-9
+
+
+@record
+class JointPriors:
+    """Prior of the k joint terms of a force model, in g groups.
+
+    Attributes
+    ----------
+    start : FloatArray
+        (k,), f⁰.
+    deviations : FloatArray
+        (k,), standard deviations of terms without a group, 1 for the others.
+    names : tuple of str
+        Of the groups, such as ``"elbow: friction curve"``.
+    group : IntArray
+        (k,), number of each term's group; -1 without one.
+    factor : FloatArray
+        (k, k), F: triangular in each group, the identity elsewhere.
+    bounds : FloatArray
+        (g, 2), least and largest deviation of each group.
+    box : FloatArray
+        (2, k), least and largest value of each term, which may be infinite.
+    limits, least : FloatArray
+        A (m, k) and b (m,) of A f ≥ b, the box and friction that dissipates included; b is at most
+        zero.
+    """
+
+    start: FloatArray
+    deviations: FloatArray
+    names: tuple[str, ...]
+    group: IntArray
+    factor: FloatArray
+    bounds: FloatArray
+    box: FloatArray
+    limits: FloatArray
+    least: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        force_model: ForceModel,
+        problem: FitProblem,
+        start: FloatArray,
+        deviations: FloatArray,
+        given: FloatArray,
+    ) -> JointPriors:
+        """Priors of the joint terms of a force model.
+
+        Parameters
+        ----------
+        start : FloatArray
+            (k,).
+        deviations : FloatArray
+            (k,), of terms without a group.
+        given : FloatArray
+            (k,), known deviations; a term with a finite one is in no group.
+        """
+        terms = joint_parameters(force_model)
+        members = _members(terms, given)
+        force = dict(zip(problem.actuators, problem.force_rms.tolist(), strict=True))
+        group, factor = np.full(len(terms), -1), np.eye(len(terms))
+        bounds = np.zeros((len(members), 2))
+        for number, ((joint, _), columns) in enumerate(members.items()):
+            laws = [joint_term(terms[j].kind) for j in columns]
+            prior = laws[0].prior
+            assert prior is not None
+            scale = 1.0 if laws[0].units[0] == "1" else force.get(joint) or max(force.values())
+            bounds[number] = prior.largest * (scale or 1.0) * np.array([LEAST, 1.0])
+            group[columns] = number
+            if prior.correlation is not None:
+                correlation = prior.correlation(np.array([law.at for law in laws]))
+                factor[np.ix_(columns, columns)] = np.linalg.cholesky(correlation)
+        box = np.array([_box(term) for term in terms]).reshape(-1, 2).T
+        limits, least = _limits(box)
+        dissipated = dissipation(terms)
+        limits = np.concatenate([limits, dissipated])
+        least = np.append(least, np.zeros(len(dissipated)))
+        names = tuple(f"{joint}: {name}" for joint, name in members)
+        alone = np.where(group < 0, deviations, 1.0)
+        return cls(start, alone, names, group, factor, bounds, box, limits, least)
+
+    @classmethod
+    def none(cls) -> JointPriors:
+        """Of no joint terms."""
+        none, square = np.zeros(0), np.zeros((0, 0))
+        box = np.zeros((2, 0))
+        return cls(none, none, (), np.zeros(0, dtype=np.int64), square, box.T, box, square, none)
+
+    def spread(self, sizes: FloatArray) -> FloatArray:
+        """S (k, k) of f = f⁰ + S u with u ~ N(0, 1), at deviations (g,) of the groups."""
+        return np.asarray(self.factor * self._scales(sizes))
+
+    def departures(self, values: FloatArray, sizes: FloatArray) -> FloatArray:
+        """The u (k,) of values (k,) of the terms."""
+        return np.asarray(np.linalg.solve(self.factor, values - self.start) / self._scales(sizes))
+
+    def of_groups(self, numbers: FloatArray) -> FloatArray:
+        """Sums (g,) of numbers (k,) over the terms of each group."""
+        inside = self.group >= 0
+        weights = numbers[inside]
+        sums = np.bincount(self.group[inside], weights=weights, minlength=len(self.names))
+        return np.asarray(sums, dtype=np.float64)
+
+    def _scales(self, sizes: FloatArray) -> FloatArray:
+        return np.where(self.group < 0, self.deviations, np.append(sizes, 1.0)[self.group])
+
+
+def joint_parameters(force_model: ForceModel) -> tuple[Parameter, ...]:
+    """All k joint terms, in the order of ``force_model.joint_values``."""
+    return tuple(p for p in force_model.base.parameters if p.kind not in KINDS)
+
+
+def _members(terms: tuple[Parameter, ...], given: FloatArray) -> dict[tuple[str, str], list[int]]:
+    """Numbers of the terms of each group, by its joint and name."""
+    if given.shape != (len(terms),):
+        raise DataError(f"deviations must have shape ({len(terms)},), not {given.shape}")
+    members: dict[tuple[str, str], list[int]] = {}
+    for j, term in enumerate(terms):
+        prior = joint_term(term.kind).prior
+        if prior is not None and not np.isfinite(given[j]):
+            members.setdefault((term.link, prior.name), []).append(j)
+    return members
+
+
+def _box(term: Parameter) -> tuple[float, float]:
+    """Least and largest value of a term: no negative friction or drive inertia."""
+    law = joint_term(term.kind)
+    return 0.0 if law.positive else -np.inf, np.inf if law.most is None else law.most
+
+
+def _limits(box: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A (m, k) and b (m,) of a box (2, k)."""
+    one, (least, most) = np.eye(box.shape[1]), box
+    above, below = np.isfinite(least), np.isfinite(most)
+    limits = np.concatenate([one[above], -one[below]])
+    return limits, np.concatenate([least[above], -most[below]])
+
+
+def dissipation(terms: Sequence[Parameter]) -> FloatArray:
+    """Rows (m, k) of sign(q̇) F(q̇) ≥ 0, for joints whose friction is a curve.
+
+    At the rates of its points both ways, and next to standstill: the curve is linear between them.
+    """
+    rows = []
+    laws = [joint_term(term.kind) for term in terms]
+    for joint in dict.fromkeys(term.link for term in terms):
+        own = [j for j, term in enumerate(terms) if term.link == joint and laws[j].friction]
+        at = np.array([laws[j].at for j in own if laws[j].prior in CURVES])
+        if not len(at):
+            continue
+        rates = np.unique([CLOSE * at.min(), *at, RATIO * at.max()])
+        state = JointState(None, np.concatenate([rates, -rates]), None, math=np)
+        found = np.zeros((2 * len(rates), len(terms)))
+        for j in own:
+            found[:, j] = np.sign(state.rate) * laws[j].signal(state, 2 * len(rates))
+        rows.append(found)
+    return np.concatenate(rows) if rows else np.zeros((0, len(terms)))
