@@ -245,7 +245,7 @@ def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> F
     freedom = np.minimum(found.degrees_of_freedom, freedom)
     names, inside = force_model.parameters.names, J != 0
     values, (own, file) = base.values(standard), np.zeros((2, len(standard)))
-    own[first:], file[first:] = np.diag(found.covariance), np.where(inside.any(axis=0), np.inf, 0)
+    own[first:], file[first:] = np.diag(found.covariance), np.where(inside.any(axis=0), np.inf, 0.0)
     none, known = np.zeros((len(standard), len(values))), np.full(len(standard), np.inf)
     known[first:] = freedom
     return replace(
