@@ -244,8 +244,11 @@ def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> F
         groups = _groups(program, state, found.covariance[np.ix_(own, own)])
     freedom = np.minimum(found.degrees_of_freedom, freedom)
     names, inside = force_model.parameters.names, J != 0
-    values, (own, file) = base.values(standard), np.zeros((2, len(standard)))
-    own[first:], file[first:] = np.diag(found.covariance), np.where(inside.any(axis=0), np.inf, 0.0)
+    values, (variances, file) = base.values(standard), np.zeros((2, len(standard)))
+    variances[first:], file[first:] = (
+        np.diag(found.covariance),
+        np.where(inside.any(axis=0), np.inf, 0.0),
+    )
     none, known = np.zeros((len(standard), len(values))), np.full(len(standard), np.inf)
     known[first:] = freedom
     return replace(
@@ -257,7 +260,7 @@ def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> F
         quality=fit_quality(data.problem, values),
         assumed=tuple(names[j] for j in np.flatnonzero(~inside.any(axis=1))),
         standard_parameters=standard,
-        uncertainty=RobotUncertainty(base.parameters, none, own, file, known),
+        uncertainty=RobotUncertainty(base.parameters, none, variances, file, known),
         term_deviations=groups,
     )
 
