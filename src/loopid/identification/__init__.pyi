@@ -28,6 +28,12 @@ from .force_model import (
     reference_instruments as reference_instruments,
     samples_of as samples_of,
 )
+from .friction import (
+    FrictionCurve as FrictionCurve,
+    friction_curve as friction_curve,
+    speed_range as speed_range,
+    with_friction as with_friction,
+)
 from .information import (
     Excitation as Excitation,
     Identifiability as Identifiability,
@@ -61,14 +67,10 @@ from .result import (
     NoiseModel as NoiseModel,
     Quality as Quality,
     Robustness as Robustness,
+    SpeedRange as SpeedRange,
     TermDeviations as TermDeviations,
     fit_quality as fit_quality,
 )
 from .robust import Bisquare as Bisquare
 from .saved import SavedFit as SavedFit, read_fit as read_fit, save_fit as save_fit
-from .terms import (
-    FrictionCurve as FrictionCurve,
-    TermOptions as TermOptions,
-    choose_terms as choose_terms,
-    friction_curve as friction_curve,
-)
+from .terms import TermOptions as TermOptions, choose_terms as choose_terms

@@ -180,20 +180,40 @@ class TermDeviations(OfArrays):
         (g,), deviation of each, in the unit of its terms.
     told : FloatArray
         (g,), how many of its terms the data tell.
-    bounds : FloatArray
-        (g, 2), least and largest that each may be: at the least, the group has no effect.
+    evidence : FloatArray
+        (g,), logarithm of how much likelier the data are with the group than without it.
     """
 
     names: tuple[str, ...]
     own: FloatArray
     told: FloatArray
-    bounds: FloatArray
+    evidence: FloatArray
+
+
+@record
+class SpeedRange(OfArrays):
+    """Rates of the motors in the samples of a fit, in m/s or rad/s.
+
+    Attributes
+    ----------
+    joints : tuple of str
+    slowest, fastest : FloatArray
+        (m,), slowest informative and fastest rate of each.
+    """
+
+    joints: tuple[str, ...]
+    slowest: FloatArray
+    fastest: FloatArray
 
     @property
-    def present(self) -> tuple[str, ...]:
-        """Groups that the data ask for."""
-        asked = self.own > self.bounds[:, 0]
-        return tuple(name for name, flag in zip(self.names, asked, strict=True) if flag)
+    def columns(self) -> tuple[tuple[str, ...], list[float], list[float]]:
+        """Joints, slowest and fastest rates."""
+        return self.joints, self.slowest.tolist(), self.fastest.tolist()
+
+    def of(self, joint: str) -> tuple[float, float]:
+        """Slowest and fastest rate of a joint."""
+        k = self.joints.index(joint)
+        return float(self.slowest[k]), float(self.fastest[k])
 
 
 @record
@@ -265,6 +285,8 @@ class FitResult(OfArrays, Tabular):
         In Hz, of the filter, where it was chosen by predictions.
     term_deviations : TermDeviations or None
         Of groups of joint terms, where there are any.
+    speeds : SpeedRange or None
+        Of the motors in the data; None where it is not known.
 
     Examples
     --------
@@ -299,6 +321,7 @@ class FitResult(OfArrays, Tabular):
     deviation: FileDeviation | None = None
     cutoff: float | None = None
     term_deviations: TermDeviations | None = None
+    speeds: SpeedRange | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

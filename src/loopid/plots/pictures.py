@@ -11,11 +11,11 @@ from loopid.arguments import FloatArray, IntArray, checked, spread_rows
 from loopid.errors import OptionError
 from loopid.excitation.design import ExcitationDesign
 from loopid.identification.cutoff import CutoffChoice
+from loopid.identification.friction import friction_columns, friction_curve, frictional_joints
 from loopid.identification.information import Identifiability, body_sizes
 from loopid.identification.pipeline import Identification
 from loopid.identification.prediction import Prediction
 from loopid.identification.saved import SavedFit
-from loopid.identification.terms import friction_columns, friction_curve, frictional_joints
 from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel
 from loopid.robot.mechanism import Mechanism
 from loopid.view.scene import link_rods, placed
