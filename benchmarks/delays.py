@@ -11,8 +11,8 @@ undone, more than 2 ms are left after that, and how many ms are left at most. A 
 clean logs: what is undone there is a false alarm. With ``--slip`` friction builds up over so many
 mrad after a reversal (Dahl's law, exactly from sample to sample), 0 for friction that jumps.
 Motions are those of ``intervals.py``, which repeat after 10 s; seeds draw the noise of the forces.
-With ``--fit``, how often intervals of parameters by weighted least squares cover the true values, too, and the error of
-recommended fits on another motion.
+With ``--fit``, how often intervals of parameters by weighted least squares cover the true values,
+too, and the error of recommended fits on another motion.
 
 With ``--plants`` robots are those of ``plants.py``: MuJoCo moves them under PD, fast and slow, and
 their friction sticks, or builds up (LuGre).
@@ -147,7 +147,8 @@ def moved(name: str, slips: list[float], delays: list[float], given: Given) -> I
     """Rows of a robot that MuJoCo moves."""
     for pace in PACES:
         for slip in slips:
-            plants = [Plant(name, seed=k, bits=given.bits, bristle=slip) for k in range(given.runs)]
+            options = {"name": name, "bits": given.bits, "bristle": slip}
+            plants = [Plant(seed=seed, **options) for seed in range(given.runs)]
             runs = [plant.follow(plant.motion(pace)) for plant in plants]
             model = find_force_model(plants[0].robot, "full")
             for delay in delays:

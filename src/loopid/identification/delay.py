@@ -547,7 +547,7 @@ def _contradicted(sharp: Delay, robust: Delay) -> bool:
     """Whether a delay beside the signs of the velocities is not that beside Maxwell slip.
 
     They differ, of all motors or of one, by more than their errors let expect; or what is clear is
-    not confirmed, as the robust one is nearer to none than to it.
+    not confirmed, as the robust one is not told, or nearer to none than to it.
     """
     from scipy.special import chdtri  # slow to import
 
@@ -563,6 +563,7 @@ def _contradicted(sharp: Delay, robust: Delay) -> bool:
     alone = np.ptp(sharp.undone) > 0
     found = robust.each if alone else np.full(len(robust.each), robust.common)
     confirmed = np.abs(found - sharp.undone) < np.abs(found)
+    confirmed &= np.isfinite(wide[-1])
     return bool((differ & known).any() or (~confirmed & (sharp.undone != 0)).any())
 
 
@@ -573,7 +574,7 @@ def _beside_slip(
     width, forces = samples.regressor.shape[2], samples.problem.force_rms
     tables, deviations = list[FloatArray](), list[float]()
     for i, joint in enumerate(samples.actuators):
-        ways = [_ways(one, joint) for one in recordings]
+        ways = [one.ways(joint) for one in recordings]
         slips = slip_displacements(max(float(np.ptp(way)) for each in ways for way in each))
         if not (forces[i] and slips[0]):
             continue
@@ -596,19 +597,6 @@ def _slip(recording: Recording, states: Sequence[FloatArray]) -> FloatArray:
     """States along the stretches of the log, filtered as the forces are, at the samples (N,)."""
     along = np.concatenate(states)
     return along if recording.history is None else recording.history.lowpassed(along)
-
-
-def _ways(recording: Recording, joint: str) -> list[FloatArray]:
-    """Positions of a motor along each stretch of the log, from wherever it starts."""
-    history, column = recording.history, recording.actuators.index(joint)
-    if history is not None and joint in history.joints:
-        rate = history.velocity[:, history.joints.index(joint)]
-        parts = zip(history.parts, history.rates, strict=True)
-        return [np.cumsum(rate[part]) / frequency for part, frequency in parts]
-    rate, time = recording.motion.velocities[:, column], np.asarray(recording.motion.time)
-    bounds = 1 + np.flatnonzero(np.diff(recording.stretches))
-    steps = np.split(rate[1:] * np.diff(time), bounds - 1)
-    return [np.cumsum(np.append(0.0, each)) for each in steps]
 
 
 def _beside(samples: FitSamples, what: str, columns: FloatArray) -> FitSamples:

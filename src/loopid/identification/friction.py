@@ -42,6 +42,7 @@ from loopid.parameters import KINDS
 from loopid.records import Tabular, record
 from loopid.regressors.joint_laws import ALIKE, CURVE, RATIO, JointState, joint_term
 from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.maxwell_slip import slip_displacements
 
 # Percentile of the rates of a motor's samples that is its slowest informative one, and most rates
 # of a curve, from the fastest down.
@@ -93,13 +94,20 @@ def curve_kinds(slowest: float, fastest: float) -> tuple[str, ...]:
     return (*odd, *(f"Fa~{rate}" for rate in middle), f"Fa1~{last}")
 
 
+def slip_kinds(recordings: Sequence[Recording], joint: str) -> tuple[str, ...]:
+    """Kinds of the elements of Maxwell slip of a motor, by the range of its motion."""
+    span = max(float(np.ptp(way)) for each in recordings for way in each.ways(joint))
+    return tuple(f"Fh@{slip:.3g}" for slip in slip_displacements(span) if slip)
+
+
 def friction_kinds(
-    force_model: ForceModel, data: FitSamples, speeds: SpeedRange, loads: FloatArray
+    force_model: ForceModel, data: FitSamples, recordings: Sequence[Recording], loads: FloatArray
 ) -> dict[str, tuple[str, ...]]:
     """What may be asked for of each motor with Coulomb and viscous friction alone.
 
     ``loads`` (N, dof) are the forces that move the bodies.
     """
+    speeds = speed_range(force_model, recordings)
     terms, found = force_model.joint_terms, dict[str, tuple[str, ...]]()
     for joint, slowest, fastest in zip(*speeds.columns, strict=True):
         own = terms.of_joints.get(joint, ()) if terms is not None else ()
@@ -110,7 +118,8 @@ def friction_kinds(
         used, load = data.used[:, row], loads[:, row]
         least = LEAST_LOAD * data.problem.force_rms[row]
         carries = "Ft" not in own and np.sqrt((load[used] ** 2).mean()) > least
-        found[joint] = (*curve_kinds(slowest, fastest), *(["Ft"] if carries else []))
+        slips = slip_kinds(recordings, joint)
+        found[joint] = (*curve_kinds(slowest, fastest), *(["Ft"] if carries else []), *slips)
     return {joint: kinds for joint, kinds in found.items() if kinds}
 
 
@@ -147,8 +156,7 @@ def with_friction(
     if noise is None:
         raise DataError("the fit has no model of its errors that friction could be weighed by")
     values = consistent_values(force_model, data, noise, options=options)
-    speeds = speed_range(force_model, recordings)
-    kinds = friction_kinds(force_model, data, speeds, force_model.loads(data.regressor))
+    kinds = friction_kinds(force_model, data, recordings, force_model.loads(data.regressor))
     plain, known = data, dict(zip(force_model.parameters.labels, values.tolist(), strict=True))
     left = ROUNDS
     while True:
