@@ -48,6 +48,7 @@ class SymbolicRobot:
         )
         self.G = ca.SX.sym("G", len(self.dependent), len(self.chosen))
         self.phi = ca.SX.sym("phi", len(model.parameters))
+        self.slip = ca.SX.sym("slip", len(model.slip_columns))
         chain = self._chain(*[ca.SX(self.mechanism.model.nv, 1)] * 2)
         self.joints = [link.joint for link in chain]
         self.rates = ca.diagcat(*(joint.rates for joint in self.joints))
@@ -62,14 +63,16 @@ class SymbolicRobot:
         """All that C calls, named ``<prefix>_...`` there."""
         q, G, factors, du, ddu, phi = self.q, self.G, self.factors, self.du, self.ddu, self.phi
         part, still = ca.SX.sym("part"), ca.SX(*du.shape)
-        force, bias = self._force(du, ddu), self._force(du, still)
+        slip = self.slip
+        force, bias = self._force(du, ddu, slip), self._force(du, still, slip)
         each = {
             "predict": ([q, self.before, self.u, part, G], self._predicted(part)),
             "linearise": ([q], self._linearised()),
             "gravity": ([q, G, phi], [self._force(still, still)]),
-            "forces": ([q, G, factors, du, ddu, phi], [force]),
-            "regressor": ([q, G, factors, du, ddu], [ca.jacobian(force, phi).T]),
-            "dynamics": ([q, G, factors, du, phi], [ca.jacobian(force, ddu), bias]),
+            "forces": ([q, G, factors, du, ddu, phi, slip], [force]),
+            "regressor": ([q, G, factors, du, ddu, slip], [ca.jacobian(force, phi).T]),
+            "dynamics": ([q, G, factors, du, phi, slip], [ca.jacobian(force, ddu), bias]),
+            "slide": self._slid(),
         }
         return {
             name: ca.Function(f"{prefix}_{name}", given, [ca.densify(value) for value in values])
@@ -77,12 +80,15 @@ class SymbolicRobot:
         }
 
     def whole(self, functions: Mapping[str, ca.Function], name: str) -> ca.Function:
-        """Of a closed configuration q, what an optimiser needs."""
+        """Of a closed configuration q, what an optimiser needs; friction of steady motion."""
         G, factors, *_ = self._linearised()
         at, motion = (self.q, G, factors), (self.du, self.ddu, self.phi)
-        force = functions["forces"](*at, *motion)
-        mass, bias = functions["dynamics"](*at, self.du, self.phi)
-        dq = self.rates @ ca.substitute(self._spread(self.du), self.G, G)
+        rates = ca.substitute(self._spread(self.du), self.G, G)
+        steady = [self._state(p, rates, rates).sign() for p in self._slipping]
+        slip = ca.vertcat(ca.SX(0, 1), *steady)
+        force = functions["forces"](*at, *motion, slip)
+        mass, bias = functions["dynamics"](*at, self.du, self.phi, slip)
+        dq = self.rates @ rates
         results = {"residual": self.residual, "dq": dq, "force": force, "mass": mass, "bias": bias}
         given = ["q", "du", "ddu", "phi"], list(results)
         return ca.Function(name, [self.q, *motion], list(results.values()), *given)
@@ -140,8 +146,33 @@ class SymbolicRobot:
             moved.append(own)
         return ca.vertcat(*moved)
 
-    def _force(self, du: Any, ddu: Any) -> Any:
-        """Forces (dof,) of the motors; in the ``gravity`` model bodies are at rest."""
+    @property
+    def _slipping(self) -> list[Parameter]:
+        """Elements of Maxwell slip."""
+        return [self.model.parameters[j] for j in self.model.slip_columns]
+
+    def _slid(self) -> tuple[list[Any], list[Any]]:
+        """States of these elements after the way from one configuration to another."""
+        end, states = ca.SX.sym("end", self.q.shape[0]), list[Any]()
+        for k, parameter in enumerate(self._slipping):
+            joint = self.mechanism.joint(parameter.link)
+            first, last = (q[joint.idx_q : joint.idx_q + joint.nq] for q in (self.q, end))
+            if joint.nq == 1:
+                way = last - first
+            else:  # from cosine and sine to cosine and sine
+                way = ca.atan2(
+                    last[1] * first[0] - last[0] * first[1],
+                    last[0] * first[0] + last[1] * first[1],
+                )
+            moved = self.slip[k] + way / joint_term(parameter.kind).at
+            states.append(ca.fmax(-1.0, ca.fmin(moved, 1.0)))
+        return [self.q, end, self.slip], [ca.vertcat(ca.SX(0, 1), *states)]
+
+    def _force(self, du: Any, ddu: Any, slip: Any = None) -> Any:
+        """Forces (dof,) of the motors; in the ``gravity`` model bodies are at rest.
+
+        Without states of elements of Maxwell slip, friction is that of steady motion.
+        """
         v, a = self._spread(du), self._spread(ddu)
         a[self.dependent] += self._drift_acceleration(v)
         still = ca.SX(*v.shape)
@@ -150,7 +181,11 @@ class SymbolicRobot:
         for k, parameter in enumerate(self.model.parameters):
             if parameter.kind not in KINDS:
                 index = int(self.mechanism.velocity_indices([parameter.link])[0])
-                tree[index] += self.phi[k] * self._joint_term(parameter, v[index], a[index])
+                state = self._state(parameter, v, a)
+                if slip is not None and k in self.model.slip_columns:
+                    place = int(np.searchsorted(self.model.slip_columns, k))
+                    state = state._replace(slips={joint_term(parameter.kind).at: slip[place]})
+                tree[index] += self.phi[k] * self._joint_term(parameter, state)
         return tree[self.chosen] + self.G.T @ tree[self.dependent]
 
     def _spread(self, rates: Any) -> Any:
@@ -187,13 +222,19 @@ class SymbolicRobot:
             wrenches[link.parent][1] += link.R @ moment + ca.cross(link.r, turned)
         return tree
 
-    def _joint_term(self, parameter: Parameter, v: Any, a: Any) -> Any:
-        """What a joint term multiplies, by the law of its kind, at a rate and an acceleration."""
+    def _state(self, parameter: Parameter, v: Any, a: Any) -> JointState:
+        """State of the joint of a term at all rates and accelerations (nv,)."""
         mechanism, position = self.mechanism, None  # of one of several coordinates
+        index = int(mechanism.velocity_indices([parameter.link])[0])
         if parameter.link in mechanism.joints:
             joint = mechanism.joint(parameter.link)
             own = self.q[joint.idx_q : joint.idx_q + joint.nq]
             position = own if joint.nq == 1 else ca.atan2(own[1], own[0])
+        terms = self.model.joint_terms or JointTerms(())
+        return terms.state(JointState(position, v[index], a[index]), math=ca)
+
+    def _joint_term(self, parameter: Parameter, state: JointState) -> Any:
+        """What a joint term multiplies, by the law of its kind."""
         term = joint_term(parameter.kind)
         if "load" in term.needs:
             raise OptionError(
@@ -201,8 +242,7 @@ class SymbolicRobot:
                 f"identify without {parameter.kind} for it",
                 parameter=parameter.label,
             )
-        terms = self.model.joint_terms or JointTerms(())
-        return term.law(terms.state(JointState(position, v, a), math=ca), term.at)
+        return term.law(state, term.at)
 
     def _closure_residual(self, chain: Sequence[Link]) -> Any:
         """Residual (rows,) in m."""

@@ -34,6 +34,7 @@ from .friction import (
     speed_range as speed_range,
     with_friction as with_friction,
 )
+from .hysteresis import HysteresisLoop as HysteresisLoop, hysteresis_loop as hysteresis_loop
 from .information import (
     Excitation as Excitation,
     Identifiability as Identifiability,

@@ -110,6 +110,11 @@ class ForceModel:
         return np.setdiff1d(np.arange(len(self.parameters)), self.grouped_columns)
 
     @property
+    def slip_columns(self) -> IntArray:
+        """Columns of elements of Maxwell slip, which depend on where joints came from."""
+        return np.array([j for j in self.joint_columns if "slip" in self._needs(j)], dtype=np.int64)
+
+    @property
     def load_columns(self) -> tuple[IntArray, IntArray]:
         """Rows of the motors with load friction, and its columns."""
         return load_places(self.parameters, self.mechanism.independent)

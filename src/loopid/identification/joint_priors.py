@@ -18,14 +18,7 @@ from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import FitProblem
 from loopid.parameters import KINDS, Parameter
 from loopid.records import record
-from loopid.regressors.joint_laws import (
-    ASYMMETRY,
-    CURVE,
-    HYSTERESIS,
-    RATIO,
-    JointState,
-    joint_term,
-)
+from loopid.regressors.joint_laws import ASYMMETRY, CURVE, HYSTERESIS, RATIO, JointState, joint_term
 
 # Least deviation of a group, relative to its largest: what it does is then below any error.
 LEAST = 1e-4

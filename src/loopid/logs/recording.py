@@ -245,8 +245,7 @@ class Recording(Tabular):
         rate, time = self.motion.velocities[:, self.actuators.index(joint)], self.motion.time
         ends = np.flatnonzero(np.diff(self.stretches))
         return [
-            np.cumsum(np.append(0.0, steps))
-            for steps in np.split(rate[1:] * np.diff(time), ends)
+            np.cumsum(np.append(0.0, steps)) for steps in np.split(rate[1:] * np.diff(time), ends)
         ]
 
     @property

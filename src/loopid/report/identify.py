@@ -10,6 +10,7 @@ from loopid.arguments import FloatArray, IntArray
 from loopid.diagnosis.selection import PredictionError
 from loopid.diagnosis.study import Study
 from loopid.diagnosis.term_sets import TermComparison
+from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
 from loopid.identification.information import WeakDirection
 from loopid.identification.pipeline import Identification
 from loopid.identification.prediction import Candidate, Prediction, prediction_reach
@@ -21,6 +22,7 @@ from loopid.plots.pictures import (
     filter_chart,
     forces_chart,
     friction_chart,
+    hysteresis_chart,
     parameters_chart,
     robot_chart,
     spectrum_chart,
@@ -69,13 +71,13 @@ def _sections(study: Study) -> list[Section]:
     if found.recommended is not whole:
         title = f"all parameters by {whole.fit.estimator}"
         others.append(_estimates_table(title, found, whole.fit))
-    friction = friction_chart(found)
+    friction = [each for each in (friction_chart(found), hysteresis_chart(found)) if each.panels]
     filtering: list[Part] = [] if found.cutoff is None else [filter_chart(found.cutoff)]
     filtering += _filter_tables(study)
     return [
         Section("Forces on new data", (_forces_chart(found), *_candidates_tables(study))),
         Section(f"Recommended values: {found.recommended.name}", tuple(values)),
-        *([Section("Friction", (friction,))] if friction.panels else []),
+        *([Section("Friction", tuple(friction))] if friction else []),
         Section("What the data tell", tuple(said)),
         Section("Robot", (robot_chart(found.force_model.mechanism),)),
         Section("In words", tuple(findings(study))),
@@ -228,6 +230,8 @@ def findings(study: Study) -> list[str]:
         )
     if found.delay is not None and found.delay.clear:
         said.append(f"{found.delay.sentence.capitalize()}.")
+    for joint in hysteretic_joints(found.fit):
+        said.append(f"{hysteresis_loop(found.fit, joint).sentence.capitalize()}.")
     said += [f"In {one.recording}, {text}." for one in study.suspicions for text in one.sentences]
     if told.unidentifiable:
         said.append(
