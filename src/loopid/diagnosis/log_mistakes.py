@@ -20,6 +20,7 @@ from loopid.arguments import FloatArray, checked
 from loopid.diagnosis.evidence import Evidence, Explanation, SuspicionOptions, Undone
 from loopid.errors import DataWarning, warn
 from loopid.identification.delay import in_motion_band
+from loopid.identification.force_model import parted
 from loopid.identification.pipeline import Identification
 from loopid.logs.log import Log
 from loopid.logs.recording import Recording
@@ -177,7 +178,7 @@ def diagnose(found: Identification) -> tuple[Suspicions, ...]:
     """
     runs = (*found.training, *found.validation, *found.friction)
     model = found.force_model
-    return _by_log(model.mechanism, runs, model.joint_terms)
+    return _by_log(model.mechanism, runs, parted(model.joint_terms)[0])
 
 
 @checked

@@ -30,7 +30,9 @@ from .force_model import (
 )
 from .friction import (
     FrictionCurve as FrictionCurve,
+    FrictionSummary as FrictionSummary,
     friction_curve as friction_curve,
+    friction_summary as friction_summary,
     speed_range as speed_range,
     with_friction as with_friction,
 )

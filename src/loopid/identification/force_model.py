@@ -23,8 +23,14 @@ from loopid.motion.joints import JointMotion
 from loopid.parameters import KINDS, ParameterSet, model_kinds
 from loopid.records import record
 from loopid.regressors.closed_loop import motion_regressor
-from loopid.regressors.joint_laws import JointState, joint_term
-from loopid.regressors.joint_terms import JointTerms, joint_state, warn_of_omitted
+from loopid.regressors.joint_laws import JointState, grouped, joint_term
+from loopid.regressors.joint_terms import (
+    JointTerms,
+    joint_state,
+    load_places,
+    warn_of_omitted,
+    with_loads,
+)
 from loopid.regressors.maxwell_slip import Slips, slips_along, slips_at
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
@@ -101,8 +107,8 @@ class ForceModel:
     @property
     def grouped_columns(self) -> IntArray:
         """Columns of joint terms whose size the evidence decides (``JointTerm.prior``)."""
-        grouped = [j for j in self.joint_columns if joint_term(self.parameters[j].kind).prior]
-        return np.array(grouped, dtype=np.int64)
+        columns = [j for j, each in enumerate(self.parameters) if grouped(each.kind)]
+        return np.array(columns, dtype=np.int64)
 
     @property
     def plain_columns(self) -> IntArray:
@@ -113,6 +119,23 @@ class ForceModel:
     def slip_columns(self) -> IntArray:
         """Columns of elements of Maxwell slip, which depend on where joints came from."""
         return np.array([j for j in self.joint_columns if "slip" in self._needs(j)], dtype=np.int64)
+
+    @property
+    def plain(self) -> ForceModel:
+        """The same model without joint terms whose size the evidence decides."""
+        base, columns = self.base, self.plain_columns
+        kept = [j for j, each in enumerate(base.parameters) if not grouped(each.kind)]
+        places = np.zeros(len(base.parameters), dtype=np.int64)
+        places[kept] = np.arange(len(kept))
+        narrow = replace(
+            base,
+            parameters=base.parameters.select(kept),
+            base=places[base.base[columns]],
+            dependent=places[base.dependent],
+            regrouping=base.regrouping[columns],
+        )
+        terms, _ = parted(self.joint_terms)
+        return ForceModel(self.mechanism, self.model, terms, narrow, self.automatic)
 
     @property
     def load_columns(self) -> tuple[IntArray, IntArray]:
@@ -130,12 +153,9 @@ class ForceModel:
 
     def loaded(self, regressor: FloatArray) -> FloatArray:
         """A regressor (N, dof, n) per unit of load, with the loads of the motors."""
-        rows, columns = self.load_columns
-        if not len(columns):
+        if not len(self.load_columns[1]):
             return regressor
-        found, loads = np.array(regressor), np.abs(self.loads(regressor))
-        found[:, rows, columns] *= loads[:, rows]
-        return found
+        return with_loads(regressor, self.load_columns, self.loads(regressor))
 
     def with_loads(self, values: FloatArray) -> ForceModel:
         """The same model with gears that carry the bodies of values (n,)."""
@@ -223,9 +243,10 @@ class ForceModel:
         with warnings.catch_warnings():  # the same as of this model
             warnings.simplefilter("ignore")
             try:
-                return find_force_model(self.mechanism, self.model, terms, search=kept)
+                found = find_force_model(self.mechanism, self.model, terms, search=kept)
             except OptionError:
-                return find_force_model(self.mechanism, self.model, terms)
+                found = find_force_model(self.mechanism, self.model, terms)
+        return replace(found, automatic=self.automatic)
 
     def with_columns(self, kinds: Mapping[str, tuple[str, ...]]) -> ForceModel:
         """The same model with further joint terms as columns of their own, after the others.
@@ -362,6 +383,8 @@ class ForceModel:
         """
         width = len(samples.parameters)
         columns = sorted({*range(width, len(self.parameters)), *self.load_columns[1].tolist()})
+        if not columns:
+            return samples
         W = np.zeros((len(samples), len(samples.actuators), len(self.parameters)))
         W[:, :, :width] = samples.regressor
         loads, start = self.loads(W), 0
@@ -427,7 +450,7 @@ def find_force_model(
     if isinstance(joint_terms, str):
         joint_terms, automatic = chosen_terms(mechanism, model, joint_terms)
     warn_of_omitted(mechanism, joint_terms)
-    plain, grouped = parted(joint_terms)
+    plain, others = parted(joint_terms)
     observation = structural_observation(
         mechanism, model, seed=seed, progress=progress, joint_terms=plain
     )
@@ -450,18 +473,7 @@ def find_force_model(
                 ModelWarning,
             )
     found = ForceModel(mechanism, model, plain, base, automatic)
-    return found.with_columns(grouped) if grouped else found
-
-
-def load_places(parameters: ParameterSet, independent: Sequence[str]) -> tuple[IntArray, IntArray]:
-    """Rows among independent coordinates of motors with load friction, and its columns."""
-    places = [
-        (independent.index(each.link), column)
-        for column, each in enumerate(parameters)
-        if each.kind not in KINDS and "torque" in joint_term(each.kind).needs
-    ]
-    rows, columns = np.array(places, dtype=np.int64).reshape(-1, 2).T
-    return rows, columns
+    return found.with_columns(others) if others else found
 
 
 def chosen_terms(mechanism: Mechanism, model: str, choice: str) -> tuple[JointTerms | None, bool]:
@@ -483,15 +495,15 @@ def parted(terms: JointTerms | None) -> tuple[JointTerms | None, dict[str, tuple
         return None, {}
     both: list[dict[str, tuple[str, ...]]] = [{}, {}]
     for joint, kinds in terms.of_joints.items():
-        for grouped, found in enumerate(both):
-            found[joint] = tuple(k for k in kinds if bool(joint_term(k).prior) == bool(grouped))
-    plain, grouped_kinds = both
-    if not any(grouped_kinds.values()):
+        for weighed, found in enumerate(both):
+            found[joint] = tuple(kind for kind in kinds if grouped(kind) == bool(weighed))
+    plain, others = both
+    if not any(others.values()):
         return terms, {}
     own = JointTerms.of_kinds(plain)
     if own is not None:
         own = replace(own, dead_zone=terms.dead_zone, smoothing=terms.smoothing)
-    return own, {joint: kinds for joint, kinds in grouped_kinds.items() if kinds}
+    return own, {joint: kinds for joint, kinds in others.items() if kinds}
 
 
 @checked

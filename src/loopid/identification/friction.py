@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +33,7 @@ from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import (
     LEAST_FREEDOM,
+    Estimate,
     FitResult,
     NoiseModel,
     SpeedRange,
@@ -40,7 +42,15 @@ from loopid.identification.result import (
 from loopid.logs.recording import Recording
 from loopid.parameters import KINDS
 from loopid.records import Tabular, record
-from loopid.regressors.joint_laws import ALIKE, CURVE, RATIO, JointState, joint_term
+from loopid.regressors.joint_laws import (
+    ALIKE,
+    ASYMMETRY,
+    CURVE,
+    LOAD,
+    RATIO,
+    JointState,
+    joint_term,
+)
 from loopid.regressors.joint_terms import JointTerms
 from loopid.regressors.maxwell_slip import slip_displacements
 
@@ -56,6 +66,8 @@ LEAST_LOAD = 0.1
 ROUNDS = 2
 # Logarithm of how much likelier the data are with a group that is clearly there: twenty times.
 CLEARLY = 3.0
+# Terms of a group that the data tell, below which it has no effect.
+NO_EFFECT = 0.01
 # Part of the friction at the slowest, or fastest, rate that it may differ by far beyond: a usual
 # size of what curves show there.
 DOUBT = 0.1
@@ -180,17 +192,21 @@ def with_friction(
 def _asked(
     kinds: Mapping[str, tuple[str, ...]], groups: TermDeviations
 ) -> dict[str, tuple[str, ...]]:
-    """Kinds without those of the group of each joint that the data ask for least, if not clearly.
+    """Kinds without those that have no effect, and those that a joint's data ask for least.
 
-    One at a time: two groups may stand for each other.
+    Where these are not clear; one at a time, as two groups may stand for each other.
     """
     evidence = dict(zip(groups.names, groups.evidence.tolist(), strict=True))
+    told = dict(zip(groups.names, groups.told.tolist(), strict=True))
     left = dict[str, tuple[str, ...]]()
     for joint, own in kinds.items():
-        asked = {name: evidence[f"{joint}: {name}"] for name in dict.fromkeys(map(_group, own))}
-        least = min(asked, key=asked.__getitem__)
-        gone = least if asked[least] < CLEARLY else None
-        left[joint] = tuple(kind for kind in own if _group(kind) != gone)
+        names = {name: f"{joint}: {name}" for name in dict.fromkeys(map(_group, own))}
+        gone = {name for name, group in names.items() if told[group] < NO_EFFECT}
+        asked = {name: evidence[group] for name, group in names.items() if name not in gone}
+        least = min(asked, key=asked.__getitem__, default="")
+        if least and asked[least] < CLEARLY:
+            gone.add(least)
+        left[joint] = tuple(kind for kind in own if _group(kind) not in gone)
     return {joint: own for joint, own in left.items() if own}
 
 
@@ -290,6 +306,89 @@ def friction_curve(
     }
     reach = stdtrit(freedom, 0.975) * error if sure else np.full(len(rate), np.inf)
     return FrictionCurve(joint, rate, values, np.stack([values - reach, values + reach], axis=1))
+
+
+@record
+class FrictionSummary(Tabular):
+    """Friction of each motor in four numbers, ``Estimate`` or None where it has none.
+
+    Attributes
+    ----------
+    joints : tuple of str
+    coulomb, viscous : tuple of Estimate
+        Of the line that the curve goes on as.
+    standstill : tuple of Estimate
+        How much more there is at standstill than the line's Coulomb friction.
+    load : tuple of Estimate
+        Part of the motor's force that its gear loses.
+    """
+
+    joints: tuple[str, ...]
+    coulomb: tuple[Estimate | None, ...]
+    viscous: tuple[Estimate | None, ...]
+    standstill: tuple[Estimate | None, ...]
+    load: tuple[Estimate | None, ...]
+
+    def _table(self) -> list[dict[str, Any]]:
+        return [
+            {"joint": joint}
+            | {name: getattr(own[k], "value", None) for name, own in self.parts.items()}
+            for k, joint in enumerate(self.joints)
+        ]
+
+    @property
+    def parts(self) -> dict[str, tuple[Estimate | None, ...]]:
+        """The four columns by their names."""
+        names = "coulomb", "viscous", "standstill", "load"
+        return {name: getattr(self, name) for name in names}
+
+
+@checked
+def friction_summary(fit: FitResult) -> FrictionSummary:
+    """Friction of each joint of a fit, in four numbers with intervals.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> run = loopid.prepare_recording(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
+    >>> found = loopid.identify(loopid.find_force_model(robot, "full"), [run])
+    >>> friction = loopid.identification.friction_summary(found.fit)
+    >>> friction.joints, round(friction.coulomb[0].value, 2)
+    (('left_crank_joint', 'right_crank_joint'), 0.1)
+    """
+    joints = dict.fromkeys((*frictional_joints(fit), *_loaded_joints(fit)))
+    places = {each.label: j for j, each in enumerate(fit.parameters)}
+    every = fit.estimates
+
+    def of(joint: str, beginning: str) -> Estimate | None:
+        found = [j for label, j in places.items() if label.startswith(f"{joint}.{beginning}")]
+        return every[found[0]] if found else None
+
+    kinds = "Fc", "Fv", "Fk0~", "Ft"
+    return FrictionSummary(
+        tuple(joints), *(tuple(of(joint, kind) for joint in joints) for kind in kinds)
+    )
+
+
+def friction_findings(fit: FitResult) -> list[str]:
+    """What friction a fit has beside Coulomb and viscous friction: a sentence each."""
+    groups = () if fit.term_deviations is None else fit.term_deviations.names
+    parted = [name.rpartition(": ")[::2] for name in groups]
+    said = {
+        CURVE.name: "Friction of {} is a curve of the rate",
+        ASYMMETRY.name: "Friction of {} differs by direction",
+        LOAD.name: "Friction of {} grows with load",
+    }
+    found = []
+    for name, sentence in said.items():
+        if joints := [joint for joint, group in parted if group == name]:
+            found.append(sentence.format(", ".join(joints)))
+    return found
+
+
+def _loaded_joints(fit: FitResult) -> list[str]:
+    return [each.link for each in fit.parameters if each.kind == "Ft"]
 
 
 def _doubt(fit: FitResult, joint: str, rates: FloatArray, sizes: FloatArray) -> FloatArray:

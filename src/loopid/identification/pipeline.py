@@ -365,13 +365,11 @@ def identify(
         delay.warn()
     excited.warn()
     warn_of_fitted(training, judging)
-    if CONSISTENT in fits and len(force_model.load_columns[1]):
-        # The gears carry the bodies that are recommended.
-        force_model = force_model.with_loads(fits[CONSISTENT].values)
-        data, new = force_model.widened(data, training), force_model.widened(new, judging)
     judged = _judged(fits, data, new)
-    if CONSISTENT in fits and not judged[CONSISTENT].beats_baseline:
-        force_model = force_model.with_loads(force_model.prior)
+    if CONSISTENT in fits:
+        # The gears carry the bodies that are recommended.
+        best = CONSISTENT if judged[CONSISTENT].beats_baseline else ROBOT_FILE
+        force_model = force_model.with_loads(fits[best].values)
         data, new = force_model.widened(data, training), force_model.widened(new, judging)
         judged = _judged(fits, data, new)
     runs = tuple(training), tuple(judging), tuple(friction)

@@ -26,7 +26,7 @@ from loopid.base_parameters.choice import SearchResult
 from loopid.base_parameters.structure import analyse
 from loopid.errors import DataError, FileError, OptionError
 from loopid.files import require_other_file, why_no_file, write_file
-from loopid.identification.force_model import ForceModel, load_places
+from loopid.identification.force_model import ForceModel
 from loopid.identification.result import (
     FileDeviation,
     FitResult,
@@ -43,7 +43,7 @@ from loopid.loading.files import bundled_robots, find_files
 from loopid.loading.load import load_mechanism
 from loopid.parameters import KINDS, Parameter, ParameterSet
 from loopid.regressors.closed_loop import motion_parameters, motion_regressor
-from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.joint_terms import JointTerms, load_places, with_loads
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
 from loopid.yaml_files import LARGE, load_yaml
@@ -608,10 +608,10 @@ def _differences(saved: SavedFit, mechanism: Mechanism) -> Iterator[str]:
         k = int(residual.argmax())
         yield f"closure {mechanism.row_names[k]} has a residual of {residual[k]:.3g} there"
     W = motion_regressor(mechanism, closed_motion(mechanism, q, v, a), kind, joint_terms=terms)
-    K, values = W[..., saved._leading], saved.values
-    rows, columns = load_places(saved.parameters, mechanism.independent)
+    values, places = saved.values, load_places(saved.parameters, mechanism.independent)
     bodies = [k for k, each in enumerate(saved.parameters) if each.kind in KINDS]
-    K[:, rows, columns] *= np.abs(K[:, :, bodies] @ values[bodies])[:, rows]
+    K = W[..., saved._leading]
+    K = with_loads(K, places, K[:, :, bodies] @ values[bodies])
     apart = np.abs(K @ values - force).max(axis=0)
     k = int(apart.argmax())
     if apart[k] > SAME_ROBOT * np.abs(force).max():

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from loopid.identification.result import FitResult
 from loopid.records import record
+from loopid.regressors.joint_laws import grouped
 
 if TYPE_CHECKING:
     from loopid.identification.pipeline import Identification
@@ -59,7 +61,8 @@ class Verdict:
         with np.errstate(divide="ignore", invalid="ignore"):
             errors = np.where(squares > 0, quality.residual_rms / np.sqrt(squares), np.nan)
         worst = 0 if np.isnan(errors).all() else int(np.nanargmax(errors))
-        significant = len(found.fit.values) - len(found.fit.insignificant())
+        count = sum(not grouped(each.kind) for each in found.fit.parameters)
+        significant = count - len(_insignificant(found.fit))
         excite = found.identifiability.leads or _least_known(found)
         judged = [each for each in found.candidates.values() if each is not found.baseline]
         best = found.recommended if found.recommended in judged else judged[-1]
@@ -69,7 +72,7 @@ class Verdict:
             float(errors[worst]),
             best.error_ratio,
             significant,
-            len(found.fit.values),
+            count,
             excite,
             f"exciting {_listed(excite)}" if excite else "a longer log",
         )
@@ -100,8 +103,14 @@ def _least_known(found: Identification) -> tuple[str, ...]:
     """Parameters whose estimates are not clear from zero, the least known first."""
     alone = found.recommended is found.baseline  # of the bodies it has no estimates
     fit = found["all parameters"].fit if alone else found.fit
-    weak, order = set(fit.insignificant()), np.argsort(-fit.relative_std, kind="stable")
+    weak, order = set(_insignificant(fit)), np.argsort(-fit.relative_std, kind="stable")
     return tuple(name for j in order if (name := fit.parameters.labels[j]) in weak)
+
+
+def _insignificant(fit: FitResult) -> tuple[str, ...]:
+    """Names of parameters not clearly different from zero; points of a curve are none."""
+    kinds = {each.label: each.kind for each in fit.parameters}
+    return tuple(name for name in fit.insignificant() if not grouped(kinds[name]))
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -484,3 +484,8 @@ def joint_term(kind: str, others: Iterable[str] = ()) -> JointTerm:
             f"joint term {kind!r} needs a {what} after {mark}, not {number!r}", given=kind
         )
     return replace(term, at=at)
+
+
+def grouped(kind: str) -> bool:
+    """Whether a kind of parameter is a joint term whose size the evidence decides."""
+    return kind not in KINDS and joint_term(kind).prior is not None
