@@ -285,7 +285,7 @@ class JointTerms:
 
         ``math`` is NumPy, or CasADi for exported C code.
         """
-        zones = {"dead_zone": self.dead_zone, "smoothing": self.smoothing}
+        zones: dict[str, Any] = {"dead_zone": self.dead_zone, "smoothing": self.smoothing}
         return joint._replace(load=load, math=math, **zones)
 
     @property
