@@ -170,7 +170,7 @@ def test_an_asymmetry_is_found(robot, model, motion):
 
 def test_below_the_slowest_rate_it_stays_and_above_the_fastest_it_is_a_line(robot, model, motion):
     found = quietly(identify, model, [run(robot, motion, law=stribeck)])
-    slowest, fastest = found.fit.speeds.of(LEFT)
+    slowest, fastest = found.fit.use.of(LEFT)
     names = (p for p in found.fit.parameters if p.link == LEFT and p.kind.startswith("Fk0"))
     (first,) = (joint_term(p.kind).at for p in names)
     assert slowest <= first < 2 * slowest

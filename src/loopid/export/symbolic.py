@@ -27,6 +27,9 @@ from loopid.regressors.joint_laws import JointState, joint_term
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.closures import SymbolicPose
 
+# Rate over which the sign of a rate is smooth in C, in rad/s or characteristic lengths a second:
+# far below any that a log tells, and no jump for a controller.
+SMOOTH = 5e-4
 ROUND_OFF = 1e-15  # entries of rotations that are this close to -1, 0 or 1 are meant to be
 
 
@@ -65,13 +68,16 @@ class SymbolicRobot:
         part, still = ca.SX.sym("part"), ca.SX(*du.shape)
         slip = self.slip
         force, bias = self._force(du, ddu, slip), self._force(du, still, slip)
+        # The mass matrix is that of the bodies; the regressor has the loads of its own values.
+        rigid = self._force(du, ddu, slip, loaded=False)
+        linear = self._force(du, ddu, slip, self._given())
         each = {
             "predict": ([q, self.before, self.u, part, G], self._predicted(part)),
             "linearise": ([q], self._linearised()),
             "gravity": ([q, G, phi], [self._force(still, still)]),
             "forces": ([q, G, factors, du, ddu, phi, slip], [force]),
-            "regressor": ([q, G, factors, du, ddu, slip], [ca.jacobian(force, phi).T]),
-            "dynamics": ([q, G, factors, du, phi, slip], [ca.jacobian(force, ddu), bias]),
+            "regressor": ([q, G, factors, du, ddu, slip], [ca.jacobian(linear, phi).T]),
+            "dynamics": ([q, G, factors, du, phi, slip], [ca.jacobian(rigid, ddu), bias]),
             "slide": self._slid(),
         }
         return {
@@ -168,20 +174,37 @@ class SymbolicRobot:
             states.append(ca.fmax(-1.0, ca.fmin(moved, 1.0)))
         return [self.q, end, self.slip], [ca.vertcat(ca.SX(0, 1), *states)]
 
-    def _force(self, du: Any, ddu: Any, slip: Any = None) -> Any:
+    def _given(self) -> Any:
+        """Base parameters (n,) whose bodies load the gears, as numbers."""
+        model, found = self.model, ca.DM(self.phi.shape[0], 1)
+        values = model.prior[model.body_columns] if model.bodies is None else model.bodies
+        for column, value in zip(model.body_columns.tolist(), values.tolist(), strict=True):
+            found[column] = value
+        return found
+
+    def _force(
+        self, du: Any, ddu: Any, slip: Any = None, given: Any = None, *, loaded: bool = True
+    ) -> Any:
         """Forces (dof,) of the motors; in the ``gravity`` model bodies are at rest.
 
-        Without states of elements of Maxwell slip, friction is that of steady motion.
+        Without states of elements of Maxwell slip, friction is that of steady motion. Gears are
+        loaded by the bodies of phi, or of given base parameters.
         """
         v, a = self._spread(du), self._spread(ddu)
         a[self.dependent] += self._drift_acceleration(v)
         still = ca.SX(*v.shape)
         moving = self.model.model == "full"
         tree = self._tree_force(self._chain(*((v, a) if moving else (still, still))))
+        load = tree[self.chosen] + self.G.T @ tree[self.dependent]
+        if given is not None:
+            load = ca.substitute(load, self.phi, given)
+        rows, columns = self.model.load_columns
+        loads = dict(zip(columns.tolist(), rows.tolist(), strict=True))
         for k, parameter in enumerate(self.model.parameters):
-            if parameter.kind not in KINDS:
+            if parameter.kind not in KINDS and (loaded or k not in loads):
                 index = int(self.mechanism.velocity_indices([parameter.link])[0])
-                state = self._state(parameter, v, a)
+                size = ca.fabs(load[loads[k]]) if k in loads else 1.0
+                state = self._state(parameter, v, a)._replace(torque=size)
                 if slip is not None and k in self.model.slip_columns:
                     place = int(np.searchsorted(self.model.slip_columns, k))
                     state = state._replace(slips={joint_term(parameter.kind).at: slip[place]})
@@ -231,7 +254,10 @@ class SymbolicRobot:
             own = self.q[joint.idx_q : joint.idx_q + joint.nq]
             position = own if joint.nq == 1 else ca.atan2(own[1], own[0])
         terms = self.model.joint_terms or JointTerms(())
-        return terms.state(JointState(position, v[index], a[index]), math=ca)
+        state = terms.state(JointState(position, v[index], a[index]), math=ca)
+        if not state.smoothing:
+            state = state._replace(smoothing=SMOOTH * float(mechanism.coordinate_scales[index]))
+        return state
 
     def _joint_term(self, parameter: Parameter, state: JointState) -> Any:
         """What a joint term multiplies, by the law of its kind."""

@@ -33,7 +33,7 @@ from .friction import (
     FrictionSummary as FrictionSummary,
     friction_curve as friction_curve,
     friction_summary as friction_summary,
-    speed_range as speed_range,
+    motor_use as motor_use,
     with_friction as with_friction,
 )
 from .hysteresis import HysteresisLoop as HysteresisLoop, hysteresis_loop as hysteresis_loop
@@ -67,10 +67,10 @@ from .result import (
     Estimate as Estimate,
     FileDeviation as FileDeviation,
     FitResult as FitResult,
+    MotorUse as MotorUse,
     NoiseModel as NoiseModel,
     Quality as Quality,
     Robustness as Robustness,
-    SpeedRange as SpeedRange,
     TermDeviations as TermDeviations,
     fit_quality as fit_quality,
 )

@@ -35,8 +35,8 @@ from loopid.identification.result import (
     LEAST_FREEDOM,
     Estimate,
     FitResult,
+    MotorUse,
     NoiseModel,
-    SpeedRange,
     TermDeviations,
 )
 from loopid.logs.recording import Recording
@@ -74,18 +74,27 @@ DOUBT = 0.1
 
 
 @checked
-def speed_range(force_model: ForceModel, recordings: Sequence[Recording]) -> SpeedRange:
-    """Slowest informative and fastest rate of each motor, of the samples that count."""
-    joints, ends = [], []
-    for column, joint in enumerate(force_model.mechanism.independent):
-        parts = [np.abs(run.motion.velocities[run.used[:, column], column]) for run in recordings]
-        rates = np.concatenate(parts) if parts else np.zeros(0)
-        rates = rates[rates > 0]
-        if joint in force_model.mechanism.actuated and len(rates):
+def motor_use(
+    force_model: ForceModel, data: FitSamples, recordings: Sequence[Recording]
+) -> MotorUse:
+    """Rates and loads of each motor in the samples that count.
+
+    Parameters
+    ----------
+    data : FitSamples
+        The recordings as samples of the force model.
+    """
+    joints, found = [], []
+    velocity = np.abs(np.concatenate([run.motion.velocities for run in recordings]))
+    loads = np.abs(force_model.loads(data.regressor))
+    for row, joint in enumerate(force_model.mechanism.independent):
+        used = data.used[:, row] & (velocity[:, row] > 0)
+        if joint in force_model.mechanism.actuated and used.any():
             joints.append(joint)
-            ends.append(np.percentile(rates, [SLOWEST, 100.0]))
-    slowest, fastest = np.array(ends).reshape(-1, 2).T
-    return SpeedRange(tuple(joints), slowest, fastest)
+            rates = np.percentile(velocity[used, row], [SLOWEST, 100.0])
+            found.append([*rates, loads[used, row].mean()])
+    slowest, fastest, load = np.array(found).reshape(-1, 3).T
+    return MotorUse(tuple(joints), slowest, fastest, load)
 
 
 def curve_rates(slowest: float, fastest: float) -> FloatArray:
@@ -113,15 +122,18 @@ def slip_kinds(recordings: Sequence[Recording], joint: str) -> tuple[str, ...]:
 
 
 def friction_kinds(
-    force_model: ForceModel, data: FitSamples, recordings: Sequence[Recording], loads: FloatArray
+    force_model: ForceModel,
+    data: FitSamples,
+    recordings: Sequence[Recording],
+    use: MotorUse,
+    loads: FloatArray,
 ) -> dict[str, tuple[str, ...]]:
     """What may be asked for of each motor with Coulomb and viscous friction alone.
 
     ``loads`` (N, dof) are the forces that move the bodies.
     """
-    speeds = speed_range(force_model, recordings)
     terms, found = force_model.joint_terms, dict[str, tuple[str, ...]]()
-    for joint, slowest, fastest in zip(*speeds.columns, strict=True):
+    for joint, slowest, fastest in zip(*use.columns, strict=True):
         own = terms.of_joints.get(joint, ()) if terms is not None else ()
         curved = {kind for kind in own if kind != "Fc" and _friction(kind)}
         if "Fc" not in own or curved - {"Fv"}:
@@ -168,7 +180,8 @@ def with_friction(
     if noise is None:
         raise DataError("the fit has no model of its errors that friction could be weighed by")
     values = consistent_values(force_model, data, noise, options=options)
-    kinds = friction_kinds(force_model, data, recordings, force_model.loads(data.regressor))
+    use, loads = motor_use(force_model, data, recordings), force_model.loads(data.regressor)
+    kinds = friction_kinds(force_model, data, recordings, use, loads)
     plain, known = data, dict(zip(force_model.parameters.labels, values.tolist(), strict=True))
     left = ROUNDS
     while True:
@@ -256,7 +269,7 @@ def friction_curve(
 ) -> FrictionCurve:
     """Friction of a joint over its rate, of all its terms that depend on the rate alone.
 
-    Beyond the rates of the samples that were fitted (``fit.speeds``) the band holds, too, what a
+    Beyond the rates of the samples that were fitted (``fit.use``) the band holds, too, what a
     curve may do there.
 
     Parameters
@@ -393,9 +406,9 @@ def _loaded_joints(fit: FitResult) -> list[str]:
 
 def _doubt(fit: FitResult, joint: str, rates: FloatArray, sizes: FloatArray) -> FloatArray:
     """Deviation (k,) of friction of sizes (k,) beyond the rates that samples have told."""
-    if fit.speeds is None or joint not in fit.speeds.joints:
+    if fit.use is None or joint not in fit.use.joints:
         return np.zeros(len(rates))
-    ends, speeds = fit.speeds.of(joint), np.maximum(np.abs(rates), np.finfo(float).tiny)
+    ends, speeds = fit.use.of(joint), np.maximum(np.abs(rates), np.finfo(float).tiny)
     beyond = np.maximum(np.log(ends[0] / speeds), np.log(speeds / ends[1])).clip(min=0.0)
     groups, size = fit.term_deviations, DOUBT * sizes
     name = f"{joint}: {CURVE.name}"

@@ -146,5 +146,5 @@ def _builds_up(kind: str) -> bool:
 
 def _slow(fit: FitResult, joint: str) -> float:
     """A rate at which friction is that next to standstill."""
-    known = fit.speeds is not None and joint in fit.speeds.joints
-    return SLOW * float(fit.speeds.of(joint)[0]) if known and fit.speeds else np.finfo(float).tiny
+    known = fit.use is not None and joint in fit.use.joints
+    return SLOW * float(fit.use.of(joint)[0]) if known and fit.use else np.finfo(float).tiny

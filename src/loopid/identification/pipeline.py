@@ -23,7 +23,7 @@ from loopid.identification.delay import Delay, find_delay, with_delay_errors, wi
 from loopid.identification.estimator import ESTIMATORS, Estimator, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
 from loopid.identification.force_model import ForceModel, samples_of
-from loopid.identification.friction import speed_range, with_friction
+from loopid.identification.friction import motor_use, with_friction
 from loopid.identification.information import (
     Excitation,
     Identifiability,
@@ -352,12 +352,12 @@ def identify(
     fits = {ROBOT_FILE: start, ALL: widened(whole, force_model.parameters)}
     if solid is not None:
         fits[CONSISTENT] = solid
-    speeds = speed_range(force_model, training)
+    use = motor_use(force_model, data, training)
     fits = {
         name: replace(
             with_delay_errors(each, data, training, delay),
             cutoff=None if cutoff is None else cutoff.chosen,
-            speeds=speeds,
+            use=use,
         )
         for name, each in fits.items()
     }

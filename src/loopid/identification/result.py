@@ -191,19 +191,22 @@ class TermDeviations(OfArrays):
 
 
 @record
-class SpeedRange(OfArrays):
-    """Rates of the motors in the samples of a fit, in m/s or rad/s.
+class MotorUse(OfArrays):
+    """How the motors were used in the samples of a fit.
 
     Attributes
     ----------
     joints : tuple of str
     slowest, fastest : FloatArray
-        (m,), slowest informative and fastest rate of each.
+        (m,), slowest informative and fastest rate of each, in m/s or rad/s.
+    load : FloatArray
+        (m,), mean size of the force that moved the bodies, in N or N m.
     """
 
     joints: tuple[str, ...]
     slowest: FloatArray
     fastest: FloatArray
+    load: FloatArray
 
     @property
     def columns(self) -> tuple[tuple[str, ...], list[float], list[float]]:
@@ -285,8 +288,8 @@ class FitResult(OfArrays, Tabular):
         In Hz, of the filter, where it was chosen by predictions.
     term_deviations : TermDeviations or None
         Of groups of joint terms, where there are any.
-    speeds : SpeedRange or None
-        Of the motors in the data; None where it is not known.
+    use : MotorUse or None
+        Rates and loads of the motors in the data; None where they are not known.
 
     Examples
     --------
@@ -321,7 +324,7 @@ class FitResult(OfArrays, Tabular):
     deviation: FileDeviation | None = None
     cutoff: float | None = None
     term_deviations: TermDeviations | None = None
-    speeds: SpeedRange | None = None
+    use: MotorUse | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -30,10 +30,10 @@ from loopid.identification.force_model import ForceModel
 from loopid.identification.result import (
     FileDeviation,
     FitResult,
+    MotorUse,
     NoiseModel,
     Quality,
     Robustness,
-    SpeedRange,
     TermDeviations,
 )
 from loopid.kinematics.constraint import constraint_residual
@@ -148,7 +148,7 @@ class SavedEstimate(_Section):
     deviation: FileDeviation | None = None
     cutoff: Annotated[float, Field(gt=0, le=LARGEST)] | None = None
     term_deviations: TermDeviations | None = None
-    speeds: SpeedRange | None = None
+    use: MotorUse | None = None
 
 
 class SavedFit(_Section):
