@@ -1,12 +1,21 @@
 """Friction that builds up after reversals: found where it is, and one law for all its users."""
 
+import ctypes
+import shutil
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import loopid
+from compiled_c import CompiledRobot
 from loopid import JointTerms, find_force_model, identify
+from loopid.control import ControlLoop
 from loopid.errors import OptionError
+from loopid.export import c_source, updated_robot_file
 from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
+from loopid.kinematics import measured_coordinates
 from loopid.logs import Log, prepare_recording
 from loopid.motion import scaled_bodies
 from loopid.regressors.joint_laws import joint_term
@@ -107,7 +116,7 @@ def test_a_motor_model_has_it_along_its_way(robot):
     model = find_force_model(robot, "full", TERMS)
     values, motion, expected = moved(robot, model)
     own = loopid.MotorModel(model, values)
-    u = loopid.kinematics.measured_coordinates(robot).read(motion.configurations)
+    u = np.array(measured_coordinates(robot).read(motion.configurations), order="C")
     own.assemble(u[0])
     own.slips = np.zeros(4)
     force = []
@@ -122,6 +131,60 @@ def test_a_motor_model_has_it_along_its_way(robot):
     np.testing.assert_allclose(again, expected[400], atol=1e-9)
     with pytest.raises(loopid.errors.DataError, match="from -1 to 1"):
         own.slips = np.full(4, 2.0)
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler called cc")
+def test_c_code_has_it_along_its_way(robot, tmp_path):
+    pytest.importorskip("casadi")
+    smooth = replace(JointTerms.of(robot, TERMS), smoothing=0.01)
+    model = find_force_model(robot, "full", smooth)
+    values, motion, expected = moved(robot, model)
+    compiled = CompiledRobot(model, c_source(model), tmp_path, ("-O1",))
+    u = np.array(measured_coordinates(robot).read(motion.configurations), order="C")
+    assert compiled.call("start", u[0]) == 0
+    assert not any(compiled.state.slip)
+    force = []
+    for k in range(len(u)):
+        if k == 400:
+            saved = type(compiled.state).from_buffer_copy(compiled.state)
+        assert compiled.call("assemble", u[k]) == 0
+        force.append(compiled.regressor(motion.velocities[k], motion.accelerations[k]) @ values)
+    np.testing.assert_allclose(force, expected, atol=1e-9)
+    ctypes.memmove(ctypes.byref(compiled.state), ctypes.byref(saved), ctypes.sizeof(saved))
+    assert compiled.call("assemble", u[400]) == 0
+    again = compiled.regressor(motion.velocities[400], motion.accelerations[400]) @ values
+    np.testing.assert_allclose(again, expected[400], atol=1e-9)
+
+
+def test_a_simulated_controller_meets_it(robot):
+    """A force below friction moves a motor by what its springs give; then it comes back."""
+    model = find_force_model(robot, "full", TERMS)
+    values = np.array(model.prior)
+    labels = model.parameters.labels
+    for joint in robot.actuated:
+        for kind, value in {"Fc": 1.0, "Fv": 20.0, "Fh@0.02": 0.6, "Fh@0.002": 0.4}.items():
+            values[labels.index(f"{joint}.{kind}")] = value
+    own = loopid.MotorModel(model, values)
+    push = [np.zeros(2)]
+    law = SimpleNamespace(force=lambda signals, wanted: own.gravity(signals.position) + push[0])
+    loop = ControlLoop(loopid.MotorModel(model, values), law)
+    home, still = loop.position, np.zeros((300, 2))
+    way = {}
+    for size in (0.3, 0.0, 0.6, 0.0):
+        push[0] = np.full(2, size)
+        loop.run(still, still, still)
+        way[size] = loop.position - home
+    k = 0.6 / 0.02, 0.4 / 0.002
+    np.testing.assert_allclose(way[0.3], 0.3 / sum(k), rtol=0.05)
+    np.testing.assert_allclose(way[0.6], 0.2 / k[0], rtol=0.05)  # the short one slips at 0.4
+    assert (np.abs(way[0.0]) < 0.8 * way[0.6]).all()
+
+
+def test_a_urdf_says_that_it_is_left_out(robot):
+    model = find_force_model(robot, "full", TERMS)
+    values = np.append(robot.standard_parameters(), np.tile([1.0, 0.5, 0.6, 0.4], 2))
+    with pytest.warns(loopid.errors.ModelWarning, match="left_crank_joint builds up .* left out"):
+        updated_robot_file(robot, values, parameters=model.base.parameters)
 
 
 def test_a_simulated_log_has_it(robot):

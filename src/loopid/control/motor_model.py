@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -43,6 +44,7 @@ from loopid.robot.mechanism import Mechanism, lock_options
 
 # Newton steps this short, in rad or characteristic lengths, leave G and q at one point to round-off
 SHORT = 1e-11
+NOT_DRY = "Fv", "Fh"  # viscous friction, and hysteresis, which is none in steady motion
 # Pinocchio's contacts, by the kinds of closures that they are
 CONTACTS = {"3d": pin.ContactType.CONTACT_3D, "6d": pin.ContactType.CONTACT_6D}
 
@@ -305,7 +307,7 @@ class MotorModel:
     def dry_friction(
         self, velocities: FloatArray, loads: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Friction (dof,) of the motors but the viscous: its size, and what acts alike both ways.
+        """Friction (dof,) of steady motors but the viscous: its size, and what is alike both ways.
 
         At standstill it is the largest that holds a joint. ``loads`` (dof,) are the forces that
         move the bodies.
@@ -313,7 +315,7 @@ class MotorModel:
         names, found = self.mechanism.independent, np.zeros((2, self.dof))
         places = self.mechanism.velocity_indices(names).tolist()
         speeds = np.maximum(np.abs(velocities), np.finfo(float).tiny)
-        for law in (law for law in self._laws if law.friction and law.kind != "Fv"):
+        for law in (one for one in self._laws if one.friction and one.kind not in NOT_DRY):
             rows = [places.index(joint) for joint in law.joints.tolist()]
             state = JointState(None, speeds[rows], None, math=np, torque=np.abs(loads[rows]))
             ahead = law.term.law(state, law.term.at)
@@ -330,7 +332,8 @@ class MotorModel:
     @property
     def friction_kinds(self) -> tuple[str, ...]:
         """Kinds of the joint terms that depend on rates."""
-        return tuple(law.kind for law in self._laws if law.friction)
+        columns = (law.columns.tolist() for law in self._laws if law.friction)
+        return tuple(dict.fromkeys(self.force_model.parameters[j].kind for j in chain(*columns)))
 
     def rigid_regressor(
         self, positions: FloatArray, velocities: FloatArray, accelerations: FloatArray

@@ -249,6 +249,11 @@ def _with_lines(meant: Terms, use: MotorUse | None) -> tuple[Terms, list[str]]:
     found, said = dict(meant), list[str]()
     for joint, terms in meant.items():
         own = {kind: value for kind, value in terms.items() if grouped(kind)}
+        slips = [kind for kind in own if "slip" in joint_term(kind).needs]
+        if any(own.pop(kind) for kind in slips):
+            said.append(f"that friction of {joint} builds up after a reversal is left out")
+        terms = {kind: value for kind, value in terms.items() if kind not in slips}
+        found[joint] = terms
         if not own:
             continue
         known = use is not None and joint in use.joints

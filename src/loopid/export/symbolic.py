@@ -176,7 +176,7 @@ class SymbolicRobot:
 
     def _given(self) -> Any:
         """Base parameters (n,) whose bodies load the gears, as numbers."""
-        model, found = self.model, ca.DM(self.phi.shape[0], 1)
+        model, found = self.model, ca.DM.zeros(self.phi.shape[0], 1)
         values = model.prior[model.body_columns] if model.bodies is None else model.bodies
         for column, value in zip(model.body_columns.tolist(), values.tolist(), strict=True):
             found[column] = value
