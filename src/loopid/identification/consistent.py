@@ -266,7 +266,7 @@ def _posed(
     """Weights (dof,) of the actuators' rows, and what is minimised."""
     if data.parameters != force_model.parameters or data.actuators != noise.actuators:
         raise DataError("data and noise must be of the parameters and actuators of the force model")
-    weights = _weights(data.problem, noise)
+    weights = error_weights(data.problem, noise)
     priors = _joint_priors(force_model, data.problem, joint_values, joint_deviations)
     with one_blas_thread():
         return weights, _Program.of(force_model, data.problem.weighted(weights), priors)
@@ -295,7 +295,7 @@ def _groups(program: _Program, state: _State, found: FitResult) -> TermDeviation
     return TermDeviations(terms.names, state.groups, told, np.array(evidence))
 
 
-def _weights(problem: FitProblem, noise: NoiseModel) -> FloatArray:
+def error_weights(problem: FitProblem, noise: NoiseModel) -> FloatArray:
     """Weights (dof,) of the actuators' rows, which count as their effective samples."""
     present = (noise.samples > 0) & (problem.samples > 0)
     least = np.maximum(problem.least_errors, PRECISION * problem.force_rms)

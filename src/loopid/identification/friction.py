@@ -26,10 +26,12 @@ from loopid.errors import DataError, OptionError
 from loopid.identification.consistent import (
     ConsistentOptions,
     consistent_values,
+    error_weights,
     quiet_consistent_fit,
     warn_of_bodies,
 )
 from loopid.identification.force_model import ForceModel
+from loopid.identification.hysteresis import possible_hysteresis
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import (
     LEAST_FREEDOM,
@@ -51,8 +53,7 @@ from loopid.regressors.joint_laws import (
     JointState,
     joint_term,
 )
-from loopid.regressors.joint_terms import JointTerms
-from loopid.regressors.maxwell_slip import slip_displacements
+from loopid.regressors.joint_terms import JointTerms, together
 
 # Percentile of the rates of a motor's samples that is its slowest informative one, and most rates
 # of a curve, from the fastest down.
@@ -115,18 +116,8 @@ def curve_kinds(slowest: float, fastest: float) -> tuple[str, ...]:
     return (*odd, *(f"Fa~{rate}" for rate in middle), f"Fa1~{last}")
 
 
-def slip_kinds(recordings: Sequence[Recording], joint: str) -> tuple[str, ...]:
-    """Kinds of the elements of Maxwell slip of a motor, by the range of its motion."""
-    span = max(float(np.ptp(way)) for each in recordings for way in each.ways(joint))
-    return tuple(f"Fh@{slip:.3g}" for slip in slip_displacements(span) if slip)
-
-
 def friction_kinds(
-    force_model: ForceModel,
-    data: FitSamples,
-    recordings: Sequence[Recording],
-    use: MotorUse,
-    loads: FloatArray,
+    force_model: ForceModel, data: FitSamples, use: MotorUse, loads: FloatArray
 ) -> dict[str, tuple[str, ...]]:
     """What may be asked for of each motor with Coulomb and viscous friction alone.
 
@@ -142,8 +133,7 @@ def friction_kinds(
         used, load = data.used[:, row], loads[:, row]
         least = LEAST_LOAD * data.problem.force_rms[row]
         carries = "Ft" not in own and np.sqrt((load[used] ** 2).mean()) > least
-        slips = slip_kinds(recordings, joint)
-        found[joint] = (*curve_kinds(slowest, fastest), *(["Ft"] if carries else []), *slips)
+        found[joint] = (*curve_kinds(slowest, fastest), *(["Ft"] if carries else []))
     return {joint: kinds for joint, kinds in found.items() if kinds}
 
 
@@ -181,7 +171,10 @@ def with_friction(
         raise DataError("the fit has no model of its errors that friction could be weighed by")
     values = consistent_values(force_model, data, noise, options=options)
     use, loads = motor_use(force_model, data, recordings), force_model.loads(data.regressor)
-    kinds = friction_kinds(force_model, data, recordings, use, loads)
+    kinds = friction_kinds(force_model, data, use, loads)
+    weights = error_weights(data.problem, noise)
+    slips = possible_hysteresis(force_model, data, recordings, weights, list(kinds))
+    kinds = together(kinds, slips)
     plain, known = data, dict(zip(force_model.parameters.labels, values.tolist(), strict=True))
     left = ROUNDS
     while True:

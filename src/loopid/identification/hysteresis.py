@@ -7,23 +7,76 @@ force goes from friction one way to friction the other way, as each element k do
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
 from loopid.errors import OptionError
-from loopid.identification.friction import friction_columns
+from loopid.identification.force_model import ForceModel
+from loopid.identification.problem import FitSamples
 from loopid.identification.result import LEAST_FREEDOM, FitResult
+from loopid.logs.recording import Recording
 from loopid.parameters import KINDS
 from loopid.records import Tabular, record
 from loopid.regressors.joint_laws import JointState, joint_term
 from loopid.regressors.joint_terms import JointTerms
-from loopid.regressors.maxwell_slip import slip_states
+from loopid.regressors.maxwell_slip import slip_displacements, slip_states
+from loopid.workers import one_blas_thread
 
+# Prior deviations of elements that are tried, relative to the motor's force, and the logarithm of
+# how much likelier the data are with the best of them for hysteresis to come into question.
+TRIED, POSSIBLE = np.geomspace(1e-3, 1.0, 7), 0.5
 # Part of the force that has changed sides over the way that is told: of a law that falls off
 # exponentially, as Dahl's, its constant. Part of it that has within a loop.
 TOLD, WHOLE = 1 - np.exp(-1), 0.98
 POINTS = 400  # of a loop, each way
 SLOW = 0.01  # of the slowest rate of the samples: a loop is gone through next to standstill
+
+
+@checked
+def possible_hysteresis(
+    force_model: ForceModel,
+    data: FitSamples,
+    recordings: Sequence[Recording],
+    weights: FloatArray,
+    joints: Sequence[str],
+) -> dict[str, tuple[str, ...]]:
+    """Elements of Maxwell slip of those motors whose friction may build up, by their kinds.
+
+    Of each motor beside all that the model has, by the evidence of N(0, σ²) elements at several σ.
+
+    Parameters
+    ----------
+    data : FitSamples
+        Of the recordings, of all parameters of the model.
+    weights : FloatArray
+        (dof,), one over the deviations of the forces.
+    joints : sequence of str
+        Those that are looked at.
+    """
+    kinds = {joint: _elements(recordings, joint) for joint in joints}
+    wide = force_model.with_columns({joint: own for joint, own in kinds.items() if own})
+    with one_blas_thread():
+        R = wide.widened(data, recordings).problem.weighted(weights)
+        width = len(data.parameters)
+        columns, left = R[width:, width:-1], R[width:, -1]
+        links = np.array([each.link for each in list(wide.parameters)[width:]])
+        sizes = dict(zip(data.actuators, data.problem.force_rms.tolist(), strict=True))
+        found = {}
+        for joint, own in kinds.items():
+            U, values, _ = np.linalg.svd(columns[:, links == joint], full_matrices=False)
+            ratios = np.multiply.outer(TRIED * sizes[joint], values) ** 2
+            gains = ratios / (1 + ratios) * (U.T @ left) ** 2 - np.log1p(ratios)
+            if own and gains.sum(axis=1).max() > 2 * POSSIBLE:
+                found[joint] = own
+    return found
+
+
+def _elements(recordings: Sequence[Recording], joint: str) -> tuple[str, ...]:
+    """Kinds of the elements of a motor, by the range of its motion."""
+    span = max(float(np.ptp(way)) for each in recordings for way in each.ways(joint))
+    return tuple(f"Fh@{slip:.3g}" for slip in slip_displacements(span) if slip)
 
 
 @record
@@ -110,9 +163,11 @@ def hysteresis_loop(
     rate = np.concatenate([-np.ones(POINTS), np.ones(POINTS - 1)]) * _slow(fit, joint)
     state = (joint_terms or JointTerms(())).state(JointState(None, rate, None))
     state = state._replace(slips=dict(zip(slips.tolist(), states.T, strict=True)))
-    columns = [*friction_columns(fit, joint), *own]
-    terms = [joint_term(fit.parameters[j].kind) for j in columns]
-    laws = np.stack([term.signal(state, len(rate)) for term in terms], axis=1)
+    names = enumerate(fit.parameters)
+    terms = {j: joint_term(n.kind) for j, n in names if n.link == joint and n.kind not in KINDS}
+    terms = {j: term for j, term in terms.items() if term.friction or j in own}
+    columns = list(terms)
+    laws = np.stack([term.signal(state, len(rate)) for term in terms.values()], axis=1)
     force, spread = laws @ fit.values[columns], fit.covariance[np.ix_(columns, columns)]
     error = np.sqrt(np.maximum(((laws @ spread) * laws).sum(axis=1), 0.0))
     freedom = float(fit.degrees_of_freedom[columns].min())
