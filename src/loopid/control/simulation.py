@@ -12,7 +12,6 @@ part of Fc: springs with the force c z, and c / x of those that do not slip adds
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 
 import numpy as np
@@ -27,8 +26,9 @@ from loopid.regressors.joint_laws import joint_term
 from loopid.robot.mechanism import shortened
 
 SAME, SWEEPS = 1e-12, 1000  # relative change of velocities that ends their iteration; at most
-# Kinds of friction that may hold a joint, or are smooth; numbers follow them.
-FRICTION = "Fc", "Fc+", "Fc-", "Fv", "Fs", "Fk0", "Fk", "Fa", "Fa1", "Ft", "Fh"
+# Kinds of friction that may hold a joint, or are viscous; of those before a number.
+FRICTION = "Fc", "Fc+", "Fc-", "Fv", "Ft"
+NUMBERED = "Fs~", "Fk0~", "Fk~", "Fa~", "Fa1~", "Fh@"
 
 
 @record(kw_only=True, checked=True)
@@ -143,7 +143,7 @@ class ControlLoop:
             each.label
             for each in robot.force_model.parameters
             if each.kind in robot.friction_kinds
-            and not (each.link in names and re.split("[~@]", each.kind)[0] in FRICTION)
+            and not (each.link in names and _simulated(each.kind))
         ]
         if others:
             raise OptionError(
@@ -266,6 +266,10 @@ class _Springs:
 
     def _sums(self, numbers: FloatArray) -> FloatArray:
         return np.bincount(self._joints, numbers, self._dof).astype(np.float64)
+
+
+def _simulated(kind: str) -> bool:
+    return kind in FRICTION or kind.startswith(NUMBERED)
 
 
 def _slowed(A: FloatArray, b: FloatArray, least: FloatArray, x: FloatArray) -> FloatArray:

@@ -1,4 +1,6 @@
+from .agreement import Agreement as Agreement, compare_fits as compare_fits
 from .evidence import SuspicionOptions as SuspicionOptions
+from .gains import GainFit as GainFit, KnownLoad as KnownLoad, drive_gains as drive_gains
 from .log_mistakes import (
     MotorGain as MotorGain,
     Suspicions as Suspicions,
@@ -8,10 +10,8 @@ from .log_mistakes import (
 )
 from .modes import ModeComparison as ModeComparison, compare_modes as compare_modes
 from .payload import (
-    GainFit as GainFit,
-    KnownLoad as KnownLoad,
+    MotorMasses as MotorMasses,
     PayloadFit as PayloadFit,
-    drive_gains as drive_gains,
     identify_payload as identify_payload,
 )
 from .selection import (

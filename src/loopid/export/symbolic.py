@@ -176,11 +176,10 @@ class SymbolicRobot:
 
     def _given(self) -> Any:
         """Base parameters (n,) whose bodies load the gears, as numbers."""
-        model, found = self.model, ca.DM.zeros(self.phi.shape[0], 1)
-        values = model.prior[model.body_columns] if model.bodies is None else model.bodies
-        for column, value in zip(model.body_columns.tolist(), values.tolist(), strict=True):
-            found[column] = value
-        return found
+        model, found = self.model, np.zeros(self.phi.shape[0])
+        own = model.body_columns
+        found[own] = model.prior[own] if model.bodies is None else model.bodies
+        return ca.DM(found)
 
     def _force(
         self, du: Any, ddu: Any, slip: Any = None, given: Any = None, *, loaded: bool = True

@@ -163,6 +163,26 @@ def consistent_fit(
     >>> bool(np.allclose(model.base.values(found.standard_parameters), found.values))
     True
     """
+    return consistent_working_fit(
+        force_model,
+        data,
+        noise,
+        joint_values=joint_values,
+        joint_deviations=joint_deviations,
+        options=options,
+    ).result
+
+
+def consistent_working_fit(
+    force_model: ForceModel,
+    data: FitSamples,
+    noise: NoiseModel,
+    *,
+    joint_values: FloatArray | None = None,
+    joint_deviations: FloatArray | None = None,
+    options: ConsistentOptions = ConsistentOptions(),
+) -> WorkingFit:
+    """As ``consistent_fit``, with the least squares that the fit amounts to: the file as rows."""
     found = quiet_consistent_fit(
         force_model,
         data,
@@ -171,11 +191,10 @@ def consistent_fit(
         joint_deviations=joint_deviations,
         options=options,
     )
-    warn_of_bodies(force_model, found)
+    warn_of_bodies(force_model, found.result)
     return found
 
 
-@checked
 def quiet_consistent_fit(
     force_model: ForceModel,
     data: FitSamples,
@@ -184,17 +203,17 @@ def quiet_consistent_fit(
     joint_values: FloatArray | None = None,
     joint_deviations: FloatArray | None = None,
     options: ConsistentOptions = ConsistentOptions(),
-) -> FitResult:
-    """As ``consistent_fit``, without warnings."""
+) -> WorkingFit:
+    """As ``consistent_working_fit``, without warnings."""
     weights, program = _posed(force_model, data, noise, joint_values, joint_deviations)
     with one_blas_thread():
         state, common = _most_likely(program, options)
         found = _result(force_model, data, weights, program, state, options.freedom)
-        groups = _groups(program, state, found)
+        groups = _groups(program, state, found.result)
     far = FileDeviation(
         common, program.names, state.deviations, options.deviations[1], options.farthest
     )
-    return replace(found, deviation=far, term_deviations=groups)
+    return replace(found, result=replace(found.result, deviation=far, term_deviations=groups))
 
 
 @checked
@@ -237,7 +256,7 @@ def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> F
         state, _ = _most_likely(program, ConsistentOptions())
         standard[first:] = state.joints
         spread = program.terms.spread(state.groups)
-        found = _posterior(left, weights, state.joints, spread.T)
+        found = _posterior(left, weights, state.joints, spread.T).result
         freedom = _freedom(program, state, spread, ConsistentOptions().freedom)
         groups = _groups(program, state, found)
     freedom = np.minimum(found.degrees_of_freedom, freedom)
@@ -622,7 +641,7 @@ def _result(
     program: _Program,
     state: _State,
     freedom: float,
-) -> FitResult:
+) -> WorkingFit:
     """The values, with Laplace's covariance for autocorrelated errors."""
     M, standard = force_model.base.matrix, program.standard(state)
     told = M @ program.changes(state)
@@ -635,18 +654,19 @@ def _result(
     C = np.asarray(np.linalg.qr(np.hstack([told, kept]).T, mode="r"))
     only_kept = kept.any(axis=1) & ~told.any(axis=1)
     found = _posterior(data, weights, values, C)
-    known = np.minimum(found.degrees_of_freedom, _freedom(program, state, told, freedom))
-    return replace(
-        found,
+    known = np.minimum(found.result.degrees_of_freedom, _freedom(program, state, told, freedom))
+    result = replace(
+        found.result,
         assumed=tuple(force_model.parameters.labels[j] for j in np.flatnonzero(only_kept)),
         standard_parameters=standard,
         degrees_of_freedom=known,
     )
+    return replace(found, result=result)
 
 
 def _posterior(
     data: FitSamples, weights: FloatArray, values: FloatArray, C: FloatArray
-) -> FitResult:
+) -> WorkingFit:
     """Values (n,) with the covariance for autocorrelated errors; CᵀC (n, n) is that of the prior.
 
     The prior counts as rows whose least squares with the data are the values.
@@ -669,7 +689,48 @@ def _posterior(
         quality=fit_quality(problem, values),
         weights=weights,
     )
-    return with_scatter(within_runs(WorkingFit(plain, data, rows))).result
+    return with_scatter(within_runs(WorkingFit(plain, data, rows)))
+
+
+def solid_body(
+    values: FloatArray, covariance: FloatArray, matrix: FloatArray, guess: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The most likely solid body of estimates x = M π, of which nothing else is known.
+
+    Parameters
+    ----------
+    values, covariance : FloatArray
+        (r,) and (r, r), the estimates.
+    matrix : FloatArray
+        (r, 4) or (r, 10), M.
+    guess : FloatArray
+        (4, 4), pseudo-inertia of a body near it, which may be off by ``farthest`` times itself.
+
+    Returns
+    -------
+    standard_parameters : FloatArray
+        (4,) or (10,), π.
+    covariance : FloatArray
+        (r, r) of M π.
+    """
+    # Errors that are round-off of such a body count as a little larger, lest they are nothing.
+    own = (_vector(guess) @ PARAMETERS)[: matrix.shape[1]]
+    sizes = np.sqrt(np.diag(covariance)) + PRECISION * (np.abs(matrix) @ np.abs(own))
+    shares, turn = np.linalg.eigh(covariance / np.outer(sizes, sizes))
+    least = PRECISION**2 * shares.max() + PRECISION**2
+    inverse = (turn / np.sqrt(np.maximum(shares, least))).T / sizes
+    program = _Program(
+        effects=inverse @ matrix,
+        target=inverse @ values,
+        names=("",),
+        file=upper_factor(guess[None]),
+        columns=np.arange(matrix.shape[1])[None],
+        terms=JointPriors.none(),
+    )
+    with one_blas_thread():
+        state = _minimised(program, program.first(ConsistentOptions().farthest))
+        turned = matrix @ program.changes(state)
+        return program.standard(state), program.step(state).covariance(turned) @ turned.T
 
 
 def _freedom(program: _Program, state: _State, told: FloatArray, nu: float) -> FloatArray:

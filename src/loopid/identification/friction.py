@@ -185,7 +185,7 @@ def with_friction(
             left -= 1
             values = consistent_values(wide, data, noise, options=options)
         else:
-            fit = quiet_consistent_fit(wide, data, noise, options=options)
+            fit = quiet_consistent_fit(wide, data, noise, options=options).result
             asked = {} if fit.term_deviations is None else _asked(kinds, fit.term_deviations)
             if asked == kinds:
                 warn_of_bodies(wide, fit)

@@ -105,6 +105,13 @@ class JointPriors:
         alone = np.where(group < 0, deviations, 1.0)
         return cls(start, alone, names, group, factor, bounds, box, limits, least)
 
+    @classmethod
+    def none(cls) -> JointPriors:
+        """Of no joint terms."""
+        none, square = np.zeros(0), np.zeros((0, 0))
+        box = np.zeros((2, 0))
+        return cls(none, none, (), np.zeros(0, dtype=np.int64), square, box.T, box, square, none)
+
     def spread(self, sizes: FloatArray) -> FloatArray:
         """S (k, k) of f = f⁰ + S u with u ~ N(0, 1), at deviations (g,) of the groups."""
         return np.asarray(self.factor * self._scales(sizes))

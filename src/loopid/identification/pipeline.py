@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
-from loopid.errors import DataError, DataWarning, OptionError, warn
+from loopid.errors import DataError, DataWarning, OptionError, RankError, warn
 from loopid.identification.consistent import (
     CONSISTENT,
     ConsistentOptions,
@@ -434,14 +434,35 @@ def fit_all(
         labels = force_model.parameters.labels
         known = [labels[j] for j in np.intersect1d(force_model.joint_columns, plain)]
         found = fit_in_steps(first.select(plain), part, known, estimator=estimator)
-    elif not excited.unidentifiable:
-        found = working_fit(part, estimator, quiet=False).result
-    elif options.unidentifiable == "prior" and excited.rank:
-        prior = force_model.prior[plain]
-        found = fit_excited(part, prior, excited.excitation, estimator=estimator)
-    else:
+    elif excited.unidentifiable and (options.unidentifiable == "error" or not excited.rank):
         raise excited.refusal
+    else:
+        found = fit_told(force_model.prior[plain], part, excited, estimator, options.unidentifiable)
     return widened(found, data.parameters)
+
+
+def fit_told(
+    prior: FloatArray,
+    data: FitSamples,
+    excited: Identifiability,
+    estimator: Estimator,
+    unidentifiable: str,
+) -> FitResult:
+    """Fit what data tell; the rest is as in the robot file (n,), unless that is an error."""
+    if not excited.unidentifiable:
+        try:
+            return working_fit(data, estimator, quiet=False).result
+        except (DataError, RankError):  # a motor of few rows counts for so much that others do not
+            if unidentifiable == "error" or data.problem.freedom < 1:
+                raise
+    found = fit_excited(data, prior, excited.excitation, estimator=estimator)
+    if found.assumed and not excited.unidentifiable:
+        warn(
+            "weighted by the motors' errors, the data do not tell all of "
+            f"{', '.join(found.assumed)}: what is left open is as in the robot file",
+            DataWarning,
+        )
+    return found
 
 
 def widened(found: FitResult, parameters: ParameterSet) -> FitResult:
