@@ -358,6 +358,7 @@ def identify(
             with_delay_errors(each, data, training, delay),
             cutoff=None if cutoff is None else cutoff.chosen,
             use=use,
+            force_model=force_model,
         )
         for name, each in fits.items()
     }
