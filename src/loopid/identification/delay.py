@@ -66,6 +66,8 @@ SLIP = 0.1
 # A delay is clear from so many steps of the log on, and so many times half of its 95 % interval;
 # of a motor that differs from the others, for which its delay is undone alone, so many times.
 LEAST, CLEAR, ALONE = 0.2, 2.0, 6.0
+# Half of an interval in s from which on it tells no delay that there could be: slow motions.
+VAGUE = 0.05
 # Probability that delays of motors that agree seem to differ, or those of both searches; the
 # interval of the common one is then wider by as much as those of motors do.
 CHANCE = 0.01
@@ -527,7 +529,7 @@ class _Search:
 
     def _clear(self, delay: float, half: float) -> bool:
         """Whether a delay is clear, by half of its 95 % interval."""
-        return bool(abs(delay) > max(CLEAR * half, LEAST * self.forces.step))
+        return half < VAGUE and bool(abs(delay) > max(CLEAR * half, LEAST * self.forces.step))
 
 
 def _disagreement(delays: FloatArray, errors: FloatArray) -> float:
@@ -547,7 +549,7 @@ def _contradicted(sharp: Delay, robust: Delay) -> bool:
     """Whether a delay beside the signs of the velocities is not that beside Maxwell slip.
 
     They differ, of all motors or of one, by more than their errors let expect; or what is clear is
-    not confirmed, as the robust one is not told, or nearer to none than to it.
+    not confirmed, as the robust one is not told, may be none, or is nearer to none than to it.
     """
     from scipy.special import chdtri  # slow to import
 
@@ -560,10 +562,9 @@ def _contradicted(sharp: Delay, robust: Delay) -> bool:
         variance = np.where(wide > error, wide**2 - error**2, wide**2)
     known = np.isfinite(error) & np.isfinite(wide)
     differ = (other - one) ** 2 > chdtri(1, CHANCE / len(sharp.each)) * variance
-    alone = np.ptp(sharp.undone) > 0
-    found = robust.each if alone else np.full(len(robust.each), robust.common)
-    confirmed = np.abs(found - sharp.undone) < np.abs(found)
-    confirmed &= np.isfinite(wide[-1])
+    alone = slice(-1) if np.ptp(sharp.undone) > 0 else slice(-1, None)
+    found, half = np.abs(other[alone]), NORMAL * wide[alone]
+    confirmed = (np.abs(other[alone] - sharp.undone) < found) & (half < np.minimum(found, VAGUE))
     return bool((differ & known).any() or (~confirmed & (sharp.undone != 0)).any())
 
 
