@@ -39,6 +39,7 @@ from .excitation import (
     design_excitation as design_excitation,
 )
 from .export import export_c as export_c, export_robot_file as export_robot_file
+from .findings import Finding as Finding
 from .identification import (
     FitOptions as FitOptions,
     FitSamples as FitSamples,

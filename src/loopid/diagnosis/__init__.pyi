@@ -1,11 +1,3 @@
-from .evidence import SuspicionOptions as SuspicionOptions
-from .log_mistakes import (
-    MotorGain as MotorGain,
-    Suspicions as Suspicions,
-    diagnose as diagnose,
-    suspicions as suspicions,
-    warn_of_suspicions as warn_of_suspicions,
-)
 from .modes import ModeComparison as ModeComparison, compare_modes as compare_modes
 from .payload import (
     GainFit as GainFit,

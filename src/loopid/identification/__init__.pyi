@@ -15,6 +15,7 @@ from .estimator import (
     WeightedLeastSquares as WeightedLeastSquares,
     WorkingFit as WorkingFit,
 )
+from .evidence import SuspicionOptions as SuspicionOptions
 from .fitting import (
     fit as fit,
     fit_in_steps as fit_in_steps,
@@ -37,6 +38,12 @@ from .information import (
     identifiability as identifiability,
 )
 from .instrumental import InstrumentalVariables as InstrumentalVariables
+from .log_mistakes import (
+    MotorGain as MotorGain,
+    Suspicions as Suspicions,
+    suspicions as suspicions,
+    suspicions_by_log as suspicions_by_log,
+)
 from .pipeline import (
     FitOptions as FitOptions,
     Identification as Identification,

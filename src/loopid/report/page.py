@@ -17,16 +17,17 @@ from typing import Any
 from lxml.html import HtmlElement, tostring
 from rich.table import Table
 
+from loopid.findings import Finding, most_important_first
 from loopid.plots.chart import Chart, E
 from loopid.records import record
-from loopid.report.look import facts, json_text
+from loopid.report.look import facts, json_text, json_value
 
 LIBRARIES = "loopid", "pin", "numpy", "scipy"
 VERSION = 1  # of the records' forms, which ``schema.py`` tells: a new one where programs notice
 # What a browser is allowed: nothing from elsewhere.
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 
-Part = str | Table | Chart  # a paragraph, a table, a chart
+Part = str | Table | Chart | Finding  # a paragraph, a table, a chart, a finding
 
 
 @record
@@ -37,7 +38,7 @@ class Section:
     ----------
     title : str
     parts : tuple
-        Paragraphs (str), tables (``rich.table.Table``) and charts (``Chart``).
+        Paragraphs (str), tables (``rich.table.Table``), charts (``Chart``) and findings.
     """
 
     title: str
@@ -56,7 +57,16 @@ class Section:
 def _part(part: Part) -> HtmlElement:
     if isinstance(part, Chart):
         return part.html()
+    if isinstance(part, Finding):
+        return _finding(part)
     return _table(part) if isinstance(part, Table) else E.p(part)
+
+
+def _finding(found: Finding) -> HtmlElement:
+    said = [E.strong(f"{found.severity.capitalize()}: {found.title}")]
+    said += [E.p(found.why)] if found.why else []
+    said += [E.p(f"Do: {found.do}")] if found.do else []
+    return E.div({"class": f"finding {found.severity}"}, *said)
 
 
 def _table(table: Table) -> HtmlElement:
@@ -191,6 +201,8 @@ class Report:
         Gives the files beside page and record, by name.
     advice : str
         A command that does what the verdict advises.
+    findings : sequence of Finding
+        What to know beside the numbers.
     """
 
     name: str
@@ -201,8 +213,10 @@ class Report:
     sections: Callable[[], Sequence[Section]] = field(default=None)  # type: ignore[assignment]
     results: Callable[[], dict[str, bytes | str]] = dict
     advice: str = ""
+    findings: Sequence[Finding] = ()
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "findings", most_important_first(self.findings))
         if self.sections is None:
             shown = Section("Results", tuple(self.brief))
             object.__setattr__(self, "sections", lambda: [shown])
@@ -210,7 +224,11 @@ class Report:
     @property
     def data(self) -> dict[str, Any]:
         """The record with its form and the verdict."""
-        said = {"verdict": self.verdict, "advice": self.advice}
+        said = {
+            "verdict": self.verdict,
+            "advice": self.advice,
+            "findings": [json_value(found) for found in self.findings],
+        }
         return {"schema": f"loopid {self.name} {VERSION}", **said, **self.record}
 
     def tables(self) -> list[Table]:
@@ -219,7 +237,8 @@ class Report:
 
     def page(self, run: Run = NO_RUN) -> Page:
         """The page."""
-        sections = (*self.sections(), *run.sections())
+        said = [Section("Findings", tuple(self.findings))] if self.findings else []
+        sections = (*said, *self.sections(), *run.sections())
         return Page(self.title, sections, self.verdict, self.data, self.advice)
 
     def files(self, run: Run = NO_RUN, *, figures: bool = False) -> dict[str, bytes | str]:
