@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -30,7 +31,10 @@ class Section(BaseModel):
     def _keys_are_known(cls, content: Any) -> Any:
         unknown = [] if not isinstance(content, dict) else set(content) - set(cls.model_fields)
         for key in sorted(unknown, key=str):
-            raise ValueError(f"unknown key {key!r}: choose among {', '.join(cls.model_fields)}")
+            meant = get_close_matches(str(key), cls.model_fields, n=1)
+            hint = f" (did you mean {meant[0]!r}?)" if meant else ""
+            valid = ", ".join(cls.model_fields)
+            raise ValueError(f"unknown key {key!r}: choose among {valid}{hint}")
         return content
 
 

@@ -9,8 +9,8 @@ from bank_robots import few_of
 from loopid import FitOptions, JointTerms, find_delay, find_force_model, identify
 from loopid.errors import DataWarning
 from loopid.identification import quiet_fit
-from loopid.identification.delay import CLEAR, USUAL
-from loopid.logs import Log, Recording, prepare_recording
+from loopid.identification.delay import CLEAR, USUAL, without_delay
+from loopid.logs import Log, Recording, prepare_again, prepare_recording
 from loopid.motion import scaled_bodies
 from made_runs import quietly, simulated, wander
 
@@ -40,6 +40,20 @@ def noisy(log, delay=0.0, seed=0, noise=NOISE):
     return Log.from_arrays(late.time, late.position, late.force + error, late.joints)
 
 
+def elastic(log, slip, friction=0.1):
+    """The log with friction that builds up over a displacement, by Dahl's law, in place of a jump.
+
+    dz = (sign(dq) - z) |dq| / slip, exactly from sample to sample.
+    """
+    moved = np.diff(log.position, axis=0)
+    sign, state = np.sign(moved), np.zeros_like(log.position)
+    for k, kept in enumerate(np.exp(-np.abs(moved) / slip)):
+        state[k + 1] = sign[k] + (state[k] - sign[k]) * kept
+    jumps = np.sign(np.gradient(log.position, axis=0))
+    force = log.force + friction * (state - jumps)
+    return Log.from_arrays(log.time, log.position, force, log.joints)
+
+
 def prepared(model, log):
     return prepare_recording(model.mechanism, log)
 
@@ -53,6 +67,36 @@ def test_a_delay_is_found_within_its_interval(case, delay):
     assert (np.abs(found.each - delay) < 1.7 * np.ptp(found.intervals, axis=1) / 2).all()
     assert found.clear or abs(delay) < 1.2 * CLEAR * half
     assert not found.clear or delay
+
+
+@pytest.mark.parametrize("slip", [2e-4, 2e-3, 2e-2])
+def test_friction_that_builds_up_is_no_delay(case, slip):
+    model, _, log = case
+    soft = elastic(log, slip)
+    clean = find_delay(model, [prepared(model, noisy(soft))])
+    assert not clean.clear
+    late = find_delay(model, [prepared(model, noisy(soft, 0.03))])
+    for found, delay in ((clean, 0.0), (late, 0.03)):
+        half = np.ptp(found.interval) / 2
+        assert abs(found.common - delay) < 1.7 * half < 0.012
+    assert late.clear
+
+
+def test_forces_that_are_moved_are_those_of_a_log_that_is_prepared_again(case):
+    model, _, log = case
+    run = prepared(model, noisy(log, 0.012))
+    found = find_delay(model, [run])
+    (moved,) = without_delay(model, [run], found)
+    again = prepare_again(model.mechanism, run, log=run.log.delayed(found.undone))
+    shared = np.isin(moved.motion.time, again.motion.time)
+    same = moved.select(shared & moved.used.any(axis=1))
+    other = again.select(np.isin(again.motion.time, same.motion.time))
+    inside = slice(5, -5)  # a filter that starts elsewhere
+    np.testing.assert_allclose(
+        same.force[inside], other.force[inside], atol=2e-3 * np.abs(other.force).max()
+    )
+    assert moved.log is not run.log
+    np.testing.assert_array_equal(moved.log.force, again.log.force)
 
 
 @pytest.mark.draws

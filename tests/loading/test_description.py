@@ -21,6 +21,7 @@ from loopid.errors import (
 )
 from loopid.kinematics import constraint_residual, mobility, singularity_measure
 from loopid.loading.description import Description
+from loopid.yaml_files import read_yaml
 from small_tree import PARTS
 
 MOTORS = r"name_mot: \[[^]]*\]"
@@ -460,3 +461,25 @@ def test_the_documentation_lists_every_key():
     text = (Path(__file__).parents[2] / "docs" / "robot_files.md").read_text()
     listed = re.findall(r"`(\w+)`", " ".join(re.findall(r"\n\| (`[^|]*) \|", text)))
     assert {*listed} >= {*Description.model_fields}
+
+
+def test_one_axis_is_enough_where_a_kind_has_one():
+    told = {"frames": ["a", "b"], "type": "2d"}
+    both = Description(closures=[told | {"axes": [[0, 1, 0], [0, 1, 0]]}])
+    for axis in ({"axis": [0, 1, 0]}, {"axes": [0, 1, 0]}, {"axis": [[0, 1, 0], [0, 1, 0]]}):
+        assert Description(closures=[told | axis]) == both
+
+
+def test_an_axis_where_there_are_two_and_a_misspelt_key_have_a_hint(tmp_path):
+    closure = "{type: hinge, frames: [a, b], axis: [0, 1, 0]}"
+    refused = r"has two 'axes', one in each frame, such as axes: \[\[0, 1, 0\], \[0, 1, 0\]\]"
+    for text, words in {
+        f"closures: [{closure}]": refused,
+        f"closures: [{closure.replace('axis', 'axes')}]": refused,
+        f"closures: [{closure.replace('axis', 'axess')}]": r"did you mean 'axes'\?",
+        f"closures: [{closure.replace('hinge', '3d')}]": "unknown key 'axis'",
+        "refrence: {a: 1}": r"did you mean 'reference'\?",
+    }.items():
+        (tmp_path / "robot.yaml").write_text(text)
+        with pytest.raises(RobotFileError, match=words):
+            read_yaml(tmp_path / "robot.yaml", Description)

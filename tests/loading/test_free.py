@@ -5,8 +5,15 @@ import warnings
 
 import pytest
 
+from closure_robots import body, frame, joint, tie
 from linkages import five_bar, rssr
-from loopid import JointTerms, find_force_model, load_mechanism
+from loopid import (
+    JointTerms,
+    find_base_parameters,
+    find_force_model,
+    load_mechanism,
+    structural_observation,
+)
 from loopid.kinematics import mobility
 
 INERTIAL = '<inertial pos="0.1 0.02 0.3" mass="1" diaginertia="0.1 0.2 0.25"/>'
@@ -37,6 +44,19 @@ def load(tmp_path):
         return robot, [str(w.message) for w in caught if "the motors leave" in str(w.message)]
 
     return told
+
+
+@pytest.fixture
+def said_of():
+    """What is said of what the motors leave free, on loading a file."""
+
+    def said(path):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            load_mechanism(path)
+        return [str(w.message) for w in caught if "the motors leave" in str(w.message)]
+
+    return said
 
 
 def test_a_tendon_with_hardly_any_room_prints_its_coupling(load, tmp_path):
@@ -70,13 +90,42 @@ def test_a_spring_is_a_force_that_the_file_gives(load):
     assert "lock what does not move" in load(HEEL.replace("STIFF", ""))[1][0]
 
 
-def test_the_spin_of_a_rod_is_harmless_and_can_be_locked(load_files):
+def rod_with_centre(centre):
     parts, description = rssr("SPHERICAL")
-    robot = load_files(parts, description)
-    with pytest.warns(UserWarning, match="spin of a rod between its ends.* harmless") as caught:
-        load_mechanism(robot.path)
-    (lock,) = ADVICE.findall("".join(str(w.message) for w in caught))
-    assert load_mechanism(robot.path, lock=eval(lock)).free == ()
+    return [part.replace(body("rod"), body("rod", centre)) for part in parts], description
+
+
+def test_the_spin_of_a_rod_is_harmless_and_can_be_locked(load_files, said_of):
+    """Locked, what is known does not become less."""
+    robot = load_files(*rod_with_centre((0.1, 0, 0)))
+    (said,) = said_of(robot.path)
+    assert re.search("spin of a rod between its ends.* harmless", said)
+    locked = load_mechanism(robot.path, lock=eval(ADVICE.findall(said)[0]))
+    assert locked.free == ()
+    observed = structural_observation(robot, "full")
+    known = [observed.motors_alone, structural_observation(locked, "full")]
+    assert len({len(find_base_parameters(each, "qr")) for each in known}) == 1
+
+
+@pytest.mark.parametrize("centre", [(0.1, 0.02, -0.03), (0.1, 0, 0.01)])
+def test_what_gravity_turns_is_no_spin(load_files, said_of, centre):
+    (said,) = said_of(load_files(*rod_with_centre(centre)).path)
+    assert "harmless" not in said
+    assert "lock what does not move" in said
+
+
+def test_a_turn_of_the_whole_robot_is_no_spin(load_files, said_of):
+    """A base on a ball, with a loop on it and one end held: all of it turns about a line."""
+    parts, description = five_bar()
+    parts[0] = body("plate", (0.15, 0, 0))
+    ball = joint("neck", "ground", "plate")
+    tip = [frame("hook", "plate", (0.3, 0, 0)), frame("nail", "ground", (0.3, 0, 0))]
+    description["closures"].append(tie("3d", ("hook", "nail")))
+    description |= {"joint_name": ["neck"], "joint_type": ["SPHERICAL"]}
+    robot = load_files([*parts, ball, *tip], description)
+    (said,) = said_of(robot.path)
+    assert robot.free == ("neck.wx",)
+    assert "harmless" not in said
 
 
 def test_a_floating_base_needs_no_advice(write_files, load_files):

@@ -1,5 +1,6 @@
 """SDF of Gazebo: the same robots as in other formats, loops by second parents, all poses."""
 
+import re
 import warnings
 
 import numpy as np
@@ -7,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 from closure_robots import chain, files, frame, joint as hinge, tie
+from linkages import four_bar
 from loopid import (
     find_base_parameters,
     gravity_regressor,
@@ -283,3 +285,148 @@ def test_a_universal_joint_is_two_hinges(load):
 def test_what_cannot_be_read_is_named(load, parts, word):
     with pytest.raises(RobotFileError, match=word):
         load(model(*parts))
+
+
+def test_empty_tags_and_missing_axes_have_the_defaults_of_sdf(load):
+    empty = "<limit><lower/><effort/><velocity> </velocity></limit><dynamics><damping/></dynamics>"
+    filled = load(model(*ARM[:2], ARM[3], HINGE.format("j2", "one", "two", 1, empty, "")))
+    bare = load(model(*ARM[:2], *ARM[3:]))
+    assert filled.joints == bare.joints
+    assert filled.joint_values == {}
+    np.testing.assert_array_equal(filled.position_limits, bare.position_limits)
+    joint = '<joint name="u" type="universal"><parent>two</parent><child>three</child>{}</joint>'
+    given = load(model(*ARM, joint.format("<axis><xyz>1 0 0</xyz></axis>")))
+    whole = "<axis><xyz>1 0 0</xyz></axis><axis2><xyz>0 0 1</xyz></axis2>"
+    told = load(model(*ARM, joint.format(whole)))
+    q = random_configurations(told, 5)
+    np.testing.assert_array_equal(*(gravity_regressor(each, q) for each in (given, told)))
+
+
+def test_a_missing_axis_is_said(tmp_path):
+    bare = HINGE.format("j3", "two", "three", 1, "", "").replace(
+        "<axis><xyz>0 1 0</xyz></axis>", ""
+    )
+    (tmp_path / "robot.sdf").write_text(model(*ARM, bare))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        load_mechanism(tmp_path / "robot.sdf")
+    assert any("j3 has no <axis>: z, as SDF says" in str(w.message) for w in caught)
+
+
+def test_initial_positions_are_the_reference(load):
+    at = "<initial_position>{}</initial_position>"
+    joints = [HINGE.format("j1", "world", "one", 1, at.format(0.3), ""),
+              HINGE.format("j2", "two", "one", 1, at.format(-0.7), "")]  # fmt: skip
+    robot = load(model(*ARM[:2], *joints))
+    assert robot.reference_values(robot.reference) == pytest.approx({"j1": 0.3, "j2": -0.7})
+    with pytest.raises(RobotFileError, match=r"joint j1: <initial_position> must be .* 'far'"):
+        load(model(*ARM[:2], joints[0].replace("0.3", "far"), joints[1]))
+
+
+def test_a_force_limit_of_zero_is_no_motor_beside_others(load):
+    idle, driven = (f"<limit><effort>{most}</effort></limit>" for most in (0, 20))
+    first = HINGE.format("j1", "world", "one", 1, driven, "")
+    second = HINGE.format("j2", "one", "two", 1, idle, "")
+    assert load(model(*ARM[:2], first, second)).actuated == ("j1",)
+    # No limit at all is another one; zeros alone say nothing.
+    assert load(model(*ARM[:2], ARM[3], second)).actuated == ("j1",)
+    assert load(model(*ARM[:2], first.replace("20", "0"), second)).actuated == ("j1", "j2")
+
+
+def test_reserved_names_and_static_models_are_named(load, tmp_path):
+    with pytest.raises(RobotFileError, match="'world' is a reserved name: rename it"):
+        load(model(*ARM[:2], *ARM[3:], LINK.format("world", 0, SOLID)))
+    still = model(*ARM[:2], *ARM[3:]).replace(
+        '<model name="m">', '<model name="table"><static>1</static>'
+    )
+    with pytest.raises(RobotFileError, match="nothing moves, as its models are <static>: table"):
+        load(still)
+    both = model(*ARM[:2], *ARM[3:]).replace(
+        "</sdf>", '<model name="floor"><static>true</static></model></sdf>'
+    )
+    (tmp_path / "robot.sdf").write_text(both)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        assert load_mechanism(tmp_path / "robot.sdf").joints == ("j1", "j2")
+    assert any("static models are not read: floor" in str(w.message) for w in caught)
+
+
+# A four-bar drawn in layers along its axes: the coupler's tip is beside the rocker's.
+LAYERED = model(
+    HINGE.format("crank", "world", "a", 1, "<initial_position>-1</initial_position>", ""),
+    HINGE.format("knee", "a", "b", 1, "<limit><effort>0</effort></limit>", ""),
+    HINGE.format("rocker", "world", "c", 1, "<limit><effort>0</effort></limit>", ""),
+    *(LINK.format(name, place, SOLID).replace(" 0 0 0 0 0", rest, 1) for name, place, rest in (
+        ("a", 0, " 0 0 0 0 0"), ("b", 0.1, " 0.015 0 0 0 0"), ("c", 0.3, " 0.0425 0 0 0 0"))),
+    '<frame name="tip" attached_to="b"><pose relative_to="b">0.4 SHIFT 0 0 0 0</pose></frame>',
+    '<frame name="pin" attached_to="c"><pose relative_to="c">0.25 0 0 0 0 0</pose></frame>',
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["hinge, axes: [[0, 1, 0], [0, 1, 0]]", "3d", "6d"])
+def test_links_drawn_in_layers_are_told_what_closes_them(tmp_path, kind):
+    """Both ways out are followed to the letter."""
+
+    def load(closure, shift="0"):
+        (tmp_path / "robot.sdf").write_text(LAYERED.replace("SHIFT", shift))
+        (tmp_path / "robot.yaml").write_text(f"urdf: robot.sdf\nclosures: [{closure}]\n")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return load_mechanism(tmp_path / "robot.yaml")
+
+    drawn = f"{{type: {kind}, frames: [tip, pin]}}"
+    with pytest.raises(RobotFileError, match=r"no joint brings tip and pin together") as failure:
+        load(drawn)
+    said = str(failure.value)
+    assert "0.0275 m apart" in said
+    shift = re.search(r"shift the origin of tip by \[0\.0, (\S+), 0\.0\] m", said)[1]
+    if kind == "6d":  # welded, so that nothing can move
+        assert "close it by" not in said
+        return
+    shifted = load(drawn, shift)
+    flat = load(re.search(r"close it by (\{.*?\})", said)[1])
+    for robot in (shifted, flat):
+        assert mobility(robot).degrees_of_freedom == 1
+        assert robot.actuated == ("crank",)
+        assert robot.reference_values(robot.reference)["crank"] == pytest.approx(-1)
+
+
+HELD = """<plugin filename="gz-sim-detachable-joint-system"
+ name="gz::sim::systems::DetachableJoint"><parent_link>{}</parent_link>
+ <child_model>{}</child_model><child_link>{}</child_link></plugin>"""
+
+
+def test_gazebos_detachable_joint_closes_a_loop_as_drawn(load, tmp_path):
+    """As the fixed joint that it stands for; in a URDF, too."""
+    branches = [*ARM, HINGE.format("j3", "world", "three", 1, "", "")]
+    fixed = """<joint name="two_three" type="fixed"><parent>two</parent><child>three</child>
+    </joint>"""
+    held, told = (
+        load(model(*branches, HELD.format("two", "m", "three"))),
+        load(model(*branches, fixed)),
+    )
+    assert [closure.kind for closure in held.closures] == ["6d"]
+    assert mobility(held) == mobility(told)
+    assert held.reference.tolist() == told.reference.tolist()
+    with pytest.raises(RobotFileError, match=r"DetachableJoint.*'gone'"):
+        load(model(*branches, HELD.format("two", "m", "gone")))
+    (tmp_path / "robot.sdf").write_text(model(*ARM[:2], *ARM[3:], HELD.format("two", "box", "lid")))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        assert load_mechanism(tmp_path / "robot.sdf").closures == ()
+    assert any("DetachableJoint holds another model, 'box'" in str(w.message) for w in caught)
+
+
+@pytest.mark.parametrize("owner", ["m", "__model__"])
+def test_a_urdf_may_hold_its_links_by_it_too(tmp_path, owner):
+    parts, _ = four_bar("6d")
+    plugin = f"<gazebo>{HELD.format('end', owner, 'pivot')}</gazebo>"
+    urdf, _ = files([*parts, plugin], {})
+    (tmp_path / "robot.urdf").write_text(re.sub('robot name="[^"]*"', 'robot name="m"', urdf))
+    (tmp_path / "robot.yaml").write_text("name_mot: [crank_joint]\n")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        robot = load_mechanism(tmp_path / "robot.yaml")
+    (closure,) = robot.closures
+    assert (closure.kind, closure.name) == ("6d", "end_pivot_parent-end_pivot_child")
+    assert np.abs(robot.reference).max() < 1e-9  # closed as drawn

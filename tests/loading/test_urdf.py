@@ -597,13 +597,44 @@ def test_a_joint_that_gives_a_link_a_second_parent_is_noted(read):
     assert "pin" not in source.model.names
 
 
+@pytest.mark.parametrize(
+    ("tag", "other"),
+    [
+        ("origin", '<origin xyz="9 9 9" rpy="1 0 0"/>'),
+        ("axis", '<axis xyz="1 0 0"/>'),
+        ("limit", '<limit lower="-9" upper="9" effort="1" velocity="1"/>'),
+        ("dynamics", '<dynamics damping="9"/>'),
+    ],
+)
+def test_the_first_of_two_tags_of_a_joint_counts_as_for_pinocchio(tmp_path, tag, other):
+    first = '<origin xyz="0.3 0 0.1"/><dynamics damping="0.5"/>'
+
+    def load(inside):
+        elbow = joint("elbow", "upper", "lower", inside=inside)
+        parts = ['<link name="base"/>', joint("shoulder", "base", "upper"), elbow]
+        text = "".join([*parts, body("upper"), body("lower")])
+        (tmp_path / "robot.urdf").write_text(f'<robot name="arm">{text}</robot>')
+        return load_mechanism(tmp_path / "robot.urdf")
+
+    alone = load(first)
+    with pytest.warns(ModelWarning, match=f"<{tag}> stands twice or more in joint elbow: the"):
+        robot = load(first + other)
+    theirs = pin.buildModelFromUrdf(str(tmp_path / "robot.urdf"))
+    q = np.array([0.3, -0.8])
+    for model in (theirs, alone.model):
+        np.testing.assert_array_equal(model.upperPositionLimit, robot.model.upperPositionLimit)
+        both = (pin.rnea(m, m.createData(), q, q, q) for m in (model, robot.model))
+        np.testing.assert_allclose(*both, atol=1e-12)
+    assert robot.joint_values == alone.joint_values == {"elbow": {"Fv": 0.5}}
+
+
 def test_plugins_that_couple_or_close_are_noted(read):
     plugins = """<gazebo><plugin name="a" filename="libmimic_joint_plugin.so">
         <joint>shoulder</joint><mimicJoint>wrist</mimicJoint><multiplier>-1</multiplier></plugin>
         <plugin name="b" filename="libclosed_loop_plugin.so"/>
         <plugin name="c" filename="libcontrol.so"/></gazebo>"""
     assert read(*BRANCHES, plugins).notes == (
-        "plugin 'libmimic_joint_plugin.so' is not read: give joint 'wrist' a <mimic>",
+        "plugin 'libmimic_joint_plugin.so' is not read: give a <mimic> to wrist",
         "plugin 'libclosed_loop_plugin.so' is not read: write its closure into a YAML beside it",
     )
     tied = mimicking("shoulder").replace("finger", "wrist")
@@ -727,7 +758,10 @@ WRONG = {
     "nothing between": ([coupling("arm", "hand")], ("belt", "no joint moves", "predecessor 'arm'")),
     "floating": ([*FLIGHT, coupling("drone", "wheel")], ("belt", "flight", "floating")),
     "neither true nor false": ([WRONG_DEPENDENT], ("hub", "independent", "'fasle'")),
-    "mimic: unknown": ([TIP, mimicking("elbow")], ("finger mimics 'elbow'", "wrist, hub, finger")),
+    "mimic: unknown": (
+        [TIP, mimicking("elbow")],
+        ("finger mimics 'elbow'", "wrist, hub", "take its <mimic> out"),
+    ),
     "mimic: itself": ([TIP, mimicking("finger")], ("finger mimics finger", "circle")),
     "mimic: circle": (
         [

@@ -58,11 +58,42 @@ def test_unknown_arguments_and_broken_macros_are_named(arm, write_files):
     with pytest.raises(OptionError, match="xacro"):
         load_mechanism(write_files(*files(chain(2), {})), xacro={"mass": "5"})
     arm.write_text(arm.read_text().replace("find arm", "find leg"))
-    with pytest.raises(RobotFileError, match="package 'leg' is neither installed nor around"):
+    with pytest.raises(RobotFileError) as refused:
         load_mechanism(arm)
-    arm.write_text(arm.read_text().replace('at="0"', 'at="${1 +}"'))
+    said = str(refused.value)
+    assert said.count("package 'leg' is neither installed nor around") == 1
+    assert "<class" not in said
+    assert "put its folder leg beside the file or above it" in said
+    text = arm.read_text().replace("find leg", "find arm")
+    arm.write_text(text.replace('at="0"', 'at="${1 +}"'))
     with pytest.raises(RobotFileError, match="xacro refuses it"):
         load_mechanism(arm)
+    arm.write_text(text.replace('at="0"', 'at="${high}"'))
+    with pytest.raises(
+        RobotFileError, match=r"'high' is not defined: .* <xacro:property name='high'"
+    ):
+        load_mechanism(arm)
+
+
+def test_an_argument_without_a_value_is_named_and_given_as_told(arm):
+    arm.write_text(arm.read_text().replace('at="0"', 'at="$(arg height)"'))
+    with pytest.raises(RobotFileError, match="give it by --xacro height:=VALUE"):
+        load_mechanism(arm)
+    load_mechanism(arm, xacro={"height": "0.1"})
+
+
+def test_a_warning_of_macros_is_said_once_with_its_place(arm):
+    macro = '<xacro:macro name="pi" params=""><xacro:property name="pi" value="3" odd="1"/>'
+    macro += "</xacro:macro>"
+    arm.write_text(
+        arm.read_text().replace("<xacro:arg", f"{macro}<xacro:pi/><xacro:pi/><xacro:arg", 1)
+    )
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        load_mechanism(arm)
+    said = [str(w.message) for w in caught if "xacro warns" in str(w.message)]
+    assert len([text for text in said if "unknown attribute" in text]) == 1
+    assert all("arm.urdf.xacro" in text for text in said)
 
 
 def test_an_sdf_may_have_macros_too(tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 
 import numpy as np
 import pinocchio as pin
@@ -11,9 +12,19 @@ from lxml import etree
 from loopid.loading.description import ClosureDescription
 from loopid.loading.files import naming
 from loopid.loading.urdf import Dialect, closure_of, coefficients, linked
-from loopid.loading.urdf_tree import UrdfFile, child, inner_tags, label, local_name, placement, said
-from loopid.robot.mechanism import LeftOut
+from loopid.loading.urdf_tree import (
+    Element,
+    UrdfFile,
+    child,
+    inner_tags,
+    label,
+    local_name,
+    placement,
+    said,
+)
+from loopid.robot.mechanism import LeftOut, shortened
 
+DETACHABLE = re.compile("detachable_?-?joint", re.IGNORECASE)
 CLOSING_PLUGIN = re.compile("closed_?loop|attach_links")
 WEIGHTLESS = {"turnGravityOff": ("true", "1"), "gravity": ("false", "0")}  # what each must say
 SLOWING = ("dampingFactor", "velocity_decay")
@@ -35,9 +46,35 @@ def read_gazebo(urdf: UrdfFile, model: pin.Model) -> Dialect:
                 weight = float(inertial.mass), *map(float, centre)
                 left_out.append(LeftOut(f"<{tag}>: {name} has no weight", {name: weight}))
         left_out += [LeftOut(f"<{local_name(tag)}>") for tag in inner_tags(extension, SLOWING)]
-    return Dialect(
-        _loops(urdf, model), joint_terms=terms, left_out=left_out, notes=_unread_plugins(urdf)
-    )
+    closures, notes = [*_loops(urdf, model), *_attached(urdf, model)], _unread_plugins(urdf)
+    return Dialect(closures, joint_terms=terms, left_out=left_out, notes=notes)
+
+
+def detachable_joints(root: Element) -> Iterator[tuple[Element, str, str, str]]:
+    """Plugins that hold two links together as drawn: the tag, a link, a model and its link."""
+    for plugin in root.iter("plugin"):
+        if DETACHABLE.search(plugin.get("filename", "") + plugin.get("name", "")):
+            tags = ("parent_link", "child_model", "child_link")
+            link, model, other = ((plugin.findtext(tag) or "").strip() for tag in tags)
+            yield plugin, link, model, other
+
+
+def _attached(urdf: UrdfFile, model: pin.Model) -> Iterator[ClosureDescription]:
+    """Welds of Gazebo's DetachableJoint between links of the robot, placed as drawn."""
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    for _, parent, owner, link in detachable_joints(urdf.root):
+        if owner not in ("", "__model__", urdf.robot.name):
+            continue
+        joint = etree.Element("joint", name=f"{parent}_{link}", type="fixed")
+        for side, name in (("parent", parent), ("child", link)):
+            etree.SubElement(joint, side, link=name)
+        with naming("DetachableJoint"):
+            first, second = (
+                data.oMf[model.getFrameId(k, pin.FrameType.BODY)] for k in linked(urdf, joint)
+            )
+            places = first.actInv(second), pin.SE3.Identity()
+            yield closure_of(model, joint, (parent, link), places)
 
 
 def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
@@ -61,12 +98,27 @@ def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
 
 def _unread_plugins(urdf: UrdfFile) -> tuple[str, ...]:
     """Sentences about plugins that couple joints, or close loops, which no tag tells."""
-    followers, notes = {j.name for j in urdf.robot.joints if j.mimic is not None}, list[str]()
+    followers = {j.name for j in urdf.robot.joints if j.mimic is not None}
+    mimicking, closing = dict[str, list[str]](), dict[str, None]()
     for plugin in urdf.root.iterfind("gazebo//plugin"):
         file, follower = plugin.get("filename", ""), (plugin.findtext("mimicJoint") or "").strip()
-        what = f"plugin {file!r:.80} is not read"
         if follower and follower not in followers:
-            notes.append(f"{what}: give joint {follower!r:.60} a <mimic>")
+            mimicking.setdefault(file, []).append(follower)
         elif CLOSING_PLUGIN.search(file):
-            notes.append(f"{what}: write its closure into a YAML beside it")
-    return tuple(notes)
+            closing[file] = None
+    others = [owner for _, _, owner, _ in detachable_joints(urdf.root)
+              if owner not in ("", "__model__", urdf.robot.name)]  # fmt: skip
+    return (
+        *(
+            f"a DetachableJoint holds another model, {owner!r:.60}: it is not read"
+            for owner in dict.fromkeys(others)
+        ),
+        *(
+            f"plugin {file!r:.80} is not read: give a <mimic> to {shortened(joints)}"
+            for file, joints in mimicking.items()
+        ),
+        *(
+            f"plugin {file!r:.80} is not read: write its closure into a YAML beside it"
+            for file in closing
+        ),
+    )

@@ -19,10 +19,11 @@ from lxml import etree
 
 from loopid.arguments import FloatArray, number
 from loopid.errors import OptionError, RobotFileError
+from loopid.formats.gazebo import detachable_joints
 from loopid.inertia import written
 from loopid.loading.description import ClosureDescription
 from loopid.loading.files import naming
-from loopid.loading.tree import TreeSource, add_frame
+from loopid.loading.tree import Reference, TreeSource, add_frame
 from loopid.loading.urdf import read_urdf
 from loopid.loading.urdf_tree import (
     MOMENTS,
@@ -45,6 +46,7 @@ WORLD, MODEL = "world", "__model__"
 IN_TREE = {"revolute": "revolute", "continuous": "continuous", "prismatic": "prismatic"}
 IN_TREE |= {"fixed": "fixed", "ball": "continuous"}
 TWO_AXES = ("universal", "revolute2")
+AXES_OF = dict.fromkeys(TWO_AXES, ("axis", "axis2")) | {"fixed": (), "ball": ()}
 CLOSING = {"revolute": "hinge", "continuous": "hinge", "prismatic": "prismatic", "fixed": "weld"}
 CLOSING |= {"ball": "ball", "universal": "universal"}
 DYNAMICS = ("damping", "friction", "spring_stiffness", "spring_reference")
@@ -85,10 +87,10 @@ def _completed(sdf: _Sdf, source: TreeSource, floats: bool) -> TreeSource:
     if sdf.gravity is not None:
         model.gravity.linear = sdf.gravity
     balls = [edge.name for edge in sdf.tree if edge.kind == "ball"]
-    motors = sdf.motors or source.description.name_mot
+    motors = sdf.motors or sdf.motors_left(source.description.name_mot)
     if isinstance(motors, list):
         motors = [name for name in motors if name not in balls]
-    reference = {}
+    reference: dict[str, Reference] = dict(sdf.initial_positions())
     if floats:
         reference[ROOT_JOINT] = pin.SE3ToXYZQUAT(sdf.links[sdf.root_link]).tolist()
     description = source.description.model_copy(
@@ -132,10 +134,12 @@ class _Sdf:
         words = re.findall(r"\d+", root.get("version", ""))
         self.old_axes = tuple(map(int, words[:2])) < AXES_OF_JOINTS if words else False
         self.model = _moving_model(root)
+        self.static = [each.get("name", "") for each in _models(root) if _is_static(each)]
         self.gravity = None
         if (text := root.findtext("world/gravity")) is not None:
             self.gravity = np.array(numbers_in("<gravity>", text, 3))
         # Elements that have a place, each with the scope of its name; models by "scope__model__".
+        self.held: list[str] = []  # other models, by DetachableJoint
         self.placed: dict[str, tuple[Element, str]] = {}
         self._collect(self.model, "")
         self.places: dict[str, pin.SE3] = {}
@@ -151,6 +155,7 @@ class _Sdf:
             for name, (element, scope) in self.placed.items()
             if element.tag == "joint"
         ]
+        edges += self._attached()
         self.geared = [edge for edge in edges if edge.kind == "gearbox"]
         self.tree, self.closing = self._spread([e for e in edges if e.kind != "gearbox"])
         # Placement of a link's frame in the tree, as seen from the link itself.
@@ -165,7 +170,11 @@ class _Sdf:
         for tag in ("link", "joint", "frame"):
             for element in named_tags(model, tag):
                 name = scope + required(element, "name")
-                if name in self.placed or name == WORLD:
+                if required(element, "name") == WORLD:
+                    raise RobotFileError(
+                        f"{label(element)}: {WORLD!r} is a reserved name: rename it"
+                    )
+                if name in self.placed:
                     raise RobotFileError(f"{label(element)}: another element has its name")
                 self.placed[name] = element, scope
         for nested in named_tags(model, "model"):
@@ -255,6 +264,27 @@ class _Sdf:
                 raise RobotFileError(f"link {parent!r} is at both its ends")
         return _Edge(element, scope, name, kind, (parent, carried))
 
+    def _attached(self) -> Iterator[_Edge]:
+        """Links that Gazebo's DetachableJoint holds together, as drawn."""
+        for plugin, parent, owner, link in detachable_joints(self.model):
+            models = [each.get("name", "") for each in plugin.iterancestors("model")]
+            scope = "".join(f"{name}::" for name in models[-2::-1])
+            if owner == models[0] or owner in ("", MODEL):
+                inside = scope
+            elif f"{scope}{owner}::{MODEL}" in self.placed:
+                inside = f"{scope}{owner}::"
+            else:
+                self.held.append(owner)
+                continue
+            joint = etree.Element("joint", name=f"{parent}_{link}", type="fixed")
+            etree.SubElement(joint, "parent").text = scope + parent
+            etree.SubElement(joint, "child").text = inside + link
+            with naming("DetachableJoint"):
+                if joint.get("name") in self.placed:
+                    raise RobotFileError(f"another element has the name {joint.get('name')!r}")
+                self.placed[required(joint, "name")] = joint, ""
+                yield self._edge(required(joint, "name"), joint, "")
+
     def _spread(self, edges: list[_Edge]) -> tuple[list[_Edge], list[_Edge]]:
         """Joints of the tree, and those that close its loops.
 
@@ -303,13 +333,13 @@ class _Sdf:
 
     def _axis(self, edge: _Edge, tag: str = "axis") -> FloatArray:
         """Axis of a joint along the world's axes."""
-        axis = child(edge.element, tag)
+        axis = _axis_element(edge.element, tag)
         xyz = axis.find("xyz")
-        direction = np.array(numbers_in("<xyz>", "0 0 1" if xyz is None else xyz.text or "", 3))
+        direction = np.array(numbers_in("<xyz>", _said(axis, "xyz") or "0 0 1", 3))
         where = "" if xyz is None else xyz.get("expressed_in", "")
         if where:
             return np.asarray(self.place(edge.scope, where).rotation @ direction)
-        of_model = (axis.findtext("use_parent_model_frame") or "").strip() in ("1", "true")
+        of_model = _said(axis, "use_parent_model_frame") in ("1", "true")
         if of_model or self.old_axes:
             return np.asarray(self.place(edge.scope, MODEL).rotation @ direction)
         return np.asarray(self.place("", edge.name).rotation @ direction)
@@ -395,9 +425,9 @@ class _Sdf:
             axis = self._axis(edge, tag) * (-1.0 if edge.turned else 1.0)
             along = self._in_tree(edge.led[1]).rotation.T @ axis
             etree.SubElement(joint, "axis", xyz=written(*along))
-            kind = _add_limits(joint, kind, child(edge.element, tag))
+            kind = _add_limits(joint, kind, _axis_element(edge.element, tag))
             for key in DYNAMICS:
-                if (text := edge.element.findtext(f"{tag}/dynamics/{key}")) is not None:
+                if text := _said(edge.element, f"{tag}/dynamics/{key}"):
                     etree.SubElement(joint, key).text = text
             if (mimic := edge.element.find(f"{tag}/mimic")) is not None:
                 joint.append(_mimic(mimic, edge.scope))
@@ -431,6 +461,28 @@ class _Sdf:
         ]
         known = {edge.name for edge in self.tree if edge.kind != "fixed"}
         return [name for name in dict.fromkeys(named) if name in known]
+
+    def motors_left(self, motors: list[str] | str | None) -> list[str] | str | None:
+        """Joints without motor: those with a force limit of zero, where others have another one."""
+        idle = [name for name, axis in self._axes() if number(_said(axis, "limit/effort")) == 0]
+        known = [name for name, _ in self._axes()] if motors is None else motors
+        driven = [name for name in known if name not in idle]
+        return driven if idle and driven else motors
+
+    def initial_positions(self) -> Iterator[tuple[str, float]]:
+        """Joints of the tree, and where the file has them at the start."""
+        for name, axis in self._axes():
+            if text := _said(axis, "initial_position"):
+                with naming(f"joint {name}"):
+                    yield name, numbers_in("<initial_position>", text)[0]
+
+    def _axes(self) -> Iterator[tuple[str, Element]]:
+        """Joints of the tree with one coordinate each, as a URDF has them, and their axes."""
+        for edge in self.tree:
+            if edge.kind not in ("fixed", "ball"):
+                yield edge.name, _axis_element(edge.element, "axis")
+            if edge.kind in TWO_AXES:
+                yield f"{edge.name}_2", _axis_element(edge.element, "axis2")
 
     def gears(self) -> Iterator[ClosureDescription]:
         """Couplings of gearboxes: the angle of the child is -ratio times that of the parent.
@@ -478,7 +530,7 @@ class _Sdf:
                     yield LeftOut(f"<{local_name(tag)}> of {name}")
         for edge in self.closing:
             given = [key for key in DYNAMICS[:3] for tag in ("axis", "axis2")
-                     if number(edge.element.findtext(f"{tag}/dynamics/{key}") or "0")]  # fmt: skip
+                     if number(_said(edge.element, f"{tag}/dynamics/{key}") or "0")]  # fmt: skip
             if given:
                 yield LeftOut(f"{' and '.join(given)} of {edge.name}, which closes a loop")
 
@@ -488,18 +540,35 @@ class _Sdf:
         if closing:
             yield f"joints that close loops have no coordinate: {shortened(closing)}"
         bare = [name for name in self.links if self.placed[name][0].find("inertial") is None]
+        for edge in (*self.tree, *self.closing):
+            missing = [
+                tag for tag in AXES_OF.get(edge.kind, ("axis",)) if edge.element.find(tag) is None
+            ]
+            if missing:
+                yield f"{edge.name} has no <{'>, <'.join(missing)}>: z, as SDF says"
+        for owner in dict.fromkeys(self.held):
+            yield f"a DetachableJoint holds another model, {owner!r:.60}: it is not read"
+        if self.static:
+            yield f"static models are not read: {shortened(self.static)}"
         if bare:
             yield f"links without <inertial> have 1 kg and 1 kg m², as SDF says: {shortened(bare)}"
 
 
+def _models(root: Element) -> list[Element]:
+    return [*root.findall("model"), *root.findall("world/model")]
+
+
+def _is_static(model: Element) -> bool:
+    return _said(model, "static") in ("true", "1")
+
+
 def _moving_model(root: Element) -> Element:
-    models = [*root.findall("model"), *root.findall("world/model")]
-    moving = [
-        each
-        for each in models
-        if (each.findtext("static") or "").strip() not in ("true", "1")
-        and (len(models) == 1 or each.find(".//joint") is not None)
-    ]
+    models = _models(root)
+    free = [each for each in models if not _is_static(each)]
+    moving = [each for each in free if len(models) == 1 or each.find(".//joint") is not None]
+    if models and not free:
+        names = shortened([each.get("name", "") for each in models])
+        raise RobotFileError(f"nothing moves, as its models are <static>: {names}")
     if len(moving) != 1:
         names = shortened([each.get("name", "") for each in moving or models]) or "none"
         raise RobotFileError(f"it must hold one model that moves, not {len(moving)}: {names}")
@@ -527,10 +596,20 @@ def _origin(place: pin.SE3, tag: str = "origin") -> Element:
     return etree.Element(tag, xyz=written(*place.translation), rpy=written(*rpy))
 
 
+def _said(element: Element, path: str) -> str:
+    """Text of a tag inside; empty where it is missing or empty: both mean its default."""
+    return (element.findtext(path) or "").strip()
+
+
+def _axis_element(joint: Element, tag: str) -> Element:
+    """The ``<axis>`` or ``<axis2>`` of a joint; an empty one, which is z, where it has none."""
+    axis = joint.find(tag)
+    return etree.Element(tag) if axis is None else axis
+
+
 def _text(element: Element, path: str, default: str) -> str:
     """Text of a number inside, checked to be one."""
-    text = element.findtext(path)
-    (value,) = numbers_in(f"<{path.rpartition('/')[2]}>", default if text is None else text)
+    (value,) = numbers_in(f"<{path.rpartition('/')[2]}>", _said(element, path) or default)
     return repr(value)
 
 
@@ -539,8 +618,8 @@ def _add_limits(joint: Element, kind: str, axis: Element) -> str:
     values = {}
     defaults = {"lower": -UNLIMITED, "upper": UNLIMITED, "effort": -1.0, "velocity": -1.0}
     for key, default in defaults.items():
-        text = axis.findtext(f"limit/{key}")
-        value = default if text is None else number(text)
+        text = _said(axis, f"limit/{key}")
+        value = number(text) if text else default
         if np.isnan(value):
             raise RobotFileError(f"<{key}> must be a number, not {text!r:.60}")
         # A negative effort or velocity is none; a URDF says zero.

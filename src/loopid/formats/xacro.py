@@ -6,6 +6,7 @@ Importing this needs xacro.
 from __future__ import annotations
 
 import io
+import re
 import sys
 from collections.abc import Mapping
 from contextlib import redirect_stderr
@@ -29,6 +30,8 @@ except ImportError as missing:
     raise MissingExtraError.of("xacro", "xacro") from missing
 
 READERS = {"robot": read_urdf, "sdf": read_sdf}
+UNDEFINED_ARGUMENT = re.compile(r"Undefined substitution argument (\S+)")
+UNDEFINED_NAME = re.compile(r"name ('\w+') is not defined")
 ROS_INDEX = "ament_index_python"
 
 
@@ -55,14 +58,31 @@ def _written_out(path: Path, arguments: Mapping[str, str]) -> tuple[Element, lis
             document = xacro.process_file(str(path), mappings=given)
             content = document.toxml("utf-8")
     except Exception as error:  # of any expression in the file
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise RobotFileError(f"xacro refuses it: {reason:.300}") from error
+        raise RobotFileError(_reason(error)) from error
     for name in arguments:
         if name not in given.asked:
             raise OptionError.unknown("argument of its macros", name, sorted(given.asked))
-    lines = dict.fromkeys(line.strip() for line in heard.getvalue().splitlines())
-    said = [f"xacro warns: {line.removeprefix('warning: ')}" for line in lines if line]
+    # Where in the file it is stands on lines of their own behind each warning.
+    warnings = (" ".join(text.split()) for text in heard.getvalue().split("warning: "))
+    said = [f"xacro warns: {text}" for text in dict.fromkeys(warnings) if text]
     return parsed_xml(content), said
+
+
+def _reason(error: BaseException) -> str:
+    """What xacro refuses, once, and what helps where that is known."""
+    wrapped = error  # xacro's errors hold others, and print each with what it holds
+    while isinstance(inner := getattr(wrapped, "exc", None), BaseException):
+        wrapped = inner
+    for cause in (wrapped, wrapped.__cause__, wrapped.__context__):
+        if isinstance(cause, RobotFileError):
+            return str(cause)
+    reason = " ".join(str(error).split()) or type(error).__name__
+    if argument := UNDEFINED_ARGUMENT.search(reason):
+        name = argument[1]
+        return f"the argument {name!r} has no value: give it by --xacro {name}:=VALUE"
+    if undefined := UNDEFINED_NAME.search(reason):
+        return f"{undefined[0]}: give it a value by <xacro:property name={undefined[1]} value=.../>"
+    return f"xacro refuses it: {reason:.300}"
 
 
 class _Arguments(dict[str, Any]):
@@ -91,7 +111,10 @@ def _packages(path: Path) -> dict[str, ModuleType]:
             for place in (folder, folder / name):
                 if place.name == name and place.is_dir():
                     return str(place)
-        raise RobotFileError(f"package {name!r} is neither installed nor around the file")
+        raise RobotFileError(
+            f"package {name!r} is neither installed nor around the file: put its folder {name} "
+            f"beside the file or above it"
+        )
 
     index, packages = ModuleType(ROS_INDEX), ModuleType(f"{ROS_INDEX}.packages")
     packages.__dict__["get_package_share_directory"] = folder_of

@@ -3,32 +3,46 @@
 Forces that come d late belong to a motion d earlier: τ(t + d) = W(t) φ. Where the shift s of the
 forces is not d, the best fit leaves residuals, whatever the base parameters φ: all of them are
 fitted at each shift, beside friction, an offset and the inertia of each drive, lest what a force
-model lacks looks like a delay. One factor of W serves all shifts, whose forces are right-hand sides
-of it. From the best of them Newton's method goes on with derivatives of the predicted forces by
-time, in a column a motor; their estimates have intervals that allow for autocorrelated errors as
-all others do (``correlation.py``).
+model lacks looks like a delay. One orthonormal basis of W serves all shifts, whose forces are
+right-hand sides of it. From the best of them Newton's method goes on with derivatives of the
+predicted forces by time, in a column a motor; their estimates have intervals that allow for
+autocorrelated errors as all others do (``correlation.py``).
+
+Friction that builds up after a reversal looks like a delay beside the sign of the velocity. So the
+delay is found twice: beside that, which is sharp, and beside Maxwell slip (``maxwell_slip.py``) of
+each motor, which is robust. Where both agree, the sharp one counts. They differ where their
+difference is too large for the difference of their variances [Hausman1978]; there, and where the
+robust one does not confirm what is clear, it counts.
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from loopid.arguments import BoolArray, FloatArray, checked
 from loopid.errors import DataError, DataWarning, RankError, warn
-from loopid.identification.estimator import chosen_estimator, scaled_svd, solved
-from loopid.identification.fitting import quiet_fit
+from loopid.identification.correlation import (
+    Autoregression,
+    burg_covariances,
+    run_lengths,
+    with_scatter,
+    within_runs,
+)
+from loopid.identification.estimator import WorkingFit, require_rows, result_of, scaled_svd
 from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import FitResult
-from loopid.logs.preparing import on_independent, prepare_again
-from loopid.logs.recording import FilterOptions, Recording
+from loopid.logs.preparing import near_saturation, on_independent, prepare_again, saturation_of
+from loopid.logs.recording import FilterOptions, MaskOptions, Recording
 from loopid.motion.filtering import LowPass
-from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
 from loopid.records import record
+from loopid.regressors.maxwell_slip import ELEMENTS, slip_displacements, slip_states
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import one_blas_thread
 
@@ -37,20 +51,23 @@ DEGREE = 5  # of splines between samples: off by 5e-4 of a signal at a fifth of 
 # Shifts in s that are looked at, and the same as a part of the longest stretch: longer ones leave
 # too little of a log. Shifts of all forces that are tried first, an odd number.
 LONGEST, PART, TRIED = 0.25, 0.05, 51
-# Newton's method: iterations at most, and the change in steps of the log that ends them.
-ITERATIONS, SETTLED = 15, 1e-3
+# Rounds in which weights follow from residuals: more change them by a few per cent. Newton's
+# method: iterations at most, and the change in steps of the log that ends them.
+ROUNDS, ITERATIONS, SETTLED = 4, 15, 1e-3
 # Singular value of the scaled regressor, relative to the largest, below which a combination of its
-# columns counts for nothing.
-KNOWN = 1e-6
+# columns counts for nothing; the same of what a delay does beside them. Least error of the forces.
+KNOWN, PRECISION = 1e-6, 1e-8
 # Parts of time that count as recordings of their own. Errors of positions from a coarse encoder
 # gather where the motion turns back and friction jumps, which tells most of a delay: estimates
 # scatter between parts more than their autocorrelation lets expect.
 BLOCKS = 20
+# Deviation of the force of an element of Maxwell slip, relative to that of its motor.
+SLIP = 0.1
 # A delay is clear from so many steps of the log on, and so many times half of its 95 % interval;
 # of a motor that differs from the others, for which its delay is undone alone, so many times.
 LEAST, CLEAR, ALONE = 0.2, 2.0, 6.0
-# Probability that delays of motors that agree seem to differ; the interval of the common one is
-# then wider by as much as they do.
+# Probability that delays of motors that agree seem to differ, or those of both searches; the
+# interval of the common one is then wider by as much as those of motors do.
 CHANCE = 0.01
 # Deviation in s of delays, or a step of the log where that is less: so much is held for possible
 # where the data do not tell.
@@ -159,7 +176,10 @@ def find_delay(force_model: ForceModel, recordings: Sequence[Recording]) -> Dela
             runs = [in_motion_band(robot, one) for one in recordings if one.log is not None]
             if not runs:
                 return None
-            return _Search(force_model.mechanism, [_Run(force_model, one) for one in runs]).result()
+            forces = _Forces(force_model, runs)
+            sharp = _Search(forces, forces.samples).result()
+            robust = _Search(forces, *_beside_slip(forces.samples, runs)).result()
+            return robust if _contradicted(sharp, robust) else sharp
         except (DataError, RankError):  # too few samples, or a motion without any change
             return None
 
@@ -167,15 +187,29 @@ def find_delay(force_model: ForceModel, recordings: Sequence[Recording]) -> Dela
 def without_delay(
     force_model: ForceModel, recordings: Sequence[Recording], delay: Delay | None
 ) -> tuple[Recording, ...]:
-    """The recordings with what is clear of a delay undone in their logs."""
+    """The recordings with what is clear of a delay undone: their forces are moved."""
     if delay is None or not delay.clear:
         return tuple(recordings)
-    return tuple(
-        prepare_again(force_model.mechanism, one, log=one.log.delayed(delay.undone))
-        if one.log is not None
-        else one
-        for one in recordings
-    )
+    robot = force_model.mechanism
+    return tuple(_moved(robot, one, delay.undone) for one in recordings)
+
+
+def _moved(robot: Mechanism, recording: Recording, shifts: FloatArray) -> Recording:
+    """The same motion with forces of times that are shifts (m,) later, in its log, too."""
+    if recording.log is None:
+        return recording
+    log, masks = recording.log.delayed(shifts), recording.masks or MaskOptions()
+    force, used = _Run(robot, recording).force(shifts)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # told when it was prepared
+        limits = saturation_of(robot, recording.log, masks)
+    if np.isfinite(limits).any():
+        rows = np.searchsorted(log.time, recording.motion.time).clip(max=len(log) - 1)
+        flags = near_saturation(log, limits, _lowpass(recording), masks)[rows]
+        used &= on_independent(robot, recording.motion, np.zeros(flags.shape), ~flags)[1]
+    lost = log.dropped[len(recording.log.dropped) :]
+    dropped = (*recording.dropped, *lost)
+    return replace(recording, log=log, force=force, used=used, dropped=dropped)
 
 
 def in_motion_band(robot: Mechanism, recording: Recording) -> Recording:
@@ -231,27 +265,30 @@ def _rates(samples: FitSamples, force: FloatArray, times: Sequence[FloatArray]) 
     return rates
 
 
-class _Run:
-    """A recording: its regressor with what may look like a delay, and its forces at any shift."""
+def _lowpass(recording: Recording) -> LowPass | None:
+    """What it was filtered by."""
+    return None if recording.history is None else recording.history.lowpass
 
-    def __init__(self, force_model: ForceModel, recording: Recording) -> None:
+
+class _Run:
+    """A recording and its forces at any shift."""
+
+    def __init__(self, robot: Mechanism, recording: Recording) -> None:
         from scipy.interpolate import make_interp_spline  # slow to import
 
         log = recording.log
         assert log is not None
-        self.recording, self.robot = recording, force_model.mechanism
+        self.recording, self.robot = recording, robot
         self.time = np.asarray(recording.motion.time)
-        self.samples = _beside(force_model.samples(recording), "drive", _of_drives(recording))
-        parts = log.parts()
+        parts, lowpass = log.parts(), _lowpass(recording)
         self.steps = [1 / log.rate(part) for part in parts if part.stop - part.start > 1]
         self.lengths = [float(np.ptp(log.time[part])) for part in parts]
         part_of = np.searchsorted([log.time[part.start] for part in parts], self.time, "right") - 1
         self.signals = []
         for k in np.unique(part_of):
-            force, rate = log.force[parts[k]], log.rate(parts[k])
-            if recording.cutoff is not None:
-                order = 2 if recording.filter is None else recording.filter.order
-                force = LowPass(recording.cutoff, order).apply(force, rate)
+            force = log.force[parts[k]]
+            if lowpass is not None:
+                force = lowpass.apply(force, log.rate(parts[k]))
             signal = make_interp_spline(log.time[parts[k]], force, k=DEGREE, axis=0)
             self.signals.append((np.flatnonzero(part_of == k), signal))
 
@@ -289,86 +326,175 @@ def _of_drives(recording: Recording) -> FloatArray:
     return np.asarray(table.reshape(*sign.shape, -1))
 
 
-class _Search:
-    """The samples of all recordings, their forces at any shift."""
+class _Forces:
+    """All recordings: the regressor of their samples, and their forces at any shift."""
 
-    def __init__(self, robot: Mechanism, runs: list[_Run]) -> None:
-        self.runs, self.joints = runs, robot.actuated
-        self.step = min(step for run in runs for step in run.steps)
-        self.longest = min(LONGEST, PART * max(length for run in runs for length in run.lengths))
+    def __init__(self, force_model: ForceModel, recordings: Sequence[Recording]) -> None:
+        robot = force_model.mechanism
+        self.runs, self.joints = [_Run(robot, one) for one in recordings], robot.actuated
+        self.step = min(step for run in self.runs for step in run.steps)
+        longest = min(LONGEST, PART * max(length for run in self.runs for length in run.lengths))
+        self.shifts = np.linspace(-longest, longest, TRIED)
         # Motors that act on all coordinates together are not told apart.
         self.count = 1 if robot.redundant else len(robot.actuated)
         self.driven = ~np.isin(robot.independent, robot.free)
-        self.motion = _told(FitSamples.combined([run.samples for run in runs]))
+        tried, used = zip(*map(self.at, self.shifts[:, None]), strict=True)
+        self.tried = np.stack(tried, axis=2)  # (N, dof, TRIED)
+        drives = (_beside(force_model.samples(one), "drive", _of_drives(one)) for one in recordings)
+        samples = replace(FitSamples.combined(list(drives)), used=np.all(used, axis=0))
+        require_rows(samples.problem)
+        self.samples = _told(samples)
 
-    def shifted(self, shifts: FloatArray) -> FitSamples:
-        """The samples with forces of times that are shifts (count,) later."""
+    def at(self, shifts: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Forces (N, dof) of times that are shifts (count,) later, and which can be used."""
         each = np.broadcast_to(shifts, len(self.joints))
         force, used = zip(*(run.force(each) for run in self.runs), strict=True)
-        return replace(self.motion, force=np.concatenate(force), used=np.concatenate(used))
+        return np.concatenate(force), np.concatenate(used)
 
-    def best_shift(self) -> float:
-        """Shift of all forces that leaves the least residuals, of those that are tried."""
-        shifts = np.linspace(-self.longest, self.longest, TRIED)
-        tried = [self.shifted(shift) for shift in shifts[:, None]]
-        used = np.all([each.used for each in tried], axis=0)
-        samples = replace(self.motion, used=used)
-        weights = chosen_estimator("wls").fit(samples.problem).weights
-        columns = [samples.regressor, *(each.force[:, :, None] for each in tried)]
-        table = np.concatenate(columns, axis=2) * (weights * used)[:, :, None]
-        R = triangular_factor(table.reshape(-1, table.shape[2]))
-        width = samples.regressor.shape[2]
-        left = np.linalg.norm(R[width:, width:], axis=0)
-        return float(shifts[int(left.argmin())])
-
-    def refined(self, shift: float, *, together: bool) -> tuple[FloatArray, FloatArray]:
-        """Delays (k,) from a shift on, of all motors or each, and their 95 % intervals (k, 2)."""
-        shifts = np.full(1 if together else self.count, shift)
-        width = self.motion.regressor.shape[2]
-        reach = 2 * self.longest / (TRIED - 1)
-        start = chosen_estimator("wls").fit(self.shifted(shifts).problem)
-        values, weights = start.values, start.weights
-        for _ in range(ITERATIONS):
-            samples = self._with_rates(self.shifted(shifts), values, len(shifts))
-            found, _ = solved(samples.problem, weights)
-            values, change = found[:width], np.clip(found[width:], -reach, reach)
-            shifts = np.clip(shifts + change, -self.longest, self.longest)
-            if np.abs(change).max() <= SETTLED * self.step:
-                fitted = quiet_fit(self._with_rates(self.shifted(shifts), values, len(shifts)))
-                delays, intervals = fitted.values[width:], fitted.intervals()[width:]
-                return shifts + delays, shifts[:, None] + intervals
-        return shifts, np.tile([-np.inf, np.inf], (len(shifts), 1))
-
-    def _with_rates(self, samples: FitSamples, values: FloatArray, count: int) -> FitSamples:
-        """With columns of what a delay of all motors, or of each, does to the forces at values."""
-        rates = _rates(samples, samples.predicted(values), [run.time for run in self.runs])
+    def slopes(self, force: FloatArray, count: int) -> FloatArray:
+        """What a delay of all motors, or of each, does to forces (N, dof): (N, dof, count)."""
+        rates = _rates(self.samples, force, [run.time for run in self.runs])
         acting = self.driven[:, None] * (1.0 if count == 1 else np.eye(rates.shape[1], count))
-        return _beside(samples, "delay", -rates[:, :, None] * acting)
+        return np.asarray(-rates[:, :, None] * acting)
+
+
+class _Search:
+    """The delay of forces beside columns of samples, with rows (k, n) of a prior of these."""
+
+    def __init__(
+        self, forces: _Forces, samples: FitSamples, prior: FloatArray | None = None
+    ) -> None:
+        self.forces, self.samples = forces, samples
+        width = samples.regressor.shape[2]
+        self.prior = np.zeros((0, width)) if prior is None else prior
+        self.size = samples.problem.force_rms
+        self._use(np.divide(1.0, self.size, out=np.zeros_like(self.size), where=self.size > 0))
+        for _ in range(ROUNDS):
+            self._use(self._weighed())
+
+    def _use(self, weights: FloatArray) -> None:
+        """Take weights (dof,), and with them the shift of all forces that leaves the least."""
+        self.weights = weights
+        rows = self._rows(self.samples.regressor)
+        self.Q, self.R = np.linalg.qr(np.concatenate([rows, self.prior]))
+        left = np.linalg.norm(self._left_of(self._rows(self.forces.tried)), axis=0)
+        self.best = np.full(1, self.forces.shifts[int(left.argmin())])
+
+    def _rows(self, table: FloatArray) -> FloatArray:
+        """Weighted rows (N dof, k) of a table (N, dof, k)."""
+        weighted = table * (self.samples.used * self.weights)[:, :, None]
+        return np.asarray(weighted.reshape(-1, table.shape[2]))
+
+    def _left_of(self, rows: FloatArray) -> FloatArray:
+        """What the columns do not explain of rows (N dof, k), in rows of the data and the prior."""
+        rows = np.pad(rows, ((0, len(self.prior)), (0, 0)))
+        return np.asarray(rows - self.Q @ (self.Q.T @ rows))
+
+    def _weighed(self) -> FloatArray:
+        """Weights (dof,) by the residuals at the best shift, as of so many independent errors."""
+        samples, counts = self.samples, np.maximum(self.samples.used.sum(axis=0), 1)
+        _, left = self._newton(np.repeat(self.best, self.forces.count))
+        errors = left[: samples.force.size].reshape(samples.force.shape)
+        leverage = (self.Q[: errors.size] ** 2).reshape(*errors.shape, -1).sum(axis=(0, 2))
+        freedom, weights = np.maximum(counts - leverage, 1.0), np.zeros_like(self.weights)
+        for i in np.flatnonzero(self.weights):
+            error, used = errors[:, i] / self.weights[i], samples.used[:, i]
+            deviation, least = np.sqrt(error @ error / freedom[i]), PRECISION * self.size[i]
+            worth = 1.0
+            if deviation > least:
+                covariances = burg_covariances(error, run_lengths(used, samples.pieces))
+                model = Autoregression.of_covariances(covariances)
+                worth = counts[i] * covariances[0] / model.sum_variance(used, samples.pieces)
+            weights[i] = np.sqrt(min(worth, 1.0)) / max(deviation, least)
+        return weights
+
+    def _newton(self, shifts: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Change of delays (k,) from shifts on, and the weighted residuals after it."""
+        force, _ = self.forces.at(shifts)
+        slopes = self._rows(self.slopes(force, len(shifts)))
+        sizes = np.linalg.norm(slopes, axis=0)
+        sizes = np.where(sizes > 0, sizes, 1.0)
+        columns = self._left_of(slopes / sizes)
+        left = self._left_of(self._rows(force[:, :, None]))[:, 0]
+        change = np.linalg.lstsq(columns, left, rcond=KNOWN)[0]
+        return change / sizes, left - columns @ change
+
+    def slopes(self, force: FloatArray, count: int) -> FloatArray:
+        """What a delay of all motors, or of each, does to the forces: (N, dof, count)."""
+        values = solve_triangular(self.R, self.Q[: force.size].T @ self._rows(force[:, :, None]))
+        return self.forces.slopes(self.samples.predicted(values[:, 0]), count)
+
+    def settled(self, shifts: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Delays (k,) of all motors together or each, from shifts on, and which have settled.
+
+        A motor so slow that its delay does not settle keeps no other from settling.
+        """
+        reach = 2 * float(self.forces.shifts[1] - self.forces.shifts[0])
+        done = np.zeros(len(shifts), dtype=bool)
+        for _ in range(ITERATIONS):
+            change = np.clip(self._newton(shifts)[0], -reach, reach)
+            shifts = np.clip(shifts + change, *self.forces.shifts[[0, -1]])
+            done = np.abs(change) <= SETTLED * self.forces.step
+            if done.all():
+                break
+        return shifts, done
+
+    def errors(self, shifts: FloatArray) -> tuple[FloatArray, float]:
+        """Standard errors (k,) of delays of each at shifts, and that of their common one.
+
+        Of normal distributions with the same 95 % intervals; infinite where the data do not tell.
+        """
+        force, _ = self.forces.at(shifts)
+        columns = self.slopes(force, len(shifts))
+        rows = self._rows(columns)
+        left, sizes = self._left_of(rows), np.linalg.norm(rows, axis=0)
+        told = np.linalg.norm(left, axis=0) > KNOWN * sizes
+        errors = np.full(len(shifts), np.inf)
+        if not told.any():
+            return errors, np.inf
+        width = len(self.R)
+        samples = _beside(self.samples.with_force(force), "delay", columns[:, :, told])
+        prior = np.pad(self.prior, ((0, 0), (0, 1 + int(told.sum()))))
+        R = samples.problem.weighted(self.weights, prior)
+        values = solve_triangular(R[:-1, :-1], R[:-1, -1])
+        plain = result_of("wls", samples.problem, values, R[:-1, :-1], self.weights, 1.0)
+        found = with_scatter(within_runs(WorkingFit(plain, samples, prior if len(prior) else None)))
+        result = found.result
+        errors[told] = np.ptp(result.intervals()[width:], axis=1) / 2 / NORMAL
+        # The common delay is a mean of those of the motors, by what they tell.
+        shares = left[:, told].T @ left[:, told]
+        shares = shares.sum(axis=0) / shares.sum()
+        C = result.covariance[width:, width:]
+        scale = errors[told] / np.sqrt(np.diag(C))
+        return errors, float(np.sqrt(shares @ C @ shares) * scale.max())
 
     def result(self) -> Delay:
         """The delay of all motors, and of each."""
-        shift = self.best_shift()
-        common, (interval,) = self.refined(shift, together=True)
-        each, intervals = self.refined(common[0], together=self.count == 1)
+        count, joints = self.forces.count, self.forces.joints
+        shift, settled = self.settled(self.best)
+        each, alone = self.settled(np.repeat(shift, count))
+        each = np.where(alone, each, shift)
+        errors, error = self.errors(each)
+        errors[~alone] = np.inf
         # Motors that disagree by more than their errors: what no model has looks like a delay.
-        errors = np.ptp(intervals, axis=1) / 2 / NORMAL
-        interval = common + self._disagreement(each, errors) * (interval - common)
-        undone = np.zeros(len(each))
-        alone = [k for k in range(len(each)) if self._stands_out(k, each, errors)]
-        if alone:
-            undone[alone] = each[alone]
-        elif self._clear(common[0], float(np.ptp(interval)) / 2):
+        error = error * _disagreement(each, errors) if settled[0] else np.inf
+        common, half = float(shift[0]), NORMAL * error
+        undone = np.zeros(count)
+        single = [k for k in range(count) if self._stands_out(k, each, errors)]
+        if single:
+            undone[single] = each[single]
+        elif self._clear(common, half):
             undone[:] = common
-        m = len(self.joints)
+        m, ends = len(joints), NORMAL * np.multiply.outer(errors, [-1.0, 1.0])
         return Delay(
-            joints=self.joints,
-            common=float(common[0]),
-            interval=(float(interval[0]), float(interval[1])),
+            joints=joints,
+            common=common,
+            interval=(common - half, common + half),
             each=np.array(np.broadcast_to(each, m)),
-            intervals=np.array(np.broadcast_to(intervals, (m, 2))),
-            step=self.step,
+            intervals=np.array(np.broadcast_to(each[:, None] + ends, (m, 2))),
+            step=self.forces.step,
             undone=np.array(np.broadcast_to(undone, m)),
-            left=self._left(common[0], float(np.ptp(interval)) / 2 / NORMAL, undone, errors),
+            left=self._left(common, error, undone, errors),
         )
 
     def _left(
@@ -383,27 +509,17 @@ class _Search:
             return np.where(undone != 0, errors, 0.0)
         if undone.any():
             return np.array([error])
-        usual = min(USUAL, self.step)
+        usual = min(USUAL, self.forces.step)
         told = 1 / (1 + (error / usual) ** 2)
         return np.array([np.hypot(told * common, usual * np.sqrt(1 - told))])
-
-    def _disagreement(self, delays: FloatArray, errors: FloatArray) -> float:
-        """How many times as far as their errors let expect delays (k,) differ, where clearly."""
-        from scipy.special import chdtri  # slow to import
-
-        if len(delays) < 2 or not np.isfinite(errors).all():
-            return 1.0
-        mean = np.average(delays, weights=errors**-2)
-        square, freedom = float((((delays - mean) / errors) ** 2).sum()), len(delays) - 1
-        return np.sqrt(square / freedom) if square > chdtri(freedom, CHANCE) else 1.0
 
     def _stands_out(self, k: int, delays: FloatArray, errors: FloatArray) -> bool:
         """Whether a motor has clearly a delay of its own, and the others none like it."""
         others = np.delete(np.arange(len(delays)), k)
-        if not (len(others) and np.isfinite(errors).all()):
+        if not np.isfinite(errors[others]).any():
             return False
         mean = np.average(delays[others], weights=errors[others] ** -2)
-        scale = self._disagreement(delays[others], errors[others]) * NORMAL * ALONE
+        scale = _disagreement(delays[others], errors[others]) * NORMAL * ALONE
         own = self._clear(delays[k], NORMAL * errors[k])
         return own and abs(delays[k] - mean) > scale * np.hypot(
             errors[k], (errors[others] ** -2).sum() ** -0.5
@@ -411,7 +527,88 @@ class _Search:
 
     def _clear(self, delay: float, half: float) -> bool:
         """Whether a delay is clear, by half of its 95 % interval."""
-        return bool(abs(delay) > max(CLEAR * half, LEAST * self.step))
+        return bool(abs(delay) > max(CLEAR * half, LEAST * self.forces.step))
+
+
+def _disagreement(delays: FloatArray, errors: FloatArray) -> float:
+    """How many times as far as their errors let expect delays (k,) differ, where clearly."""
+    from scipy.special import chdtri  # slow to import
+
+    known = np.isfinite(errors)
+    delays, errors, freedom = delays[known], errors[known], int(known.sum()) - 1
+    if freedom < 1:
+        return 1.0
+    mean = np.average(delays, weights=errors**-2)
+    square = float((((delays - mean) / errors) ** 2).sum())
+    return float(np.sqrt(square / freedom)) if square > chdtri(freedom, CHANCE) else 1.0
+
+
+def _contradicted(sharp: Delay, robust: Delay) -> bool:
+    """Whether a delay beside the signs of the velocities is not that beside Maxwell slip.
+
+    They differ, of all motors or of one, by more than their errors let expect; or what is clear is
+    not confirmed, as the robust one is nearer to none than to it.
+    """
+    from scipy.special import chdtri  # slow to import
+
+    one, other = (np.append(found.each, found.common) for found in (sharp, robust))
+    error, wide = (
+        np.ptp([*found.intervals, found.interval], axis=1) / 2 / NORMAL for found in (sharp, robust)
+    )
+    # The variance of the difference is the difference of the variances, where both are right.
+    with np.errstate(invalid="ignore"):
+        variance = np.where(wide > error, wide**2 - error**2, wide**2)
+    known = np.isfinite(error) & np.isfinite(wide)
+    differ = (other - one) ** 2 > chdtri(1, CHANCE / len(sharp.each)) * variance
+    alone = np.ptp(sharp.undone) > 0
+    found = robust.each if alone else np.full(len(robust.each), robust.common)
+    confirmed = np.abs(found - sharp.undone) < np.abs(found)
+    return bool((differ & known).any() or (~confirmed & (sharp.undone != 0)).any())
+
+
+def _beside_slip(
+    samples: FitSamples, recordings: Sequence[Recording]
+) -> tuple[FitSamples, FloatArray]:
+    """Samples beside Maxwell slip of each motor, and rows of a prior of all columns."""
+    width, forces = samples.regressor.shape[2], samples.problem.force_rms
+    tables, deviations = list[FloatArray](), list[float]()
+    for i, joint in enumerate(samples.actuators):
+        ways = [_ways(one, joint) for one in recordings]
+        slips = slip_displacements(max(float(np.ptp(way)) for each in ways for way in each))
+        if not (forces[i] and slips[0]):
+            continue
+        table = np.zeros((*samples.force.shape, ELEMENTS))
+        table[:, i] = np.concatenate(
+            [
+                _slip(one, [slip_states(way, slips) for way in each])
+                for one, each in zip(recordings, ways, strict=True)
+            ]
+        )
+        tables.append(table)
+        deviations += ELEMENTS * [SLIP * forces[i]]
+    if not tables:
+        return samples, np.zeros((0, width))
+    prior = np.eye(len(deviations), width + len(deviations), width)
+    return _beside(samples, "slip", np.concatenate(tables, axis=2)), prior / np.c_[deviations]
+
+
+def _slip(recording: Recording, states: Sequence[FloatArray]) -> FloatArray:
+    """States along the stretches of the log, filtered as the forces are, at the samples (N,)."""
+    along = np.concatenate(states)
+    return along if recording.history is None else recording.history.lowpassed(along)
+
+
+def _ways(recording: Recording, joint: str) -> list[FloatArray]:
+    """Positions of a motor along each stretch of the log, from wherever it starts."""
+    history, column = recording.history, recording.actuators.index(joint)
+    if history is not None and joint in history.joints:
+        rate = history.velocity[:, history.joints.index(joint)]
+        parts = zip(history.parts, history.rates, strict=True)
+        return [np.cumsum(rate[part]) / frequency for part, frequency in parts]
+    rate, time = recording.motion.velocities[:, column], np.asarray(recording.motion.time)
+    bounds = 1 + np.flatnonzero(np.diff(recording.stretches))
+    steps = np.split(rate[1:] * np.diff(time), bounds - 1)
+    return [np.cumsum(np.append(0.0, each)) for each in steps]
 
 
 def _beside(samples: FitSamples, what: str, columns: FloatArray) -> FitSamples:

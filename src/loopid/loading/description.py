@@ -52,6 +52,13 @@ def _known_kind(value: Any) -> str:
     raise ValueError(f"the kind of a closure must be one of {valid}, not {value!r:.60}")
 
 
+def _known_or_none(value: Any) -> str:
+    try:
+        return _known_kind(value)
+    except ValueError:
+        return ""
+
+
 Kind = Annotated[str, BeforeValidator(_known_kind)]
 
 
@@ -70,6 +77,28 @@ class ClosureDescription(Section):
     polynomial: list[Annotated[float, Field(gt=-1e30, lt=1e30)]] | None = Field(
         default=None, min_length=1, max_length=5
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _axis_of_frame_a(cls, content: Any) -> Any:
+        """``axes`` of a kind that one ``axis`` is enough for; the form of two where it is not."""
+        if not isinstance(content, dict):
+            return content
+        key = "axis" if "axis" in content else "axes"
+        axis, kind = content.get(key), CLOSURE_KINDS.get(_known_or_none(content.get("type")))
+        single = isinstance(axis, list) and len(axis) == 3 and not isinstance(axis[0], list)
+        if kind is None or not kind.axes or not (key == "axis" or single):
+            return content
+        if not kind.one_axis:
+            pair = f"[{axis}, {axis}]" if single else "[[0, 0, 1], [0, 0, 1]]"
+            raise ValueError(
+                f"{key}: a {content['type']} closure has two 'axes', one in each frame, such as "
+                f"axes: {pair}"
+            )
+        if key == "axis" and "axes" in content:
+            raise ValueError("give either 'axis' or 'axes'")
+        rest = {name: value for name, value in content.items() if name != key}
+        return rest | {"axes": [axis, axis] if single else axis}
 
     @property
     def label(self) -> str:

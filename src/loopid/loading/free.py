@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from loopid.arguments import FloatArray
+from loopid.arguments import BoolArray, FloatArray
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.poses import frame_poses
 from loopid.kinematics.projection import Factorisation, null_space
@@ -17,6 +17,7 @@ from loopid.robot.mechanism import Mechanism, link_frames, lock_options, shorten
 SPRING = "Ks"
 # Part of the fastest coordinate, or body, of a motion that is none: files are rounded.
 STANDS = 1e-3
+ALONG = 0.02  # rad between the axis of a joint and the line of a spin: they are drawn so
 
 
 def why_free(
@@ -55,7 +56,10 @@ SPUN = (
     ", the spin of a rod between its ends, which moves nothing else and is harmless: {lock} takes "
     "its row '= 0' out"
 )
-UNKNOWN = ": no force acts there, and rows '= 0' say so; lock what does not move"
+UNKNOWN = (
+    ": no force acts there, and rows '= 0' say so; lock what does not move, and write what moves "
+    "with a loop into 'closures' of a YAML beside the file"
+)
 
 
 def _kept_by(moving: Sequence[str], near_couplings: Sequence[NearCoupling]) -> str:
@@ -96,21 +100,50 @@ def _motions(
 
 
 def _is_spin(mechanism: Mechanism, q: FloatArray, motion: FloatArray) -> bool:
-    """Whether all that a motion (nv,) moves turns as one about a line, on which closures hold it.
+    """Whether all that a motion (nv,) moves turns as one about a line, with a hold at either end.
 
-    A rod that spins between two balls does, and a pin between two hinges.
+    A rod that spins between two balls does, and a pin between two hinges; so do halves of a rod
+    that a closure welds. Nothing else hangs on it, and its centre of mass is on the line: otherwise
+    gravity turns it. Joints turn about that line only: locked, they hold nothing but the spin.
     """
-    frames = link_frames(mechanism.model)
+    frames, model = link_frames(mechanism.model), mechanism.model
     poses = frame_poses(mechanism, q[None], [frames[link] for link in mechanism.links])
     rates = poses.joint_jacobian[0] * motion * mechanism.coordinate_scales
     twists = (rates @ poses.supports.T).T / np.array([mechanism.length] * 3 + [1.0] * 3)
     sizes = np.linalg.norm(twists, axis=1)
-    moved = twists[sizes > STANDS * sizes.max(initial=0.0)]
-    if not len(moved):
+    moved = sizes > STANDS * sizes.max(initial=0.0)
+    if not moved.any() or _holds(mechanism, motion, moved) != 2:
         return False
-    turn = np.linalg.norm(moved[0, 3:])
-    alike = np.abs(moved - moved[0]).max() <= STANDS * sizes.max()
-    about_a_line = turn > 0 and abs(moved[0, :3] @ moved[0, 3:]) <= STANDS * sizes.max() * turn
-    ends, supports = mechanism.closure_frames
-    held = (supports & (np.abs(motion) > STANDS * np.abs(motion).max())).any()
-    return bool(alike and about_a_line and held and ends)
+    linear, angular = twists[moved][0].reshape(2, 3)
+    turn = np.linalg.norm(angular)
+    alike = np.abs(twists[moved] - twists[moved][0]).max() <= STANDS * sizes.max()
+    about_a_line = turn > 0 and abs(linear @ angular) <= STANDS * sizes.max() * turn
+    axes = rates[3:, np.abs(motion) > STANDS * np.abs(motion).max()]
+    across = np.cross(axes, angular, axis=0, axisb=0, axisc=0)
+    along = np.abs(across).max() <= ALONG * turn * np.linalg.norm(axes, axis=0).max()
+    weight, moment = 0.0, np.zeros(3)
+    for k in np.flatnonzero(moved):
+        frame = model.frames[frames[mechanism.links[k]]]
+        inertia = model.inertias[frame.parentJoint]
+        lever = frame.placement.actInv(inertia.lever)
+        weight += inertia.mass
+        moment += inertia.mass * (poses.origin[0, k] + poses.rotation[0, k] @ lever)
+    # Speed of the centre of mass over that of the turn: its distance from the line.
+    centre = moment / (weight * mechanism.length) if weight > 0 else np.zeros(3)
+    swings = weight > 0 and np.linalg.norm(linear + np.cross(angular, centre)) > STANDS * turn
+    return bool(alike and about_a_line and along and not swings)
+
+
+def _holds(mechanism: Mechanism, motion: FloatArray, moved: BoolArray) -> int:
+    """How many joints and closures join the bodies that a motion (nv,) moves to others."""
+    joints = [body.joint_id for body in mechanism.bodies]
+    moving = dict(zip(joints, moved, strict=True)) | {0: False}
+    count = 0
+    for joint in joints:
+        carrier = mechanism.model.parents[joint]
+        while carrier not in moving:
+            carrier = mechanism.model.parents[carrier]
+        count += moving[carrier] != moving[joint]
+    _, supports = mechanism.closure_frames
+    held = (supports & (np.abs(motion) > STANDS * np.abs(motion).max())).any(axis=1)
+    return int(count + (held[::2] != held[1::2]).sum())

@@ -36,6 +36,7 @@ from loopid.loading.files import XACRO, RobotFiles, find_files, naming
 from loopid.loading.free import why_free
 from loopid.loading.reference import close_reference, why_singular, with_lengths
 from loopid.loading.tree import TreeSource, build_tree, written_reference
+from loopid.loading.undeclared import undeclared_loops
 from loopid.parameters import KINDS
 from loopid.records import record
 from loopid.registry import robot_formats
@@ -141,12 +142,15 @@ def load_mechanism(
     motors_given = description.name_mot is not None
     # Where no motors are known, none can be kept where it is.
     given = files.given.reference if motors_given else ()
-    mechanism, around = close_reference(
+    closed, around = close_reference(
         drawn,
         {part for name in given for part in (name, *tree.replaced.get(name, ()))},
         description.rounding if rounding is None else rounding,
     )
-    warn_of_findings(mechanism, around, tree, motors_given)
+    mechanism = replace(
+        closed, motors_known=motors_given, undeclared=undeclared_loops(closed, around, tree)
+    )
+    warn_of_findings(mechanism, around, tree)
     return mechanism
 
 
@@ -303,9 +307,7 @@ UNCLEAR = 1e-4  # of the largest singular value of the closure Jacobian
 STILL = 1e-3  # rad or characteristic lengths that no random walk leaves
 
 
-def warn_of_findings(
-    mechanism: Mechanism, around: FloatArray, tree: TreeSource, motors_given: bool
-) -> None:
+def warn_of_findings(mechanism: Mechanism, around: FloatArray, tree: TreeSource) -> None:
     """Warn of features that are left out, motors, singularities and inertias.
 
     ``around`` (n, nq) are closed configurations around the reference.
@@ -316,7 +318,7 @@ def warn_of_findings(
     forces = "; ".join(left.what for left in tree.left_out if left.is_force)
     if forces:
         warn(f"{tree.file}: in the file, not in the model: {forces}", ModelWarning)
-    if not motors_given and (mechanism.redundant or tree.notes):
+    if not mechanism.motors_known and (mechanism.redundant or tree.notes):
         follow = ", ".join(mechanism.redundant)
         though = f", though {follow} follow from the others" if follow else ""
         warn(
@@ -324,6 +326,8 @@ def warn_of_findings(
             f"actuated{though}; list the motors as 'name_mot' in a YAML beside it",
             ModelWarning,
         )
+    for sign in mechanism.undeclared:
+        warn(f"{path}: {sign}", ModelWarning)
     for sentence in why_free(mechanism, around, tree.near_couplings):
         warn(f"{path}: {sentence}", ModelWarning)
     if mechanism.rows:

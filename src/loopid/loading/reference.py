@@ -20,7 +20,7 @@ from loopid.kinematics.closing import (
 )
 from loopid.kinematics.constraint import Constraint, largest_residual
 from loopid.kinematics.freedoms import closed_at
-from loopid.kinematics.poses import difference, integrate
+from loopid.kinematics.poses import difference, frame_poses, integrate
 from loopid.kinematics.projection import NEAR_SINGULARITY, Factorisation, singularity_measure
 from loopid.kinematics.rounding import (
     SIX_DIGITS,
@@ -31,6 +31,7 @@ from loopid.kinematics.rounding import (
     rounding_that_closes,
 )
 from loopid.loading.tree import write_joint
+from loopid.robot.closures import LoopClosure, Point, Slide
 from loopid.robot.mechanism import Mechanism
 
 STARTS = 64  # for joints that the file leaves out, tried together in parts
@@ -43,6 +44,7 @@ WIDER = 3.0  # times what loops stay open by around the reference, farther away
 # Steps to the closed configuration, in rad or characteristic lengths, up to which the drawn one
 # leaves no choice.
 NEAR = 0.2
+SHIFT_DIGITS = 12  # decimals of a shift that is to close a loop
 CLEAR = 3.0  # times such a step is the least singularity measure, up to that of a folded pose
 # A mechanism closed at its reference, and closed configurations around it (n, nq).
 ClosedReference = tuple[Mechanism, FloatArray]
@@ -303,7 +305,9 @@ def _open_loops(mechanism: Mechanism, q: FloatArray, given: Collection[str]) -> 
     hint = "" if given else ", give one as 'reference'"
     if any(closure.kind == "6d" for closure in mechanism.closures):
         hint += " (a 6d closure aligns all axes of its frames: a pin is a hinge, a ball 3d)"
-    if gap < LIKELY_ROUNDING * mechanism.length:
+    if apart := _never_meeting(mechanism):
+        hint = f": {apart}"
+    elif gap < LIKELY_ROUNDING * mechanism.length:
         facts["rounding"] = needed = rounding_that_closes(gap, mechanism.length)
         hint = f": it closes with rounding={needed:g}, if the numbers of the file are rounded so"
     return RobotFileError(
@@ -311,3 +315,51 @@ def _open_loops(mechanism: Mechanism, q: FloatArray, given: Collection[str]) -> 
         f"{CLOSURE_TOLERANCE:g} m){hint}",
         **facts,
     )
+
+
+def _never_meeting(mechanism: Mechanism) -> str:
+    """Which closure has frames that no joint can bring together, and what closes it all the same.
+
+    Links of a plane mechanism are often drawn in layers along the axis of its joints.
+    """
+    generator = random_generator(0)
+    q = np.stack([_scattered(mechanism, [*mechanism.joints], generator) for _ in range(PART)])
+    constraint, ids = Constraint(mechanism, q, jacobians=False), mechanism.closure_frames[0]
+    residual, first = constraint.residual(), 0
+    poses = frame_poses(mechanism, q, ids, jacobians=False)
+    for k, closure in enumerate(mechanism.closures):
+        rows, first = slice(first, first + closure.rows), first + closure.rows
+        distance = poses.origin[:, 2 * k + 1] - poses.origin[:, 2 * k]
+        seen = np.einsum("nji,nj->ni", poses.rotation[:, 2 * k], distance)  # along a's axes
+        gap = _constant_part(seen, closure, LIKELY_ROUNDING * mechanism.length)
+        if gap is None:
+            continue
+        shift = [float(x) + 0.0 for x in gap.round(SHIFT_DIGITS)]
+        text = (
+            f"no joint brings {closure.frame_a} and {closure.frame_b} together, as in links drawn "
+            f"in layers {np.linalg.norm(gap):.6g} m apart: shift the origin of {closure.frame_a} "
+            f"by {shift} m along its own axes"
+        )
+        turned = np.abs(residual[:, rows][:, 3:]).max(initial=0.0) > CLOSURE_TOLERANCE
+        if closure.kind in ("3d", "hinge") and not turned:
+            axis = [float(x) + 0.0 for x in (gap / np.linalg.norm(gap)).round(SHIFT_DIGITS)]
+            frames = f"[{closure.frame_a}, {closure.frame_b}]"
+            text += f", or close it by {{type: 2d, frames: {frames}, axis: {axis}}}"
+        return text
+    return ""
+
+
+def _constant_part(seen: FloatArray, closure: LoopClosure, least: float) -> FloatArray | None:
+    """The part (3,) of distances (N, 3), along axes of frame a, that is the same in all poses.
+
+    Only what the closure asks to vanish; None where that is less than ``least``, in m.
+    """
+    part = closure.equations[0]
+    if not isinstance(part, Point | Slide):
+        return None
+    asked = part.across.T if isinstance(part, Slide) else np.eye(3)
+    found = seen @ asked.T
+    _, sizes, directions = np.linalg.svd(found - found.mean(axis=0))
+    still = directions[np.append(sizes, np.zeros(3))[: len(asked)] <= CLOSURE_TOLERANCE]
+    gap = np.asarray(found.mean(axis=0) @ still.T @ still @ asked)
+    return gap if np.linalg.norm(gap) > least else None

@@ -53,6 +53,7 @@ class TreeSource:
     # Forces of the file that no model has: warned of on loading, too
     left_out: tuple[LeftOut, ...] = ()
     near_couplings: tuple[NearCoupling, ...] = ()
+    signs: tuple[str, ...] = ()  # of loops that the file does not declare: warned of on loading
     # Joints, and turns of joints, that are locked; those with one coordinate with its value
     locked: dict[str, float | None] = field(default_factory=dict)
 

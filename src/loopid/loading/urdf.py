@@ -7,7 +7,7 @@ registered in ``urdf_dialects``, have tags of their own.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -93,7 +93,8 @@ def read_urdf(
         signs = [sign for sign in urdf_dialects if urdf.root.xpath(sign)]
         dialects = [urdf_dialects[sign](urdf, model) for sign in signs]
         closures += [closure for dialect in dialects for closure in dialect.closures]
-        motors = _motors(urdf, dialects, mimics, looped=any(c.frames for c in closures))
+        looped = any(closure.frames for closure in closures)
+        motors = _motors(urdf, dialects, mimics, looped)
         terms, left_out = _joint_forces(urdf, dialects)
     children = {joint.child for joint in joints}
     root_link = next(link.name for link in links if link.name not in children)
@@ -114,6 +115,7 @@ def read_urdf(
         ),
         left_out=tuple(left_out),
         notes=(*notes, *(note for dialect in dialects for note in dialect.notes)),
+        signs=() if looped else tuple(_undriven(urdf, mimics)),
     )
 
 
@@ -133,14 +135,17 @@ def _mimics(all_joints: Iterable[Joint]) -> dict[str, ClosureDescription]:
     }
     for name, leading in leaders.items():
         what = f"joint {name} mimics {leading!r}"
+        valid = ", ".join(other for other in joints if leaders.get(other) is None)
+        way_out = f": name another joint ({valid}), or take its <mimic> out"
         if leading not in joints:
-            raise RobotFileError(f"{what}, which is not there: choose among {', '.join(joints)}")
+            raise RobotFileError(f"{what}, which is not there{way_out}")
         if joints[leading].type == "fixed":
-            raise RobotFileError(f"{what}, which is fixed")
+            raise RobotFileError(f"{what}, which is fixed{way_out}")
         for end in (joints[name], joints[leading]):
             if end.type in SEVERAL:
                 raise RobotFileError(
-                    f"{what}, but {end.name} is {end.type}: it has several coordinates"
+                    f"{what}, but {end.name} is {end.type}, with several coordinates: take the "
+                    "<mimic> out"
                 )
     for follower in leaders:
         chain = [follower]
@@ -148,7 +153,9 @@ def _mimics(all_joints: Iterable[Joint]) -> dict[str, ClosureDescription]:
             chain.append(leaders[chain[-1]])
             if chain[-1] == follower:
                 circle = " mimics ".join(chain)
-                raise RobotFileError(f"joint {circle}: a circle, with no joint to lead it")
+                raise RobotFileError(
+                    f"joint {circle}: a circle, with no joint to lead it: take one <mimic> out"
+                )
     found = {}
     for name, leading in leaders.items():
         factor, offset = joints[name].mimic.multiplier, joints[name].mimic.offset
@@ -278,6 +285,21 @@ def _motors(
     if not named and not followers:
         return None
     return [name for name in moving if name in (named or moving) and name not in followers]
+
+
+def _undriven(urdf: UrdfFile, mimics: Collection[str]) -> Iterator[str]:
+    """A sentence about joints of an open tree that no ``<transmission>`` drives beside others."""
+    tags = urdf.root.iterfind("transmission/joint")
+    driven = {(joint.get("name") or "").strip() for joint in tags}
+    moving = [j.name for j in urdf.robot.joints if j.type not in ("fixed", *SEVERAL)]
+    moving = [name for name in moving if name not in mimics]
+    rest = [name for name in moving if name not in driven]
+    if rest and len(rest) < len(moving):
+        yield (
+            f"transmissions drive {len(moving) - len(rest)} of {len(moving)} joints, not "
+            f"{shortened(rest)}: where loops move them, a YAML beside the file lists the motors as "
+            "'name_mot' and the loops as closures: [{type: 3d, frames: [LINK, LINK]}]"
+        )
 
 
 # Forces in joints: <dynamics>, transmissions, and what dialects add.

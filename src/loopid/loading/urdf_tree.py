@@ -20,8 +20,9 @@ import pinocchio as pin
 from lxml import etree
 
 from loopid.arguments import FloatArray
-from loopid.errors import RobotFileError
+from loopid.errors import ModelWarning, RobotFileError, warn
 from loopid.loading.files import naming
+from loopid.robot.mechanism import shortened
 
 if TYPE_CHECKING:
     from yourdfpy.urdf import Joint, Robot
@@ -89,6 +90,7 @@ def read_urdf_file(path: Path, root: Element | None = None) -> UrdfFile:
         name = " ".join(root.get("name", "").split())
         if not name.isprintable():
             raise RobotFileError(f"the name of <robot> must be printable, not {name!r:.60}")
+        _warn_of_repetition(path, root)
         copy = etree.Element("robot", {"name": name})
         second, carried = list[Element](), set[str]()
         for element in root.iterchildren("link", "joint"):
@@ -128,6 +130,19 @@ def urdf_root(path: Path) -> Element:
         hint = ": let its name end in .sdf" if root.tag == "sdf" else ""
         raise RobotFileError(f"it is no URDF: the root is <{root.tag!s}>, not <robot>{hint}")
     return root
+
+
+def _warn_of_repetition(path: Path, root: Element) -> None:
+    """Warn of tags of joints that are written twice."""
+    found = {tag: list[str]() for tag in (*TAGS["joint"], "dynamics") if tag not in REQUIRED}
+    for joint in root.iterchildren("joint"):
+        for tag, names in found.items():
+            if len(joint.findall(tag)) > 1:
+                names.append(joint.get("name", ""))
+    for tag, names in found.items():
+        if names:
+            what = f"{path}: <{tag}> stands twice or more in joint {shortened(names)}"
+            warn(f"{what}: the first counts, as for Pinocchio; keep one", ModelWarning)
 
 
 def _sound(element: Element) -> Element:
@@ -276,9 +291,9 @@ def child(element: Element, tag: str) -> Element:
 
 
 def single(element: Element, tag: str) -> Element | None:
-    """A tag that may be there, once."""
+    """A tag that may be there, once; of a joint's the first counts, as for Pinocchio."""
     found = element.findall(tag)
-    if len(found) > 1:
+    if len(found) > 1 and (element.tag != "joint" or tag in REQUIRED):
         raise RobotFileError(f"<{element.tag!s}> has {len(found)} times <{tag}>: keep one")
     return found[0] if found else None
 

@@ -107,6 +107,7 @@ FORMS: dict[str, dict[Any, Any]] = {
         **dict.fromkeys(("singular_reference", "near_singularity"), bool),
         **{key: [str] for key in ("bodies", "actuated", "passive", "independent", "undetermined")},
         **{key: [str] for key in ("redundant_actuation", "unequal_links", "odd_masses")},
+        **{"motors_known": bool, "held_motors": [str], "undeclared_loops": [str]},
         "inertia_defects": [str],
         "identical": {str: [str]},
         "assembly_modes": [

@@ -21,7 +21,7 @@ from loopid.regressors.joint_terms import OF_FILE, FileForce, file_forces
 from loopid.report.look import facts, json_fields, json_value, plain_table, table_of
 from loopid.report.page import Report, Section
 from loopid.robot.closures import JointCoupling
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.mechanism import Mechanism, shortened
 
 if TYPE_CHECKING:
     from loopid.motion.joints import MotionReview
@@ -39,20 +39,32 @@ def check_report(mechanism: Mechanism) -> Report:
     """What a robot is: joints, closures, mobility, distance to singularity."""
     found = check_record(mechanism)
     joints, *tables = check_tables(found)
+    floating = mechanism.coordinates_of(mechanism.floating)
+    free = [name for name in found["undetermined"] if name not in floating]
     wrong = [
+        *_unclear_motors(found),
+        *found["undeclared_loops"],
         *(["its reference is singular"] if found["singular_reference"] else []),
         *(["its reference is near a singularity"] if found["near_singularity"] else []),
-        *(f"the motors leave {name} free" for name in found["undetermined"]),
+        *(
+            [
+                f"the motors leave {shortened(free)} free: lock what does not move, and write what "
+                "moves with a loop into 'closures'"
+            ]
+            if free
+            else []
+        ),
         *found["inertia_defects"],
         *found["odd_masses"],
     ]
     more = f", and {len(wrong) - 1} more below" if len(wrong) > 1 else ""
     closes = f"The robot closes its loops to {found['closure_residual']:.1e} m"
+    assumed = "" if found["motors_known"] else ", if all joints have motors"
     verdict = (
-        f"{closes if found['closures'] else 'The robot has no loops'}, has "
-        f"{found['degrees_of_freedom']} degrees of freedom for {len(found['actuated'])} motors "
-        f"and a singularity measure of {found['singularity_measure']:.3g} (1 is best): "
-        + (f"look at this first: {wrong[0]}{more}." if wrong else "ready for identification.")
+        (f"Look at this first: {wrong[0]}{more}. " if wrong else "")
+        + f"{closes if found['closures'] else 'The robot has no loops'}, has {_freedoms(found)} "
+        f"and a singularity measure of {found['singularity_measure']:.3g} (1 is best)"
+        + ("." if wrong else f": ready for identification{assumed}.")
     )
     return Report(
         name="check",
@@ -66,6 +78,34 @@ def check_report(mechanism: Mechanism) -> Report:
             Section("Closures and mobility", tuple(tables)),
         ],
     )
+
+
+def _freedoms(found: dict[str, Any]) -> str:
+    freedoms, motors = found["degrees_of_freedom"], len(found["actuated"])
+    return (
+        f"{freedoms} degree{'' if freedoms == 1 else 's'} of freedom for {motors} "
+        f"motor{'' if motors == 1 else 's'}"
+    )
+
+
+def _unclear_motors(found: dict[str, Any]) -> Iterator[str]:
+    """What is wrong with the motors: guessed, more than there are freedoms, or held."""
+    if not found["motors_known"] and found["closures"]:
+        yield (
+            f"no file says which joints have motors, so that all {len(found['actuated'])} count: "
+            "list them as 'name_mot' in a YAML beside it"
+        )
+    if held := found["held_motors"]:
+        yield (
+            f"the loops do not let the motors {shortened(held)} move: look where the frames of "
+            "their closures are"
+        )
+    if extra := [name for name in found["redundant_actuation"] if name not in held]:
+        yield (
+            f"it has {_freedoms(found)}: where {shortened(extra)} have none, leave them out of "
+            "'name_mot', and where a closure has too many rows, choose another type: a pin is a "
+            "hinge, a ball 3d"
+        )
 
 
 def check_record(mechanism: Mechanism) -> dict[str, Any]:
@@ -87,6 +127,9 @@ def check_record(mechanism: Mechanism) -> dict[str, Any]:
         "singular_reference": found.singular,
         **json_fields(mechanism, "actuated", "passive", "independent"),
         "undetermined": list(mechanism.free),
+        "motors_known": mechanism.motors_known,
+        "held_motors": list(found.held),
+        "undeclared_loops": list(mechanism.undeclared),
         "redundant_actuation": list(mechanism.redundant),
         "closure_residual": found.residual,
         "singularity_measure": measure,
@@ -226,6 +269,7 @@ def _summary(record: dict[str, Any], most: int | None = None) -> dict[str, str]:
         "passive coordinates": listed(record["passive"]),
         "left free by the motors": listed(record["undetermined"]),
         "redundant motors": listed(record["redundant_actuation"]),
+        "loops that the file may lack": listed(record["undeclared_loops"], "; "),
         "closure residual": f"{record['closure_residual']:.1e} m",
         "singularity measure": f"{record['singularity_measure']:.3g}{near}, from 0 (singular) to 1",
         "bodies with parameters": listed(record["bodies"]),

@@ -331,6 +331,7 @@ class ClosureKind:
     aliases: tuple[str, ...] = ()  # other names in use for it
     # Default of its key ``axes`` in a robot file; None where it has no axes
     axes: tuple[Axis, Axis] | None = None
+    one_axis: bool = False  # whether frame a's axis says all: a robot file may give just ``axis``
     same_axes: bool = False  # whether the axis must be the same vector in both frames
     has_length: bool = False  # whether it has the key ``length``
     has_joint: bool = False  # whether it has the key ``joint``
@@ -342,10 +343,10 @@ CLOSURE_KINDS: Registry[ClosureKind] = Registry("kind of closure", {
     "hinge": ClosureKind(lambda c: (Point(), Align(*c.axes)), ("revolute",), (Z, Z)),
     "universal": ClosureKind(lambda c: (Point(), Square(*c.axes)), axes=(X, Y)),
     "prismatic": ClosureKind(
-        lambda c: (Slide(c.axes[0]), Turn()), axes=(Z, Z), same_axes=True
+        lambda c: (Slide(c.axes[0]), Turn()), axes=(Z, Z), one_axis=True, same_axes=True
     ),
     "cylindrical": ClosureKind(lambda c: (Slide(c.axes[0]), Align(*c.axes)), axes=(Z, Z)),
-    "2d": ClosureKind(lambda c: (Slide(c.axes[0]),), ("planar_point",), (Z, Z)),
+    "2d": ClosureKind(lambda c: (Slide(c.axes[0]),), ("planar_point",), (Z, Z), one_axis=True),
     "distance": ClosureKind(lambda c: (Distance(c.length),), ("rod",), has_length=True),
     "cable": ClosureKind(lambda c: (Length(),), ("tendon",), has_joint=True),
 })  # fmt: skip

@@ -106,6 +106,8 @@ class Mechanism:
     motors_listed : bool
         Whether their order is that of a YAML's ``name_mot``: of motors that depend on each other
         the first are kept.
+    motors_known : bool
+        Whether a file says which joints have motors; otherwise all with one coordinate count.
     bodies : tuple of Body
         Bodies with an inertial, in the order of the file's links.
     reference : FloatArray
@@ -138,6 +140,8 @@ class Mechanism:
         may.
     left_out : tuple of LeftOut
         Forces of the file that no model has.
+    undeclared : tuple of str
+        Sentences about loops that the file shows but does not declare.
     options : mapping
         Arguments of ``load_mechanism`` beside the path, to load the same robot again.
 
@@ -161,6 +165,7 @@ class Mechanism:
     free: tuple[str, ...] = ()
     redundant: tuple[str, ...] = ()
     motors_listed: bool = True
+    motors_known: bool = True
     identical: tuple[LinkGroup, ...] = ()
     tied: bool = False
     closure_residual: float = 0.0
@@ -170,6 +175,7 @@ class Mechanism:
     margin: float | None = None
     joint_values: Mapping[str, Mapping[str, Number]] = field(default_factory=dict)
     left_out: tuple[LeftOut, ...] = ()
+    undeclared: tuple[str, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

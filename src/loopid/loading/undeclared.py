@@ -1,0 +1,101 @@
+"""Loops that a robot file shows but does not declare."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable
+from itertools import combinations
+
+import numpy as np
+import pinocchio as pin
+
+from loopid.arguments import BoolArray, FloatArray, random_generator
+from loopid.kinematics.poses import frame_poses, integrate
+from loopid.loading.tree import TreeSource
+from loopid.robot.mechanism import Mechanism
+
+# Last words of two names that are alike but for them.
+ENDINGS = [{"a", "b"}, {"1", "2"}, {"0", "1"}, {"parent", "child"}, {"predecessor", "successor"},
+           {"start", "end"}, {"in", "out"}, {"male", "female"}]  # fmt: skip
+LAST_WORD = re.compile(r"(\d+|[a-zA-Z]+)$")
+MEET = 1e-4  # characteristic lengths between frames that are drawn in one place
+POSES = 4  # random ones, in which frames that a hinge holds together still meet
+FAR = 0.5  # rad, or characteristic lengths, that joints move to these
+
+
+def undeclared_loops(mechanism: Mechanism, around: FloatArray, tree: TreeSource) -> tuple[str, ...]:
+    """Sentences about signs of loops, each with what to write where it is one.
+
+    ``around`` (n, nq) are closed configurations around the reference. Signs are frames without mass
+    on two branches that are named alike or meet in the reference pose, links named alike that meet
+    there, and what the reader of the file has seen.
+    """
+    signs = [*tree.signs] if not mechanism.rows else []
+    if pairs := _pairs(mechanism, around, tree):
+        closures = ", ".join(f"{{type: 3d, frames: {json.dumps(pair)}}}" for pair in pairs)
+        (first, how), *more = pairs.items()
+        others = f", as {len(more)} more pairs" if more else ""
+        signs.append(
+            f"links {first[0]} and {first[1]} {how}{others}, as where a loop closes: if so, a YAML "
+            f"beside the file says it: closures: [{closures}]"
+        )
+    return tuple(signs)
+
+
+def _pairs(
+    mechanism: Mechanism, around: FloatArray, tree: TreeSource
+) -> dict[tuple[str, str], str]:
+    """Pairs of links that may close a loop, and what shows it."""
+    model = mechanism.model
+    used = {name for closure in mechanism.closures for name in (closure.frame_a, closure.frame_b)}
+    carriers = {frame.parentFrame for frame in model.frames}
+    links = {
+        frame.name: (k, k not in carriers and frame.name not in tree.inertial_links)
+        for k, frame in enumerate(model.frames)
+        if frame.type == pin.FrameType.BODY and frame.name not in used
+    }
+    bodies = {name: model.frames[k].parentJoint for name, (k, _) in links.items()}
+    poses = around if mechanism.rows else _random_poses(mechanism)
+    meeting = _meeting(mechanism, poses, [k for k, _ in links.values()])
+    found = {}
+    for (one, first), (other, second) in combinations(enumerate(links), 2):
+        ends = links[first][1] and links[second][1]  # frames that carry nothing
+        meet, alike = meeting[one, other], _named_alike(first, second, links)
+        if bodies[first] != bodies[second] and ((ends and (meet or alike)) or (meet and alike)):
+            how = "meet in the reference pose" if meet else "are named alike"
+            found[first, second] = how
+    return found
+
+
+def _named_alike(first: str, second: str, names: Iterable[str]) -> bool:
+    """Whether two names differ in their last word alone, and no third one does."""
+    stem, end = _split(first)
+    alike = [name for name in names if _split(name)[0] == stem]
+    return (
+        bool(stem)
+        and sorted(alike) == sorted((first, second))
+        and ({end, _split(second)[1]} in ENDINGS)
+    )
+
+
+def _split(name: str) -> tuple[str, str]:
+    """A name without its last word, and that word in lower case."""
+    found = LAST_WORD.search(name)
+    return (name[: found.start()], found[0].lower()) if found else (name, "")
+
+
+def _random_poses(mechanism: Mechanism) -> FloatArray:
+    """Poses (n, nq) of an open tree."""
+    generator, nv = random_generator(0), mechanism.model.nv
+    steps = generator.uniform(-FAR, FAR, (POSES, nv)) * mechanism.coordinate_scales
+    return integrate(mechanism, np.repeat(mechanism.reference[None], POSES, axis=0), steps)
+
+
+def _meeting(mechanism: Mechanism, poses: FloatArray, frames: list[int]) -> BoolArray:
+    """Which frames (F, F) are in one place at the reference, and not in all poses (n, nq)."""
+    q = np.concatenate([mechanism.reference[None], poses])
+    origins = frame_poses(mechanism, q, frames, jacobians=False).origin
+    apart = np.linalg.norm(origins[:, :, None] - origins[:, None], axis=3)
+    near = apart <= MEET * mechanism.length
+    return np.asarray(near[0] & ~near[1:].all(axis=0))
