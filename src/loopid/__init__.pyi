@@ -27,7 +27,6 @@ from .base_parameters import (
 )
 from .control import MotorModel as MotorModel
 from .diagnosis import (
-    diagnose as diagnose,
     drive_gains as drive_gains,
     identify_payload as identify_payload,
     study_logs as study_logs,

@@ -12,8 +12,9 @@ from typing import Literal
 from loopid.errors import DataWarning, warn
 from loopid.records import record
 
-# The most important first. A mistake spoils all figures: nothing is fit for use before it is mended.
+# The most important first. A mistake spoils all figures.
 SEVERITIES = ("mistake", "warning", "note")
+PAGE = "docs/not_fit.md"  # what to look at, by symptom
 Severity = Literal["mistake", "warning", "note"]
 
 
@@ -56,6 +57,14 @@ class Finding:
     def brief(self) -> str:
         """Without the evidence, for a terminal."""
         return f"{self.title}{f'; {self.do}' * bool(self.do)}"
+
+    @property
+    def veto(self) -> str:
+        """The verdict on all that a mistake spoils."""
+        return (
+            f"Not fit for use: {self.title} ({self.why}). First {self.do}; no figure counts before "
+            f"({PAGE})."
+        )
 
     def warn(self) -> None:
         """Warn of it, unless it is a note."""

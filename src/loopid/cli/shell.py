@@ -192,7 +192,7 @@ class Answer:
 
 
 def in_words(findings: Sequence[Finding], verbose: bool) -> list[str]:
-    """Mistakes and warnings, the most important first; all findings with their evidence if asked for."""
+    """Mistakes and warnings, the most important first; if asked for, all with their evidence."""
     if verbose:
         return [f"{each.severity}: {each}" for each in findings]
     serious = [each for each in findings if each.severity != "note"]

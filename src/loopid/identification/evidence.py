@@ -2,9 +2,10 @@
 
 In the band of the motion, forces are explained by the bodies of the robot file, whose parameters
 may be off by half, by small offsets, and by friction and inertia of each drive, which are projected
-out; friction that would give energy does not count. Sizes of the errors and the bodies follow from each other; their evidence [MacKay1992] compares
-what may have been undone. All that is tried at one pose shares one table of columns: forces of
-another size, or motors, and another time axis only weigh or exchange its columns.
+out; friction that would give energy does not count. Sizes of the errors and the bodies follow from
+each other; their evidence [MacKay1992] compares what may have been undone. All that is tried at one
+pose shares one table of columns: forces of another size, or motors, and another time axis only
+weigh or exchange its columns.
 """
 
 from __future__ import annotations
@@ -63,6 +64,8 @@ class SuspicionOptions:
     shape : float
         Part of the forces, less friction, that may be left of a motor once its mistake is undone:
         a robot file that explains no shape tells no mistake.
+    factor_shape : float
+        The same of a factor that nobody has a cause for: a missing force has any.
     late, delay, latest : float
         Forces are late by seconds where errors are this part of those at any shift of up to
         ``delay`` s; up to ``latest`` s are tried.
@@ -95,6 +98,7 @@ class SuspicionOptions:
     model_error: float = 0.003
     evidence: float = 3.0
     shape: float = 0.4
+    factor_shape: float = 0.15
     late: float = 0.5
     delay: float = 0.15
     latest: float = 30.0
@@ -367,12 +371,14 @@ class Evidence:
         far = float(found.values @ found.values) > self.options.deviation
         return far or bool(large[list(motors)].any())
 
-    def explains(self, found: Explanation, motors: Sequence[int], *, whole: bool) -> bool:
-        """Whether the shape of the forces of motors is explained, or that of the whole forces."""
+    def explains(
+        self, found: Explanation, motors: Sequence[int], most: float, *, whole: bool
+    ) -> bool:
+        """Whether at most a part of the shape of the forces is left, or of the whole forces."""
         sizes, own = self.sizes([found.undone])[0], list(motors)
         shape = np.ones_like(sizes) if whole else found.shape / sizes
         left = (found.error / sizes)[own]
-        return bool((left**2).sum() <= self.options.shape**2 * (shape[own] ** 2).sum())
+        return bool((left**2).sum() <= most**2 * (shape[own] ** 2).sum())
 
     def largest_gain(self, undone: Undone, motors: Sequence[int]) -> float:
         """With larger ones all bodies would weigh nothing."""

@@ -230,7 +230,7 @@ def _errors_by_lag(
         left = squares - (g * np.linalg.solve(H, g[:, :, None])[:, :, 0]).sum(axis=1)
         error = np.maximum(left, 0.0) / (np.maximum(squares, TINY) * freedom)
         total += np.log(error + options.model_error**2)
-    return lags * step, np.exp(total / max(2 * len(motors), 1))
+    return np.multiply(lags, step), np.exp(total / max(2 * len(motors), 1))
 
 
 @checked
@@ -289,14 +289,17 @@ class _Kind(NamedTuple):
 
     def tried(self, model: Evidence, undone: Undone, motors: Motors) -> FloatArray:
         """Sizes that are tried first, but for impossible ones."""
+        signs = np.array(self.signs)
+        if self.fields in (("ratio",), ("time",)) and model.rates_measured:
+            return signs[signs == -1.0]  # velocities of the log prove the size
+        if not self.sizes:
+            return signs
         least, most = 0.0, inf
         if self.fields == ("gain",):
-            most = inf if self.sizes == () else model.largest_gain(undone, motors)
+            most = model.largest_gain(undone, motors)
         elif self.fields == ("ratio",):
             least = model.least_ratio(undone, *motors)
-        if self.fields in (("ratio",), ("time",)) and model.rates_measured:
-            return np.array([-1.0]) if -1.0 in self.signs else np.empty(0)  # sizes are proven
-        possible = [size for size in self.sizes or (1.0,) if least <= size <= most]
+        possible = [size for size in self.sizes if least <= size <= most]
         return np.outer(self.signs, possible).ravel()
 
 
@@ -356,7 +359,7 @@ class _Find(NamedTuple):
         )
         size = f"{self.size:.3g} ± {self.reach:.2g} times as much as expected; " * bool(kind.sizes)
         why = (
-            f"{size}undone, errors are {after:.2g} % of the force instead of {before:.2g} % "
+            f"{size}undone, errors are {after:.2g} % of the force instead of {before:.3g} % "
             f"(evidence e^{self.evidence - found.evidence:.0f})"
         )
         return Finding("mistake", title, why, do)
@@ -371,7 +374,7 @@ class _Find(NamedTuple):
         undo = f"{1 / size:.6g}" if cause else f"{1 / size:.3g}"
         if not kind.key:
             return (
-                f"{what} is {size:g} times too {'long' if size > 1 else 'short'}",
+                f"{what} is {max(size, 1 / size):.3g} times too {'long' if size > 1 else 'short'}",
                 f"look for its unit and rate: times {undo} it would be right",
             )
         given = undo if motor is None else f"{{{motor}: {undo}}}"
@@ -496,10 +499,17 @@ def _clear(
             worse = find.after.error > options.better * found.error
             worth = not worse[list(find.motors)].any()
         again = any((find.kind, find.motors) == (one.kind, one.motors) for one in undone)
-        worth &= model.explains(find.after, find.motors, whole=find.kind == "sign")
+        shape = options.shape if _caused(find) else options.factor_shape
+        worth &= model.explains(find.after, find.motors, shape, whole=find.kind == "sign")
         if worth and not again and find.evidence - found.evidence >= options.evidence:
             clear.append(find)
     return sorted(clear, key=lambda find: -find.evidence)
+
+
+def _caused(find: _Find) -> bool:
+    """Whether people have a cause for a mistake: of others, more must be explained."""
+    kind = KINDS[find.kind]
+    return not kind.causes or kind.cause(find.size, find.reach) is not None
 
 
 def _finding(model: Evidence, clear: Sequence[_Find], found: Explanation) -> Finding:

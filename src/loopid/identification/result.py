@@ -265,6 +265,8 @@ class FitResult(OfArrays, Tabular):
         In Hz, of the filter, where it was chosen by predictions.
     term_deviations : TermDeviations or None
         Of groups of joint terms, where there are any.
+    mistakes : tuple of str
+        In the logs that were fitted, one sentence each: no value counts before they are mended.
 
     Examples
     --------
@@ -299,6 +301,7 @@ class FitResult(OfArrays, Tabular):
     deviation: FileDeviation | None = None
     cutoff: float | None = None
     term_deviations: TermDeviations | None = None
+    mistakes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()

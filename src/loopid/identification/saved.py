@@ -147,6 +147,7 @@ class SavedEstimate(_Section):
     deviation: FileDeviation | None = None
     cutoff: Annotated[float, Field(gt=0, le=LARGEST)] | None = None
     term_deviations: TermDeviations | None = None
+    mistakes: tuple[str, ...] = ()
 
 
 class SavedFit(_Section):

@@ -18,7 +18,6 @@ from pydantic import TypeAdapter
 from loopid.base_parameters.base import BaseParameters
 from loopid.base_parameters.choice import SearchResult
 from loopid.base_parameters.structure import Structure
-from loopid.diagnosis.log_mistakes import Suspicions
 from loopid.diagnosis.payload import GainFit
 from loopid.errors import OptionError
 from loopid.excitation.criteria import Criteria
@@ -27,6 +26,7 @@ from loopid.excitation.search import Check
 from loopid.findings import Finding
 from loopid.identification.cutoff import CutoffChoice
 from loopid.identification.delay import Delay
+from loopid.identification.log_mistakes import Suspicions
 from loopid.identification.verdict import Verdict
 from loopid.motion.joints import MotionReview
 from loopid.report.excitation import CRITERIA, FOUND
