@@ -8,8 +8,8 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo docs test test-kernels test-versions validate lint bench peers clean
 
-# The main job: all tables and figures of the paper, with their uncertainty.
-demo: .venv/plot
+# The main job: subgroup search, symbolic model, tables and figures of the paper.
+demo: .venv/demo
 	@$(BIN)/loopid paper --out out
 
 # The documentation as a site; its search needs a server, as below.
@@ -83,8 +83,8 @@ clean:
 	$(PYTHON) -m venv .venv
 	@touch $@
 
-.venv/plot: .venv/pip pyproject.toml
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[plot]'
+.venv/demo: .venv/pip pyproject.toml
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[plot,symbolic]'
 	@touch $@
 
 .venv/docs: .venv/pip pyproject.toml
@@ -93,11 +93,11 @@ clean:
 
 .venv/test: .venv/pip pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test]'
-	@touch $@ .venv/plot
+	@touch $@ .venv/demo
 
 .venv/lint: .venv/pip pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,lint]'
-	@touch $@ .venv/plot .venv/test
+	@touch $@ .venv/demo .venv/test
 
 .venv/peers/ready: .venv/pip benchmarks/requirements-peers.txt
 	$(PYTHON) -m venv .venv/peers

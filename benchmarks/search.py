@@ -75,6 +75,7 @@ def timed_strategies(observation: Observation) -> list[dict[str, Any]]:
             "condition_number": result.condition_number,
             "certified": result.certified,
             "evaluated": result.evaluated,
+            "ties": result.ties,
             "seconds": median(times[name]),
             "how": f"median of {ROUNDS}, the first {1e3 * times[name][0]:.3g} ms",
         }
@@ -88,6 +89,7 @@ def exhaustive(observation: Observation, least: float, full: bool) -> dict[str, 
     if full:
         result = ExhaustiveSearch().search(problem)
         value, seconds, how = result.condition_number, result.seconds, "whole"
+        ties = result.ties
     else:
         generator, n = np.random.default_rng(0), problem.size
         count = problem.vectors.shape[1]
@@ -97,12 +99,13 @@ def exhaustive(observation: Observation, least: float, full: bool) -> dict[str, 
         for selections in np.split(places, SAMPLE // ExhaustiveSearch.chunk):
             promising(problem.vectors, selections, least * (1 + 1e-9))
         seconds = (perf_counter() - start) * problem.candidates / SAMPLE
-        value, how = float("nan"), f"extrapolated from {SAMPLE:,}"
+        value, ties, how = float("nan"), None, f"extrapolated from {SAMPLE:,}"
     return {
         "search": "exhaustive",
         "condition_number": value,
         "certified": full,
         "evaluated": problem.candidates,
+        "ties": ties,
         "seconds": seconds,
         "how": how,
     }

@@ -1,4 +1,4 @@
-"""False alarms of ``loopid.diagnose`` in clean logs, and mistakes that it finds: a Monte Carlo.
+"""False alarms of ``loopid.identification.suspicions``, and mistakes that it finds: a Monte Carlo.
 
     python benchmarks/suspicions.py [--runs N] [--seed N] [--robot NAME] [--mistake NAME ...]
 

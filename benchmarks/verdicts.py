@@ -140,7 +140,7 @@ def _count(rows: dict[tuple[str, str], Row], robot: str, seed: int, asked: Any) 
             words = ALSO.get(mistake, SAID.get(mistake, "")).format(*motors)
             rows[robot, mistake].count(first_said(plant.robot, spoilt), words)
     if "disturbed" in asked.mistake:
-        disturbed = Plant(name=robot, seed=seed, bits=bits, **DISTURBED[seed % len(DISTURBED)])  # type: ignore[arg-type]
+        disturbed = Plant(name=robot, seed=seed, bits=bits, **DISTURBED[seed % len(DISTURBED)])
         run = disturbed.follow(disturbed.motion(asked.motion))
         rows[robot, "disturbed"].count(first_said(disturbed.robot, run.log(sensors, seed)), "")
 

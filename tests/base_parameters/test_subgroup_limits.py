@@ -55,7 +55,10 @@ def test_more_combinations_than_fit_in_memory_are_refused_with_their_number():
 
 @pytest.mark.parametrize("alpha", [0.0, -0.1, 0.51, float("nan")])
 def test_alpha_must_be_the_papers(alpha):
-    with pytest.raises(OptionError, match=r"alpha must be (in \(0, 0.5\]|a finite number)"):
+    with pytest.raises(
+        OptionError,
+        match=r"alpha must be (in the paper.s range, above 0 and at most 0.5|a finite number)",
+    ):
         SubgroupSearch(alpha=alpha)
 
 

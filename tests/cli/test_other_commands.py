@@ -101,16 +101,19 @@ def test_refusals_are_one_sentence_and_exit_code_2(run, arguments, words):
 
 def test_the_paper_is_printed_and_written(run, small, monkeypatch, tmp_path):
     monkeypatch.setenv("COLUMNS", "160")
-    done = run("paper", "--out", tmp_path / "paper", "--seed", "3")
-    assert done.code == 0, done.err
+    told = run("paper", "--out", tmp_path / "paper", "--seed", "3")
+    assert told.code == 0, told.err
     assert small == [((), 3)]
+    assert "Table I: " not in told.out
+    assert len(told.out.splitlines()) <= 24
+    done = run("paper", "--verbose")
     for number in ("I", "II", "III", "IV", "V"):
         assert f"Table {number}: " in done.out
     assert "not found" not in done.out
     assert "0.1928 m22 - 0.3 m12 + mm xm" in done.out
     assert "14.1434" in done.out
     page = (tmp_path / "paper" / "report.html").read_text()
-    assert page.count("<figure") == 5
+    assert page.count("<figure") == 10
 
 
 def test_the_paper_writes_nothing_unless_asked(run, small, monkeypatch, tmp_path):

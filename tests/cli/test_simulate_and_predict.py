@@ -145,9 +145,18 @@ def test_the_payload_of_two_logs(five_bar, run, run_json, tmp_path):
     assert found["mass"] == pytest.approx(1.5, rel=0.01)
     assert found["centre"][0] == pytest.approx(0.1, abs=0.005)
     assert found["centre"][2] is None  # a planar robot
-    known = ["--known-mass=1.5", "--centre=0.1,0,0"]
+    assert found["motors"]["actuators"] == list(five_bar.actuated)
+    assert found["motors"]["disagreement"] == ""
+    np.testing.assert_allclose(found["motors"]["values"], 1.5, rtol=0.05)
+    written = tmp_path / "mapping.yaml"
+    known = ["--known-mass=1.5", f"--write-mapping={written}"]
     gains = run_json("payload", "five_bar", "left_coupler", *logs, *options, *known)["gains"]
-    np.testing.assert_allclose(gains, 1.0, atol=0.02)
+    np.testing.assert_allclose(gains, 1.0, atol=0.05)
+    scales = loopid.logs.read_mapping(written).force_scale
+    np.testing.assert_allclose([scales[name] for name in five_bar.actuated], gains, rtol=1e-5)
+    alone = run("payload", "five_bar", "left_coupler", *logs, f"--write-mapping={written}")
+    assert alone.code == 2
+    assert "say the mass of the payload, --known-mass KG" in alone.err
     assert "--rows must be M:N" in run("payload", "five_bar", "left_coupler", *logs, "--rows=7").err
     refused = run("payload", "five_bar", "arm", *logs)
     assert refused.code == 2

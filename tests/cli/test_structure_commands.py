@@ -365,3 +365,27 @@ def test_check_prints_the_reference_that_chooses_another_mode(run, run_json, wri
         modes = run_json("check", name)["assembly_modes"]
         assert [mode["rank"] for mode in modes] == ranks
         assert run_json("base", name, "--model", "full")["rank"] == (ranks or [8])[0]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--search", "subgroup", "--alpha", "0.9"), ["alpha", "above 0 and at most 0.5", "0.9"]),
+        (("--search", "subgroup", "--cond-limit", "0"), ["condition_limit", "exceed 1", "2000"]),
+        (("--search", "subgroup", "--variant", "x"), ["variant", "gap, pseudocode"]),
+        (("--alpha", "0.3"), ["alpha", "exact", "--search subgroup"]),
+    ],
+)
+def test_bad_options_of_the_subgroup_search_are_one_sentence(run, options, words):
+    done = run("base", "four_bar", *options)
+    assert (done.code, done.out) == (2, "")
+    (line,) = done.err.splitlines()
+    assert all(word in line for word in words)
+
+
+def test_options_of_the_subgroup_search_reach_it(run_json):
+    options = ("--alpha", "0.5", "--cond-limit", "100", "--variant", "pseudocode")
+    record = run_json("base", "four_bar", "--search", "subgroup", *options)
+    told = record["search"]["subgroups"]
+    assert (told["alpha"], told["condition_limit"], told["variant"]) == (0.5, 100, "pseudocode")
+    assert told["rule"] == "as printed in the paper"

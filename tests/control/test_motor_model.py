@@ -53,6 +53,26 @@ def test_parts_sum_up_to_the_forces(name, full_model, some_values):
         close(robot.passive_regressor(u, v, w, a) @ phi, passive, 1e-12)
 
 
+def test_friction_curves_and_load_are_those_of_the_force_model(load_once):
+    terms = "Fc,Fv,Ia,Fk0~0.25,Fk~0.5,Fa~0.5,Fa1~1,Ft"
+    model = loopid.find_force_model(load_once("five_bar"), "full", terms)
+    phi = np.random.default_rng(1).standard_normal(len(model.parameters))
+    loaded, own = model.with_loads(phi), model.body_columns
+    for q, v, a in states(model):
+        robot, u = at(model, phi, q)
+        motion = loopid.motion.JointMotion(
+            np.zeros(1), q[None], v[None], a[None], np.ones(1)
+        )  # fmt: skip
+        close(robot.forces(u, v, a), loaded.regressor(motion)[0] @ phi, 1e-12)
+        coast = robot.mass(u) @ (0 * a) + robot.coriolis(u, v) @ v + robot.gravity(u)
+        still = robot.forces(u, v, 0 * a)
+        close(coast + robot.friction(u, v), still, 1e-12)
+        dry, uneven = robot.dry_friction(v, robot.rigid_regressor(u, v, 0 * a)[:, own] @ phi[own])
+        whole = np.sign(v) * dry + uneven + robot.coefficients("Fv") * v
+        if (dry > 0).all():
+            close(whole, robot.friction(u, v), 1e-12)
+
+
 def test_mass_and_coriolis_are_those_of_pinocchios_tree(name, full_model):
     """M = Gᵀ M G; C v = Gᵀ (h(v) + M γ), with Pinocchio's matrices of the tree."""
     model = full_model(name)

@@ -34,6 +34,7 @@ from loopid.export import c_source, export_c
 from loopid.export.c_code import motor_positions
 from loopid.identification import ForceModel
 from loopid.kinematics import closed_motion, nearby_configurations, try_assemble
+from loopid.motion import JointMotion
 from loopid.regressors import motion_parameters, motion_regressor
 from loopid.robot import Body
 
@@ -188,6 +189,32 @@ def test_all_kinds_of_joint_terms(compiled):
         "five_bar", "gravity", ("Ia", "Fc+", "Fc-", "Fc~0.3", "Fs~0.5", "Ks3", "Ks@1.2")
     )
     assert_agrees(found, compiled(found), around_reference(found))
+
+
+def test_friction_curves_and_load(compiled):
+    """One law in C and in Python; with the loads of the values that C is given."""
+    kinds = "Ia", "Fc", "Fv", "Fk0~0.25", "Fk~0.5", "Fa~0.5", "Fa1~1"
+    found = all_columns("five_bar", "full", kinds)
+    assert_agrees(found, compiled(found), around_reference(found))
+    found = all_columns("five_bar", "full", (*kinds, "Ft"))
+    phi = np.random.default_rng(3).standard_normal(len(found.parameters))
+    found, robot = found.with_loads(phi), compiled(found.with_loads(phi))
+    motion, size = around_reference(found), len(found.mechanism.independent)
+    K, _ = robot.regressors(motion)
+    rows = found.mechanism.velocity_indices(found.mechanism.independent)
+    rates = motion.velocities[:, rows], motion.accelerations[:, rows]
+    here = JointMotion(np.arange(float(len(K))), motion.configurations, *rates, np.ones(len(K)))
+    expected = found.regressor(here)
+    np.testing.assert_allclose(K, expected, atol=1e-9 * np.abs(expected).max())
+    force = np.zeros(size)
+    assert robot.call("forces", rates[0][-1].copy(), rates[1][-1].copy(), phi, force) == 0
+    np.testing.assert_allclose(force, expected[-1] @ phi, rtol=1e-9)
+    # Through zero it is smooth.
+    slow, still = 1e-6 * np.ones(size), np.zeros(size)
+    assert robot.call("forces", slow, still, phi, force) == 0
+    before = force.copy()
+    assert robot.call("forces", still, still, phi, force) == 0
+    np.testing.assert_allclose(before, force, atol=0.05 * np.abs(phi).max())
 
 
 def test_tied_links(compiled):

@@ -71,7 +71,6 @@ def program(arm_case):
         effects=generator.normal(size=(len(base), len(base.parameters))),
         target=generator.normal(size=len(base)),
         names=("upper", "lower"),
-        unsound=(),
         file=file,
         columns=own,
         terms=priors(start, 1.0 + generator.random(len(start))),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bank_robots import few_of
-from loopid import FitOptions, JointTerms, find_delay, find_force_model, identify
+from loopid import FilterOptions, FitOptions, JointTerms, find_delay, find_force_model, identify
 from loopid.errors import DataWarning
 from loopid.identification import quiet_fit
 from loopid.identification.delay import CLEAR, USUAL, without_delay
@@ -84,7 +84,8 @@ def test_friction_that_builds_up_is_no_delay(case, slip):
 
 def test_forces_that_are_moved_are_those_of_a_log_that_is_prepared_again(case):
     model, _, log = case
-    run = prepared(model, noisy(log, 0.012))
+    every = FilterOptions(decimate=False)
+    run = prepare_recording(model.mechanism, noisy(log, 0.012), filter=every)
     found = find_delay(model, [run])
     (moved,) = without_delay(model, [run], found)
     again = prepare_again(model.mechanism, run, log=run.log.delayed(found.undone))

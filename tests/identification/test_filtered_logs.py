@@ -138,14 +138,60 @@ def test_identify_prepares_all_recordings_at_the_choice():
 
 
 def test_a_choice_at_a_bound_is_told():
-    model, _, log = coarse(17, 10.0)
+    model, _, log = coarse(17, 10.0, NOISE / 100)
+    choice = choose_cutoff(model, [quietly(prepare_recording, model.mechanism, log)])
+    assert choice.bound == "rate"
+    assert choice.chosen == pytest.approx(10.0 / 5)
+    words = {
+        "rate": "motion is lost",
+        "lowest": "band of the motion",
+        "length": "length of the log",
+    }
+    for bound, said in {**words, "alone": "only one cut-off"}.items():
+        with pytest.warns(DataWarning, match=f"{choice.chosen:.3g} Hz") as told:
+            replace(choice, bound=bound).warn()
+        assert said in str(told[0].message)
+
+
+@pytest.mark.parametrize(("rate", "bits"), [(20.0, 17), (100.0, 17), (1000.0, 14)])
+def test_clean_logs_are_at_no_bound(rate, bits):
+    model, _, log = coarse(bits, rate)
+    assert not choose_cutoff(model, [quietly(prepare_recording, model.mechanism, log)]).bound
+
+
+def test_ten_forces_a_parameter_are_left():
+    model, _, log = coarse(17, 100.0)
+    count = len(model.parameters)
+    part = log.select(np.asarray(log.time) < 5.0)
+    choice = choose_cutoff(model, [quietly(prepare_recording, model.mechanism, part)])
+    first = FilterOptions(cutoff=float(choice.cutoffs[0]))
+    samples = model.samples(quietly(prepare_recording, model.mechanism, part, filter=first))
+    assert 10 * count <= samples.problem.rows < 20 * count
+
+
+def test_the_change_from_a_cut_off_to_the_next_is_that_of_forces_in_parts_of_the_errors():
+    model, _, log = coarse(12, 100.0)
     recording = quietly(prepare_recording, model.mechanism, log)
     choice = choose_cutoff(model, [recording])
-    assert choice.bound == "rate"
-    assert choice.chosen <= 10.0 / 5
-    for bound, words in (("rate", "that the rate of the log allows"), ("lowest", "that was tried")):
-        with pytest.warns(DataWarning, match=rf"{words}.*, {choice.chosen:.3g}\s*Hz"):
-            replace(choice, bound=bound).warn()
+    judge = model.samples(recording)
+    fits = [
+        quiet_fit(model.samples(quietly(prepare_recording, model.mechanism, log, filter=options)))
+        for options in (FilterOptions(cutoff=float(each)) for each in choice.cutoffs[1:3])
+    ]
+    moved = np.where(judge.used, judge.predicted(fits[1].values - fits[0].values), 0.0)
+    errors = quiet_fit(judge).quality.residual_rms
+    change = np.sqrt(((moved / errors) ** 2).sum() / judge.problem.rows)
+    assert choice.changes[1] == pytest.approx(change, rel=0.1)
+
+
+def test_slow_motions_that_start_and_stop_quickly_have_a_band():
+    """Half of the power is below 0.1 Hz, and steps of noise go on to the highest frequency."""
+    robot = load_mechanism("five_bar")
+    time = np.arange(0, 80, 0.01)
+    slow = 0.3 * np.sin(2 * np.pi * 0.03 * time) + 0.02 * np.tanh(50 * np.sin(0.1 * np.pi * time))
+    position = np.round(np.stack([2.088 + slow, 0.714 + slow], axis=1) / 1e-4) * 1e-4
+    log = Log.from_arrays(time, position, 0 * position, robot.actuated)
+    assert 0.03 < motion_band(robot, log) < 5
 
 
 @pytest.mark.parametrize("count", [1, 3, 5, 16, 60])
@@ -237,7 +283,7 @@ def test_a_saved_fit_predicts_with_the_filter_that_it_was_judged_with(tmp_path):
 @pytest.mark.validate
 @pytest.mark.draws
 def test_a_payload_is_found_with_the_filter_that_predicts_best():
-    """Encoders of 10 bits: at the provisional cut-off of five bands the mass is far off."""
+    """Encoders of 10 bits: at the provisional cut-off of six bands the mass is far off."""
     robot = load_mechanism("five_bar")
     model = find_force_model(robot, "full", "Fc,Fv")
     bodies, load = robot.standard_parameters("full"), 0.5

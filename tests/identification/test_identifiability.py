@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid import JointTerms
-from loopid.errors import DataError
+from loopid import JointTerms, load_mechanism
+from loopid.errors import DataError, DataWarning, RankError
 from loopid.identification import (
     Excitation,
+    FitOptions,
     find_force_model,
+    fit_all,
     fit_excited,
     identifiability,
     quiet_fit,
@@ -163,6 +165,30 @@ def test_where_all_is_excited_it_is_the_plain_fit(crank_model, crank_data):
     np.testing.assert_allclose(found.values, plain.values, rtol=1e-5)
     np.testing.assert_allclose(found.standard_errors, plain.standard_errors, rtol=1e-5)
     assert found.assumed == ()
+
+
+def test_a_motor_of_few_rows_leaves_what_it_cannot_tell_to_the_robot_file(crank_runs):
+    robot = load_mechanism("five_bar")
+    model = find_force_model(robot, "gravity", "Fc,Fv,Fo")
+    motion = crank_runs[1]
+    force = model.regressor(motion) @ model.prior
+    force = force + np.random.default_rng(0).normal(scale=0.01, size=force.shape)
+    samples = model.samples(Recording.of_motion(motion, force, robot.actuated))
+    # Five rows, and five parameters of its own: it is fitted without error.
+    few = np.array(samples.used)
+    few[:, 0] = np.isin(np.arange(len(few)), [10, 40, 70, 100, 130])
+    samples = replace(samples, used=few)
+    with pytest.raises((DataError, RankError)):
+        quiet_fit(samples)
+    excitation = Excitation.of(model, samples.problem)
+    found = fit_excited(samples, model.prior, excitation)
+    assert 0 < len(found.assumed) < len(found.values)
+    assert abs(found["right_crank_joint.Fc"].value) < 0.05
+    with pytest.warns(DataWarning, match=f"do not tell all of {found.assumed[0]}"):
+        fit_all(model, samples, identifiability(model, samples))
+    options = FitOptions(unidentifiable="error")
+    with pytest.raises((DataError, RankError)):
+        fit_all(model, samples, identifiability(model, samples), options=options)
 
 
 def test_assumed_values_have_no_interval_and_the_other_intervals_cover_the_true_values(

@@ -22,7 +22,7 @@ def runs(load_once):
     @cache
     def run(name, seed, seconds):
         robot = load_once(name)
-        size = (0.06, 0.04, 0.2, 0.2) if name == "3ups_rpu" else (0.5, 0.5)
+        size = {"3ups_rpu": (0.06, 0.04, 0.2, 0.2), "3rrr": (0.2, 0.2, 0.2)}.get(name, (0.5, 0.5))
         motion = wander(robot, seed, seconds=seconds, rate=1500.0 / seconds, size=size)
         terms = JointTerms(robot.actuated), np.tile([0.5, 0.2], len(robot.actuated))
         terms = friction(robot) if name == "3ups_rpu" else terms
@@ -33,11 +33,20 @@ def runs(load_once):
         noise = Noise(gaussian=0.02 * np.sqrt((exact.force**2).mean()), encoder_step=2e-6)
         return robot, simulated(robot, motion, noise, seed, standard, terms)
 
-    def suspected(name, seed, spoil=lambda position, force: None, factor=1.0, seconds=30.0):
+    def suspected(
+        name,
+        seed,
+        spoil=lambda position, force: None,
+        factor=1.0,
+        seconds=30.0,
+        velocities=False,
+    ):
         robot, found = run(name, seed, seconds)
         position, force = found.position.copy(), found.force.copy()
         spoil(position, force)
-        log = Log.from_arrays(factor * found.time, position, force, robot.actuated, name="run")
+        time = factor * found.time
+        speed = np.gradient(position, time, axis=0) if velocities else None
+        log = Log.from_arrays(time, position, force, robot.actuated, velocity=speed, name="run")
         options = FilterOptions(cutoff=75.0 / seconds / factor)
         return suspicions(robot, [quietly(prepare_recording, robot, log, filter=options)])
 
@@ -75,7 +84,7 @@ CASES = [
     ("five_bar", times(1e3, slice(None)), "the force of all motors is in mN m", "scale: 0.001 in"),
     ("five_bar", times(-1.0, slice(None)), "all motors has the wrong sign", "force_scale: -1 in"),
     ("five_bar", exchanged(False, True), "the forces of {0} and {1} are exchanged", "mapping"),
-    ("five_bar", geared(2.0, 1), "the positions of {1} are ", "position_scale: {{{1}: 0.5"),
+    ("five_bar", geared(2.0, 1), "the positions of {1} are ", "position_scale: {{{1}: 0."),
     ("five_bar", geared(-1.0, 1), "positions of {1} have the wrong sign", "_scale: {{{1}: -1}}"),
     ("3ups_rpu", times(2.0, 1), "the force of {1} is ", "force_scale: {{{1}: 0.5"),
     ("3ups_rpu", exchanged(True, True), "positions and forces of {0} and {1}", "mapping"),
@@ -89,6 +98,29 @@ def test_a_mistake_is_called_by_its_cause(runs, name, spoil, words, advice):
     assert found.severity == "mistake"
     assert words.format(*motors) in found.title
     assert advice.format(*motors) in found.do
+
+
+def test_friction_that_would_give_energy_tells_a_sign(runs):
+    """Neither gravity nor inertia loads the motors of a planar robot that moves slowly."""
+    (found,) = runs("3rrr", 0, times(-1.0, 2), seconds=60.0).mistakes
+    assert found.title == "the force of leg3_base has the wrong sign"
+    assert runs("3rrr", 0, seconds=60.0).mistakes == ()
+
+
+def test_forces_of_another_time_are_late_by_seconds(runs):
+    def shift(position, force):
+        force[:] = np.roll(force, 200, axis=0)  # 4 s at 50 Hz
+
+    (found,) = runs("five_bar", 0, shift).mistakes
+    assert found.title == "the forces are 4 s late"
+    assert "delay: 4 in" in found.do
+
+
+def test_velocities_of_the_log_prove_the_scale_of_positions(runs):
+    (found,) = runs("five_bar", 0, geared(2.0, 1)).mistakes
+    assert "positions" in found.title
+    said = runs("five_bar", 0, geared(2.0, 1), velocities=True).mistakes
+    assert not any("positions" in each.title for each in said)
 
 
 @pytest.mark.parametrize("factor", [0.1, 0.5, 2.0])

@@ -58,6 +58,13 @@ def test_the_least_number_of_samples_is_enough_and_one_less_is_not(cutoff, order
         lowpass.apply(np.ones((least - 1, 2)), RATE)
 
 
+def test_fast_sines_are_differentiated_to_fourth_order():
+    time, turn = np.arange(200) / RATE, 2 * np.pi * RATE / 10  # ten samples a period
+    found = differentiate(np.sin(turn * time), RATE)[2:-2] / turn
+    lost = (turn / RATE) ** 4 / 30
+    np.testing.assert_allclose(found, (1 - lost) * np.cos(turn * time)[2:-2], atol=0.1 * lost)
+
+
 def test_parabolas_are_differentiated_exactly_to_their_ends():
     time = np.arange(50) / RATE
     values = np.column_stack([3 + 2 * time - 5 * time**2, np.full(50, 7.0)])

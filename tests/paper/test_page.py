@@ -9,6 +9,7 @@ import pytest
 from lxml.html import fromstring
 from rich.console import Console
 
+from loopid.base_parameters import ChoiceProblem, SubgroupSearch
 from loopid.paper import paper_report
 from loopid.paper.page import actual_table, base_table, simulated_table
 from loopid.plots import Chart
@@ -33,11 +34,37 @@ def printed(table, width):
 def test_every_table_and_figure_is_on_the_page(report):
     page = fromstring(report.page().html())
     captions = [figure.findtext("figcaption") for figure in page.iter("figure")]
-    assert [caption[:8] for caption in captions] == [f"Figure {k}" for k in range(2, 7)]
+    for number in range(2, 7):
+        assert sum(caption.startswith(f"Figure {number}:") for caption in captions) == 1
     titles = [caption.text for caption in page.iter("caption")]
-    assert titles == [str(table.title) for table in report.brief]
+    assert titles == [str(table.title) for table in report.tables()]
     for number in ("I", "II", "III", "IV", "V"):
         assert any(title.startswith(f"Table {number}: ") for title in titles)
+
+
+def test_the_page_begins_with_the_result(report, paper):
+    page = fromstring(report.page().html())
+    header = page.find("body/header").text_content()
+    least = f"{paper.base.base.search.condition_number:.4f}"
+    assert "15 of 15" in header
+    assert header.count(least) >= 2
+    worst = paper.actual.new_errors["CAD as prior"].max()
+    assert f"{worst:.3g} N" in header
+    # What stands open is the result: all else is folded.
+    unfolded = [
+        caption.text
+        for caption in page.iter("caption")
+        if not any(parent.tag == "details" for parent in caption.iterancestors())
+    ]
+    assert [title.split(":")[0] for title in unfolded] == ["the searches", "Table II", "Table III"]
+
+
+def test_formulas_are_mathml_that_browsers_show(report):
+    page = fromstring(report.page().html())
+    shown = list(page.iter("math"))
+    assert len(shown) == 2
+    assert "cos" in shown[1].text_content()
+    assert "&" not in "".join(each.text_content() for each in shown)
 
 
 def test_the_verdict_counts_the_rows_that_are_found(paper):
@@ -47,9 +74,32 @@ def test_the_verdict_counts_the_rows_that_are_found(paper):
         assert verdict.startswith(f"{count} of the 15 rows")
 
 
+def test_a_subgroup_search_that_finds_nothing_is_said_so(paper):
+    """As by the pseudocode, on some processors."""
+    strict = SubgroupSearch(condition_limit=1.5)
+    nothing = strict.search(ChoiceProblem(paper.base.base.structure))
+    searches = dict.fromkeys(paper.base.subgroups, nothing)
+    report = paper_report(replace(paper, base=replace(paper.base, subgroups=searches)))
+    assert "subgroup search finds nothing" in report.verdict
+    assert printed(report.brief[0], 80).count("no valid choice") == 2
+    assert report.page().html().count("none found") == 2
+
+
+def test_the_story_is_one_screen(report):
+    (story,) = report.brief
+    steps = [str(cell) for cell in story.columns[0].cells]
+    assert steps == [
+        *("robot", "regressor", "projection", "symbolic model", "subgroup search"),
+        *("exact search", "base parameters", "simulated values", "identified values"),
+        "errors on new data",
+    ]
+    assert all(re.search(r"\d", str(cell)) for cell in story.columns[1].cells)
+    assert len(printed(story, 80).splitlines()) <= 20
+
+
 @pytest.mark.parametrize("width", [80, 120])
 def test_all_tables_fit_the_terminal_and_nothing_in_them_is_cut(report, width):
-    for table in report.brief:
+    for table in [*report.brief, *report.tables()]:
         text = printed(table, width)
         assert max(map(len, text.splitlines())) <= width
         cells = " ".join(str(cell) for column in table.columns for cell in column.cells)
@@ -107,7 +157,7 @@ def test_a_stand_in_is_said_to_be_one_and_a_log_is_named(paper, report):
 def test_axes_say_their_units(report):
     for chart in figures(report).values():
         for panel in chart.panels:
-            assert re.search(r"\(m?N\)|%", panel.title)
+            assert re.search(r"\((m?N|m|kg, kg m)\)|%|cond\(V22\)|full rank", panel.title)
 
 
 def test_figure_4_shows_influence_and_what_is_explained(report, paper):

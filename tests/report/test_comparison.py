@@ -29,8 +29,9 @@ def test_values_that_differ_clearly_are_named(fits):
     apart = np.array([row["apart"] for row in rows])
     np.testing.assert_allclose(apart[[3, 7]], [5.0, 2.0], rtol=1e-6)
     assert np.delete(apart, [3, 7]).max() == 0.0
-    assert f"1 of {len(rows)} parameters" in report.verdict
-    assert rows[3]["name"] in report.verdict
+    assert report.verdict.startswith("They disagree: ")
+    assert f"the largest is 5 ({rows[3]['expression']})" in report.verdict
+    assert [row["differs"] for row in rows].index(True) == 3
     (table,) = report.brief
     marks = [str(cell) for cell in table.columns[-1].cells]
     assert [k for k, mark in enumerate(marks) if mark] == [3]
@@ -38,15 +39,22 @@ def test_values_that_differ_clearly_are_named(fits):
 
 def test_a_parameter_of_one_fit_alone_is_said_so(fits):
     one, other = fits
-    less = other.model_copy(update={"base_parameters": other.base_parameters[:-1]})
+    freedom = {"degrees_of_freedom": other.estimate.degrees_of_freedom[:-1]}
+    less = other.model_copy(
+        update={
+            "base_parameters": other.base_parameters[:-1],
+            "estimate": other.estimate.model_copy(update=freedom),
+        }
+    )
     report = comparison_report({"a": one, "b": less})
     assert report.record["parameters"][-1]["values"][1] is None
-    assert report.verdict.endswith("1 are not in all of them.")
+    assert report.verdict.endswith(" 1 parameters are not in all of them.")
 
 
 def test_many_fits_are_in_tables_of_three(fits):
     report = comparison_report({f"run {k}": fits[k % 2] for k in range(7)})
-    assert len(report.brief) == 3
+    assert len(report.brief) == 4  # the first is of pairs
+    assert len(report.record["agreements"]) == 21
     assert len(report.page().html()) < 3_000_000
 
 

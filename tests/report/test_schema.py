@@ -43,7 +43,7 @@ REPORTS = {
     "excitation": lambda get: excitation_report(design(get("five_bar"))),
     "identification": lambda get: identification_report(get("study"), "loopid excite"),
     "prediction": lambda get: prediction_report(get("knee"), [prediction(get("study"))]),
-    "gains": lambda get: gains_report(GainFit(("a", "b"), np.ones(2), np.eye(2), 5.0, np.zeros(1))),
+    "gains": lambda get: gains_report(GainFit(("a", "b"), np.ones(2), np.eye(2), 5.0, ("c",))),
     "comparison": lambda get: comparison_report(saved(get("study"))),
     "paper": lambda get: paper_report(get("paper")),
 }

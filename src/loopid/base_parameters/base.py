@@ -269,15 +269,24 @@ def find_base_parameters(
             evaluated=result.evaluated,
         )
     dependent = np.sort(order[list(result.dependent)])
-    result = replace(result, dependent=tuple(dependent.tolist()))
+    account = result.subgroups and result.subgroups.renumbered(order.tolist())
+    result = replace(result, dependent=tuple(dependent.tolist()), subgroups=account)
+    return base_of_choice(observation.parameters, structure, result)
+
+
+def base_of_choice(
+    parameters: ParameterSet, structure: Structure, search: SearchResult
+) -> BaseParameters:
+    """Base parameters of a search's choice among the columns of a structure."""
+    dependent = np.array(search.dependent, dtype=np.int64)
     base = base_columns(len(structure.columns), dependent)
     return BaseParameters(
-        parameters=observation.parameters,
+        parameters=parameters,
         structure=structure,
         base=structure.columns[base],
         dependent=structure.columns[dependent],
         regrouping=regrouping_matrix(structure.null_basis, dependent, structure.precision),
-        search=result,
+        search=search,
     )
 
 

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from loopid.arguments import FloatArray, IntArray
+from loopid.base_parameters.account import SubgroupAccount
 from loopid.base_parameters.rank import pivots
 from loopid.base_parameters.structure import Structure, base_columns, regrouping_matrix
 from loopid.errors import OptionError
@@ -201,6 +202,8 @@ class SearchResult:
     seconds : float
     proof : tuple of Exclusion
         Where ``ExactSearch`` was asked to keep it.
+    subgroups : SubgroupAccount or None
+        What a subgroup search tried.
     effort : SearchEffort
         How far the search was to go.
     """
@@ -219,6 +222,7 @@ class SearchResult:
     reason: str = ""
     seconds: float = field(default=0.0, compare=False)
     proof: tuple[Exclusion, ...] = ()
+    subgroups: SubgroupAccount | None = None
     effort: SearchEffort = SearchEffort()
 
     @property

@@ -20,6 +20,7 @@ from typing import ClassVar
 import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, IntArray
+from loopid.base_parameters.account import SubgroupAccount, TriedGroup
 from loopid.base_parameters.choice import (
     ChoiceProblem,
     SearchEffort,
@@ -36,6 +37,7 @@ from loopid.workers import Progress
 
 DETERMINANT_SLACK = 1e-6  # round-off of a determinant, relative, for matrices that may be the best
 VARIANTS = ("gap", "pseudocode")
+PAPER_LIMIT, PAPER_ALPHA = 2000.0, 0.25  # cond_limit and α of the paper
 DIGITS = 6  # that condition numbers are compared with
 
 
@@ -140,17 +142,25 @@ class SubgroupSearch(SearchStrategy):
     name: ClassVar[str] = "subgroup"
 
     effort: SearchEffort = SearchEffort()
-    condition_limit: float = 2000.0
-    alpha: float = 0.25
+    condition_limit: float = PAPER_LIMIT
+    alpha: float = PAPER_ALPHA
     variant: str = "gap"
     rank_tolerance: float = 1e-8
 
     def __post_init__(self) -> None:
         if not 0 < self.alpha <= 0.5:
-            raise OptionError(f"alpha must be in (0, 0.5], not {self.alpha}", given=self.alpha)
+            raise OptionError(
+                f"alpha must be in the paper's range, above 0 and at most 0.5, not {self.alpha}: "
+                f"the paper takes {PAPER_ALPHA}",
+                given=self.alpha,
+            )
         limit = self.condition_limit
         if not limit > 1:
-            raise OptionError(f"condition_limit must exceed 1, not {limit}", given=limit)
+            raise OptionError(
+                f"condition_limit must exceed 1, the least condition number there is, not {limit}: "
+                f"the paper takes {PAPER_LIMIT:g}",
+                given=limit,
+            )
         if self.variant not in VARIANTS:
             raise OptionError.unknown("variant", self.variant, VARIANTS)
         zero = self.rank_tolerance
@@ -185,21 +195,44 @@ class SubgroupSearch(SearchStrategy):
         size, d = self.group_size(problem), problem.dependent_count
         places = np.array(list(combinations(range(size), d)), dtype=np.int64)
         order = self._order(problem)
-        group = order[:size]
-        best: IntArray | None = None
-        least, evaluated = np.inf, 0
-        for incoming in [*order[size:].tolist(), None]:
-            choices = np.sort(group[places], axis=1)
-            valid, worse = self._judge(problem.structure.null_basis[choices])
-            evaluated += len(choices)
-            value, choice = self._best_valid(problem, choices[valid])
-            if value < least:
-                least, best = value, choice
-            if incoming is not None:
-                # Without invalid choices the first row makes room.
-                counts = (choices[worse][:, :, None] == group).sum(axis=(0, 1))
-                group = np.append(np.delete(group, counts.argmax()), incoming)
-        return self._result(problem, best, certified=False, evaluated=evaluated)
+        rows = order[:size]
+        best, groups = None, list[TriedGroup]()
+        for added in [*order[size:].tolist(), None]:
+            group, choice = self._tried(problem, rows, places, added)
+            if group.least < min((other.least for other in groups), default=np.inf):
+                best = choice
+            groups.append(group)
+            rows = np.append(rows[rows != group.removed], added)
+        account = SubgroupAccount(self.variant, self.alpha, self.condition_limit, d, tuple(groups))
+        return self._result(
+            problem, best, certified=False, evaluated=account.tried, subgroups=account
+        )
+
+    def _tried(
+        self, problem: ChoiceProblem, rows: IntArray, places: IntArray, added: int | None
+    ) -> tuple[TriedGroup, IntArray | None]:
+        """A group after all its choices were tried, and the best of them."""
+        choices = np.sort(rows[places], axis=1)
+        conditions, full_rank, order = self._judge(problem.structure.null_basis[choices])
+        valid = full_rank & (conditions < self.condition_limit)
+        invalid = order[~(full_rank if self.variant == "pseudocode" else valid)[order]]
+        worse = choices[invalid[len(invalid) // 2 :]]
+        least, best = self._best_valid(problem, choices, np.flatnonzero(valid))
+        # Without invalid choices the first row makes room.
+        counts = (worse[:, :, None] == rows).sum(axis=(0, 1))
+        leaves = int(counts.argmax())
+        group = TriedGroup(
+            rows=tuple(rows.tolist()),
+            condition_numbers=conditions,
+            full_rank=full_rank,
+            valid=int(valid.sum()),
+            least=least,
+            best=best,
+            removed=None if added is None else int(rows[leaves]),
+            added=added,
+            share=0.0 if added is None else float(counts[leaves]) / max(len(worse), 1),
+        )
+        return group, None if best is None else choices[best]
 
     def _order(self, problem: ChoiceProblem) -> IntArray:
         """The order in which rows come into the group."""
@@ -209,40 +242,38 @@ class SubgroupSearch(SearchStrategy):
         first = pivots(V2, problem.dependent_count)
         return np.concatenate([first, np.setdiff1d(np.arange(problem.size), first)])
 
-    def _judge(self, V22: FloatArray) -> tuple[BoolArray, IntArray]:
-        """Which choices (c, d, d) are valid, and the worse half of the invalid ones."""
+    def _judge(self, V22: FloatArray) -> tuple[FloatArray, BoolArray, IntArray]:
+        """Condition numbers of choices (c, d, d), which have full rank, and their order.
+
+        The worst come last; only the order of those that are invalid counts.
+        """
         values = np.linalg.svd(V22, compute_uv=False)
-        if self.variant == "gap":
-            ranks = (values > self.rank_tolerance * values[:, :1]).sum(axis=1)
-            counted = np.maximum(ranks, 1) - 1
-            last = values[np.arange(len(values)), counted]
-            conditions = np.where(last > 0, values[:, 0], 1.0) / np.where(last > 0, last, 1.0)
-            full_rank = ranks == V22.shape[1]
-            # Choices of lower rank are worse; rounded, so that equal ones stay in their order.
-            order = np.lexsort((np.log(conditions).round(DIGITS), -ranks))
-        else:
-            with np.errstate(divide="ignore", invalid="ignore"):
-                conditions = np.where(values[:, -1] > 0, values[:, 0] / values[:, -1], np.inf)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            conditions = np.where(values[:, -1] > 0, values[:, 0] / values[:, -1], np.inf)
+        if self.variant == "pseudocode":
             # The numerical rank of MATLAB and NumPy.
             full_rank = values[:, -1] > V22.shape[1] * np.finfo(float).eps * values[:, 0]
-            order = np.argsort(conditions, kind="stable")
-        valid = full_rank & (conditions < self.condition_limit)
-        invalid = order[~(full_rank if self.variant == "pseudocode" else valid)[order]]
-        return valid, invalid[len(invalid) // 2 :]
+            return conditions, full_rank, np.argsort(conditions, kind="stable")
+        ranks = (values > self.rank_tolerance * values[:, :1]).sum(axis=1)
+        last = values[np.arange(len(values)), np.maximum(ranks, 1) - 1]
+        kept = np.where(last > 0, values[:, 0], 1.0) / np.where(last > 0, last, 1.0)
+        # Choices of lower rank are worse; rounded, so that equal ones stay in their order.
+        order = np.lexsort((np.log(kept).round(DIGITS), -ranks))
+        return conditions, ranks == V22.shape[1], order
 
     def _best_valid(
-        self, problem: ChoiceProblem, choices: IntArray
-    ) -> tuple[float, IntArray | None]:
-        """The first of the valid choices with the least value of the criterion."""
-        if len(choices) == 0:
+        self, problem: ChoiceProblem, choices: IntArray, valid: IntArray
+    ) -> tuple[float, int | None]:
+        """The least value of the criterion, and which valid choice has it first."""
+        if len(valid) == 0:
             return np.inf, None
-        selections = choices
+        selections = choices[valid]
         if problem.criterion == "regressor":
-            is_base = np.ones((len(choices), problem.size), dtype=bool)
-            np.put_along_axis(is_base, choices, False, axis=1)
-            selections = np.nonzero(is_base)[1].reshape(len(choices), -1)
+            is_base = np.ones((len(valid), problem.size), dtype=bool)
+            np.put_along_axis(is_base, selections, False, axis=1)
+            selections = np.nonzero(is_base)[1].reshape(len(valid), -1)
         values = condition_numbers(problem.vectors[selections])
         if self.variant == "gap":
             values = 10.0 ** np.log10(values).round(DIGITS)
         first = int(values.argmin())
-        return float(values[first]), choices[first]
+        return float(values[first]), int(valid[first])

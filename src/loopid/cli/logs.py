@@ -15,7 +15,7 @@ from typer import Argument, Option
 from loopid.cli.robots import FILE, MAPPING, MODEL, TERMS, numbers, of_robot, recordings
 from loopid.cli.shell import answering, with_options
 from loopid.errors import LoopidError, OptionError
-from loopid.files import require_other_file
+from loopid.files import require_other_file, write_file
 from loopid.workers import progress_bar
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ LOGS = Argument(
     help="CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream.",
 )
 CUTOFF = Option(None, help="Cut-off of the low-pass filter in Hz; by default what predicts best.")
+AUTOMATIC_TERMS = Option("auto", help=f"{TERMS[:-1]}; auto: the usual ones, and what LOG asks for.")
 ROWS = Option(None, metavar="M:N", help="Rows of each LOG to use, counted from 1.")
 
 
@@ -41,7 +42,7 @@ def identify(
     logs: list[str] = LOGS,
     mapping: str | None = MAPPING,
     model: str = MODEL,
-    terms: str = Option("auto", help=f"{TERMS[:-1]}; auto: the usual ones, and what LOG asks for."),
+    terms: str = AUTOMATIC_TERMS,
     compare_terms: list[str] | None = Option(
         None, metavar="CHOICE", help="Judge these terms too, as of --terms; repeatable."
     ),
@@ -175,25 +176,37 @@ def payload(
     known_mass: float | None = Option(
         None, metavar="KG", help="Mass of a known payload: find the drives' gains."
     ),
-    centre: str = Option(
-        "0,0,0", metavar="X,Y,Z", help="Of the known mass, in the link's frame in m."
+    centre: str | None = Option(
+        None,
+        metavar="X,Y,Z",
+        help="Of the known mass, in the link's frame in m, where it is known.",
+    ),
+    write_mapping: str | None = Option(
+        None, metavar="YAML", help="With --known-mass: a mapping that has the gains."
     ),
     mapping: str | None = MAPPING,
     model: str = MODEL,
-    terms: str = Option("Fc,Fv", help=TERMS),
+    terms: str = AUTOMATIC_TERMS,
     estimator: str = Option("wls", help="wls, ols or bisquare."),
     cutoff: float | None = CUTOFF,
     rows: str | None = ROWS,
 ) -> None:
     """Identify a payload, or the drives' gains by a known one."""
-    from loopid.diagnosis.payload import KnownLoad, drive_gains, identify_payload
+    from loopid.diagnosis.gains import KnownLoad, drive_gains
+    from loopid.diagnosis.payload import identify_payload
     from loopid.identification.force_model import find_force_model
     from loopid.identification.log_mistakes import suspicions_by_log
-    from loopid.regressors.joint_terms import JointTerms
+    from loopid.logs.mapping import read_mapping
     from loopid.report.forces import gains_report, payload_report
 
-    answer.require(robot.path, mapping, *unloaded, *loaded_log)
-    force_model = find_force_model(robot, model, JointTerms.of(robot, terms))
+    inputs = [name for name in (robot.path, mapping, *unloaded, *loaded_log) if name is not None]
+    answer.require(*inputs)
+    if known_mass is None and (centre or write_mapping):
+        given = "--centre" if centre else "--write-mapping"
+        raise OptionError(f"{given} is for gains: say the mass of the payload, --known-mass KG")
+    if write_mapping is not None:
+        require_other_file(write_mapping, *inputs)
+    force_model = find_force_model(robot, model, terms)
     light = recordings(robot, unloaded, mapping, cutoff, rows)
     heavy = recordings(robot, loaded_log, mapping, cutoff, rows)
     suspected = suspicions_by_log(robot, light, force_model.joint_terms)
@@ -202,8 +215,11 @@ def payload(
         found = identify_payload(force_model, link, **runs)
         answer.show(_vetoed(payload_report(found), suspected))
     else:
-        place = numbers(centre, "--centre", 3)
+        place = None if centre is None else numbers(centre, "--centre", 3)
         gains = drive_gains(force_model, link, KnownLoad(known_mass, place), **runs)
+        if write_mapping is not None:
+            own = None if mapping is None else read_mapping(mapping)
+            write_file(write_mapping, gains.mapping([*light, *heavy], own).content)
         answer.show(_vetoed(gains_report(gains), suspected))
 
 

@@ -88,6 +88,15 @@ def base(
     answer: Answer,
     model: str = MODEL,
     search: str = Option("exact", help="exact, subgroup, exhaustive or qr."),
+    alpha: float | None = Option(
+        None, help="Subgroup search: group rising factor, above 0, at most 0.5; 0.25 by default."
+    ),
+    cond_limit: float | None = Option(
+        None, help="Subgroup search: valid combinations are below; 2000 by default."
+    ),
+    variant: str | None = Option(
+        None, help="Subgroup search: gap, by default, or pseudocode, as printed in the paper."
+    ),
     terms: str = Option("none", help=TERMS),
     criterion: str = Option("nullspace", help="nullspace (cond V22) or regressor (cond W_B)."),
     samples: int | None = Option(None, help="Number of random closed poses; enough by default."),
@@ -104,6 +113,7 @@ def base(
     from loopid.report.structure import base_report
 
     answer.require(robot.path)
+    strategy = subgroups_of(search, alpha=alpha, condition_limit=cond_limit, variant=variant)
     joint_terms = JointTerms.of(robot, terms)
     warn_of_omitted(robot, joint_terms)
     with progress_bar("poses") as report:
@@ -111,8 +121,21 @@ def base(
             robot, model, samples=samples, seed=seed, progress=report, joint_terms=joint_terms
         )
     effort = None if time_limit is None else SearchEffort(time_limit=time_limit)
-    found = find_felt_parameters(observation, search, criterion=criterion, effort=effort)
+    found = find_felt_parameters(observation, strategy, criterion=criterion, effort=effort)
     answer.show(base_report(robot, model, *found))
+
+
+def subgroups_of(search: str, **options: Any) -> Any:
+    """The search of a name, with options where it is that of subgroups."""
+    from loopid.base_parameters.enumerated import SubgroupSearch
+
+    given = {name: value for name, value in options.items() if value is not None}
+    if given and search != SubgroupSearch.name:
+        raise OptionError(
+            f"{', '.join(given)} belong to subgroup search, not to {search}: use search='subgroup'",
+            given=search,
+        )
+    return SubgroupSearch(**given) if given else search
 
 
 @of_robot

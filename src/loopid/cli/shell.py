@@ -158,7 +158,7 @@ class Answer:
 
         found = {in_options(str(each), self.context) for each in report.findings}
         told = self.context.obj  # what is a finding is said once
-        told[:] = [text for text in told if text not in found]
+        told[:] = [text for text in told if not any(text in each for each in found)]
         run = Run(command=shlex.join(["loopid", *sys.argv[1:]]), warnings=tuple(told))
         written: list[Path] = []
         if self.folder is not None:

@@ -38,7 +38,7 @@ from loopid.kinematics.projection import (
 )
 from loopid.parameters import KINDS, model_kinds
 from loopid.regressors.joint_laws import JointState, JointTerm, joint_term
-from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.joint_terms import JointTerms, with_loads
 from loopid.robot.mechanism import Mechanism, lock_options
 
 # Newton steps this short, in rad or characteristic lengths, leave G and q at one point to round-off
@@ -143,6 +143,7 @@ class MotorModel:
         self._measured = measured_coordinates(self.mechanism)
         self._partition = partition(self.mechanism)
         self._bodies = self.force_model.body_columns
+        self._loads = self.force_model.load_columns
         self._standard = self.force_model.base.base[self._bodies]
         terms = self.force_model.joint_terms or JointTerms(())
         self._terms = terms if smoothing is None else replace(terms, smoothing=smoothing)
@@ -257,7 +258,31 @@ class MotorModel:
         v = self._rates(velocities)[None] @ self._pose.G[0].T
         K = np.zeros((1, self.dof, len(self.values)))
         self._add(K, [law for law in self._laws if law.friction], v, np.zeros_like(v))
+        if len(self._loads[1]):
+            rest = self._rates(velocities)[None], np.zeros((1, self.dof))
+            loads = self.force_model.loads(self._regressors(*rest, False))
+            K = with_loads(K, self._loads, loads)
         return np.asarray(K[0])
+
+    def dry_friction(
+        self, velocities: FloatArray, loads: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Friction (dof,) of the motors but the viscous: its size, and what acts alike both ways.
+
+        At standstill it is the largest that holds a joint. ``loads`` (dof,) are the forces that
+        move the bodies.
+        """
+        names, found = self.mechanism.independent, np.zeros((2, self.dof))
+        places = self.mechanism.velocity_indices(names).tolist()
+        speeds = np.maximum(np.abs(velocities), np.finfo(float).tiny)
+        for law in (law for law in self._laws if law.friction and law.kind != "Fv"):
+            rows = [places.index(joint) for joint in law.joints.tolist()]
+            state = JointState(None, speeds[rows], None, math=np, torque=np.abs(loads[rows]))
+            ahead = law.term.law(state, law.term.at)
+            back = law.term.law(state._replace(rate=-speeds[rows]), law.term.at)
+            found[0, rows] += self.values[law.columns] * (ahead - back) / 2
+            found[1, rows] += self.values[law.columns] * (ahead + back) / 2
+        return np.maximum(found[0], 0.0), found[1]
 
     def coefficients(self, kind: str) -> FloatArray:
         """Values (dof,) of a kind of joint term, such as Coulomb friction ``"Fc"``; 0 without."""
@@ -343,6 +368,8 @@ class MotorModel:
         Y = torque_regressors(robot, q, *rates, model=model, G=G)
         K[:, :, self._bodies] = Y.take(self._standard, axis=2)
         self._add(K, [law for law in self._laws if friction or not law.friction], v, a)
+        if friction and len(self._loads[1]):
+            K = with_loads(K, self._loads, self.force_model.loads(K))
         return K
 
     def _gamma(self, v: FloatArray) -> FloatArray:
@@ -403,6 +430,7 @@ def _values_of(
         model, covariance = robot, None
         values = model.prior if fit is None else fit
     phi = _numbers(values, len(model.parameters), "values")
+    model = model.with_loads(phi)
     return model, phi, np.zeros(2 * phi.shape) if covariance is None else np.array(covariance)
 
 

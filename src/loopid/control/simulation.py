@@ -24,7 +24,9 @@ from loopid.records import record
 from loopid.robot.mechanism import shortened
 
 SAME, SWEEPS = 1e-12, 1000  # relative change of velocities that ends their iteration; at most
-FRICTION = ("Fc", "Fv")
+# Kinds of friction that may hold a joint, or are viscous; of those before a number.
+FRICTION = "Fc", "Fc+", "Fc-", "Fv", "Ft"
+NUMBERED = "Fs~", "Fk0~", "Fk~", "Fa~", "Fa1~"
 
 
 @record(kw_only=True, checked=True)
@@ -91,7 +93,7 @@ class ControlLoop:
     Parameters
     ----------
     robot : MotorModel
-        The robot as it is, a full model; its Coulomb and viscous friction is that of the motors.
+        The robot as it is, a full model; its friction is that of the motors.
     controller : Law
         What commands it.
     options : LoopOptions, optional
@@ -108,7 +110,7 @@ class ControlLoop:
     Raises
     ------
     OptionError
-        When the model has other friction than Coulomb and viscous.
+        When passive joints have friction, or it is smooth at standstill.
 
     Examples
     --------
@@ -139,14 +141,14 @@ class ControlLoop:
             each.label
             for each in robot.force_model.parameters
             if each.kind in robot.friction_kinds
-            and not (each.kind in FRICTION and each.link in names)
+            and not (each.link in names and _simulated(each.kind))
         ]
         if others:
             raise OptionError(
-                "only Coulomb and viscous friction of independent coordinates is simulated, not "
+                "only friction of independent coordinates that may hold them is simulated, not "
                 f"{shortened(others)}"
             )
-        self.coulomb, self.viscous = map(robot.coefficients, FRICTION)
+        self.viscous = robot.coefficients("Fv")
         self.values = np.array(robot.values)
         own = robot.mechanism.velocity_indices(names)
         self.position = robot.configuration[robot.mechanism.first_positions[own]]
@@ -155,6 +157,7 @@ class ControlLoop:
         self.signals = Signals(self.position, self.velocity, self.external)
         self._felt, self._waiting = np.zeros(robot.dof), list[FloatArray]()
         self._inertia, self._bias, self._age = np.zeros(0), np.zeros(0), np.inf
+        self._load = np.zeros(robot.dof)
 
     @checked
     def load(self, link: str, body: FloatArray) -> None:
@@ -216,7 +219,9 @@ class ControlLoop:
         if self._age >= self.options.refresh * (1 - SAME):
             rigid, still = self.robot.rigid_regressor, np.zeros(self.robot.dof)
             self._inertia = self.robot.mass_regressor(self.position) @ self.values
-            self._bias = rigid(self.position, self.velocity, still) @ self.values
+            K = rigid(self.position, self.velocity, still)
+            bodies = self.robot.force_model.body_columns
+            self._bias, self._load = K @ self.values, K[:, bodies] @ self.values[bodies]
             self._age = 0.0
         self._age += self.options.interval
         steps = int(np.ceil(self.options.interval / self.options.step * (1 - SAME)))
@@ -224,9 +229,14 @@ class ControlLoop:
         A = self._inertia + h * np.diag(self.viscous)
         push = h * (force + self.external - self._bias)
         for _ in range(steps):
-            b = self._inertia @ self.velocity + push
-            self.velocity = _slowed(A, b, h * self.coulomb, self.velocity)
+            dry, uneven = self.robot.dry_friction(self.velocity, self._load)
+            b = self._inertia @ self.velocity + push - h * uneven
+            self.velocity = _slowed(A, b, h * dry, self.velocity)
             self.position = self.position + h * self.velocity
+
+
+def _simulated(kind: str) -> bool:
+    return kind in FRICTION or kind.startswith(NUMBERED)
 
 
 def _slowed(A: FloatArray, b: FloatArray, least: FloatArray, x: FloatArray) -> FloatArray:

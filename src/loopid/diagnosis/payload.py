@@ -1,30 +1,123 @@
-"""A payload from two runs, with and without it; drive gains from a payload that is known."""
+"""A payload from two runs, with and without it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 
 import numpy as np
-from scipy.special import stdtrit
+from scipy.linalg import solve_triangular
+from scipy.special import fdtrc, stdtrit
 
-from loopid.arguments import FloatArray, checked, finite, frozen, row_blocks
+from loopid.arguments import FloatArray, checked, frozen
 from loopid.base_parameters.base import BaseParameters, find_base_parameters
-from loopid.errors import DataError, OptionError, RankError
-from loopid.identification.cutoff import choose_cutoff, prepared_at
-from loopid.identification.estimator import Estimator, chosen_estimator
-from loopid.identification.fitting import fit, quiet_fit
+from loopid.diagnosis.gains import motor_scales
+from loopid.diagnosis.loaded_runs import LoadedRuns
+from loopid.errors import ModelWarning, RankError, warn
+from loopid.identification.consistent import (
+    CONSISTENT,
+    consistent_working_fit,
+    error_weights,
+    solid_body,
+)
+from loopid.identification.correlation import with_scatter, within_runs
+from loopid.identification.estimator import (
+    Estimator,
+    WorkingFit,
+    chosen_estimator,
+    require_excitation,
+    result_of,
+)
+from loopid.identification.fitting import working_fit
 from loopid.identification.force_model import ForceModel
+from loopid.identification.information import Excitation, fit_excited
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import FitResult
+from loopid.inertia import from_moments
 from loopid.logs.recording import Recording
 from loopid.observation import Observation
-from loopid.parameters import GRAVITY_KINDS, KINDS, Parameter, ParameterSet
+from loopid.parameters import GRAVITY_KINDS, ParameterSet
 from loopid.records import record
 
 PAYLOAD = "payload"
-# Relative change of the gains at which they have converged, and after how many steps at most.
-CONVERGED, MOST_STEPS = 1e-9, 50
+# Probability that motors are said to disagree which differ by chance.
+FALSE_ALARM = 0.01
+# Relative error of a mass by a motor that is but round-off.
+ROUND_OFF = 1e-6
+# Degrees of freedom of what motors disagree by, at least: of two motors an interval of one degree
+# would say nothing.
+LEAST_KNOWN = 2
+# Radius of the ball that a payload counts as before anything is known, of the robot's length.
+REACH = 0.1
+
+
+@record
+class MotorMasses:
+    """The mass of a payload by each motor alone: what its gain would have to be right for.
+
+    Attributes
+    ----------
+    actuators : tuple of str
+        The m motors that can tell.
+    values, covariance : FloatArray
+        (m,) and (m, m) in kg.
+    degrees_of_freedom : float
+    untold : tuple of str
+        Motors that cannot tell.
+    """
+
+    actuators: tuple[str, ...]
+    values: FloatArray
+    covariance: FloatArray
+    degrees_of_freedom: float
+    untold: tuple[str, ...]
+
+    def intervals(self, level: float = 0.95) -> FloatArray:
+        """Confidence intervals (m, 2) in kg."""
+        reach = stdtrit(self.degrees_of_freedom, 0.5 + level / 2)
+        reach = reach * np.sqrt(np.diag(self.covariance))
+        return np.stack([self.values - reach, self.values + reach], axis=1)
+
+    @property
+    def chance(self) -> float:
+        """Probability that motors with right gains differ so much; 1 where there are not two."""
+        if len(self.values) < 2:
+            return 1.0
+        square, count = self._square(0.0), len(self.values) - 1
+        return float(fdtrc(count, max(self.degrees_of_freedom, 1), square / count))
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation in kg by which motors differ beyond their errors [Paule1982]."""
+        from scipy.optimize import brentq  # slow to import
+
+        count = len(self.values) - 1
+        if count < 1 or self._square(0.0) <= count:
+            return 0.0
+        # The sum of squares falls with the spread; at this bound it is below its expectation.
+        most = float(np.abs(self.values - self.values.mean()).max()) * 2 * np.sqrt(count + 1)
+        return float(brentq(lambda s: self._square(s) - count, 0.0, most))
+
+    def _square(self, spread: float) -> float:
+        """Squared deviations from their best mean, in their errors and a spread beside these."""
+        C = self.covariance + spread**2 * np.eye(len(self.values))
+        inverse = np.linalg.inv(C)
+        ones = np.ones(len(self.values))
+        mean = (ones @ inverse @ self.values) / (ones @ inverse @ ones)
+        return float((self.values - mean) @ inverse @ (self.values - mean))
+
+    @property
+    def disagreement(self) -> str:
+        """What it says that motors disagree: a sentence, empty where they do not."""
+        if self.chance >= FALSE_ALARM:
+            return ""
+        low, high = int(self.values.argmin()), int(self.values.argmax())
+        return (
+            f"motors disagree on the mass: {self.values[low]:.3g} kg by {self.actuators[low]}, "
+            f"{self.values[high]:.3g} kg by {self.actuators[high]}; gains of drives are off, or "
+            "the model lacks a force: a load of known mass tells the gains (drive_gains in Python, "
+            "--known-mass KG of the command)"
+        )
 
 
 @record
@@ -38,35 +131,38 @@ class PayloadFit:
     base : BaseParameters
         Of the payload: which combinations of its parameters can be told from the forces.
     fit : FitResult
-        Of the robot's base parameters and, after them, those of the payload.
+        Of these combinations; its quality is that of robot and payload in all runs.
+    standard_parameters : FloatArray
+        (4,) or (10,), of the most likely solid body with these.
+    motors : MotorMasses or None
+        The mass by each motor; None where the forces do not tell it, or motors depend on each
+        other.
     """
 
     link: str
     base: BaseParameters
     fit: FitResult
+    standard_parameters: FloatArray
+    motors: MotorMasses | None = None
 
     @property
     def parameters(self) -> ParameterSet:
         """Leading parameter of each combination that can be told."""
-        return self.fit.parameters.select(range(self._first, len(self.fit.values)))
+        return self.fit.parameters
 
     @property
     def values(self) -> FloatArray:
         """Values (k,) of these."""
-        return self.fit.values[self._first :]
+        return self.fit.values
 
     @property
     def covariance(self) -> FloatArray:
         """Their covariance (k, k)."""
-        return self.fit.covariance[self._first :, self._first :]
+        return self.fit.covariance
 
     def intervals(self, level: float = 0.95) -> FloatArray:
-        """Their confidence intervals (k, 2)."""
-        return self.fit.intervals(level)[self._first :]
-
-    @property
-    def _first(self) -> int:
-        return len(self.fit.values) - len(self.base)
+        """Their confidence intervals (k, 2), which hold what motors disagree by."""
+        return self.fit.intervals(level)
 
     @property
     def mass(self) -> float:
@@ -90,10 +186,11 @@ class PayloadFit:
             When the forces tell the mass only together with other parameters.
         """
         alone, centre, reach = self._alone(), np.full(3, np.nan), np.full(3, np.nan)
-        mass, factor = self.mass, stdtrit(self.fit.degrees_of_freedom.min(), 0.5 + level / 2)
+        mass, freedom = self.mass, self.fit.degrees_of_freedom
         for axis, kind in enumerate(GRAVITY_KINDS[1:]):
             if kind in alone:
                 rows = [alone["m"], alone[kind]]
+                factor = stdtrit(freedom[rows].min(), 0.5 + level / 2)
                 centre[axis] = self.values[rows[1]] / mass
                 slope = np.array([-centre[axis], 1.0]) / mass
                 reach[axis] = factor * np.sqrt(slope @ self.covariance[np.ix_(rows, rows)] @ slope)
@@ -101,8 +198,7 @@ class PayloadFit:
 
     def _alone(self) -> dict[str, int]:
         """Rows, by kind, of parameters that are told alone; the mass has to be one."""
-        terms = enumerate(self.base.terms)
-        rows = {self.parameters[k].kind: k for k, each in terms if len(each) == 1}
+        rows = _alone(self.base)
         if "m" not in rows:
             raise RankError(
                 f"the forces do not tell the mass of a payload on {self.link} alone: they tell "
@@ -121,41 +217,6 @@ class PayloadFit:
         return "\n".join([f"PayloadFit on {self.link}:", *lines[:9]])
 
 
-@record
-class GainFit:
-    """Drive gains: what a motor's true force is for each unit of the logged one.
-
-    Attributes
-    ----------
-    actuators : tuple of str
-    gains : FloatArray
-        (dof,); multiply ``force_scale`` of the log's mapping by them.
-    covariance : FloatArray
-        (dof, dof).
-    degrees_of_freedom : float
-        Of the intervals.
-    values : FloatArray
-        (n,) base parameters of the force model without the payload, in true units.
-    """
-
-    actuators: tuple[str, ...]
-    gains: FloatArray
-    covariance: FloatArray
-    degrees_of_freedom: float
-    values: FloatArray
-
-    def intervals(self, level: float = 0.95) -> FloatArray:
-        """Confidence intervals (dof, 2) of the gains."""
-        reach = stdtrit(self.degrees_of_freedom, 0.5 + level / 2)
-        reach = reach * np.sqrt(np.diag(self.covariance))
-        return np.stack([self.gains - reach, self.gains + reach], axis=1)
-
-    def __repr__(self) -> str:
-        told = zip(self.actuators, self.gains, self.intervals(), strict=True)
-        lines = [f"  {n}: {gain:.4f} [{low:.4f} ... {high:.4f}]" for n, gain, (low, high) in told]
-        return "\n".join(["GainFit, true force over logged force:", *lines[:9]])
-
-
 @checked
 def identify_payload(
     force_model: ForceModel,
@@ -170,6 +231,10 @@ def identify_payload(
     The runs share the robot: K Φ are its forces in all of them, and in the loaded ones the
     payload adds the columns of the link that it is fixed to [Gautier2014]. No CAD is needed. The
     motions may differ, but have to excite the robot alike; the same motion is best.
+
+    Delay, cut-off and joint terms are those that the runs without the payload ask for. By weighted
+    least squares the robot file is weighed as in ``consistent_fit``, and the payload is a solid
+    body. Intervals hold what motors disagree by: each gain may be off by as much as they differ.
 
     Parameters
     ----------
@@ -186,7 +251,12 @@ def identify_payload(
     OptionError
         When the robot has no body of that name.
     RankError
-        When the runs do not excite the robot's parameters, or no force depends on the payload.
+        When the runs do not excite the payload's parameters, or no force depends on it.
+
+    Warns
+    -----
+    ModelWarning
+        When motors clearly disagree on the mass.
 
     Examples
     --------
@@ -217,190 +287,118 @@ def identify_payload(
     >>> found.values.round(1)
     array([2. , 0.2, 0.1])
     """
-    if not unloaded or not loaded:
-        raise DataError("a payload takes recordings without it, and others with it")
-    unloaded, loaded = _at_best_cutoff(force_model, unloaded, loaded)
-    columns = _link_columns(force_model, link)
-    regressor = force_model.random_regressor[:, :, columns]
+    runs, chosen = LoadedRuns.of(force_model, link, unloaded, loaded), chosen_estimator(estimator)
+    base = _payload_parameters(runs)
+    samples = runs.robot.beside(base.parameters.select(base.base), base.regressor(runs.carried))
+    if chosen.name == "wls":
+        working = _with_the_file(runs, samples)
+    else:
+        working = working_fit(samples, chosen, quiet=False)
+    standard, result = _solid(runs, base, working.result)
+    motors = _by_motor(runs, base, result, chosen)
+    if motors is not None and motors.spread:
+        result = _with_spread(runs, working, result, motors)
+    found = PayloadFit(link, base, result, standard, motors)
+    if motors is not None and motors.disagreement:
+        warn(motors.disagreement, ModelWarning)
+    return found
+
+
+def _payload_parameters(runs: LoadedRuns) -> BaseParameters:
+    """Which combinations of a payload's parameters the forces tell, in random states."""
+    regressor, robot = runs.random_load, runs.force_model.mechanism
     if not regressor.any():
-        raise RankError(f"no force of a motor depends on a payload on {link}")
-    names = ParameterSet.of_links([PAYLOAD], [force_model.base.parameters[j].kind for j in columns])
-    observation = Observation.from_matrix(regressor, names, length=force_model.mechanism.length)
-    base, parts = find_base_parameters(observation), []
-    for carried, run in [*((0.0, run) for run in unloaded), *((1.0, run) for run in loaded)]:
-        samples = force_model.samples(run)
-        added = carried * base.regressor(_link_regressor(force_model, run, columns))
-        W = np.concatenate([samples.regressor, added], axis=2)
-        every = force_model.parameters + base.parameters.select(base.base)
-        parts.append(replace(samples, parameters=every, regressor=W))
-    return PayloadFit(link, base, fit(FitSamples.combined(parts), estimator))
+        raise RankError(f"no force of a motor depends on a payload on {runs.link}")
+    names = ParameterSet.of_links([PAYLOAD], runs.kinds)
+    return find_base_parameters(Observation.from_matrix(regressor, names, length=robot.length))
 
 
-@record(checked=True)
-class KnownLoad:
-    """A body that is known.
-
-    Attributes
-    ----------
-    mass : float
-        In kg.
-    centre : FloatArray
-        (3,), its centre of mass in the link's frame in m; by default the origin.
-    inertia : FloatArray
-        (3, 3) about its centre of mass, along the link's axes, in kg m²; by default a point mass.
-
-    Raises
-    ------
-    OptionError
-        When the mass is not above 0, or an array has another shape.
-    """
-
-    mass: float
-    centre: FloatArray = field(default_factory=lambda: np.zeros(3))
-    inertia: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
-
-    def __post_init__(self) -> None:
-        if not 0 < self.mass < np.inf:
-            raise OptionError(f"the known mass must be above 0 kg, not {self.mass}")
-        for name, shape in (("centre", (3,)), ("inertia", (3, 3))):
-            array = finite(getattr(self, name), name)
-            if array.shape != shape:
-                raise OptionError(f"{name} must have shape {shape}, not {array.shape}")
-            object.__setattr__(self, name, array)
-
-    @property
-    def parameters(self) -> FloatArray:
-        """Standard parameters (10,), in Pinocchio's order, about the link's origin."""
-        c = self.centre
-        about = self.inertia + self.mass * (c @ c * np.eye(3) - np.outer(c, c))
-        products = about[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
-        return np.concatenate([[self.mass], self.mass * c, products])
+def _alone(base: BaseParameters) -> dict[str, int]:
+    """Rows, by kind, of parameters that are told alone."""
+    kinds = zip(base.parameters.select(base.base), base.terms, strict=True)
+    return {parameter.kind: k for k, (parameter, terms) in enumerate(kinds) if len(terms) == 1}
 
 
-@checked
-def drive_gains(
-    force_model: ForceModel,
-    link: str,
-    load: KnownLoad,
-    *,
-    unloaded: Sequence[Recording],
-    loaded: Sequence[Recording],
-    estimator: Estimator | str = "wls",
-) -> GainFit:
-    """Find the gains of drives from runs without and with a known mass.
-
-    What is logged is c = τ / g for each motor. The known mass puts newtons into the equations, so
-    robot and gains are found together [Gautier2014]: c = s ∘ (K Φ + K_L δ) with s = 1/g is solved
-    by Gauss-Newton steps. Errors of the log stay errors of c alone, which total least squares
-    would spread over the columns.
-
-    Parameters
-    ----------
-    force_model : ForceModel
-    link : str
-        That the known mass was fixed to.
-    load : KnownLoad
-    unloaded, loaded : sequence of Recording
-    estimator : Estimator or str
-        As in ``fit``.
-
-    Raises
-    ------
-    OptionError
-        When the robot has no body of that name.
-    RankError
-        When the runs do not excite the robot's parameters.
-    DataError
-        When the known mass acts on no force of some motor, or the gains do not converge.
-
-    Examples
-    --------
-    See ``identify_payload``; with ``KnownLoad(2.0, [0.1, 0.05, 0.0])`` the gains of that robot are
-    1.
-
-    >>> import loopid
-    >>> loopid.diagnosis.KnownLoad(-2.0)
-    Traceback (most recent call last):
-        ...
-    loopid.errors.OptionError: the known mass must be above 0 kg, not -2.0
-    """
-    if not unloaded or not loaded:
-        raise DataError("drive gains take recordings without the known mass, and others with it")
-    known = load.parameters
-    unloaded, loaded = _at_best_cutoff(force_model, unloaded, loaded)
-    columns = _link_columns(force_model, link)
-    samples = FitSamples.combined([force_model.samples(run) for run in [*unloaded, *loaded]])
-    added = [np.zeros_like(run.force) for run in unloaded]
-    added += [_link_regressor(force_model, run, columns) @ known[: len(columns)] for run in loaded]
-    W, n, dof = samples.regressor, len(force_model.parameters), len(samples.actuators)
-    extra = np.concatenate(added)
-    names = force_model.parameters + ParameterSet(
-        tuple(Parameter(actuator, "scale", "1") for actuator in samples.actuators)
-    )
-    if not extra.any(axis=0).all():
-        motor = samples.actuators[int(np.flatnonzero(~extra.any(axis=0))[0])]
-        raise DataError(f"no force of {motor} depends on a mass on {link}: its gain stays unknown")
-    values, scales, chosen = np.zeros(n), np.ones(dof), chosen_estimator(estimator)
-    for _ in range(MOST_STEPS):
-        rigid = samples.predicted(values) + extra
-        slopes = np.concatenate([scales[:, None] * W, rigid[:, :, None] * np.eye(dof)], axis=2)
-        # c ≈ s₀ (K Φ + K_L δ) + (s - s₀) (K Φ₀ + K_L δ), linear in Φ and s.
-        target = samples.force + scales * (rigid - extra)
-        data = FitSamples.of(
-            names,
-            samples.actuators,
-            slopes,
-            target,
-            used=samples.used,
-            stretches=samples.stretches,
-        )
-        step = quiet_fit(data, chosen)
-        change = np.abs(step.values[n:] / scales - 1).max()
-        values, scales = step.values[:n], step.values[n:]
-        if (scales <= 0).any():
-            motor = samples.actuators[int(np.flatnonzero(scales <= 0)[0])]
-            raise DataError(
-                f"the gain of {motor} comes out negative: is its force_scale negative, or is the "
-                f"mass on {link} not in the runs that are said to carry it?"
-            )
-        if change <= CONVERGED:
-            spread = step.covariance[n:, n:] / np.outer(scales**2, scales**2)
-            freedom = float(step.degrees_of_freedom.min())
-            return GainFit(samples.actuators, 1 / scales, spread, freedom, values)
-    raise DataError(f"the gains still change by {change:.1e} after {MOST_STEPS} steps")
+def _with_the_file(runs: LoadedRuns, samples: FitSamples) -> WorkingFit:
+    """Robot and payload, with the robot file weighed as the runs without the payload ask for."""
+    model, data = runs.force_model, runs.unloaded
+    noise = fit_excited(data, model.prior, Excitation.of(model, data.problem)).noise
+    assert noise is not None
+    robot = consistent_working_fit(model, data, noise)
+    assert robot.prior is not None
+    n, k = len(model.parameters), len(samples.parameters) - len(model.parameters)
+    rows = np.insert(robot.prior, np.full(k, n), 0.0, axis=1)
+    problem, weights = samples.problem, robot.result.weights
+    for _ in range(2):  # by the errors of the runs without the payload, then by those of all
+        factor = problem.weighted(weights, rows)
+        R = factor[:-1, :-1]
+        require_excitation(problem, R)
+        values = solve_triangular(R, factor[:-1, -1])
+        plain = result_of(CONSISTENT, problem, values, R, weights, 1.0)
+        working = within_runs(WorkingFit(plain, samples, rows))
+        assert working.result.noise is not None
+        weights = error_weights(problem, working.result.noise)
+    return with_scatter(working)
 
 
-def _at_best_cutoff(
-    force_model: ForceModel, unloaded: Sequence[Recording], loaded: Sequence[Recording]
-) -> tuple[Sequence[Recording], Sequence[Recording]]:
-    """Recordings at the cut-off that predicts those without the payload best."""
-    choice = choose_cutoff(force_model, unloaded)
-    if choice is None:
-        return unloaded, loaded
-    choice.warn()
-    return (
-        prepared_at(force_model, unloaded, choice.chosen),
-        prepared_at(force_model, loaded, choice.chosen),
+def _solid(
+    runs: LoadedRuns, base: BaseParameters, result: FitResult
+) -> tuple[FloatArray, FitResult]:
+    """Standard parameters of the payload as a solid body, and its fit given that it is one."""
+    first, robot, alone = len(result.values) - len(base), runs.force_model.mechanism, _alone(base)
+    x, C = result.values[first:], result.covariance[first:, first:]
+    mass = float(robot.standard_parameters("full")[::10].mean()) or 1.0
+    if "m" in alone:
+        mass = max(float(x[alone["m"]]), float(np.sqrt(C[alone["m"], alone["m"]])))
+    places = [alone.get(kind) for kind in GRAVITY_KINDS[1:]]
+    centre = np.array([0.0 if k is None else x[k] / mass for k in places])
+    guess = from_moments(mass, centre, mass * (REACH * robot.length) ** 2 / 5 * np.eye(3))
+    standard, covariance = solid_body(x, C, base.matrix, guess)
+    return standard, replace(
+        result,
+        parameters=base.parameters.select(base.base),
+        values=base.matrix @ standard,
+        covariance=covariance,
+        degrees_of_freedom=result.degrees_of_freedom[first:],
+        assumed=(),
+        cutoff=runs.cutoff,
     )
 
 
-def _link_columns(force_model: ForceModel, link: str) -> list[int]:
-    """Columns of a body among the p standard parameters."""
-    parameters = force_model.base.parameters
-    columns = [j for j, p in enumerate(parameters) if p.link == link and p.kind in KINDS]
-    if not columns:
-        bodies = dict.fromkeys(p.link for p in parameters if p.kind in KINDS)
-        raise OptionError.unknown("body", link, list(bodies))
-    return columns
+def _by_motor(
+    runs: LoadedRuns, base: BaseParameters, result: FitResult, estimator: Estimator
+) -> MotorMasses | None:
+    """The mass by each motor, about that of a fit; None where this is not clear from zero."""
+    row = _alone(base).get("m")
+    if row is None or runs.force_model.mechanism.redundant:
+        return None
+    mass = float(result.values[row])
+    if not result.intervals()[row, 0] > 0:
+        return None
+    known = np.full(len(runs.kinds), np.nan)
+    known[runs.kinds.index("m")] = mass
+    found = motor_scales(runs, known, estimator)
+    least = ROUND_OFF**2 * np.eye(len(found.scales))
+    numbers = mass * found.scales, mass**2 * (found.covariance + least), found.degrees_of_freedom
+    return MotorMasses(found.actuators, *numbers, found.untold)
 
 
-def _link_regressor(force_model: ForceModel, run: Recording, columns: list[int]) -> FloatArray:
-    """Forces (N, dof, k) per unit of each parameter of the link."""
-    motion = run.motion
-    blocks = (
-        force_model.standard_regressor(
-            motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
-        )[:, :, columns]
-        for rows in row_blocks(len(run))
+def _with_spread(
+    runs: LoadedRuns, working: WorkingFit, result: FitResult, motors: MotorMasses
+) -> FitResult:
+    """The fit with intervals that hold what motors disagree by [Welch1947]."""
+    samples, bodies = working.samples, np.array(working.result.values)
+    bodies[runs.force_model.joint_columns] = 0.0
+    of_motors = np.isin(samples.actuators, motors.actuators)
+    forces = samples.predicted(bodies)[:, :, None] * np.eye(len(of_motors))[:, of_motors]
+    part = motors.spread / float(np.average(motors.values))
+    known = max(len(motors.values) - 1, LEAST_KNOWN)
+    moved = part * working.response(forces)[-len(result.values) :]
+    added, own = (moved**2).sum(axis=1), np.diag(result.covariance)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        freedom = (own + added) ** 2 / (own**2 / result.degrees_of_freedom + added**2 / known)
+    return replace(
+        result,
+        covariance=result.covariance + moved @ moved.T,
+        degrees_of_freedom=np.where(added > 0, freedom, result.degrees_of_freedom),
     )
-    return np.concatenate(list(blocks))

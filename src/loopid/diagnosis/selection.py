@@ -121,14 +121,17 @@ def eliminate(found: Identification) -> Reduction:
     """Find the parameters of an identification that predictions need; ``eliminate_parameters``.
 
     Dropped ones go back to the robot file, and joint terms that it gives no value of to zero; what
-    is unidentifiable is dropped from the start. What is essential is not for a prior to say:
-    weighted least squares stands in for Bayes.
+    is unidentifiable is dropped from the start. Joint terms whose size the evidence decides stay.
+    What is essential is not for a prior to say: weighted least squares stands in for Bayes.
     """
-    prior, estimator = found.force_model.prior, chosen_estimator(found.options.estimator)
-    held = Excitation.of(found.force_model, found.data.problem).held
-    if not len(held):
+    model, estimator = found.force_model, chosen_estimator(found.options.estimator)
+    plain, prior = model.plain_columns, np.array(model.prior)
+    prior[model.grouped_columns] = found.fit.values[model.grouped_columns]
+    whole_data = found.data.reduced(plain, prior)
+    held = plain[Excitation.of(model, whole_data.problem).held]
+    free = np.setdiff1d(plain, held)
+    if len(free) == len(prior):
         return eliminate_parameters(found.data, found.new, estimator=estimator, reference=prior)
-    free = np.setdiff1d(np.arange(len(prior)), held)
     parts = (part.reduced(free, prior) for part in (found.data, found.new))
     reduction = eliminate_parameters(*parts, estimator=estimator, reference=prior[free])
 

@@ -8,7 +8,7 @@ from loopid.arguments import checked
 from loopid.diagnosis.selection import Reduction, eliminate, judge_essential
 from loopid.diagnosis.term_sets import TermComparison, compare_terms
 from loopid.findings import Finding, most_important_first
-from loopid.identification.force_model import AUTOMATIC, find_force_model
+from loopid.identification.force_model import AUTOMATIC, chosen_terms, find_force_model
 from loopid.identification.pipeline import FitOptions, Identification, identify
 from loopid.identification.prediction import Candidate
 from loopid.identification.verdict import Verdict
@@ -49,9 +49,9 @@ class StudyOptions:
         OptionError
             Naming the joint or the word.
         """
-        for choice in (self.terms, *self.compared):
-            if choice != AUTOMATIC:
-                JointTerms.of(mechanism, choice)
+        chosen_terms(mechanism, self.model, self.terms)
+        for choice in self.compared:
+            JointTerms.of(mechanism, choice)
 
 
 @record

@@ -10,11 +10,12 @@ import numpy as np
 from loopid.arguments import FloatArray, checked
 from loopid.diagnosis.selection import PredictionError, prediction_errors
 from loopid.errors import DataError
-from loopid.identification.force_model import ForceModel, samples_of
+from loopid.identification.force_model import ForceModel, parted, samples_of
 from loopid.identification.information import body_sizes
 from loopid.identification.pipeline import Identification
 from loopid.parameters import KINDS
 from loopid.records import record
+from loopid.regressors.joint_laws import grouped
 from loopid.regressors.joint_terms import NO_TERMS, JointTerms, together
 from loopid.robot.mechanism import Mechanism
 
@@ -139,11 +140,15 @@ def compare_terms(found: Identification, *, choices: Sequence[str] = ()) -> Term
         raise DataError("the fit has no model of its errors that sets could be weighted by")
     training, validation = found.training, found.validation
     prior_deviation, n_jobs = found.prior_deviation, found.options.n_jobs
-    mechanism, own = force_model.mechanism, force_model.joint_terms
+    mechanism, (own, _) = force_model.mechanism, parted(force_model.joint_terms)
     asked = [JointTerms.of(mechanism, choice) for choice in choices]
     sets = _each_once([*_sets(mechanism, own), *({} if t is None else t.of_joints for t in asked)])
     whole = force_model.with_columns(together(*sets))
+    # Beside friction whose size the evidence decides, as it was found.
+    known = dict(zip(force_model.parameters.labels, found.fit.values.tolist(), strict=True))
+    given = np.array([known[p.label] if grouped(p.kind) else 0.0 for p in whole.parameters])
     data, unseen = (samples_of(whole, runs, n_jobs=n_jobs) for runs in (training, validation))
+    data, unseen = (each.less(each.predicted(given)) for each in (data, unseen))
     deviation = np.maximum(noise.deviation, ROUND_OFF * data.problem.force_rms)
     deviation = np.maximum(deviation, data.least_errors)
     present = (noise.samples > 0) & (deviation > 0)

@@ -75,7 +75,12 @@ def export_fit(  # noqa: PLR0913 (a file each)
     code = None if c is None else c_source(model, name=name, values=saved.values)
     if robot is not None:
         place = export_robot_file(
-            mechanism, standard, robot, overwrite=overwrite, parameters=saved.standard
+            mechanism,
+            standard,
+            robot,
+            overwrite=overwrite,
+            parameters=saved.standard,
+            use=None if saved.estimate is None else saved.estimate.use,
         )
         written.append(place)
     if yaml is not None:

@@ -10,21 +10,23 @@ say as the parameters do is named, whatever the reason.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import isclose
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import nnls
 
 from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, FileError, ModelWarning, OptionError, RobotFileError, warn
 from loopid.export.urdf_editor import UrdfEditor
 from loopid.files import write_file
+from loopid.identification.result import MotorUse
 from loopid.inertia import body_defect, central_moments, centre, from_moments, pseudo_inertia
 from loopid.loading.files import find_files
 from loopid.parameters import KINDS, MODELS, ParameterSet
 from loopid.registry import editable_files
-from loopid.regressors.joint_laws import joint_term
+from loopid.regressors.joint_laws import RATIO, JointState, grouped, joint_term
 from loopid.robot.mechanism import Body, Mechanism, link_frames, shortened
 
 # Relative difference between a body as its links in the file make it and as it was loaded.
@@ -33,6 +35,8 @@ AGREEMENT = 1e-9
 SAME = 1e-13
 # Relative difference of a joint term, in the new file and as it was meant: degrees are round-off.
 READ_BACK = 1e-12
+# What friction is in robot files, and rates that a curve is compared with it at.
+LINE, POINTS = ("Fc", "Fv"), 200
 # What is not written where the other half of its force has no place: by kind, the other halves.
 HALVES = {"Ks": ("Ks2", "Ks3", "Ks@"), "Fc": ("Fc+", "Fc-")}
 Terms = dict[str, dict[str, float]]  # by coordinate and kind
@@ -44,6 +48,7 @@ def updated_robot_file(
     standard_parameters: FloatArray,
     *,
     parameters: ParameterSet | None = None,
+    use: MotorUse | None = None,
 ) -> bytes:
     """The file of the robot's tree with its inertials and joint terms updated in place.
 
@@ -53,7 +58,8 @@ def updated_robot_file(
     would become inconsistent. Inertials of a URDF keep the orientation of their axes.
 
     Viscous and Coulomb friction have a place in every format, drive inertias and springs in an
-    MJCF; in a URDF these are updated where it has tags for them.
+    MJCF; in a URDF these are updated where it has tags for them. Of a friction curve, and of load
+    friction, the file has the nearest of these over the rates of the log, at its mean load.
 
     Parameters
     ----------
@@ -65,6 +71,9 @@ def updated_robot_file(
     parameters : ParameterSet, optional
         Names (n,) of the standard parameters, where joint terms are among them. Without names,
         joint terms stay as they are.
+    use : MotorUse, optional
+        Rates and loads of the motors in the log, ``fit.use``; by default rates of the curve's
+        points, and no load.
 
     Raises
     ------
@@ -76,7 +85,8 @@ def updated_robot_file(
     Warns
     -----
     ModelWarning
-        Of joint terms that the new file does not have as the parameters say.
+        Of joint terms that the new file does not have as the parameters say, and of how near the
+        friction that it has is to the curve.
     """
     files = find_files(mechanism.path)
     file = editable_files[files.tree.suffix](files.tree)
@@ -88,13 +98,13 @@ def updated_robot_file(
     content: bytes = file.edited(new, {})
     if parameters is None:
         return content
-    meant = _joint_terms(parameters, standard_parameters)
+    meant, nearest = _with_lines(_joint_terms(parameters, standard_parameters), use)
     # Inertials come first: MuJoCo may derive damping from masses.
     wanted, there = _writable(meant), _on_coordinates(mechanism, file.joint_terms(content))
     if changed := {j: terms for j, terms in wanted.items() if list(_apart({j: terms}, there))}:
         content = file.edited(new, changed)
         there = _on_coordinates(mechanism, file.joint_terms(content))
-    _warn_of_others(mechanism, meant, there)
+    _warn_of_others(mechanism, meant, there, nearest)
     return content
 
 
@@ -106,12 +116,13 @@ def export_robot_file(
     *,
     overwrite: bool = False,
     parameters: ParameterSet | None = None,
+    use: MotorUse | None = None,
 ) -> Path:
     """Write the robot's file with updated inertials, whole or not at all.
 
     Parameters
     ----------
-    mechanism, standard_parameters, parameters
+    mechanism, standard_parameters, parameters, use
         As in ``updated_robot_file``.
     path : path
         Ending as the robot's own file does. Paths of meshes and of a YAML's ``urdf`` key are not
@@ -145,7 +156,8 @@ def export_robot_file(
             f"{path} is the robot's own file: name another, or replace it by overwrite=True",
             file=str(path),
         )
-    write_file(place, updated_robot_file(mechanism, standard_parameters, parameters=parameters))
+    content = updated_robot_file(mechanism, standard_parameters, parameters=parameters, use=use)
+    write_file(place, content)
     return place
 
 
@@ -232,6 +244,40 @@ def _joint_terms(parameters: ParameterSet, values: FloatArray) -> Terms:
     return found
 
 
+def _with_lines(meant: Terms, use: MotorUse | None) -> tuple[Terms, list[str]]:
+    """Terms with Coulomb and viscous friction in place of curves, and sentences of how near."""
+    found, said = dict(meant), list[str]()
+    for joint, terms in meant.items():
+        own = {kind: value for kind, value in terms.items() if grouped(kind)}
+        if not own:
+            continue
+        known = use is not None and joint in use.joints
+        least, most = use.of(joint) if use is not None and known else _rates_of(own)
+        load = use.load[use.joints.index(joint)] if use is not None and known else 0.0
+        rates = np.linspace(least, most, POINTS)
+        curve = {**own, **{kind: terms.get(kind, 0.0) for kind in LINE}}
+        laws = [joint_term(kind) for kind in curve]
+        both, coefficients = np.zeros((2, POINTS)), np.array(list(curve.values()))
+        for sign, way in zip((1.0, -1.0), both, strict=True):
+            state = JointState(None, sign * rates, None, math=np, torque=load)
+            way += sign * coefficients @ np.stack([law.signal(state, POINTS) for law in laws])
+        line, _ = nnls(np.column_stack([np.ones(POINTS), rates]), both.mean(axis=0))
+        rest = {kind: value for kind, value in terms.items() if kind not in curve}
+        found[joint] = rest | dict(zip(LINE, line.tolist(), strict=True))
+        off = np.abs(both - line[0] - line[1] * rates).max()
+        said.append(
+            f"Fc = {line[0]:.3g} and Fv = {line[1]:.3g} of {joint} are within {off:.2g} of its "
+            f"friction from {least:.2g} to {most:.2g}"
+        )
+    return found, said
+
+
+def _rates_of(kinds: Iterable[str]) -> tuple[float, float]:
+    """Slowest and fastest rate of the points of a curve; of load friction alone any."""
+    rates = [at for kind in kinds if (at := joint_term(kind).at)]
+    return (min(rates), RATIO * max(rates)) if rates else (0.0, 1.0)
+
+
 def _writable(meant: Terms) -> Terms:
     """What is tried to be written: no half of a force, and no negative friction or drive inertia.
 
@@ -264,7 +310,9 @@ def _apart(meant: Terms, there: Terms) -> Iterator[tuple[str, str]]:
                 yield joint, kind
 
 
-def _warn_of_others(mechanism: Mechanism, meant: Terms, there: Terms) -> None:
+def _warn_of_others(
+    mechanism: Mechanism, meant: Terms, there: Terms, nearest: Sequence[str]
+) -> None:
     """Warn of terms that a new file does not have as they were meant."""
     files = find_files(mechanism.path)
     given = _on_coordinates(mechanism, files.given.joint_terms)  # type: ignore[arg-type]
@@ -284,8 +332,9 @@ def _warn_of_others(mechanism: Mechanism, meant: Terms, there: Terms) -> None:
             if kind not in meant.get(joint, {}) and read[joint][kind]:
                 what = "as before, and not in the fit, are"
                 said.setdefault(what, []).append(f"{joint}.{kind}")
-    if said:
-        listed = "; ".join(f"{what} {shortened(labels)}" for what, labels in said.items())
+    if said or nearest:
+        others = (f"{what} {shortened(labels)}" for what, labels in said.items())
+        listed = "; ".join([*nearest, *others])
         warn(f"joint terms of the new {files.tree.name}: {listed}", ModelWarning)
 
 

@@ -27,6 +27,9 @@ from loopid.regressors.joint_laws import JointState, joint_term
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.closures import SymbolicPose
 
+# Rate over which the sign of a rate is smooth in C, in rad/s or characteristic lengths a second:
+# far below any that a log tells, and no jump for a controller.
+SMOOTH = 5e-4
 ROUND_OFF = 1e-15  # entries of rotations that are this close to -1, 0 or 1 are meant to be
 
 
@@ -63,13 +66,15 @@ class SymbolicRobot:
         q, G, factors, du, ddu, phi = self.q, self.G, self.factors, self.du, self.ddu, self.phi
         part, still = ca.SX.sym("part"), ca.SX(*du.shape)
         force, bias = self._force(du, ddu), self._force(du, still)
+        # The mass matrix is that of the bodies; the regressor has the loads of its own values.
+        rigid, linear = self._force(du, ddu, loaded=False), self._force(du, ddu, self._given())
         each = {
             "predict": ([q, self.before, self.u, part, G], self._predicted(part)),
             "linearise": ([q], self._linearised()),
             "gravity": ([q, G, phi], [self._force(still, still)]),
             "forces": ([q, G, factors, du, ddu, phi], [force]),
-            "regressor": ([q, G, factors, du, ddu], [ca.jacobian(force, phi).T]),
-            "dynamics": ([q, G, factors, du, phi], [ca.jacobian(force, ddu), bias]),
+            "regressor": ([q, G, factors, du, ddu], [ca.jacobian(linear, phi).T]),
+            "dynamics": ([q, G, factors, du, phi], [ca.jacobian(rigid, ddu), bias]),
         }
         return {
             name: ca.Function(f"{prefix}_{name}", given, [ca.densify(value) for value in values])
@@ -140,17 +145,34 @@ class SymbolicRobot:
             moved.append(own)
         return ca.vertcat(*moved)
 
-    def _force(self, du: Any, ddu: Any) -> Any:
-        """Forces (dof,) of the motors; in the ``gravity`` model bodies are at rest."""
+    def _given(self) -> Any:
+        """Base parameters (n,) whose bodies load the gears, as numbers."""
+        model, found = self.model, np.zeros(self.phi.shape[0])
+        own = model.body_columns
+        found[own] = model.prior[own] if model.bodies is None else model.bodies
+        return ca.DM(found)
+
+    def _force(self, du: Any, ddu: Any, given: Any = None, *, loaded: bool = True) -> Any:
+        """Forces (dof,) of the motors; in the ``gravity`` model bodies are at rest.
+
+        Gears are loaded by the bodies of phi, or of given base parameters.
+        """
         v, a = self._spread(du), self._spread(ddu)
         a[self.dependent] += self._drift_acceleration(v)
         still = ca.SX(*v.shape)
         moving = self.model.model == "full"
         tree = self._tree_force(self._chain(*((v, a) if moving else (still, still))))
+        load = tree[self.chosen] + self.G.T @ tree[self.dependent]
+        if given is not None:
+            load = ca.substitute(load, self.phi, given)
+        rows, columns = self.model.load_columns
+        loads = dict(zip(columns.tolist(), rows.tolist(), strict=True))
         for k, parameter in enumerate(self.model.parameters):
-            if parameter.kind not in KINDS:
+            if parameter.kind not in KINDS and (loaded or k not in loads):
                 index = int(self.mechanism.velocity_indices([parameter.link])[0])
-                tree[index] += self.phi[k] * self._joint_term(parameter, v[index], a[index])
+                size = ca.fabs(load[loads[k]]) if k in loads else 1.0
+                term = self._joint_term(parameter, v[index], a[index], size)
+                tree[index] += self.phi[k] * term
         return tree[self.chosen] + self.G.T @ tree[self.dependent]
 
     def _spread(self, rates: Any) -> Any:
@@ -187,8 +209,11 @@ class SymbolicRobot:
             wrenches[link.parent][1] += link.R @ moment + ca.cross(link.r, turned)
         return tree
 
-    def _joint_term(self, parameter: Parameter, v: Any, a: Any) -> Any:
-        """What a joint term multiplies, by the law of its kind, at a rate and an acceleration."""
+    def _joint_term(self, parameter: Parameter, v: Any, a: Any, size: Any) -> Any:
+        """What a joint term multiplies, by the law of its kind, at a rate and an acceleration.
+
+        ``size`` is that of the motor's force that moves the bodies, where it counts.
+        """
         mechanism, position = self.mechanism, None  # of one of several coordinates
         if parameter.link in mechanism.joints:
             joint = mechanism.joint(parameter.link)
@@ -202,7 +227,12 @@ class SymbolicRobot:
                 parameter=parameter.label,
             )
         terms = self.model.joint_terms or JointTerms(())
-        return term.law(terms.state(JointState(position, v, a), math=ca), term.at)
+        state = terms.state(JointState(position, v, a, torque=size), math=ca)
+        if not state.smoothing:
+            index = int(mechanism.velocity_indices([parameter.link])[0])
+            width = SMOOTH * float(mechanism.coordinate_scales[index])
+            state = state._replace(smoothing=width)
+        return term.law(state, term.at)
 
     def _closure_residual(self, chain: Sequence[Link]) -> Any:
         """Residual (rows,) in m."""

@@ -29,6 +29,14 @@ from .force_model import (
     reference_instruments as reference_instruments,
     samples_of as samples_of,
 )
+from .friction import (
+    FrictionCurve as FrictionCurve,
+    FrictionSummary as FrictionSummary,
+    friction_curve as friction_curve,
+    friction_summary as friction_summary,
+    motor_use as motor_use,
+    with_friction as with_friction,
+)
 from .information import (
     Excitation as Excitation,
     Identifiability as Identifiability,
@@ -65,6 +73,7 @@ from .result import (
     Estimate as Estimate,
     FileDeviation as FileDeviation,
     FitResult as FitResult,
+    MotorUse as MotorUse,
     NoiseModel as NoiseModel,
     Quality as Quality,
     Robustness as Robustness,
@@ -73,9 +82,4 @@ from .result import (
 )
 from .robust import Bisquare as Bisquare
 from .saved import SavedFit as SavedFit, read_fit as read_fit, save_fit as save_fit
-from .terms import (
-    FrictionCurve as FrictionCurve,
-    TermOptions as TermOptions,
-    choose_terms as choose_terms,
-    friction_curve as friction_curve,
-)
+from .terms import TermOptions as TermOptions, choose_terms as choose_terms

@@ -163,25 +163,158 @@ def consistent_fit(
     >>> bool(np.allclose(model.base.values(found.standard_parameters), found.values))
     True
     """
-    if data.parameters != force_model.parameters or data.actuators != noise.actuators:
-        raise DataError("data and noise must be of the parameters and actuators of the force model")
-    weights = _weights(data.problem, noise)
-    priors = _joint_priors(force_model, data.problem, joint_values, joint_deviations)
-    with one_blas_thread():
-        program = _Program.of(force_model, data.problem.weighted(weights), priors)
-        state, common = _most_likely(program, options)
-        found = _result(force_model, data, weights, program, state, options.freedom)
-    far = FileDeviation(
-        common, program.names, state.deviations, options.deviations[1], options.farthest
+    return consistent_working_fit(
+        force_model,
+        data,
+        noise,
+        joint_values=joint_values,
+        joint_deviations=joint_deviations,
+        options=options,
+    ).result
+
+
+def consistent_working_fit(
+    force_model: ForceModel,
+    data: FitSamples,
+    noise: NoiseModel,
+    *,
+    joint_values: FloatArray | None = None,
+    joint_deviations: FloatArray | None = None,
+    options: ConsistentOptions = ConsistentOptions(),
+) -> WorkingFit:
+    """As ``consistent_fit``, with the least squares that the fit amounts to: the file as rows."""
+    found = quiet_consistent_fit(
+        force_model,
+        data,
+        noise,
+        joint_values=joint_values,
+        joint_deviations=joint_deviations,
+        options=options,
     )
-    told = program.terms.of_groups(program.step(state).told[WIDTH * len(program.file) :])
-    groups = TermDeviations(program.terms.names, state.groups, told, program.terms.bounds)
-    found = replace(found, deviation=far, term_deviations=groups if groups.names else None)
-    _warn(force_model, program, far)
+    warn_of_bodies(force_model, found.result)
     return found
 
 
-def _weights(problem: FitProblem, noise: NoiseModel) -> FloatArray:
+def quiet_consistent_fit(
+    force_model: ForceModel,
+    data: FitSamples,
+    noise: NoiseModel,
+    *,
+    joint_values: FloatArray | None = None,
+    joint_deviations: FloatArray | None = None,
+    options: ConsistentOptions = ConsistentOptions(),
+) -> WorkingFit:
+    """As ``consistent_working_fit``, without warnings."""
+    weights, program = _posed(force_model, data, noise, joint_values, joint_deviations)
+    with one_blas_thread():
+        state, common = _most_likely(program, options)
+        found = _result(force_model, data, weights, program, state, options.freedom)
+        groups = _groups(program, state, found.result)
+    far = FileDeviation(
+        common, program.names, state.deviations, options.deviations[1], options.farthest
+    )
+    return replace(found, result=replace(found.result, deviation=far, term_deviations=groups))
+
+
+@checked
+def consistent_values(
+    force_model: ForceModel,
+    data: FitSamples,
+    noise: NoiseModel,
+    *,
+    options: ConsistentOptions = ConsistentOptions(),
+) -> FloatArray:
+    """The values (n,) of ``consistent_fit``, without their uncertainty."""
+    _, program = _posed(force_model, data, noise, None, None)
+    with one_blas_thread():
+        state, _ = _most_likely(program, options)
+        return force_model.base.values(program.standard(state))
+
+
+@checked
+def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> FitResult:
+    """As ``consistent_fit``, with the bodies of the robot file.
+
+    Returns
+    -------
+    FitResult
+        Parameters of bodies alone are ``assumed``; those that joint terms fold into are not.
+    """
+    weights, program = _posed(force_model, data, noise, None, None)
+    standard, base = force_model.standard_prior, force_model.base
+    first = len(standard) - len(program.terms.start)
+    J, bodies = base.matrix[:, first:], np.append(standard[:first], 0 * standard[first:])
+    program = replace(
+        program,
+        target=program.target - program.effects @ bodies,
+        names=(),
+        file=program.file[:0],
+        columns=program.columns[:0],
+    )
+    left = data.less(data.predicted(base.values(bodies))).along(J)
+    with one_blas_thread():
+        state, _ = _most_likely(program, ConsistentOptions())
+        standard[first:] = state.joints
+        spread = program.terms.spread(state.groups)
+        found = _posterior(left, weights, state.joints, spread.T).result
+        freedom = _freedom(program, state, spread, ConsistentOptions().freedom)
+        groups = _groups(program, state, found)
+    freedom = np.minimum(found.degrees_of_freedom, freedom)
+    labels, inside = force_model.parameters.labels, J != 0
+    values = base.values(standard)
+    return replace(
+        found,
+        parameters=force_model.parameters,
+        values=values,
+        covariance=J @ found.covariance @ J.T,
+        degrees_of_freedom=np.where(inside, freedom, np.inf).min(axis=1, initial=data.problem.rows),
+        quality=fit_quality(data.problem, values),
+        assumed=tuple(labels[j] for j in np.flatnonzero(~inside.any(axis=1))),
+        standard_parameters=standard,
+        term_deviations=groups,
+    )
+
+
+def _posed(
+    force_model: ForceModel,
+    data: FitSamples,
+    noise: NoiseModel,
+    joint_values: FloatArray | None,
+    joint_deviations: FloatArray | None,
+) -> tuple[FloatArray, _Program]:
+    """Weights (dof,) of the actuators' rows, and what is minimised."""
+    if data.parameters != force_model.parameters or data.actuators != noise.actuators:
+        raise DataError("data and noise must be of the parameters and actuators of the force model")
+    weights = error_weights(data.problem, noise)
+    priors = _joint_priors(force_model, data.problem, joint_values, joint_deviations)
+    with one_blas_thread():
+        return weights, _Program.of(force_model, data.problem.weighted(weights), priors)
+
+
+def _groups(program: _Program, state: _State, found: FitResult) -> TermDeviations | None:
+    """Deviations of the groups of joint terms, and what the data say of them.
+
+    The evidence is the ratio of the densities of a group's prior and posterior at none
+    [Dickey1971], its distance from none by the covariance for autocorrelated errors. The terms of
+    groups are the last parameters of the fit.
+    """
+    terms, first = program.terms, WIDTH * len(program.file)
+    if not terms.names:
+        return None
+    step, evidence = program.step(state), []
+    places = np.cumsum(terms.group >= 0) - (terms.group >= 0).sum() + len(found.values) - 1
+    for number in range(len(terms.names)):
+        own = np.flatnonzero(terms.group == number)
+        rows = np.eye(first + len(terms.group))[first + own]
+        apart = state.joints[own]
+        spread = found.covariance[np.ix_(places[own], places[own])]
+        size = np.linalg.slogdet(step.covariance(rows)[:, first + own])[1]
+        evidence.append((size + apart @ np.linalg.solve(spread, apart)) / 2)
+    told = terms.of_groups(step.told[first:])
+    return TermDeviations(terms.names, state.groups, told, np.array(evidence))
+
+
+def error_weights(problem: FitProblem, noise: NoiseModel) -> FloatArray:
     """Weights (dof,) of the actuators' rows, which count as their effective samples."""
     present = (noise.samples > 0) & (problem.samples > 0)
     least = np.maximum(problem.least_errors, PRECISION * problem.force_rms)
@@ -314,7 +447,6 @@ class _Program:
     effects: FloatArray
     target: FloatArray
     names: tuple[str, ...]
-    unsound: tuple[str, ...]
     file: FloatArray
     columns: IntArray
     terms: JointPriors
@@ -322,7 +454,7 @@ class _Program:
     @classmethod
     def of(cls, force_model: ForceModel, R: FloatArray, terms: JointPriors) -> _Program:
         """The program of a triangular factor (r + 1, r + 1)."""
-        P, unsound = _solid_bodies(force_model)
+        P, _ = _solid_bodies(force_model)
         massive = P[:, 3, 3] > 0
         parameters, count = force_model.base.parameters, len(terms.start)
         columns = np.arange(len(parameters) - count).reshape(len(P), -1)
@@ -331,7 +463,6 @@ class _Program:
             effects=R[:-1, :-1] @ force_model.base.matrix,
             target=R[:-1, -1],
             names=tuple(name for name, flag in zip(names, massive, strict=True) if flag),
-            unsound=tuple(name for name, flag in zip(names, unsound, strict=True) if flag),
             file=upper_factor(P[massive]),
             columns=columns[massive],
             terms=terms,
@@ -510,9 +641,9 @@ def _result(
     program: _Program,
     state: _State,
     freedom: float,
-) -> FitResult:
+) -> WorkingFit:
     """The values, with Laplace's covariance for autocorrelated errors."""
-    M, standard, problem = force_model.base.matrix, program.standard(state), data.problem
+    M, standard = force_model.base.matrix, program.standard(state)
     told = M @ program.changes(state)
     # Bodies without a mass are kept so, and not known to be.
     sizes = MASSLESS * body_sizes(force_model.mechanism, force_model.model)
@@ -520,18 +651,36 @@ def _result(
     kept = M[:, : len(sizes)] * sizes
     kept = kept[:, sizes > 0]
     values = force_model.base.values(standard)
-    # The prior as rows, whose least squares with the data are the values.
     C = np.asarray(np.linalg.qr(np.hstack([told, kept]).T, mode="r"))
+    only_kept = kept.any(axis=1) & ~told.any(axis=1)
+    found = _posterior(data, weights, values, C)
+    known = np.minimum(found.result.degrees_of_freedom, _freedom(program, state, told, freedom))
+    result = replace(
+        found.result,
+        assumed=tuple(force_model.parameters.labels[j] for j in np.flatnonzero(only_kept)),
+        standard_parameters=standard,
+        degrees_of_freedom=known,
+    )
+    return replace(found, result=result)
+
+
+def _posterior(
+    data: FitSamples, weights: FloatArray, values: FloatArray, C: FloatArray
+) -> WorkingFit:
+    """Values (n,) with the covariance for autocorrelated errors; CᵀC (n, n) is that of the prior.
+
+    The prior counts as rows whose least squares with the data are the values.
+    """
+    problem = data.problem
     R = problem.weighted(weights)
     middle = values + C.T @ (C @ (R[:-1, :-1].T @ (R[:-1, :-1] @ values - R[:-1, -1])))
-    rows = np.linalg.inv(C).T
-    rows = np.column_stack([rows, rows @ middle])
+    inverse = np.linalg.inv(C).T
+    rows = np.asarray(np.column_stack([inverse, inverse @ middle]), dtype=np.float64)
     factor = problem.weighted(weights, rows)[:-1, :-1]
     inverse = np.linalg.inv(factor)
-    only_kept = kept.any(axis=1) & ~told.any(axis=1)
     plain = FitResult(
         estimator=CONSISTENT,
-        parameters=force_model.parameters,
+        parameters=data.parameters,
         actuators=data.actuators,
         values=values,
         covariance=inverse @ inverse.T,
@@ -539,13 +688,49 @@ def _result(
         degrees_of_freedom=np.array(float(max(problem.freedom, 1))),
         quality=fit_quality(problem, values),
         weights=weights,
-        assumed=tuple(force_model.parameters.labels[j] for j in np.flatnonzero(only_kept)),
-        standard_parameters=standard,
     )
-    working = within_runs(WorkingFit(plain, data, rows))
-    found = with_scatter(working).result
-    known = np.minimum(found.degrees_of_freedom, _freedom(program, state, told, freedom))
-    return replace(found, degrees_of_freedom=known)
+    return with_scatter(within_runs(WorkingFit(plain, data, rows)))
+
+
+def solid_body(
+    values: FloatArray, covariance: FloatArray, matrix: FloatArray, guess: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The most likely solid body of estimates x = M π, of which nothing else is known.
+
+    Parameters
+    ----------
+    values, covariance : FloatArray
+        (r,) and (r, r), the estimates.
+    matrix : FloatArray
+        (r, 4) or (r, 10), M.
+    guess : FloatArray
+        (4, 4), pseudo-inertia of a body near it, which may be off by ``farthest`` times itself.
+
+    Returns
+    -------
+    standard_parameters : FloatArray
+        (4,) or (10,), π.
+    covariance : FloatArray
+        (r, r) of M π.
+    """
+    # Errors that are round-off of such a body count as a little larger, lest they are nothing.
+    own = (_vector(guess) @ PARAMETERS)[: matrix.shape[1]]
+    sizes = np.sqrt(np.diag(covariance)) + PRECISION * (np.abs(matrix) @ np.abs(own))
+    shares, turn = np.linalg.eigh(covariance / np.outer(sizes, sizes))
+    least = PRECISION**2 * shares.max() + PRECISION**2
+    inverse = (turn / np.sqrt(np.maximum(shares, least))).T / sizes
+    program = _Program(
+        effects=inverse @ matrix,
+        target=inverse @ values,
+        names=("",),
+        file=upper_factor(guess[None]),
+        columns=np.arange(matrix.shape[1])[None],
+        terms=JointPriors.none(),
+    )
+    with one_blas_thread():
+        state = _minimised(program, program.first(ConsistentOptions().farthest))
+        turned = matrix @ program.changes(state)
+        return program.standard(state), program.step(state).covariance(turned) @ turned.T
 
 
 def _freedom(program: _Program, state: _State, told: FloatArray, nu: float) -> FloatArray:
@@ -558,8 +743,8 @@ def _freedom(program: _Program, state: _State, told: FloatArray, nu: float) -> F
     parts = [(own**2).sum(axis=2)]
     parts.append(np.stack([terms.of_groups(row**2) for row in spread[:, WIDTH * bodies :]]))
     shares = np.hstack(parts) / np.where(variance > 0, variance, 1.0)[:, None]
-    inside = np.maximum(terms.of_groups(known[WIDTH * bodies :]), 1.0)
-    squares = (shares**2 / np.append(nu + _told(program, known), inside)).sum(axis=1)
+    every = np.append(_told(program, known), terms.of_groups(known[WIDTH * bodies :]))
+    squares = (shares**2 / (nu + every)).sum(axis=1)
     return np.asarray(np.divide(1.0, squares, out=np.full(len(told), np.inf), where=squares > 0))
 
 
@@ -587,8 +772,8 @@ def _solid_bodies(force_model: ForceModel) -> tuple[FloatArray, BoolArray]:
     return P, unsound
 
 
-def _warn(force_model: ForceModel, program: _Program, found: FileDeviation) -> None:
-    """Tell of bodies that are none, and of a model that lacks a force."""
+def warn_of_bodies(force_model: ForceModel, found: FitResult) -> None:
+    """Tell of bodies of the file that are none, and of a model that lacks a force."""
     name = force_model.mechanism.name
     if not force_model.has_masses:
         warn(
@@ -597,14 +782,17 @@ def _warn(force_model: ForceModel, program: _Program, found: FileDeviation) -> N
             ModelWarning,
         )
         return
-    if program.unsound and force_model.model == "full":
+    _, unsound = _solid_bodies(force_model)
+    if unsound.any() and force_model.model == "full":
+        links = [body.link for body in force_model.base.parameters if body.kind == KINDS[0]]
+        listed = ", ".join(link for link, flag in zip(links, unsound, strict=True) if flag)
         warn(
-            f"no solid bodies have the inertials of {', '.join(program.unsound)} in the file of "
-            f"{name}: the nearest that have are taken",
+            f"no solid bodies have the inertials of {listed} in the file of {name}: the nearest "
+            "that have are taken",
             ModelWarning,
         )
-    if found.suspicion:
+    if found.deviation is not None and (suspicion := found.deviation.suspicion):
         kinds = {parameter.kind for parameter in force_model.base.parameters}
         known = "Ia" in kinds or force_model.model == "gravity"
         advice = "" if known else ', such as drive inertia, terms="Fc,Fv,Fo,Ia"'
-        warn(f"{name}: {found.suspicion}{advice}", ModelWarning)
+        warn(f"{name}: {suspicion}{advice}", ModelWarning)

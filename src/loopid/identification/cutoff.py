@@ -1,48 +1,50 @@
-"""The cut-off of the filter, chosen by predictions of data that were not fitted.
+"""The cut-off of the filter around which estimates change least.
 
-Noise of positions in the regressor biases estimates, whatever its colour: encoders in steps, stamps
-that jitter, held values. At each of several cut-offs the model is fitted to all blocks of time but
-one, and predicts the forces of that one in a low band common to all, where positions are good.
-Squared errors hold noise of the forces, which is the same for all, and hides how fits differ. Of
-the cut-offs whose errors are not clearly worse, those come into question whose predictions hardly
-change with the block that is left out: their variance by the jackknife [Efron1982]. Where a band is
-too narrow, little is left of the data; where it is too wide, fits follow the noise. Both bias fits
-before the log itself shows it, so that the middle one of these is chosen.
+A narrow filter loses motion. A wide one lets noise of the positions into the regressor, whatever
+its colour: encoders in steps, stamps that jitter, held values. Both bias estimates before residuals
+show it. The first bias shrinks from one cut-off to the next, and the second grows: where estimates
+change least, the two are balanced. This is the rule of quasi-optimality [TikhonovGlasko1965], with
+the cut-off in place of the weight of a prior. The model is fitted once at each cut-off. A change is
+that of predicted forces, in parts of each motor's error.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
-from loopid.errors import DataWarning, LoopidError, warn
+from loopid.errors import LoopidError
+from loopid.findings import Finding
 from loopid.identification.estimator import inverse_deviations
 from loopid.identification.force_model import ForceModel
-from loopid.identification.problem import ROUND_OFF, FitProblem
+from loopid.identification.problem import FitProblem
 from loopid.logs.preparing import motion_band, prepare_again
 from loopid.logs.recording import FilterOptions, Recording
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
-# Ratio of neighbouring cut-offs: the error of a fit changes little over it. The first and the last,
-# in bands of the motion: products of velocities and friction reach beyond its band, but hardly
-# further than the last. Least samples of the log in a period of the last.
-STEP, NARROWEST, WIDEST, PERIOD = 1.4, 1.4, 30.0, 5.0
-# Cut-off of the band that all are judged in, in bands of the motion: in the band of the motion
-# itself fits that are too narrow look better than they are.
-JUDGED = 4.0
-# Blocks of time, at least; each is left out once. More are shorter than the errors' memory.
-BLOCKS = 10
-# Standard errors by which a prediction error is clearly worse than the least.
-CLEARLY = 2.0
-# Variance of the predictions, relative to the least, at which wider cut-offs are given up; part by
-# which it may exceed the least: of such cut-offs the middle one is chosen.
-GROWTH, TIE = 10.0, 0.05
+STEP = 1.4  # from one cut-off to the next, half an octave: estimates change little over it
+# The last in bands of the motion: products of velocities, and friction, reach beyond its band, but
+# hardly further. Least samples of the log in a period of it.
+WIDEST, PERIOD = 40.0, 5.0
+OCTAVES = 4  # below the last, at least, where the band of the motion is doubtful
+# Forces a parameter, at least: of fewer, predictions vary by more than a tenth of the errors.
+ROWS = 10.0
+# A change is a root of a sum of few squares, and scatters by a third: such ones are as small.
+TIE = 1.5
+# Up to so many times the least, lower cut-offs are preferred: where noise buries accelerations,
+# estimates stand still again, and wrong.
+LOWER = 2.0
+# Bias by noise grows by 2 to 5 from one to the next: after ten times the least nothing comes back.
+GROWTH, BEYOND = 10.0, 4.0  # looked at from so many bands of the motion on
+# Of the motors' errors: where predictions change by more up to the last, motion is lost.
+CLEAR = 1.0
+WEIGHTED = 3  # rounds of weights: sizes of errors need only be about right
+UNKNOWN = 1e-6  # relative singular values, below which directions stay as in the robot file
 
 
 @record
@@ -53,27 +55,18 @@ class CutoffChoice:
     ----------
     cutoffs : FloatArray
         (k,) in Hz, ascending.
-    errors : FloatArray
-        (k,) root mean squares of errors on data that were not fitted, over those of the forces,
-        each motor weighted by its errors.
-    clear : FloatArray
-        (k,) by how many of its standard errors a squared error exceeds the least.
-    spreads : FloatArray
-        (k,) standard deviations of predictions, as parts of the forces like ``errors``.
-    judged : float
-        Cut-off in Hz of the band in which all are compared.
+    changes : FloatArray
+        (k - 1,), how far predicted forces move from each cut-off to the next: root mean squares, in
+        parts of each motor's error.
     chosen : float
         In Hz.
     bound : str
-        ``"lowest"`` where that is the first that was tried, ``"rate"`` where the rate of the log
-        allows for no wider one; empty otherwise.
+        What kept a better one from being tried: ``"lowest"`` the band of the motion, ``"length"``
+        that of the log, ``"rate"`` its samples per second, ``"alone"`` these two; empty otherwise.
     """
 
     cutoffs: FloatArray
-    errors: FloatArray
-    clear: FloatArray
-    spreads: FloatArray
-    judged: float
+    changes: FloatArray
     chosen: float
     bound: str = ""
 
@@ -83,31 +76,39 @@ class CutoffChoice:
             f"{self.cutoffs[0]:.3g} to {self.cutoffs[-1]:.3g} Hz>"
         )
 
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """A choice at a bound of its range."""
+        if not self.bound:
+            return ()
+        why = BOUNDS[self.bound].format(self.chosen)
+        return (Finding("warning", "the cut-off is at a bound of its range", why),)
+
     def warn(self) -> None:
         """Tell of a choice at a bound of its range."""
-        if self.bound == "lowest":
-            warn(
-                f"the cut-off is the lowest that was tried, {self.chosen:.3g} Hz, near the band of "
-                "the motion: positions are too noisy for more, so that estimates may be biased; a "
-                "faster motion or finer encoders would help",
-                DataWarning,
-            )
-        elif self.bound == "rate":
-            warn(
-                f"the cut-off is the highest that the rate of the log allows for, {self.chosen:.3g}"
-                " Hz: unless all above is noise of the positions, some of the motion is lost; "
-                "record at a higher rate, or move slower",
-                DataWarning,
-            )
+        for each in self.findings:
+            each.warn()
 
 
-class _Judged(NamedTuple):
-    """Fits of all blocks but one, at one cut-off: values (K, n), and the blocks' factors."""
-
-    values: FloatArray
-    blocks: list[FloatArray]  # (rows, n + 1) each, weighted, less what the robot file explains
-    rows: int
-    force: float  # mean square, weighted
+BOUNDS = {
+    "lowest": (
+        "the cut-off is the lowest that was tried, {:.3g} Hz, near the band of the motion: "
+        "positions are too noisy for more, so that estimates may be biased; a faster motion or "
+        "finer encoders would help"
+    ),
+    "length": (
+        "the cut-off is the lowest that the length of the log allows for, {:.3g} Hz: a lower one "
+        "leaves fewer than ten forces a parameter; a longer log would help"
+    ),
+    "rate": (
+        "the cut-off is the highest that the rate of the log allows for, {:.3g} Hz, and estimates "
+        "still change there: some of the motion is lost; record at a higher rate, or move slower"
+    ),
+    "alone": (
+        "only one cut-off was tried, {:.3g} Hz: the length of the log allows for no lower one, and "
+        "its rate for no higher one; a longer log would tell more"
+    ),
+}
 
 
 @checked
@@ -117,9 +118,10 @@ def choose_cutoff(
     *,
     n_jobs: int = 1,
 ) -> CutoffChoice | None:
-    """Choose the cut-off at which fits predict best what they were not fitted to.
+    """Choose the cut-off around which estimates change least.
 
-    None where no recording leaves it open: its filter has a cut-off, or it has no log.
+    None where no recording leaves it open (its filter has a cut-off, or it has no log), or where
+    too little is left of the recordings at any.
 
     Parameters
     ----------
@@ -135,55 +137,105 @@ def choose_cutoff(
     >>> model = loopid.find_force_model(robot, "full", "Fc,Fv")
     >>> log = loopid.read_log("urdf/logs/five_bar.csv", robot)
     >>> choice = loopid.identification.choose_cutoff(model, [loopid.prepare_recording(robot, log)])
-    >>> 3 < choice.chosen < 20
+    >>> 3 < choice.chosen <= 20
     True
     """
     open_ones = [run for run in recordings if leaves_cutoff_open(run)]
     logs = [run.log for run in open_ones if run.log is not None]
-    if not logs:
-        return None
-    robot = force_model.mechanism
-    band = max(motion_band(robot, log) for log in logs)
-    rate = min(log.rate(part) for log in logs for part in log.parts() if len(log.time[part]) > 1)
-    limit = rate / PERIOD
+    band = max((motion_band(force_model.mechanism, log) for log in logs), default=0.0)
     if not band:
         return None
-    wanted, narrowest = WIDEST * band, min(NARROWEST * band, limit)
-    count = int(np.log(min(wanted, limit) / narrowest) / np.log(STEP))
-    cutoffs = narrowest * STEP ** np.arange(count + 1)
-    judged = min(JUDGED * band, limit)
-    parts = -(-BLOCKS // len(open_ones))
-
-    def at(cutoff: float) -> _Judged | None:
-        return _fits(force_model, open_ones, cutoff, parts=parts, n_jobs=n_jobs)
-
+    rate = min(log.rate(part) for log in logs for part in log.parts() if len(log.time[part]) > 1)
+    limit, count = rate / PERIOD, len(force_model.parameters)
+    last = min(STEP * WIDEST * band, limit)
+    first = min(band, last / 2**OCTAVES)
+    shortest = min(_least_cutoff(open_ones, ROWS * count), last)
+    steps = int(np.log(last / max(first, shortest)) / np.log(STEP))
+    tried, changes, values = list[float](), list[float](), force_model.prior
     with one_blas_thread():
-        judge = at(judged)
+        judge = _fitted(force_model, open_ones, n_jobs)
         if judge is None:
             return None
-        tried, errors, variances = [], [], []
-        for cutoff in cutoffs.tolist():
-            found = at(cutoff)
-            if found is None:
+        seen = judge.weights[:, None, None] * judge.problem.factors[:, :, :-1]
+        for cutoff in (last / STEP ** np.arange(steps, -1, -1)).tolist():
+            found = _fitted(force_model, open_ones, n_jobs, cutoff)
+            if found is None or (found.problem.rows < ROWS * count and cutoff < last):
                 continue
-            tried.append(cutoff)
-            errors.append(_errors(judge, found))
-            variances.append(_variance(judge, found))
-            if cutoff > judged and variances[-1] > GROWTH * min(variances):
+            if tried:
+                moved = np.linalg.norm(seen @ (found.values - values))
+                changes.append(float(moved / np.sqrt(judge.problem.rows)))
+            tried, values = [*tried, cutoff], found.values
+            if cutoff > BEYOND * band and changes and changes[-1] > GROWTH * min(changes):
                 break
     if not tried:
         return None
-    chosen, clear = _chosen(np.array(errors), np.array(variances), judge.force)
-    last = chosen == len(tried) - 1 and limit < wanted and tried[-1] * STEP > limit
-    return CutoffChoice(
-        cutoffs=np.array(tried),
-        errors=np.sqrt(np.sum(errors, axis=1) / (judge.rows * judge.force)),
-        clear=clear,
-        spreads=np.sqrt(np.array(variances) / judge.force),
-        judged=judged,
-        chosen=tried[chosen],
-        bound="lowest" if chosen == 0 < len(tried) - 1 else "rate" if last else "",
-    )
+    chosen = _chosen(changes, bounded=tried[-1] == limit)
+    lowest = "length" if shortest > first else "lowest"
+    still = tried[chosen] == limit and bool(changes) and changes[-1] > CLEAR
+    low = chosen <= 1 < len(changes)
+    bound = "alone" if not changes else "rate" if still else lowest if low else ""
+    return CutoffChoice(np.array(tried), np.array(changes), tried[chosen], bound)
+
+
+def _chosen(changes: Sequence[float], *, bounded: bool) -> int:
+    """Which of k cut-offs is chosen, of changes (k - 1,) from each to the next.
+
+    The larger change of the two sides counts. The first is there to compare with, and so is the
+    last unless the rate of the log bounds it. From the lowest that is near the least on, changes
+    are followed to where they no longer fall; of neighbours there that are as small, the middle one
+    is chosen.
+    """
+    after = changes[-1] if bounded and len(changes) else np.inf
+    worse = np.maximum([np.inf, *changes], [*changes, after])
+    least = int(np.argmax(worse <= LOWER * worse.min()))
+    while least + 1 < len(worse) and worse[least + 1] <= worse[least]:
+        least += 1
+    small = worse <= TIE * worse[least]
+    larger_before = np.cumsum(~small)
+    ties = np.flatnonzero(small & (larger_before == larger_before[least]))
+    return int(ties[len(ties) // 2])
+
+
+def _least_cutoff(recordings: Sequence[Recording], rows: float) -> float:
+    """The cut-off in Hz from which recordings have so many rows, with five samples a period."""
+    spans = (np.ptp(run.motion.time) * len(run.actuators) for run in recordings)
+    return float(rows / (FilterOptions().oversampling * max(sum(spans), np.finfo(float).tiny)))
+
+
+class _Fitted(NamedTuple):
+    """A problem, its values (n,), and weights of the motors (dof,)."""
+
+    problem: FitProblem
+    values: FloatArray
+    weights: FloatArray
+
+
+def _fitted(
+    force_model: ForceModel,
+    recordings: Sequence[Recording],
+    n_jobs: int,
+    cutoff: float | None = None,
+) -> _Fitted | None:
+    """Recordings at a cut-off, or as they are; None where too little is left of them.
+
+    Values are those of the robot file where nothing is known.
+    """
+    prior = force_model.prior
+    try:
+        runs = recordings if cutoff is None else prepared_at(force_model, recordings, cutoff)
+        problem = FitProblem.combined(force_model.samples(run, n_jobs).problem for run in runs)
+        weights = 1.0 / np.where(problem.force_rms > 0, problem.force_rms, 1.0)
+        freedom = np.asarray(problem.samples * (problem.freedom / problem.rows))
+        for _ in range(WEIGHTED):
+            rows = (weights[:, None, None] * problem.factors).reshape(-1, len(prior) + 1)
+            X, y = rows[:, :-1], rows[:, -1] - rows[:, :-1] @ prior
+            lengths = np.linalg.norm(X, axis=0)
+            lengths = np.where(lengths > 0, lengths, 1.0)
+            values = prior + np.linalg.lstsq(X / lengths, y, rcond=UNKNOWN)[0] / lengths
+            weights = inverse_deviations(problem, problem.residual_squares(values), freedom)
+    except LoopidError:
+        return None
+    return _Fitted(problem, values, weights)
 
 
 def leaves_cutoff_open(recording: Recording) -> bool:
@@ -206,107 +258,3 @@ def prepared_at(
         else run
         for run in recordings
     )
-
-
-WEIGHTED = 3  # rounds: the sizes of the errors only need to be about right
-
-
-def _fits(
-    force_model: ForceModel,
-    recordings: Sequence[Recording],
-    cutoff: float,
-    *,
-    parts: int,
-    n_jobs: int,
-) -> _Judged | None:
-    """Fits at a cut-off to all blocks but one; None where too little is left of the data."""
-    problems: list[FitProblem | None] = []
-    for run in recordings:
-        try:
-            again = prepared_at(force_model, [run], cutoff)[0]
-            samples = force_model.samples(again, n_jobs)
-        except LoopidError:  # stretches that are too short, or stand still for such a filter
-            problems += [None] * parts
-            continue
-        # Blocks are parts of the time in which motors move, the same at every cut-off.
-        moving = np.asarray(run.motion.time)[run.used.any(axis=1)]
-        edges = np.quantile(moving, np.arange(1, parts) / parts)
-        bounds = [0, *np.searchsorted(again.motion.time, edges).tolist(), len(samples)]
-        for first, last in pairwise(bounds):
-            some = last > first and samples.used[first:last].any()
-            problems.append(samples.block_problem(slice(first, last)) if some else None)
-    known = [problem for problem in problems if problem is not None]
-    if len(known) < 2:
-        return None
-    whole = FitProblem.combined(known)
-    if whole.freedom < 1:
-        return None
-    prior, width = force_model.prior, whole.factors.shape[-1]
-    least = np.maximum(whole.least_errors, ROUND_OFF * np.maximum(whole.force_rms, ROUND_OFF))
-    known_to = replace(whole, least_errors=least)
-
-    def weighted(problem: FitProblem | None, weights: FloatArray) -> FloatArray:
-        """Rows of a block (m, n + 1), with what the robot file explains subtracted."""
-        if problem is None:
-            return np.zeros((1, width))
-        rows = (weights[:, None, None] * problem.factors).reshape(-1, width)
-        rows[:, -1] -= rows[:, :-1] @ prior
-        return rows
-
-    freedom = np.asarray(whole.samples * (whole.freedom / whole.rows), dtype=np.float64)
-    weights = 1.0 / np.where(whole.force_rms > 0, whole.force_rms, 1.0)
-    for _ in range(WEIGHTED):
-        values = prior + _least_change(weighted(whole, weights))
-        weights = inverse_deviations(known_to, whole.residual_squares(values), freedom)
-    blocks = [weighted(problem, weights) for problem in problems]
-    left_out = [
-        _least_change(np.concatenate([*blocks[:k], *blocks[k + 1 :]])) for k in range(len(blocks))
-    ]
-    force = float(weights**2 @ whole.force_squares()) / whole.rows
-    return _Judged(np.array(left_out), blocks, whole.rows, force)
-
-
-# Relative singular values of columns of unit length, below which directions are as in the file.
-UNKNOWN = 1e-6
-
-
-def _least_change(rows: FloatArray) -> FloatArray:
-    """Least squares (n,) of rows [X | y], least where nothing is known."""
-    X, y = rows[:, :-1], rows[:, -1]
-    sizes = np.linalg.norm(X, axis=0)
-    sizes = np.where(sizes > 0, sizes, 1.0)
-    return np.asarray(np.linalg.lstsq(X / sizes, y, rcond=UNKNOWN)[0] / sizes)
-
-
-def _errors(judge: _Judged, found: _Judged) -> FloatArray:
-    """Squared errors (K,) on each block by the fit to the others; both hold changes of the file."""
-    return np.array(
-        [
-            ((block @ np.append(values, -1.0)) ** 2).sum()
-            for block, values in zip(judge.blocks, found.values, strict=True)
-        ]
-    )
-
-
-def _variance(judge: _Judged, found: _Judged) -> float:
-    """Mean squared standard error of predictions, by the jackknife over blocks."""
-    count = len(found.values)
-    apart = found.values - found.values.mean(axis=0)
-    squares = sum(float(((block[:, :-1] @ apart.T) ** 2).sum()) for block in judge.blocks)
-    return (count - 1) / count * squares / judge.rows
-
-
-def _chosen(errors: FloatArray, variances: FloatArray, force: float) -> tuple[int, FloatArray]:
-    """Which cut-off is chosen, of errors (k, K) and variances (k,); and how clear errors are (k,).
-
-    A variance of few blocks is uncertain, so that it is averaged with those of its neighbours.
-    """
-    least = int(errors.sum(axis=1).argmin())
-    over = errors - errors[least]
-    error = np.std(over, axis=1, ddof=1) * np.sqrt(errors.shape[1])
-    clear = np.divide(over.sum(axis=1), error, out=np.zeros(len(error)), where=error > 0)
-    padded = np.pad(np.log(variances + ROUND_OFF**2 * force), 1, mode="edge")
-    smooth = np.exp((padded[:-2] + 2 * padded[1:-1] + padded[2:]) / 4)
-    smooth[clear > CLEARLY] = np.inf
-    ties = np.flatnonzero(smooth <= (1 + TIE) * smooth.min())
-    return int(ties[len(ties) // 2]), clear

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field, replace
@@ -22,15 +23,21 @@ from loopid.motion.joints import JointMotion
 from loopid.parameters import KINDS, ParameterSet, model_kinds
 from loopid.records import record
 from loopid.regressors.closed_loop import motion_regressor
-from loopid.regressors.joint_laws import JointState, joint_term
-from loopid.regressors.joint_terms import JointTerms, joint_state, warn_of_omitted
+from loopid.regressors.joint_laws import JointState, grouped, joint_term
+from loopid.regressors.joint_terms import (
+    JointTerms,
+    joint_state,
+    load_places,
+    warn_of_omitted,
+    with_loads,
+)
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import Progress, ordered_map
 
 # Steps of the reference, before its start and after its end, that the log may reach.
 OVERHANG = 1.0
-# Joint terms by default: those below, and a friction law with more shape where data ask for it.
+# Joint terms by default: those below, and friction curves and load friction where data ask for it.
 AUTOMATIC = "auto"
 # Friction, offsets and rotor inertia of the motors, and what the file gives. A gravity model is of
 # motion that is too slow for inertia.
@@ -60,7 +67,10 @@ class ForceModel:
     base : BaseParameters
         Of the p standard parameters of the bodies and the joint terms together.
     automatic : bool
-        Whether the terms are the usual ones, beside which ``choose_terms`` may take more.
+        Whether the terms are the usual ones, of which ``identify`` may take more or less.
+    bodies : FloatArray or None
+        Base parameters of the bodies, of ``body_columns``, whose forces load the gears; None for
+        those of the robot file. Load friction alone depends on them.
     """
 
     mechanism: Mechanism
@@ -68,6 +78,7 @@ class ForceModel:
     joint_terms: JointTerms | None
     base: BaseParameters
     automatic: bool = field(default=False, compare=False)
+    bodies: FloatArray | None = None
 
     def __repr__(self) -> str:
         bodies, joints = len(self.body_columns), len(self.joint_columns)
@@ -91,6 +102,60 @@ class ForceModel:
     def body_columns(self) -> IntArray:
         """Columns that belong to bodies."""
         return np.setdiff1d(np.arange(len(self.parameters)), self.joint_columns)
+
+    @property
+    def grouped_columns(self) -> IntArray:
+        """Columns of joint terms whose size the evidence decides (``JointTerm.prior``)."""
+        columns = [j for j, each in enumerate(self.parameters) if grouped(each.kind)]
+        return np.array(columns, dtype=np.int64)
+
+    @property
+    def plain_columns(self) -> IntArray:
+        """All other columns."""
+        return np.setdiff1d(np.arange(len(self.parameters)), self.grouped_columns)
+
+    @property
+    def plain(self) -> ForceModel:
+        """The same model without joint terms whose size the evidence decides."""
+        base, columns = self.base, self.plain_columns
+        kept = [j for j, each in enumerate(base.parameters) if not grouped(each.kind)]
+        places = np.zeros(len(base.parameters), dtype=np.int64)
+        places[kept] = np.arange(len(kept))
+        narrow = replace(
+            base,
+            parameters=base.parameters.select(kept),
+            base=places[base.base[columns]],
+            dependent=places[base.dependent],
+            regrouping=base.regrouping[columns],
+        )
+        terms, _ = parted(self.joint_terms)
+        return ForceModel(self.mechanism, self.model, terms, narrow, self.automatic)
+
+    @property
+    def load_columns(self) -> tuple[IntArray, IntArray]:
+        """Rows of the motors with load friction, and its columns."""
+        return load_places(self.parameters, self.mechanism.independent)
+
+    def _needs(self, column: int) -> tuple[str, ...]:
+        return joint_term(self.parameters[column].kind).needs
+
+    def loads(self, regressor: FloatArray) -> FloatArray:
+        """Forces (N, dof) that move the bodies, of a regressor (N, dof, n)."""
+        own = self.body_columns
+        values = self.prior[own] if self.bodies is None else self.bodies
+        return np.asarray(regressor[:, :, own] @ values)
+
+    def loaded(self, regressor: FloatArray) -> FloatArray:
+        """A regressor (N, dof, n) per unit of load, with the loads of the motors."""
+        if not len(self.load_columns[1]):
+            return regressor
+        return with_loads(regressor, self.load_columns, self.loads(regressor))
+
+    def with_loads(self, values: FloatArray) -> ForceModel:
+        """The same model with gears that carry the bodies of values (n,)."""
+        if not len(self.load_columns[1]):
+            return self
+        return replace(self, bodies=values[self.body_columns])
 
     def columns_of(self, parameters: ParameterSet) -> IntArray:
         """Columns of some of the parameters."""
@@ -163,9 +228,10 @@ class ForceModel:
         with warnings.catch_warnings():  # the same as of this model
             warnings.simplefilter("ignore")
             try:
-                return find_force_model(self.mechanism, self.model, terms, search=kept)
+                found = find_force_model(self.mechanism, self.model, terms, search=kept)
             except OptionError:
-                return find_force_model(self.mechanism, self.model, terms)
+                found = find_force_model(self.mechanism, self.model, terms)
+        return replace(found, automatic=self.automatic)
 
     def with_columns(self, kinds: Mapping[str, tuple[str, ...]]) -> ForceModel:
         """The same model with further joint terms as columns of their own, after the others.
@@ -186,7 +252,7 @@ class ForceModel:
             dependent=own[base.dependent],
             regrouping=np.pad(base.regrouping, ((0, len(further)), (0, 0))),
         )
-        return ForceModel(self.mechanism, self.model, terms, wide)
+        return ForceModel(self.mechanism, self.model, terms, wide, self.automatic)
 
     def regressor(self, motion: JointMotion, n_jobs: int = 1) -> FloatArray:
         """Forces (N, dof, n) per unit of each parameter, by so many processes."""
@@ -197,7 +263,7 @@ class ForceModel:
         return np.concatenate(list(ordered_map(self._regressor_at, states, n_jobs)))
 
     def _regressor_at(self, state: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
-        return self.base.regressor(self.standard_regressor(*state))
+        return self.loaded(self.base.regressor(self.standard_regressor(*state)))
 
     def samples(self, recording: Recording, n_jobs: int = 1) -> FitSamples:
         """The recording as samples of a fit.
@@ -237,36 +303,86 @@ class ForceModel:
 
         What is smooth comes out the same whether the motion is filtered or the forces are.
         """
-        history, terms = recording.history, self.joint_terms or JointTerms(())
-        jumping = [
-            j for j in self.joint_columns if "sign" in joint_term(self.parameters[j].kind).needs
-        ]
-        if not (history and jumping):
+        jumping = [j for j in self.joint_columns if "sign" in self._needs(j)]
+        if not (recording.history and jumping):
             return W
-        rates = self.mechanism.velocity_indices([self.parameters[j].link for j in jumping])
-        blocks = (recording.motion.configurations[rows] for rows in row_blocks(len(W)))
-        shares = np.concatenate([project(self.mechanism, q).G[:, rates] for q in blocks])
         stepped = np.array(W)
-        for k, j in enumerate(jumping):
-            joint, law = self.parameters[j].link, joint_term(self.parameters[j].kind)
-
-            def of_joint(what: str, joint: str = joint) -> Any:
-                """A field of the joint's state, or its load, at the rate of the log."""
-
-                def field_of(motion: ClosedMotion) -> FloatArray:
-                    if what == "load":
-                        return terms.loads(self.mechanism, motion)[0][joint]
-                    return np.asarray(getattr(joint_state(self.mechanism, motion, joint), what))
-
-                return history.of_motion(self.mechanism, field_of)
-
-            rate = history.of_joint(self.mechanism, joint)
-            more = {n: of_joint(n) for n in ("position", "acceleration", "load") if n in law.needs}
-            load = more.pop("load", None)
-            state = terms.state(JointState(None, rate, None)._replace(**more), load)
-            signal = law.signal(state, len(rate))
-            stepped[:, :, j] = shares[:, k] * history.lowpassed(signal)[:, None]
+        stepped[:, :, jumping] = self._filtered(recording, jumping, self.loads(W))
         return stepped
+
+    def _filtered(
+        self, recording: Recording, columns: Sequence[int], loads: FloatArray
+    ) -> FloatArray:
+        """Columns (N, dof, m) of joint terms made at the rate of the log, and filtered.
+
+        ``loads`` (N, dof) are those of the motors.
+        """
+        history, mechanism = recording.history, self.mechanism
+        assert history is not None
+        links = [self.parameters[j].link for j in columns]
+        rates = mechanism.velocity_indices(links)
+        q = recording.motion.configurations
+        shares = [project(mechanism, q[rows]).G[:, rates] for rows in row_blocks(len(q))]
+        found = np.empty((len(q), len(recording.actuators), len(columns)))
+        for joint in dict.fromkeys(links):
+            own = [k for k, link in enumerate(links) if link == joint]
+            state = self._state_of_log(recording, joint, [columns[k] for k in own])
+            if joint in mechanism.independent:
+                load = np.abs(loads[:, mechanism.independent.index(joint)])
+                size = np.interp(np.arange(len(state.rate)), history.rows, load)
+                state = state._replace(torque=size)
+            laws = [joint_term(self.parameters[columns[k]].kind) for k in own]
+            signals = np.stack([law.signal(state, len(state.rate)) for law in laws], axis=1)
+            found[:, :, own] = history.lowpassed(signals)[:, None]
+        return found * np.concatenate(shares).swapaxes(1, 2)
+
+    def _state_of_log(self, recording: Recording, joint: str, columns: Sequence[int]) -> JointState:
+        """State (M,) of a joint at the rate of the log, as far as its terms need it."""
+        history, terms = recording.history, self.joint_terms or JointTerms(())
+        assert history is not None
+        needed = {need for j in columns for need in self._needs(j)}
+
+        def of_joint(what: str) -> Any:
+            def field_of(motion: ClosedMotion) -> FloatArray:
+                if what == "load":
+                    return terms.loads(self.mechanism, motion)[0][joint]
+                return np.asarray(getattr(joint_state(self.mechanism, motion, joint), what))
+
+            return history.of_motion(self.mechanism, field_of)
+
+        rate = history.of_joint(self.mechanism, joint)
+        more = {n: of_joint(n) for n in ("position", "acceleration", "load") if n in needed}
+        load = more.pop("load", None)
+        return terms.state(JointState(None, rate, None)._replace(**more), load)
+
+    def widened(self, samples: FitSamples, recordings: Sequence[Recording]) -> FitSamples:
+        """Samples of all columns, from those of the first ones and their recordings.
+
+        The others are joint terms, of which load friction is made anew by ``bodies``.
+        """
+        width = len(samples.parameters)
+        columns = sorted({*range(width, len(self.parameters)), *self.load_columns[1].tolist()})
+        if not columns:
+            return samples
+        W = np.zeros((len(samples), len(samples.actuators), len(self.parameters)))
+        W[:, :, :width] = samples.regressor
+        loads, start = self.loads(W), 0
+        for recording in recordings:
+            rows = slice(start, start + len(recording))
+            start = rows.stop
+            if recording.history:
+                W[rows][:, :, columns] = self._filtered(recording, columns, loads[rows])
+                continue
+            motion = recording.motion
+            state = motion.configurations, motion.velocities, motion.accelerations
+            whole = closed_motion(self.mechanism, *state)
+            assert self.joint_terms is not None
+            terms = self.joint_terms.columns(self.mechanism, whole)
+            first = len(self.base.parameters) - terms.shape[2]
+            W[rows][:, :, columns] = terms[:, :, self.base.base[columns] - first]
+            place, own = self.load_columns
+            W[rows][:, place, own] *= np.abs(loads[rows][:, place])
+        return replace(samples, parameters=self.parameters, regressor=W)
 
 
 @checked
@@ -289,7 +405,8 @@ def find_force_model(
         Friction, drive inertias, springs and offsets to be identified with the bodies, or a choice
         as of ``JointTerms.of``; None for none. By default ``"auto"``: of the motors Coulomb and
         viscous friction, offsets and, in a full model, rotor inertia; what the robot file gives;
-        and in ``identify`` a friction law with more shape where the data ask for it.
+        and in ``identify`` friction curves and load friction where the data ask for them.
+        ``"auto; elbow: Ks"`` is that and more.
     search, seed, progress
         As in ``find_base_parameters`` and ``structural_observation``.
 
@@ -307,12 +424,13 @@ def find_force_model(
     ForceModel(five_bar, full: 9 base parameters of bodies, 8 of joint terms)
     """
     model_kinds(model)  # refuses an unknown one
-    automatic = joint_terms == AUTOMATIC
+    automatic = False
     if isinstance(joint_terms, str):
-        joint_terms = JointTerms.of(mechanism, USUAL_TERMS[model] if automatic else joint_terms)
+        joint_terms, automatic = chosen_terms(mechanism, model, joint_terms)
     warn_of_omitted(mechanism, joint_terms)
+    plain, others = parted(joint_terms)
     observation = structural_observation(
-        mechanism, model, seed=seed, progress=progress, joint_terms=joint_terms
+        mechanism, model, seed=seed, progress=progress, joint_terms=plain
     )
     base = find_base_parameters(observation, search)
     felt = {base.parameters.labels[j] for j in base.structure.columns}
@@ -323,16 +441,47 @@ def find_force_model(
             "without them",
             ModelWarning,
         )
-    if joint_terms is not None and joint_terms.loaded:
+    if plain is not None and plain.loaded:
         states = random_configurations(mechanism, FEW), *random_motions(mechanism, FEW)
-        _, left_open = joint_terms.loads(mechanism, closed_motion(mechanism, *states))
+        _, left_open = plain.loads(mechanism, closed_motion(mechanism, *states))
         if left_open:
             warn(
                 f"redundant closures of {mechanism.name} leave open what {', '.join(left_open)} "
                 "carry: their load-dependent friction is that of the least forces in closures",
                 ModelWarning,
             )
-    return ForceModel(mechanism, model, joint_terms, base, automatic)
+    found = ForceModel(mechanism, model, plain, base, automatic)
+    return found.with_columns(others) if others else found
+
+
+def chosen_terms(mechanism: Mechanism, model: str, choice: str) -> tuple[JointTerms | None, bool]:
+    """The joint terms of a choice, and whether it has ``auto`` among its words."""
+    words = re.split(r"([,;:])", choice)
+    automatic = [word.strip() == AUTOMATIC for word in words]
+    usual = [
+        USUAL_TERMS[model] if flag else word for word, flag in zip(words, automatic, strict=True)
+    ]
+    return JointTerms.of(mechanism, "".join(usual)), any(automatic)
+
+
+def parted(terms: JointTerms | None) -> tuple[JointTerms | None, dict[str, tuple[str, ...]]]:
+    """Joint terms without those of groups, and the kinds of these by their joints.
+
+    Terms of a group may be nearly alike, and are no base parameters: priors tell them apart.
+    """
+    if terms is None:
+        return None, {}
+    both: list[dict[str, tuple[str, ...]]] = [{}, {}]
+    for joint, kinds in terms.of_joints.items():
+        for weighed, found in enumerate(both):
+            found[joint] = tuple(kind for kind in kinds if grouped(kind) == bool(weighed))
+    plain, others = both
+    if not any(others.values()):
+        return terms, {}
+    own = JointTerms.of_kinds(plain)
+    if own is not None:
+        own = replace(own, dead_zone=terms.dead_zone, smoothing=terms.smoothing)
+    return own, {joint: kinds for joint, kinds in others.items() if kinds}
 
 
 @checked

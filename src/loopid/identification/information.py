@@ -165,9 +165,17 @@ def fit_excited(
 
     This is the limit of Bayes' estimate for a prior (n,) that is ever less certain, in sizes. In
     unidentifiable directions the covariance is that of the robot file, one size; parameters that
-    have a part there are ``assumed``.
+    have a part there are ``assumed``. A motor of few rows that is fitted without error counts for
+    so much that others are lost: the least excited directions are left out until it is not.
     """
-    found = quiet_fit(excited_samples(samples, prior, excitation), estimator)
+    while True:
+        try:
+            found = quiet_fit(excited_samples(samples, prior, excitation), estimator)
+            break
+        except (DataError, RankError):
+            if excitation.rank <= 1:
+                raise
+            excitation = replace(excitation, rank=excitation.rank - 1)
     B, U = excitation.excited, excitation.unidentifiable
     values, covariance = prior + B @ found.values, B @ found.covariance @ B.T + U @ U.T
     return replace(

@@ -8,6 +8,8 @@ negative, or is bounded.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from loopid.arguments import FloatArray, IntArray
@@ -16,10 +18,12 @@ from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import FitProblem
 from loopid.parameters import KINDS, Parameter
 from loopid.records import record
-from loopid.regressors.joint_laws import joint_term
+from loopid.regressors.joint_laws import ASYMMETRY, CURVE, RATIO, JointState, joint_term
 
 # Least deviation of a group, relative to its largest: what it does is then below any error.
 LEAST = 1e-4
+# What friction curves are made of; a rate next to standstill, relative to that of the first point.
+CURVES, CLOSE = (CURVE, ASYMMETRY), 1e-9
 
 
 @record
@@ -43,7 +47,8 @@ class JointPriors:
     box : FloatArray
         (2, k), least and largest value of each term, which may be infinite.
     limits, least : FloatArray
-        A (m, k) and b (m,) of A f ≥ b, the box included; b is at most zero.
+        A (m, k) and b (m,) of A f ≥ b, the box and friction that dissipates included; b is at most
+        zero.
     """
 
     start: FloatArray
@@ -93,9 +98,19 @@ class JointPriors:
                 factor[np.ix_(columns, columns)] = np.linalg.cholesky(correlation)
         box = np.array([_box(term) for term in terms]).reshape(-1, 2).T
         limits, least = _limits(box)
+        dissipated = dissipation(terms)
+        limits = np.concatenate([limits, dissipated])
+        least = np.append(least, np.zeros(len(dissipated)))
         names = tuple(f"{joint}: {name}" for joint, name in members)
         alone = np.where(group < 0, deviations, 1.0)
         return cls(start, alone, names, group, factor, bounds, box, limits, least)
+
+    @classmethod
+    def none(cls) -> JointPriors:
+        """Of no joint terms."""
+        none, square = np.zeros(0), np.zeros((0, 0))
+        box = np.zeros((2, 0))
+        return cls(none, none, (), np.zeros(0, dtype=np.int64), square, box.T, box, square, none)
 
     def spread(self, sizes: FloatArray) -> FloatArray:
         """S (k, k) of f = f⁰ + S u with u ~ N(0, 1), at deviations (g,) of the groups."""
@@ -145,3 +160,24 @@ def _limits(box: FloatArray) -> tuple[FloatArray, FloatArray]:
     above, below = np.isfinite(least), np.isfinite(most)
     limits = np.concatenate([one[above], -one[below]])
     return limits, np.concatenate([least[above], -most[below]])
+
+
+def dissipation(terms: Sequence[Parameter]) -> FloatArray:
+    """Rows (m, k) of sign(q̇) F(q̇) ≥ 0, for joints whose friction is a curve.
+
+    At the rates of its points both ways, and next to standstill: the curve is linear between them.
+    """
+    rows = []
+    laws = [joint_term(term.kind) for term in terms]
+    for joint in dict.fromkeys(term.link for term in terms):
+        own = [j for j, term in enumerate(terms) if term.link == joint and laws[j].friction]
+        at = np.array([laws[j].at for j in own if laws[j].prior in CURVES])
+        if not len(at):
+            continue
+        rates = np.unique([CLOSE * at.min(), *at, RATIO * at.max()])
+        state = JointState(None, np.concatenate([rates, -rates]), None, math=np)
+        found = np.zeros((2 * len(rates), len(terms)))
+        for j in own:
+            found[:, j] = np.sign(state.rate) * laws[j].signal(state, 2 * len(rates))
+        rows.append(found)
+    return np.concatenate(rows) if rows else np.zeros((0, len(terms)))

@@ -291,7 +291,7 @@ class _Kind(NamedTuple):
         """Sizes that are tried first, but for impossible ones."""
         signs = np.array(self.signs)
         if self.fields in (("ratio",), ("time",)) and model.rates_measured:
-            return signs[signs == -1.0]  # velocities of the log prove the size
+            return np.compress(signs == -1.0, signs)  # velocities of the log prove the size
         if not self.sizes:
             return signs
         least, most = 0.0, inf
@@ -507,9 +507,9 @@ def _clear(
 
 
 def _caused(find: _Find) -> bool:
-    """Whether people have a cause for a mistake: of others, more must be explained."""
+    """Whether no missing force looks alike: of a gain, whether people have a cause for its size."""
     kind = KINDS[find.kind]
-    return not kind.causes or kind.cause(find.size, find.reach) is not None
+    return kind.fields != ("gain",) or kind.cause(find.size, find.reach) is not None
 
 
 def _finding(model: Evidence, clear: Sequence[_Find], found: Explanation) -> Finding:

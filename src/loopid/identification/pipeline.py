@@ -12,14 +12,20 @@ from html import escape
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
-from loopid.errors import DataError, DataWarning, OptionError, warn
+from loopid.errors import DataError, DataWarning, OptionError, RankError, warn
 from loopid.findings import Finding
-from loopid.identification.consistent import CONSISTENT, ConsistentOptions, consistent_fit
+from loopid.identification.consistent import (
+    CONSISTENT,
+    ConsistentOptions,
+    consistent_fit,
+    fit_terms,
+)
 from loopid.identification.cutoff import CutoffChoice, choose_cutoff, prepared_at
 from loopid.identification.delay import Delay, find_delay, with_delay_errors, without_delay
 from loopid.identification.estimator import ESTIMATORS, Estimator, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
-from loopid.identification.force_model import ForceModel, samples_of
+from loopid.identification.force_model import ForceModel, parted, samples_of
+from loopid.identification.friction import motor_use, with_friction
 from loopid.identification.information import (
     Excitation,
     Identifiability,
@@ -29,12 +35,12 @@ from loopid.identification.information import (
 from loopid.identification.log_mistakes import Suspicions, suspicions_by_log
 from loopid.identification.prediction import Candidate, judge
 from loopid.identification.problem import ROUND_OFF, FitSamples
-from loopid.identification.result import FitResult, fit_quality, nearest_first, of_all
+from loopid.identification.result import FitResult, NoiseModel, fit_quality, nearest_first, of_all
 from loopid.identification.terms import TermOptions, choose_terms
 from loopid.identification.verdict import Verdict, findings_of
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
-from loopid.parameters import html_table
+from loopid.parameters import ParameterSet, html_table
 from loopid.records import record
 from loopid.regressors.joint_laws import joint_term
 from loopid.workers import require_processes
@@ -63,7 +69,7 @@ class FitOptions:
     undo_delay : bool
         Whether a clear delay between forces and motion is undone in the logs (``find_delay``).
     terms : TermOptions
-        Which friction and offsets the data ask for (``choose_terms``).
+        Which offsets the data tell (``choose_terms``).
     n_jobs : int
         Processes that compute the regressors; the result is the same to the bit.
 
@@ -338,7 +344,7 @@ def identify(
         without_delay(force_model, runs, delay) for runs in (training, judging, friction)
     )
     runs = *training, *judging, *friction
-    suspected = suspicions_by_log(force_model.mechanism, runs, force_model.joint_terms)
+    suspected = suspicions_by_log(force_model.mechanism, runs, parted(force_model.joint_terms)[0])
     for each in (found for one in suspected for found in one.mistakes):
         each.warn()  # before what a wrong log may end in
     cutoff = choose_cutoff(force_model, training, n_jobs=options.n_jobs)
@@ -351,21 +357,32 @@ def identify(
         force_model, friction or training, options=options.terms, n_jobs=options.n_jobs
     )
     data = samples_of(force_model, training, references=references, n_jobs=options.n_jobs)
-    new = samples_of(force_model, judging, n_jobs=options.n_jobs)
     first = samples_of(force_model, friction, n_jobs=options.n_jobs) if friction else None
-    fitted = data if first is None else data.select(force_model.body_columns)
-    excited = identifiability(force_model, fitted)
+    plain = force_model.plain_columns
+    fitted = plain if first is None else np.setdiff1d(plain, force_model.joint_columns)
+    excited = identifiability(force_model, data.select(fitted))
     whole = fit_all(force_model, data, excited, first=first, options=options)
-    start = fit_joint_terms(force_model, data, options=options)
-    fits = {ROBOT_FILE: start, ALL: whole}
+    solid = None
     if options.name == "wls":
-        fits[CONSISTENT] = fit_solid_bodies(
-            force_model, data, excited, whole=whole, terms_known=first is not None, options=options
-        )
+        if force_model.automatic and first is None:
+            force_model, data, solid = with_friction(
+                force_model, data, training, whole, options=options.consistent
+            )
+        else:
+            known = whole if first is not None else None
+            solid = fit_solid_bodies(force_model, data, whole.noise, known=known, options=options)
+        solid = with_assumed(solid, excited)
+    new = samples_of(force_model, judging, n_jobs=options.n_jobs)
+    start = fit_joint_terms(force_model, data, options=options)
+    fits = {ROBOT_FILE: start, ALL: widened(whole, force_model.parameters)}
+    if solid is not None:
+        fits[CONSISTENT] = solid
+    use = motor_use(force_model, data, training)
     fits = {
         name: replace(
             with_delay_errors(each, data, training, delay),
             cutoff=None if cutoff is None else cutoff.chosen,
+            use=use,
             mistakes=tuple(
                 str(found)
                 for one in suspected
@@ -379,7 +396,13 @@ def identify(
         delay.warn()
     excited.warn()
     warn_of_fitted(training, judging)
-    judged = {name: judge(each, data, new, name=name, against=start) for name, each in fits.items()}
+    judged = _judged(fits, data, new)
+    if CONSISTENT in fits:
+        # The gears carry the bodies that are recommended.
+        best = CONSISTENT if judged[CONSISTENT].beats_baseline else ROBOT_FILE
+        force_model = force_model.with_loads(fits[best].values)
+        data, new = force_model.widened(data, training), force_model.widened(new, judging)
+        judged = _judged(fits, data, new)
     parts = tuple(training), tuple(judging), tuple(friction)
     return Identification(
         *(force_model, *parts, data, new, excited, judged, options),
@@ -387,6 +410,18 @@ def identify(
         delay=delay,
         suspicions=suspected,
     )
+
+
+def _judged(
+    fits: Mapping[str, FitResult], data: FitSamples, new: FitSamples
+) -> dict[str, Candidate]:
+    """Candidates beside the first one, their quality that of the samples."""
+    fits = {
+        name: replace(fit, quality=fit_quality(data.problem, fit.values))
+        for name, fit in fits.items()
+    }
+    against = fits[ROBOT_FILE]
+    return {name: judge(fit, data, new, name=name, against=against) for name, fit in fits.items()}
 
 
 @checked
@@ -399,6 +434,8 @@ def fit_all(
     options: FitOptions = FitOptions(),
 ) -> FitResult:
     """Fit all parameters that the data tell, by the estimator of the options.
+
+    Joint terms whose size the evidence decides are zero: it takes a prior to tell them apart.
 
     Parameters
     ----------
@@ -420,19 +457,52 @@ def fit_all(
         Of autocorrelated residuals and of parameters that vary between recordings, as ``fit``. What
         is not significant, the verdict tells of the recommended fit.
     """
-    estimator = chosen_estimator(options.estimator)
+    estimator, plain = chosen_estimator(options.estimator), force_model.plain_columns
+    part = data.select(plain) if len(plain) < len(data.parameters) else data
     if first is not None:
-        for part in (identifiability(force_model, first), excited):
-            if part.unidentifiable:
-                raise part.refusal
+        for step in (identifiability(force_model, first.select(plain)), excited):
+            if step.unidentifiable:
+                raise step.refusal
         labels = force_model.parameters.labels
-        known = [labels[j] for j in force_model.joint_columns]
-        return fit_in_steps(first, data, known, estimator=estimator)
-    if not excited.unidentifiable:
-        return working_fit(data, estimator, quiet=False).result
-    if not (options.unidentifiable == "prior" and excited.rank):
+        known = [labels[j] for j in np.intersect1d(force_model.joint_columns, plain)]
+        found = fit_in_steps(first.select(plain), part, known, estimator=estimator)
+    elif excited.unidentifiable and (options.unidentifiable == "error" or not excited.rank):
         raise excited.refusal
-    return fit_excited(data, force_model.prior, excited.excitation, estimator=estimator)
+    else:
+        found = fit_told(force_model.prior[plain], part, excited, estimator, options.unidentifiable)
+    return widened(found, data.parameters)
+
+
+def fit_told(
+    prior: FloatArray,
+    data: FitSamples,
+    excited: Identifiability,
+    estimator: Estimator,
+    unidentifiable: str,
+) -> FitResult:
+    """Fit what data tell; the rest is as in the robot file (n,), unless that is an error."""
+    if not excited.unidentifiable:
+        try:
+            return working_fit(data, estimator, quiet=False).result
+        except (DataError, RankError):  # a motor of few rows counts for so much that others do not
+            if unidentifiable == "error" or data.problem.freedom < 1:
+                raise
+    found = fit_excited(data, prior, excited.excitation, estimator=estimator)
+    if found.assumed and not excited.unidentifiable:
+        warn(
+            "weighted by the motors' errors, the data do not tell all of "
+            f"{', '.join(found.assumed)}: what is left open is as in the robot file",
+            DataWarning,
+        )
+    return found
+
+
+def widened(found: FitResult, parameters: ParameterSet) -> FitResult:
+    """A fit of some of the parameters, the others ``assumed`` to be zero."""
+    if found.parameters == parameters:
+        return found
+    columns = np.array([parameters.labels.index(label) for label in found.parameters.labels])
+    return of_all(found, parameters, columns, np.zeros(len(parameters)))
 
 
 @checked
@@ -447,7 +517,8 @@ def fit_joint_terms(
     Friction and drive inertia are not negative. Bodies are ``assumed``: their covariance is zero,
     their intervals are infinite.
     """
-    values, joints = np.array(force_model.prior), force_model.joint_columns
+    values = np.array(force_model.prior)
+    joints = np.intersect1d(force_model.joint_columns, force_model.plain_columns)
     left = data.reduced(joints, values)
     # A joint term may lead a combination with bodies, of which the robot file knows a part.
     excitation = Excitation.of(force_model, left.problem) if len(joints) else None
@@ -470,6 +541,8 @@ def fit_joint_terms(
         terms = quiet_fit(left, estimator)
     else:
         terms = fit_excited(left, values[joints], excitation, estimator=estimator)
+    if terms.noise is not None and options.name == "wls":
+        return replace(fit_terms(force_model, data, terms.noise), estimator=terms.estimator)
     # Each leads a base parameter of its own, with factor 1.
     standard, places = force_model.standard_prior, force_model.base.base[joints]
     kinds = [force_model.parameters[j].kind for j in joints]
@@ -506,34 +579,37 @@ def not_below(least: FloatArray, data: FitSamples, found: FitResult) -> FloatArr
 def fit_solid_bodies(
     force_model: ForceModel,
     data: FitSamples,
-    excited: Identifiability,
+    noise: NoiseModel | None,
     *,
-    whole: FitResult,
-    terms_known: bool = False,
+    known: FitResult | None = None,
     options: FitOptions = FitOptions(),
 ) -> FitResult:
     """Fit all parameters with the robot file weighed, every body solid: see ``consistent_fit``.
 
     Parameters
     ----------
-    whole : FitResult
-        Of all parameters, with a model of the errors of the forces.
-    terms_known : bool
-        Whether its joint terms are those of an experiment of their own, known to their errors.
+    noise : NoiseModel
+        Of the forces, as of a fit of all parameters.
+    known : FitResult, optional
+        Joint terms of an experiment of their own, known to their errors.
     """
-    if whole.noise is None:
+    if noise is None:
         raise DataError(
             "the fit has no model of its errors that the robot file could be weighed by"
         )
-    known: dict[str, FloatArray] = {}
-    if terms_known:
+    terms: dict[str, FloatArray] = {}
+    if known is not None:
         count = len(force_model.joint_values)
-        own = force_model.joint_columns
+        own = np.intersect1d(force_model.joint_columns, force_model.plain_columns)
         places = force_model.base.base[own] - (len(force_model.base.parameters) - count)
         values, deviations = np.nan_to_num(force_model.joint_values), np.full(count, np.inf)
-        values[places], deviations[places] = whole.values[own], whole.standard_errors[own]
-        known = {"joint_values": values, "joint_deviations": deviations}
-    found = consistent_fit(force_model, data, whole.noise, **known, options=options.consistent)
+        values[places], deviations[places] = known.values[own], known.standard_errors[own]
+        terms = {"joint_values": values, "joint_deviations": deviations}
+    return consistent_fit(force_model, data, noise, **terms, options=options.consistent)
+
+
+def with_assumed(found: FitResult, excited: Identifiability) -> FitResult:
+    """A fit, with what the data do not excite ``assumed``."""
     assumed = {*found.assumed, *(excited.assumed if excited.unidentifiable else ())}
-    labels = force_model.parameters.labels
+    labels = found.parameters.labels
     return replace(found, assumed=tuple(name for name in labels if name in assumed))

@@ -138,7 +138,7 @@ def force_model_of(fit: SavedFit | FitResult, robot: Mechanism | ForceModel) -> 
         )
     if fit.parameters != robot.parameters:
         raise DataError("the fit is of other parameters than the force model has")
-    return robot
+    return robot.with_loads(fit.values)
 
 
 # Stretches of time whose errors count as independent of each other: few, hence long, as errors

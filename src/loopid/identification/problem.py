@@ -254,6 +254,14 @@ class FitSamples:
             instruments=None if Z is None else np.take(Z, chosen, axis=2),
         )
 
+    def beside(self, parameters: ParameterSet, columns: FloatArray) -> FitSamples:
+        """The same forces with further parameters, of columns (N, dof, k), after the others."""
+        return replace(
+            self,
+            parameters=self.parameters + parameters,
+            regressor=np.concatenate([self.regressor, columns], axis=2),
+        )
+
     def along(self, directions: FloatArray) -> FitSamples:
         """The same forces with combinations of parameters only, the columns of (n, k)."""
         W, Z = self.regressor, self.instruments

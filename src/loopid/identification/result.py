@@ -180,20 +180,43 @@ class TermDeviations(OfArrays):
         (g,), deviation of each, in the unit of its terms.
     told : FloatArray
         (g,), how many of its terms the data tell.
-    bounds : FloatArray
-        (g, 2), least and largest that each may be: at the least, the group has no effect.
+    evidence : FloatArray
+        (g,), logarithm of how much likelier the data are with the group than without it.
     """
 
     names: tuple[str, ...]
     own: FloatArray
     told: FloatArray
-    bounds: FloatArray
+    evidence: FloatArray
+
+
+@record
+class MotorUse(OfArrays):
+    """How the motors were used in the samples of a fit.
+
+    Attributes
+    ----------
+    joints : tuple of str
+    slowest, fastest : FloatArray
+        (m,), slowest informative and fastest rate of each, in m/s or rad/s.
+    load : FloatArray
+        (m,), mean size of the force that moved the bodies, in N or N m.
+    """
+
+    joints: tuple[str, ...]
+    slowest: FloatArray
+    fastest: FloatArray
+    load: FloatArray
 
     @property
-    def present(self) -> tuple[str, ...]:
-        """Groups that the data ask for."""
-        asked = self.own > self.bounds[:, 0]
-        return tuple(name for name, flag in zip(self.names, asked, strict=True) if flag)
+    def columns(self) -> tuple[tuple[str, ...], list[float], list[float]]:
+        """Joints, slowest and fastest rates."""
+        return self.joints, self.slowest.tolist(), self.fastest.tolist()
+
+    def of(self, joint: str) -> tuple[float, float]:
+        """Slowest and fastest rate of a joint."""
+        k = self.joints.index(joint)
+        return float(self.slowest[k]), float(self.fastest[k])
 
 
 @record
@@ -265,6 +288,8 @@ class FitResult(OfArrays, Tabular):
         In Hz, of the filter, where it was chosen by predictions.
     term_deviations : TermDeviations or None
         Of groups of joint terms, where there are any.
+    use : MotorUse or None
+        Rates and loads of the motors in the data; None where they are not known.
     mistakes : tuple of str
         In the logs that were fitted, one sentence each: no value counts before they are mended.
 
@@ -301,6 +326,7 @@ class FitResult(OfArrays, Tabular):
     deviation: FileDeviation | None = None
     cutoff: float | None = None
     term_deviations: TermDeviations | None = None
+    use: MotorUse | None = None
     mistakes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

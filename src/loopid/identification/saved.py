@@ -30,6 +30,7 @@ from loopid.identification.force_model import ForceModel
 from loopid.identification.result import (
     FileDeviation,
     FitResult,
+    MotorUse,
     NoiseModel,
     Quality,
     Robustness,
@@ -40,9 +41,10 @@ from loopid.kinematics.projection import closed_motion
 from loopid.kinematics.sampling import random_configurations
 from loopid.loading.files import bundled_robots, find_files
 from loopid.loading.load import load_mechanism
-from loopid.parameters import Parameter, ParameterSet
+from loopid.motion.joints import JointMotion
+from loopid.parameters import KINDS, Parameter, ParameterSet
 from loopid.regressors.closed_loop import motion_parameters, motion_regressor
-from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.joint_terms import JointTerms, load_places, with_loads
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
 from loopid.yaml_files import LARGE, load_yaml
@@ -147,6 +149,7 @@ class SavedEstimate(_Section):
     deviation: FileDeviation | None = None
     cutoff: Annotated[float, Field(gt=0, le=LARGEST)] | None = None
     term_deviations: TermDeviations | None = None
+    use: MotorUse | None = None
     mistakes: tuple[str, ...] = ()
 
 
@@ -356,7 +359,7 @@ class SavedFit(_Section):
             regrouping=frozen(M[:, dependent]),
             search=SearchResult("saved", "nullspace", chosen, math.nan, False, 1, 0),
         )
-        return ForceModel(mechanism, kind, terms, found)
+        return ForceModel(mechanism, kind, terms, found).with_loads(self.values)
 
     def require_bodies(self) -> FloatArray:
         """Standard parameters and joint terms (p,), which a robot file can be made of.
@@ -446,7 +449,8 @@ def _states(model: ForceModel, values: FloatArray) -> Iterator[dict[str, FloatAr
     q = random_configurations(model.mechanism, STATES, seed=0)
     shape = 2, STATES, len(model.mechanism.independent)
     v, a = np.random.default_rng(0).standard_normal(shape)
-    force = model.base.regressor(model.standard_regressor(q, v, a)) @ values
+    motion = JointMotion(np.arange(float(STATES)), q, v, a, np.ones(STATES))
+    force = model.with_loads(values).regressor(motion) @ values
     for state in zip(q, v, a, force, strict=True):
         yield dict(zip(SavedState.model_fields, state, strict=True))
 
@@ -606,7 +610,11 @@ def _differences(saved: SavedFit, mechanism: Mechanism) -> Iterator[str]:
         k = int(residual.argmax())
         yield f"closure {mechanism.row_names[k]} has a residual of {residual[k]:.3g} there"
     W = motion_regressor(mechanism, closed_motion(mechanism, q, v, a), kind, joint_terms=terms)
-    apart = np.abs(W[..., saved._leading] @ saved.values - force).max(axis=0)
+    values, places = saved.values, load_places(saved.parameters, mechanism.independent)
+    bodies = [k for k, each in enumerate(saved.parameters) if each.kind in KINDS]
+    K = W[..., saved._leading]
+    K = with_loads(K, places, K[:, :, bodies] @ values[bodies])
+    apart = np.abs(K @ values - force).max(axis=0)
     k = int(apart.argmax())
     if apart[k] > SAME_ROBOT * np.abs(force).max():
         why = " (bodies that load joints count)" if terms is not None and terms.loaded else ""

@@ -9,7 +9,9 @@ import numpy as np
 
 from loopid.arguments import FloatArray
 from loopid.findings import PAGE, Finding, most_important_first
+from loopid.identification.result import FitResult
 from loopid.records import record
+from loopid.regressors.joint_laws import grouped
 
 if TYPE_CHECKING:
     from loopid.identification.pipeline import Identification
@@ -64,7 +66,8 @@ class Verdict:
         """Of an identification."""
         errors = _errors(found)
         worst = 0 if np.isnan(errors).all() else int(np.nanargmax(errors))
-        significant = len(found.fit.values) - len(found.fit.insignificant())
+        count = sum(not grouped(each.kind) for each in found.fit.parameters)
+        significant = count - len(_insignificant(found.fit))
         judged = [each for each in found.candidates.values() if each is not found.baseline]
         best = found.recommended if found.recommended in judged else judged[-1]
         mistake, error = next(iter(found.mistakes), None), float(errors[worst])
@@ -75,7 +78,7 @@ class Verdict:
             error,
             best.error_ratio,
             significant,
-            len(found.fit.values),
+            count,
             () if mistake else excite,
             mistake.do if mistake else improvement,
             mistake,
@@ -142,7 +145,8 @@ def findings_of(found: Identification) -> tuple[Finding, ...]:
         )
     if found.delay is not None and found.delay.clear:
         said.append(found.delay.finding)
-    return most_important_first([*said, *told.findings])
+    bounds = () if found.cutoff is None else found.cutoff.findings
+    return most_important_first([*said, *told.findings, *bounds])
 
 
 def _unexplained(found: Identification) -> Finding | None:
@@ -172,8 +176,14 @@ def _least_known(found: Identification) -> tuple[str, ...]:
     """Parameters whose estimates are not clear from zero, the least known first."""
     alone = found.recommended is found.baseline  # of the bodies it has no estimates
     fit = found["all parameters"].fit if alone else found.fit
-    weak, order = set(fit.insignificant()), np.argsort(-fit.relative_std, kind="stable")
+    weak, order = set(_insignificant(fit)), np.argsort(-fit.relative_std, kind="stable")
     return tuple(name for j in order if (name := fit.parameters.labels[j]) in weak)
+
+
+def _insignificant(fit: FitResult) -> tuple[str, ...]:
+    """Names of parameters not clearly different from zero; points of a curve are none."""
+    kinds = {each.label: each.kind for each in fit.parameters}
+    return tuple(name for name in fit.insignificant() if not grouped(kinds[name]))
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -65,6 +65,8 @@ class Log(Tabular):
         What was left out on the way here.
     wrenches : tuple of ExternalWrench
         Of N samples, that the surroundings exerted on the robot.
+    force_scales : mapping
+        By joint, what numbers of the file were multiplied by to be forces in N or N m.
     free : mapping
         Joints that no motor moves to where sensors tell that they are: (N, 1) in m or rad, of a
         floating base (N, 7), the position of its frame and a quaternion with w last.
@@ -91,6 +93,7 @@ class Log(Tabular):
     dropped: tuple[Dropped, ...] = ()
     wrenches: tuple[ExternalWrench, ...] = ()
     free: Mapping[str, FloatArray] = field(default_factory=dict)
+    force_scales: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         time = _row(self.time)
@@ -294,6 +297,12 @@ class Log(Tabular):
             saturation=saturation,
             idle_speed=mapping.idle_speed,
             dropped=aligned.dropped,
+            force_scales={
+                channel.joint: channel.scale
+                for stream in streams
+                for channel in stream.channels
+                if channel.quantity == "force"
+            },
         )
         return log.delayed(mapping.force_delays(joints))
 

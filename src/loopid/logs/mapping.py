@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -15,7 +16,7 @@ from loopid.files import UNPACKED_RATIO
 from loopid.logs.wrenches import COMPONENTS
 from loopid.records import digest
 from loopid.registry import log_formats
-from loopid.yaml_files import Section, first_problem, read_yaml
+from loopid.yaml_files import Section, first_problem, read_yaml, yaml_writer
 
 # All that is read, in this order.
 QUANTITIES = ("position", "force", "velocity", "acceleration")
@@ -244,6 +245,48 @@ class LogMapping(Section):
         given = self.delay
         return [given.get(j, 0.0) if isinstance(given, Mapping) else given for j in joints]
 
+    def with_gains(
+        self, gains: Mapping[str, float], scales: Sequence[Mapping[str, float]]
+    ) -> LogMapping:
+        """The mapping by which forces are so many times as large.
+
+        Parameters
+        ----------
+        gains : mapping
+            By joint; 1 of those left out.
+        scales : sequence of mapping
+            What forces of each log were scaled by (``Log.force_scales``): as this mapping says, or
+            the headers.
+
+        Raises
+        ------
+        OptionError
+            When logs were scaled differently, or motors move joints together.
+        """
+        if self.joint_maps:
+            raise OptionError("gains are of joints, which joint_maps make of several motors each")
+        if any(each != scales[0] for each in scales[1:]):
+            raise OptionError("forces of the logs are in different units: one mapping cannot hold")
+        joints = [*scales[0]]
+        found = {joint: gains.get(joint, 1.0) for joint in joints}
+        content = self.model_dump(exclude_defaults=True, exclude_none=True)
+        content["force_scale"] = {
+            joint: _rounded(found[joint] * scales[0][joint]) for joint in joints
+        }
+        for key in ("force_offset", "saturation"):
+            if key in content:
+                values = zip(joints, self.by_joint("the mapping", key, joints), strict=True)
+                content[key] = {joint: _rounded(found[joint] * value) for joint, value in values}
+        return LogMapping(**content)
+
+    @property
+    def content(self) -> str:
+        """As it stands in a file."""
+        stream = io.StringIO()
+        written = self.model_dump(exclude_defaults=True, exclude_none=True)
+        yaml_writer().dump(written, stream)
+        return stream.getvalue()
+
     def by_joint(self, source: str, key: str, joints: Sequence[str]) -> list[Any]:
         """What is given for all or by joint, in the order of the motors.
 
@@ -263,6 +306,11 @@ class LogMapping(Section):
                 valid=tuple(joints),
             )
         return [given.get(joint, usual) for joint in joints]
+
+
+def _rounded(value: float) -> float:
+    """To digits that a gain is known to, and more."""
+    return float(f"{value:.6g}")
 
 
 @checked

@@ -65,7 +65,7 @@ def prepare_recording(
         Whose motors the log is of.
     log : Log
     filter : FilterOptions
-        Of positions and forces alike. Without a cut-off of its own that is five times the band of
+        Of positions and forces alike. Without a cut-off of its own that is six times the band of
         the motion, until ``identify`` chooses one.
     masks : MaskOptions
         Which samples say nothing.
@@ -100,7 +100,7 @@ def prepare_recording(
     >>> robot = loopid.load_mechanism("five_bar")
     >>> log = loopid.read_log(bundled_directory() / "logs" / "five_bar.csv", robot)
     >>> loopid.prepare_recording(robot, log)
-    <Recording 'five_bar': 735 samples, filtered at 5.8 Hz, forces used: ...>
+    <Recording 'five_bar': 550 samples, filtered at 4.82 Hz, forces used: ...>
     """
     require_known_motion(robot, log.free)
     if log.joints != robot.actuated:
@@ -589,10 +589,11 @@ def on_independent(
 # ---- the band of the motion, and a cut-off before anything is fitted ----------------------------
 
 # The band ends where this part of the power of the velocities is left in so many times its width:
-# noise, whatever its colour, has little power near the motion, and much far above.
-LEFT, OCTAVES = 0.01, 5.0
+# noise, whatever its colour, has little power near the motion, and much far above. Slow motions
+# that start and stop quickly have no end with a hundredth left.
+LEFT, WIDTHS = 0.03, 5.0
 # A cut-off before anything is fitted: so many bands, and samples a period of it, at least.
-PROVISIONAL, LEAST_PERIOD = 5.0, 5.0
+PROVISIONAL, LEAST_PERIOD = 6.0, 5.0
 # Samples that tell a band; of fewer, the cut-off is this part of the rate.
 LEAST_COUNT, SHORT_CUTOFF = 64, 0.05
 
@@ -610,7 +611,7 @@ def motion_band(robot: Mechanism, log: Log) -> float:
     velocity = np.diff(log.position[part], axis=0) * np.hanning(count + 2)[1:-1, None]
     amplitude = np.fft.rfft(velocity, axis=0)
     power = np.cumsum(amplitude.real**2 + amplitude.imag**2, axis=0)
-    above = np.searchsorted(frequency, OCTAVES * frequency, "right") - 1
+    above = np.searchsorted(frequency, WIDTHS * frequency, "right") - 1
     straight, band = np.isin(robot.velocity_indices(log.joints), robot.prismatic), 0.0
     for kind in (straight, ~straight):
         below = power[:, kind].sum(axis=1)

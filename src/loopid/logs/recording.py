@@ -34,7 +34,7 @@ class FilterOptions:
     Attributes
     ----------
     cutoff : float, "auto" or None
-        Of the low-pass filter in Hz; None for no filter. "auto" is five times the band of the
+        Of the low-pass filter in Hz; None for no filter. "auto" is six times the band of the
         motion, until ``identify`` chooses what predicts best.
     order : int
         Of each of the filter's two passes.

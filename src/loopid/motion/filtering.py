@@ -1,8 +1,8 @@
 """Zero-phase low-pass filtering and differentiation of evenly sampled signals.
 
 A Butterworth filter run forwards and backwards leaves no delay; positions filtered like this are
-differentiated by central differences, and forces are filtered alike, so that both sides of the
-equations lose the same frequencies [Gautier1997].
+differentiated by central differences of fourth order. Forces are filtered alike, so that both sides
+of the equations lose the same frequencies [Gautier1997].
 """
 
 from __future__ import annotations
@@ -82,11 +82,18 @@ class LowPass:
 
 @checked
 def differentiate(values: FloatArray, rate: float) -> FloatArray:
-    """Derivatives by time (N, ...) of evenly sampled signals, by central differences."""
+    """Derivatives by time (N, ...) of evenly sampled signals.
+
+    Central differences of fourth order [Fornberg1988], of second order in the first and the last
+    two samples. Of a frequency ω at steps h, (ωh)⁴/30 is lost.
+    """
     signal = _signal(values, rate)
     if len(signal) < 3:
         raise DataError(f"{len(signal)} samples are too few to differentiate: it takes 3")
-    return np.asarray(np.gradient(signal, 1.0 / rate, axis=0, edge_order=2), dtype=np.float64)
+    found = np.gradient(signal, 1.0 / rate, axis=0, edge_order=2)
+    near, far = signal[3:-1] - signal[1:-3], signal[4:] - signal[:-4]
+    found[2:-2] = (8 * near - far) * (rate / 12)
+    return np.asarray(found, dtype=np.float64)
 
 
 def _signal(values: FloatArray, rate: float) -> FloatArray:

@@ -33,7 +33,7 @@ from loopid.motion.trajectories import Motion
 from loopid.parameters import KINDS
 from loopid.records import record
 from loopid.regressors.closed_loop import closed_inertia, motion_regressor, standard_values
-from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.joint_terms import JointTerms, load_places, with_loads
 from loopid.robot.mechanism import Mechanism
 
 # Samples whose regressor of all standard parameters is in memory at a time.
@@ -233,6 +233,11 @@ def _motor_forces(
         whole = closed_motion(mechanism, *state)
         bodies = values[: len(mechanism.parameters())]
         K = motion_regressor(mechanism, whole, joint_terms=terms, standard_parameters=bodies)
+        if terms is not None:
+            every = mechanism.parameters() + terms.parameters(mechanism)
+            places = load_places(every, mechanism.independent)
+            loads = K[:, :, : len(bodies)] @ bodies
+            K = with_loads(K, places, loads)
         needed = K @ values
         force, left = needed[:, :driven], needed[:, driven:]
         if mechanism.redundant:

@@ -8,5 +8,6 @@ from .pictures import (
     motion_chart as motion_chart,
     parameters_chart as parameters_chart,
     robot_chart as robot_chart,
+    search_chart as search_chart,
     spectrum_chart as spectrum_chart,
 )

@@ -180,7 +180,11 @@ class Panel:
                 ax.hlines(mark.y, mark.x, mark.to, **look)
         ax.set_title(short_name(self.title, LONGEST), loc="left")
         for axis in self.log:
+            from matplotlib.ticker import LogFormatter  # the usual one writes formulas
+
             getattr(ax, f"set_{axis}scale")("log")
+            for which in ("major", "minor"):
+                getattr(getattr(ax, f"{axis}axis"), f"set_{which}_formatter")(LogFormatter())
         if self.equal:
             ax.set_aspect("equal", "datalim")
         if self.labels:

@@ -7,15 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import FloatArray, IntArray, checked, spread_rows
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked, spread_rows
+from loopid.base_parameters.account import SubgroupAccount
+from loopid.base_parameters.choice import SearchResult
 from loopid.errors import OptionError
 from loopid.excitation.design import ExcitationDesign
 from loopid.identification.cutoff import CutoffChoice
+from loopid.identification.friction import friction_columns, friction_curve, frictional_joints
 from loopid.identification.information import Identifiability, body_sizes
 from loopid.identification.pipeline import Identification
 from loopid.identification.prediction import Prediction
 from loopid.identification.saved import SavedFit
-from loopid.identification.terms import friction_columns, friction_curve, frictional_joints
 from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel
 from loopid.robot.mechanism import Mechanism
 from loopid.view.scene import link_rods, placed
@@ -25,6 +27,7 @@ VIEWS = {"front": (0, 2), "side": (1, 2), "top": (0, 1)}  # axes that go right a
 ACROSS = np.array([[0.82, -0.57, 0.0], [-0.25, -0.36, 0.9]])  # right and up, from a corner
 FLOOR_OF_WEAK = 0.1  # of the least effect that is drawn, where unidentifiable ones are drawn
 MOST, ROOM = 0.95, 1.3  # quantile of the friction's band, and times that, that an axis shows
+HIGHEST = 1e20  # condition number that is drawn; larger ones are drawn there
 CURVE_POINTS = 200  # of a friction curve on either side of standstill
 MOST_ERRORS = 40  # parameters whose standard errors are drawn
 RUNS = "fit", "file", "other", "weak", "measured", "faint"  # looks of fits beside each other
@@ -78,6 +81,78 @@ def robot_chart(mechanism: Mechanism, configuration: FloatArray | None = None) -
     at = "at its reference" if configuration is None else "at a configuration"
     caption = f"{mechanism.name} {at}. Where loops are cut, frames meet: {cuts}."
     return Chart("robot", caption, "", panels, columns=len(panels))
+
+
+@checked
+def search_chart(searches: Sequence[SearchResult]) -> Chart:
+    """Condition numbers of the combinations that subgroup searches tried, a column a search.
+
+    Above stand all of them, below those of full rank.
+
+    Raises
+    ------
+    OptionError
+        When a search is not one by subgroups.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> observation = loopid.structural_observation(loopid.load_mechanism("four_bar"))
+    >>> base = loopid.find_base_parameters(observation, "subgroup")
+    >>> loopid.plots.search_chart([base.search]).panels[0].title
+    'cond(V22), rank by a gap'
+    """
+    for search in searches:
+        if search.subgroups is None:
+            raise OptionError(f"search_chart shows subgroup searches, not {search.name} search")
+    accounts = [search.subgroups for search in searches if search.subgroups is not None]
+    caption = (
+        "Condition number of each combination tried, in turn; lines part the groups. Of those that "
+        f"are rank-deficient it is round-off, drawn up to {HIGHEST:.0e}."
+    )
+    panels = (*map(_tried_panel, accounts), *map(_full_rank_panel, accounts))
+    return Chart("search", caption, "combination tried", panels, columns=len(accounts) or 1)
+
+
+def _tried_panel(account: SubgroupAccount) -> Panel:
+    place, conditions, full_rank = _tried(account)
+    marks = (
+        _group_ends(account, 1.0, conditions.max()),
+        Mark("rank-deficient", place[~full_rank], conditions[~full_rank], "faint", "dots"),
+        Mark("limit", place[[0, -1]], np.full(2, account.condition_limit), "limit"),
+        *_full_rank_marks(account),
+    )
+    return Panel(f"cond(V22), {account.rule}", marks, log="y")
+
+
+def _full_rank_panel(account: SubgroupAccount) -> Panel:
+    place, conditions, full_rank = _tried(account)
+    shown = conditions[full_rank]
+    lines = _group_ends(account, shown.min(initial=np.inf), shown.max(initial=1.0))
+    ends = Mark("", place[[0, -1]], np.full(2, np.nan))  # as long as the panel above
+    return Panel(f"of full rank, {account.rule}", (ends, lines, *_full_rank_marks(account)))
+
+
+def _full_rank_marks(account: SubgroupAccount) -> list[Mark]:
+    place, conditions, full_rank = _tried(account)
+    marks = [Mark("full rank", place[full_rank], conditions[full_rank], "fit", "dots")]
+    if account.found_in is not None:
+        before = sum(map(len, account.groups[: account.found_in]))
+        at = [before + int(account.groups[account.found_in].best or 0)]
+        marks.append(Mark("best", place[at], conditions[at], "file", "dots"))
+    return marks
+
+
+def _tried(account: SubgroupAccount) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Places, condition numbers and whether of full rank, of all combinations in turn."""
+    conditions = np.concatenate([group.condition_numbers for group in account.groups])
+    full_rank = np.concatenate([group.full_rank for group in account.groups])
+    return np.arange(1.0, len(conditions) + 1), np.minimum(conditions, HIGHEST), full_rank
+
+
+def _group_ends(account: SubgroupAccount, low: float, high: float) -> Mark:
+    ends = np.cumsum([len(group) for group in account.groups])[:-1]
+    return Mark("", np.repeat(ends + 0.5, 3), np.tile([low, high, np.nan], len(ends)), "faint")
 
 
 @checked
@@ -249,21 +324,19 @@ def spectrum_chart(found: Identifiability) -> Chart:
 
 @checked
 def filter_chart(found: CutoffChoice) -> Chart:
-    """Errors and spread of predictions at the cut-offs that were tried."""
-    errors, spreads = 100 * found.errors, 100 * found.spreads
-    both = np.concatenate([errors, spreads])
-    ends = np.array([np.nanmin(both), np.nanmax(both)])
+    """How far predicted forces move from each cut-off that was tried to the next."""
+    between, changes = np.sqrt(found.cutoffs[:-1] * found.cutoffs[1:]), 100 * found.changes
+    ends = np.array([changes.min(initial=np.inf), changes.max(initial=0.0)])
     marks = (
-        Mark("error", found.cutoffs, errors, "file"),
-        Mark("deviation of the predictions", found.cutoffs, spreads, "other"),
-        Mark("", found.cutoffs, errors, "file", "dots"),
-        Mark("", found.cutoffs, spreads, "other", "dots"),
-        Mark("chosen", np.full(2, found.chosen), ends, "fit"),
+        Mark("change", between, changes, "file"),
+        Mark("", between, changes, "file", "dots"),
+        *([Mark("chosen", np.full(2, found.chosen), ends, "fit")] if len(changes) else []),
     )
-    title = f"predictions below {found.judged:.3g} Hz of data that were not fitted (% of the force)"
+    title = "change of forces (% of errors)"
     caption = (
-        "Cut-offs of the low-pass filter that were tried: errors on data that were not fitted, and "
-        f"how far predictions vary with the data; {found.chosen:.3g} Hz is best."
+        "How far predicted forces move between neighbouring cut-offs of the low-pass filter. "
+        f"They move little around {found.chosen:.3g} Hz: a lower one loses motion, a higher one "
+        "lets noise of the positions in."
     )
     return Chart("filter", caption, "cut-off (Hz)", (Panel(title, marks, log="xy"),))
 

@@ -29,10 +29,12 @@ class JointState(NamedTuple):
     rate: Any
     acceleration: Any
     load: Any = None  # force in N that the bearing carries
-    math: Any = None  # NumPy or CasADi: ``fmax``, ``fabs``, ``exp``, ``tanh``, ``sign``
+    math: Any = None  # NumPy or CasADi: ``fmax``, ``fmin``, ``fabs``, ``exp``, ``tanh``, ``sign``
     # In m/s or rad/s: up to which rate a joint stands, and over which its sign is smoothed
     dead_zone: float = 0.0
     smoothing: float = 0.0
+    # Size of the motor's force that moves the bodies, in N or N m; columns are per unit of it
+    torque: Any = 1.0
 
     def sign(self, width: float = 0.0) -> Any:
         """Sign of the rate, with the dead zone; smoothed over a width, or as the state says."""
@@ -44,7 +46,7 @@ class JointState(NamedTuple):
 # What coefficients are measured in, such as N s²/m² or kg m².
 ONE_UNIT = r"(?:N|m|rad|s|kg)[²³]?"
 UNIT = re.compile(rf"(?:1|{ONE_UNIT}(?: {ONE_UNIT})*)(?:/{ONE_UNIT}(?: {ONE_UNIT})*)?")
-NEEDS = "position", "rate", "acceleration", "load", "sign"
+NEEDS = "position", "rate", "acceleration", "load", "torque", "sign"
 # Relative step of central differences, and the part of the largest slope that they may be off.
 STEP, SAME_SLOPE = 1e-6, 1e-4
 
@@ -86,8 +88,9 @@ class JointTerm:
     law : callable
         What the coefficient multiplies, of a ``JointState`` and the number ``at``.
     needs : tuple of str
-        What it needs of the state: "position", "rate", "acceleration", "load", "sign". Coordinates
-        of a joint with several have no position. What follows the sign of the rate jumps.
+        What it needs of the state: "position", "rate", "acceleration", "load", "torque", "sign".
+        Coordinates of a joint with several have no position. What follows the sign of the rate
+        jumps.
     beside : tuple of str
         Kinds that the law has further coefficients of.
     at : float
@@ -199,6 +202,57 @@ def _stribeck(joint: JointState, at: float) -> Any:
     return joint.math.exp(-((joint.rate / at) ** 2)) * joint.sign()
 
 
+# A friction curve is a line Fc + Fv |q̇| and what departs from it, a sum of hats at rates that
+# double: linear between them, flat from standstill to the first, none from the last on. Its
+# asymmetry, which has one sign both ways, is none up to the first rate and flat from the last on.
+RATIO = 2.0
+# Factor of the rate over which a departure is alike, in logarithms: of e.
+ALIKE = 1.0
+# Largest part of its load that a gear loses: an efficiency of two thirds.
+MOST_LOST = 0.5
+
+
+def _rising(joint: JointState, at: float) -> Any:
+    """From 0 at the rate before to 1 at the rate, and beyond it above."""
+    return (RATIO * joint.math.fabs(joint.rate) / at - 1) / (RATIO - 1)
+
+
+def _falling(joint: JointState, at: float) -> Any:
+    """To 0 at the rate after, from 1 at the rate and above it below."""
+    return (RATIO - joint.math.fabs(joint.rate) / at) / (RATIO - 1)
+
+
+def _hat(joint: JointState, at: float) -> Any:
+    return joint.math.fmax(0.0, joint.math.fmin(_rising(joint, at), _falling(joint, at)))
+
+
+def _first_hat(joint: JointState, at: float) -> Any:
+    return joint.math.fmax(0.0, joint.math.fmin(1.0, _falling(joint, at)))
+
+
+def _last_hat(joint: JointState, at: float) -> Any:
+    return joint.math.fmax(0.0, joint.math.fmin(_rising(joint, at), 1.0))
+
+
+def _alike(rates: FloatArray, none: float) -> FloatArray:
+    """Correlation (k, k) of departures at rates (k,) that are none at another rate."""
+    logarithms = np.log(np.append(rates, none))
+    apart = (logarithms[:, None] - logarithms) / ALIKE
+    whole = np.exp(-0.5 * apart**2) + NUGGET * np.eye(len(logarithms))
+    return np.asarray(whole[:-1, :-1] - np.outer(whole[:-1, -1], whole[-1, :-1]) / whole[-1, -1])
+
+
+NUGGET = 1e-4  # of a correlation: departures that are not alike, and no round-off
+CURVE = PriorGroup("friction curve", 1.0, lambda at: _alike(at, RATIO * at.max()))
+ASYMMETRY = PriorGroup("friction asymmetry", 1.0, lambda at: _alike(at, at.min() / RATIO))
+LOAD = PriorGroup("load friction", 0.2)
+
+
+def _point(name: str, law: Callable[[JointState, float], Any], prior: PriorGroup) -> JointTerm:
+    """A point of a curve; it is made at the rate of the log, as all that needs the sign."""
+    return JointTerm(name, ("N", "N m"), law, ("rate", "sign"), prior=prior)
+
+
 class JointTermRegistry(Registry[JointTerm]):
     """Joint terms by their kinds, each tried when it is registered."""
 
@@ -235,7 +289,7 @@ WORDS = "file", "none", "passive", "auto"
 KIND = re.compile(r"[A-Za-z][A-Za-z0-9+-]*(~RATE|@POSITION)?")
 # A joint that a law is tried with.
 TRIED = {"position": (-0.4, 0.1, 0.7), "rate": (0.5, -1.0, 0.2), "acceleration": (1.0, 0.3, -2.0)}
-TRIED |= {"load": (3.0, 1.0, 2.0)}
+TRIED |= {"load": (3.0, 1.0, 2.0), "torque": (1.0, 4.0, 2.0)}
 TRIED_AT = 0.3
 
 
@@ -354,8 +408,21 @@ for _kind, _term in {
     ),
     "Fc~RATE": _coulomb("smooth Coulomb friction", lambda joint, at: joint.sign(at)),
     "Fs~RATE": JointTerm("Stribeck friction", ("N", "N m"), _stribeck, ("rate", "sign")),
-    "Fl": _load_friction("load-dependent friction"),
-    "Fl~RATE": _load_friction("smooth load-dependent friction"),
+    "Fk0~RATE": _point("friction curve", lambda j, at: _first_hat(j, at) * j.sign(), CURVE),
+    "Fk~RATE": _point("friction curve", lambda j, at: _hat(j, at) * j.sign(), CURVE),
+    "Fa~RATE": _point("friction asymmetry", _hat, ASYMMETRY),
+    "Fa1~RATE": _point("friction asymmetry", _last_hat, ASYMMETRY),
+    "Ft": JointTerm(
+        "load friction",
+        ("1", "1"),
+        lambda joint, _: joint.torque * joint.sign(),
+        ("torque", "sign"),
+        positive=True,
+        most=MOST_LOST,
+        prior=LOAD,
+    ),
+    "Fl": _load_friction("friction of loaded bearings"),
+    "Fl~RATE": _load_friction("smooth friction of loaded bearings"),
     "Fv": JointTerm(
         "viscous friction",
         ("N s/m", "N m s/rad"),
@@ -398,3 +465,8 @@ def joint_term(kind: str, others: Iterable[str] = ()) -> JointTerm:
             f"joint term {kind!r} needs a {what} after {mark}, not {number!r}", given=kind
         )
     return replace(term, at=at)
+
+
+def grouped(kind: str) -> bool:
+    """Whether a kind of parameter is a joint term whose size the evidence decides."""
+    return kind not in KINDS and joint_term(kind).prior is not None

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked
+from loopid.arguments import FloatArray, IntArray, checked
 from loopid.errors import (
     AccuracyWarning,
     AssemblyError,
@@ -30,7 +30,7 @@ from loopid.kinematics.poses import torque_regressors
 from loopid.kinematics.projection import ClosedMotion, closed_motion
 from loopid.kinematics.reactions import bearing_forces
 from loopid.kinematics.sampling import random_configurations, random_motions
-from loopid.parameters import Parameter, ParameterSet
+from loopid.parameters import KINDS, Parameter, ParameterSet
 from loopid.records import record
 from loopid.regressors.joint_laws import JointState, joint_term
 from loopid.robot.mechanism import LeftOut, Mechanism, link_frames, shortened
@@ -302,6 +302,30 @@ class JointTerms:
         )
         left_open = tuple(name for name, flag in zip(names, undetermined, strict=True) if flag)
         return dict(zip(names, forces.T, strict=True)), left_open
+
+
+def load_places(parameters: ParameterSet, independent: Sequence[str]) -> tuple[IntArray, IntArray]:
+    """Rows among independent coordinates of motors with load friction, and its columns."""
+    places = [
+        (independent.index(each.link), column)
+        for column, each in enumerate(parameters)
+        if each.kind not in KINDS and "torque" in joint_term(each.kind).needs
+    ]
+    rows, columns = np.array(places, dtype=np.int64).reshape(-1, 2).T
+    return rows, columns
+
+
+def with_loads(
+    regressor: FloatArray, places: tuple[IntArray, IntArray], loads: FloatArray
+) -> FloatArray:
+    """A regressor (N, dof, n) per unit of load, with loads (N, dof) of the motors.
+
+    ``places`` are rows and columns of load friction, as of ``load_places``.
+    """
+    rows, columns = places
+    found = np.array(regressor)
+    found[:, rows, columns] *= np.abs(loads)[:, rows]
+    return found
 
 
 def together(*sets: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:

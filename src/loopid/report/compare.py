@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
+from itertools import combinations
 from typing import Any
 
-import numpy as np
 from rich.table import Table
 
-from loopid.errors import OptionError
+from loopid.diagnosis.agreement import Agreement, compare_fits
+from loopid.errors import DataError, OptionError
 from loopid.identification.saved import SavedFit
 from loopid.plots.pictures import comparison_chart
 from loopid.report.look import json_value, plain_table, table_of, with_error
 from loopid.report.page import Report, Section
 
-CLEAR = 3.0  # standard errors of a difference, from which values differ clearly
+NAMED = 3  # parameters that a cell names
 BESIDE = 3  # fits that a table has room for
 RUN = {
     **{"run": "name", "robot": "robot", "model": "model", "estimator": "estimator"},
@@ -34,32 +36,62 @@ def comparison_report(fits: dict[str, SavedFit]) -> Report:
     """
     if len(fits) < 2:
         raise OptionError(f"two fits or more can be compared, not {len(fits)}", given=len(fits))
-    record = comparison_record(fits)
+    pairs = _pairs(fits)
+    record = _record(fits, pairs)
     rows, names = record["parameters"], list(fits)
-    common = [row for row in rows if None not in row["values"]]
-    apart = sorted((row for row in common if row["apart"]), key=lambda row: -row["apart"])
-    clear = [row["name"] for row in apart if row["apart"] > CLEAR]
-    first = f", {clear[0]} by {apart[0]['apart']:.2g} standard errors" if clear else ""
-    lone = len(rows) - len(common)
-    others = f"; {lone} are not in all of them" if lone else ""
     tables = [_table(rows, names, k) for k in range(0, len(names), BESIDE)]
     return Report(
         name="comparison",
         title=f"{', '.join(names)} compared",
-        verdict=(
-            f"{len(clear)} of {len(common)} parameters that {len(fits)} fits have in common differ "
-            f"clearly{first}{others}."
-        ),
+        verdict=_verdict(rows, names, pairs),
         record=record,
-        brief=tables,
+        brief=[*([_pairs_table(pairs)] if len(pairs) > 1 else []), *tables],
         sections=lambda: [
-            Section("Fits", (table_of("", RUN, record["runs"]),)),
+            Section("Fits", (table_of("", RUN, record["runs"]), _pairs_table(pairs))),
             Section("Parameters", (comparison_chart(fits), *tables)),
         ],
     )
 
 
-def comparison_record(fits: dict[str, SavedFit]) -> dict[str, Any]:
+def _pairs(fits: dict[str, SavedFit]) -> dict[tuple[str, str], Agreement]:
+    """Which fits of one robot and model agree, by their names."""
+    found = {}
+    for one, other in combinations(fits, 2):
+        with suppress(DataError):
+            found[one, other] = compare_fits(fits[one], fits[other])
+    return found
+
+
+def _verdict(
+    rows: Sequence[dict[str, Any]], names: Sequence[str], pairs: dict[tuple[str, str], Agreement]
+) -> str:
+    """Of the pair that agrees least, and what the fits do not share."""
+    common = sum(None not in row["values"] for row in rows)
+    lone = len(rows) - common
+    others = f" {lone} parameters are not in all of them." if lone else ""
+    if not pairs:
+        return f"{len(names)} fits have {common} parameters in common.{others}"
+    worst = max(pairs, key=lambda pair: pairs[pair].apart.max(initial=0.0))
+    whose = f"{worst[0]} and {worst[1]}, the least alike: " if len(names) > 2 else ""
+    return f"{whose}{pairs[worst]}{others}"
+
+
+def _pairs_table(pairs: dict[tuple[str, str], Agreement]) -> Table:
+    cells = (
+        (
+            f"{one}, {other}",
+            str(len(found.expressions)),
+            f"{100 * found.usual:.0f} %",
+            f"{found.apart.max(initial=0.0):.2g}",
+            ", ".join(found.clear[:NAMED]) + (", ..." if len(found.clear) > NAMED else ""),
+        )
+        for (one, other), found in pairs.items()
+    )
+    columns = "fits", ">in common", ">below 1.96", ">largest", "clearly different"
+    return plain_table("differences in their standard errors", columns, cells)
+
+
+def _record(fits: dict[str, SavedFit], pairs: dict[tuple[str, str], Agreement]) -> dict[str, Any]:
     """Values and standard errors of each parameter, null where a fit has none; ready for JSON."""
     known = dict[str, dict[str, Any]]()
     for k, fit in enumerate(fits.values()):
@@ -70,9 +102,12 @@ def comparison_record(fits: dict[str, SavedFit]) -> dict[str, Any]:
                 | {key: [None] * len(fits) for key in ("values", "standard_errors")},
             )
             row["values"][k], row["standard_errors"][k] = each.value, each.standard_error
-    for row in known.values():
-        row["apart"] = _apart(row["values"], row["standard_errors"])
+    for expression, row in known.items():
         row["standard_errors"] = json_value(row["standard_errors"])
+        own = [dict(zip(one.expressions, one.apart, strict=True)) for one in pairs.values()]
+        sizes = [float(each[expression]) for each in own if expression in each]
+        row["apart"] = json_value(max(sizes, default=None))
+        row["differs"] = any(expression in one.clear for one in pairs.values())
     runs = [
         {
             "name": name,
@@ -83,16 +118,12 @@ def comparison_record(fits: dict[str, SavedFit]) -> dict[str, Any]:
         }
         for name, fit in fits.items()
     ]
-    return {"runs": runs, "parameters": list(known.values())}
-
-
-def _apart(values: Sequence[float | None], errors: Sequence[float | None]) -> float | None:
-    """The largest difference of two values, in its standard errors."""
-    x, s = (np.array(each, dtype=np.float64) for each in (values, errors))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        apart = np.abs(x[:, None] - x) / np.hypot(s[:, None], s)
-    found = apart[np.isfinite(apart)]
-    return float(found.max()) if found.size else None
+    agreements = [
+        {"fits": [*pair], "usual": found.usual, "clear": [*found.clear]}
+        | {"common": len(found.expressions), "others": found.others}
+        for pair, found in pairs.items()
+    ]
+    return {"runs": runs, "parameters": list(known.values()), "agreements": agreements}
 
 
 def _table(rows: Sequence[dict[str, Any]], names: Sequence[str], first: int) -> Table:
@@ -103,12 +134,11 @@ def _table(rows: Sequence[dict[str, Any]], names: Sequence[str], first: int) -> 
             row["name"],
             *(text for k in shown for text in _cells(row["values"][k], row["standard_errors"][k])),
             row["unit"],
-            "*" if (row["apart"] or 0.0) > CLEAR else "",
+            "*" if row["differs"] else "",
         )
         for row in rows
     )
-    title = f"parameters; * values differ by more than {CLEAR:g} standard errors"
-    return plain_table(title, ("", *columns, "unit", ""), cells)
+    return plain_table("parameters; * clearly different", ("", *columns, "unit", ""), cells)
 
 
 def _cells(value: float | None, error: float | None) -> tuple[str, str]:

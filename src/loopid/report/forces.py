@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from loopid.diagnosis.payload import GainFit, PayloadFit
+from loopid.arguments import FloatArray
+from loopid.diagnosis.gains import GainFit
+from loopid.diagnosis.payload import PayloadFit
 from loopid.errors import RankError
 from loopid.identification.prediction import Prediction
 from loopid.identification.verdict import GOOD, ROUGH
 from loopid.plots.pictures import forces_chart
-from loopid.report.look import json_fields, json_value, number, plain_table
+from loopid.report.look import interval, json_fields, json_value, number, plain_table, with_error
 from loopid.report.page import Report, Section
 from loopid.robot.mechanism import Mechanism
 
@@ -93,31 +95,66 @@ def _prediction_table(found: Prediction) -> Table:
 def payload_report(found: PayloadFit) -> Report:
     """A body that was carried."""
     told = _payload_record(found)
+    spans = [interval(*ends) for ends in found.intervals()]
     sure = sum(low > 0 or high < 0 for low, high in found.intervals())
-    clear = f"{sure} of {len(told['values'])} values differ clearly from zero"
+    clear = f"{sure} of {len(spans)} values differ clearly from zero"
     verdict = f"The forces tell no mass of the payload alone; {clear}."
     if told["mass"] is not None:
-        places = ", ".join(number(x, 3) for x in told["centre"])
-        low, high = told["intervals_95_percent"][told["values"].index(told["mass"])]
+        at = told["values"].index(told["mass"])
+        mass, span = _of_width(told["mass"], found.intervals()[at]), spans[at]
         verdict = (
-            f"The payload weighs {told['mass']:.4g} kg (95 %: {low:.4g} to {high:.4g}), its centre "
-            f"is at ({places}) m in the link's frame, and {clear}."
+            f"The payload weighs {mass} kg (95 %: {span.replace('...', 'to')})"
+            f"{_motors_said(found)}, {_centre_said(found)}; {clear}."
         )
-    keys = ("parameters", "values", "intervals_95_percent", "units")
-    rows = list(zip(*(told[key] for key in keys), strict=True))
-    for k, axis in enumerate("xyz" if told["centre"] else ""):
-        if told["centre"][k] is not None:
-            reach = told["centre_intervals_95_percent"][k]
-            rows.append((f"centre of mass, {axis}", told["centre"][k], reach, "m"))
-    cells = ((name, number(x), "{:.3g} ... {:.3g}".format(*ends), u) for name, x, ends, u in rows)
-    table = plain_table("", ("", ">value", ">95 % interval", "unit"), cells)
+    numbers = zip(told["parameters"], told["values"], spans, told["units"], strict=True)
+    rows = [(name, number(value), span, unit) for name, value, span, unit in numbers]
+    if told["mass"] is not None:
+        centre, reach = found.centre()
+        rows += [
+            (f"centre of mass, {axis}", number(x), interval(*ends), "m")
+            for axis, x, ends in zip("xyz", centre.tolist(), reach.tolist(), strict=True)
+            if np.isfinite(x)
+        ]
+    tables = [plain_table("", ("", ">value", ">95 % interval", "unit"), rows)]
+    if (motors := found.motors) is not None:
+        by = zip(motors.actuators, motors.values, motors.intervals(), strict=True)
+        masses = [(name, _of_width(value, ends), interval(*ends)) for name, value, ends in by]
+        masses += [(name, "untold", "-") for name in motors.untold]
+        title = "mass by each motor alone, as if its gain were right"
+        tables.append(plain_table(title, ("motor", ">kg", ">95 % interval"), masses))
     return Report(
         name="payload",
         title=f"Payload on {found.link}",
         verdict=verdict,
         record=told,
-        brief=[table],
+        brief=tables,
     )
+
+
+def _of_width(value: float, ends: FloatArray) -> str:
+    """A value to two digits of half the width of its interval."""
+    return with_error(value, float(ends[1] - ends[0]) / 2)[0]
+
+
+def _motors_said(found: PayloadFit) -> str:
+    """Whether motors disagree, in brackets."""
+    motors = found.motors
+    if motors is None or not motors.disagreement:
+        return ""
+    return f", on which motors disagree ({motors.values.min():.3g} to {motors.values.max():.3g} kg)"
+
+
+def _centre_said(found: PayloadFit) -> str:
+    """Where the centre of mass is, along the axes that the forces tell."""
+    centre, reach = found.centre()
+    told = [
+        f"{axis} {_of_width(x, ends)}"
+        for axis, x, ends in zip("xyz", centre, reach, strict=True)
+        if np.isfinite(x)
+    ]
+    if not told:
+        return "its centre is not told"
+    return f"its centre is at {', '.join(told)} m in the link's frame"
 
 
 def _payload_record(found: PayloadFit) -> dict[str, Any]:
@@ -126,6 +163,7 @@ def _payload_record(found: PayloadFit) -> dict[str, Any]:
         mass, (centre, spread) = found.mass, found.centre()
     except RankError:
         mass = centre = spread = None  # type: ignore[assignment]
+    motors = found.motors
     return {
         "link": found.link,
         "parameters": list(found.base.expressions),
@@ -135,6 +173,11 @@ def _payload_record(found: PayloadFit) -> dict[str, Any]:
         "mass": mass,
         "centre": json_value(centre),
         "centre_intervals_95_percent": json_value(spread),
+        "standard_parameters": json_value(found.standard_parameters),
+        "motors": None
+        if motors is None
+        else json_fields(motors, "actuators", "values", "chance", "disagreement", "untold")
+        | {"intervals_95_percent": json_value(motors.intervals())},
     }
 
 
@@ -142,19 +185,19 @@ def gains_report(found: GainFit) -> Report:
     """Gains of drives, by a payload that is known."""
     ends = found.intervals()
     off = sum(low > 1 or high < 1 for low, high in ends)
-    rows = (
-        (name, f"{gain:.4f}", "{:.4f} ... {:.4f}".format(*span))
-        for name, gain, span in zip(found.actuators, found.gains, ends, strict=True)
-    )
-    title = "true force over logged force: multiply force_scale of the mapping by it"
+    told = zip(found.actuators, found.gains, ends, strict=True)
+    rows = [(name, _of_width(gain, span), interval(*span)) for name, gain, span in told]
+    rows += [(name, "untold", "-") for name in found.untold]
+    title = "true force over logged force: force_scale of the mapping is to be so many times it"
+    untold = f"; {', '.join(found.untold)} cannot tell" if found.untold else ""
     return Report(
         name="gains",
         title="Gains of the drives",
         verdict=(
             f"True forces are {found.gains.min():.3g} to {found.gains.max():.3g} times the logged "
-            f"ones, clearly not 1 for {off} of {len(ends)} motors."
+            f"ones, clearly not 1 for {off} of {len(ends)} motors{untold}."
         ),
-        record=json_fields(found, "actuators", "gains")
+        record=json_fields(found, "actuators", "gains", "untold")
         | {"intervals_95_percent": json_value(ends)},
         brief=[plain_table(title, ("motor", ">gain", ">95 % interval"), rows)],
     )

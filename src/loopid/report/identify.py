@@ -11,6 +11,8 @@ from loopid.diagnosis.selection import PredictionError
 from loopid.diagnosis.study import Study
 from loopid.diagnosis.term_sets import TermComparison
 from loopid.findings import Finding, most_important_first
+from loopid.identification.force_model import parted
+from loopid.identification.friction import friction_findings, friction_summary
 from loopid.identification.information import WeakDirection
 from loopid.identification.pipeline import Identification
 from loopid.identification.prediction import Candidate, Prediction, prediction_reach
@@ -26,9 +28,13 @@ from loopid.plots.pictures import (
     robot_chart,
     spectrum_chart,
 )
+from loopid.regressors.joint_laws import grouped
 from loopid.regressors.joint_terms import NO_TERMS
 from loopid.report.look import json_fields, json_value, number, plain_table, table_of, with_error
 from loopid.report.page import Part, Report, Section
+
+# Of the kinds whose size the evidence decides: those that say something alone.
+ALONE = "Fk0", "Ft"
 
 
 def identification_report(study: Study, command: str = "") -> Report:
@@ -36,7 +42,7 @@ def identification_report(study: Study, command: str = "") -> Report:
     found, judged = study.identification, study.verdict
     model = found.force_model
     rows = list[tuple[str, ...]]()
-    for each in found.fit.estimates:
+    for each in _shown(found.fit):
         value, error = _value_and_error(found.fit, each)
         rows.append((each.name, value, "= file" if error == "-" else f"± {error}", each.unit))
     return Report(
@@ -77,7 +83,7 @@ def _sections(study: Study) -> list[Section]:
     return [
         Section("Forces on new data", (_forces_chart(found), *_candidates_tables(study))),
         Section(f"Recommended values: {found.recommended.name}", tuple(values)),
-        *([Section("Friction", (friction,))] if friction.panels else []),
+        *([Section("Friction", (friction, _friction_table(found)))] if friction.panels else []),
         Section("What the data tell", tuple(said)),
         Section("Robot", (robot_chart(found.force_model.mechanism),)),
         Section("Other candidates", tuple(others)),
@@ -210,7 +216,7 @@ def findings(study: Study) -> tuple[Finding, ...]:
     """What a reader should know beside the numbers, the most important first."""
     found = study.identification
     told, cutoff = found.identifiability, found.training[0].cutoff
-    terms = found.force_model.joint_terms
+    terms, _ = parted(found.force_model.joint_terms)
     choice = NO_TERMS if terms is None else terms.choice(found.force_model.mechanism)
     filtered = "unfiltered" if cutoff is None else f"filtered at {cutoff:.3g} Hz"
     condition = found["all parameters"].fit.condition_number
@@ -227,6 +233,7 @@ def findings(study: Study) -> tuple[Finding, ...]:
     if frames:
         where = f"on {', '.join(frames)}"
         notes.append(("measured wrenches are part of the forces", where))
+    notes += [(sentence, "") for sentence in friction_findings(found.fit)]
     if told.unidentifiable:
         notes.append(
             (
@@ -290,7 +297,26 @@ def _estimates_table(title: str, found: Identification, fit: FitResult) -> Table
         ">file": lambda each: number(known[each.name]) if each.name in bodies else "-",
         "unit": "unit",
     }
-    return table_of(title, columns, fit.estimates)
+    return table_of(title, columns, _shown(fit))
+
+
+def _shown(fit: FitResult) -> list[Estimate]:
+    """Estimates without points of friction curves, but for what there is more at standstill."""
+    shown = zip(fit.parameters, fit.estimates, strict=True)
+    return [one for each, one in shown if not grouped(each.kind) or each.kind.startswith(ALONE)]
+
+
+def _friction_table(found: Identification) -> Table:
+    """Friction of each motor in four numbers, with standard errors."""
+    fit, rows = friction_summary(found.fit), []
+    for k, joint in enumerate(fit.joints):
+        own = [each[k] for each in fit.parts.values()]
+        cells = [
+            "-" if one is None else " ± ".join(_value_and_error(found.fit, one)) for one in own
+        ]
+        rows.append((joint, *cells))
+    columns = "joint", ">Coulomb", ">viscous", ">more at standstill", ">part of the load"
+    return plain_table("friction; its curve is drawn", columns, rows)
 
 
 def _essential_table(study: Study) -> Table:

@@ -138,6 +138,17 @@ def with_error(value: float, error: float) -> tuple[str, str]:
     return tuple(f"{round(x, decimals) + 0.0:.{max(decimals, 0)}f}" for x in (value, error))  # type: ignore[return-value]
 
 
+def interval(low: float, high: float) -> str:
+    """The ends of an interval to two digits of its half width, or to three where that is more."""
+    if not (math.isfinite(low) and math.isfinite(high) and low < high):
+        return f"{number(low, 3)} ... {number(high, 3)}"
+    decimals = 1 - math.floor(math.log10((high - low) / 2))
+    if not -5 <= decimals <= 8:
+        return f"{low:.3g} ... {high:.3g}"
+    ends = (f"{round(x, decimals) + 0.0:.{max(decimals, 0)}f}" for x in (low, high))
+    return " ... ".join(ends)
+
+
 def json_text(record: Any) -> str:
     """A record as JSON; what is not printable, such as a terminal's control codes, as escapes."""
     text = json.dumps(record, indent=2, ensure_ascii=False)

@@ -92,3 +92,6 @@ function setUp(figure) {
 }
 
 document.querySelectorAll("figure.zoom").forEach(setUp);
+
+// A print shows all tables.
+addEventListener("beforeprint", () => document.querySelectorAll("details").forEach(each => { each.open = true; }));

@@ -14,7 +14,7 @@ from importlib.metadata import version
 from importlib.resources import files
 from typing import Any
 
-from lxml.html import HtmlElement, tostring
+from lxml.html import HtmlElement, fragment_fromstring, tostring
 from rich.table import Table
 
 from loopid.findings import Finding, most_important_first
@@ -27,7 +27,31 @@ VERSION = 1  # of the records' forms, which ``schema.py`` tells: a new one where
 # What a browser is allowed: nothing from elsewhere.
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 
-Part = str | Table | Chart | Finding  # a paragraph, a table, a chart, a finding
+
+@record
+class Formula:
+    """A formula on a page.
+
+    Attributes
+    ----------
+    name : str
+        What it is.
+    text : str
+        For programs.
+    mathml : str
+        Presentation MathML, as browsers show it, without the element ``math``.
+    """
+
+    name: str
+    text: str
+    mathml: str
+
+    def html(self) -> HtmlElement:
+        """A paragraph of a page."""
+        return E.p(f"{self.name}: ", fragment_fromstring(f"<math>{self.mathml}</math>"))
+
+
+Part = str | Table | Chart | Formula | Finding
 
 
 @record
@@ -38,11 +62,15 @@ class Section:
     ----------
     title : str
     parts : tuple
-        Paragraphs (str), tables (``rich.table.Table``), charts (``Chart``) and findings.
+        Paragraphs (str), tables (``rich.table.Table``), charts (``Chart``), formulas and
+        findings.
+    folded : bool
+        Whether only the titles of its tables are seen at first.
     """
 
     title: str
     parts: tuple[Part, ...]
+    folded: bool = False
 
     @property
     def anchor(self) -> str:
@@ -51,15 +79,22 @@ class Section:
 
     def html(self) -> HtmlElement:
         """A section of a page."""
-        return E.section({"id": self.anchor}, E.h2(self.title), *map(_part, self.parts))
+        parts = (_part(part, self.folded) for part in self.parts)
+        return E.section({"id": self.anchor}, E.h2(self.title), *parts)
 
 
-def _part(part: Part) -> HtmlElement:
-    if isinstance(part, Chart):
-        return part.html()
+def _part(part: Part, folded: bool) -> HtmlElement:
+    if isinstance(part, Table):
+        return _folded(part) if folded else _table(part)
     if isinstance(part, Finding):
         return _finding(part)
-    return _table(part) if isinstance(part, Table) else E.p(part)
+    return E.p(part) if isinstance(part, str) else part.html()
+
+
+def _folded(table: Table) -> HtmlElement:
+    rows = "row" if table.row_count == 1 else "rows"
+    said = E.summary(str(table.title or "table"), E.span(f" {table.row_count} {rows}"))
+    return E.details(said, _table(table))
 
 
 def _finding(found: Finding) -> HtmlElement:
@@ -138,6 +173,8 @@ class Page:
         Numbers that programs read from the page's element ``data``.
     advice : str
         A command below the verdict.
+    figures : tuple of (str, str)
+        Numbers that are seen first, and what each is.
 
     Examples
     --------
@@ -152,6 +189,7 @@ class Page:
     verdict: str = ""
     data: dict[str, Any] | None = None
     advice: str = ""
+    figures: tuple[tuple[str, str], ...] = ()
 
     def html(self) -> str:
         """The page as text."""
@@ -168,6 +206,8 @@ class Page:
         links = (E.a({"href": f"#{each.anchor}"}, each.title) for each in self.sections)
         said = [E.p({"class": "verdict"}, self.verdict)] if self.verdict else []
         said += [E.pre(self.advice)] if self.advice else []
+        tiles = [E.div(E.dt(what), E.dd(value)) for value, what in self.figures]
+        said += [E.dl({"class": "figures"}, *tiles)] if tiles else []
         body = E.body(
             E.header(E.h1(self.title), *said, E.nav(*links)),
             E.main(*(each.html() for each in self.sections)),
@@ -201,6 +241,8 @@ class Report:
         Gives the files beside page and record, by name.
     advice : str
         A command that does what the verdict advises.
+    figures : tuple of (str, str)
+        Numbers that the page shows first, and what each is.
     findings : sequence of Finding
         What to know beside the numbers.
     """
@@ -213,6 +255,7 @@ class Report:
     sections: Callable[[], Sequence[Section]] = field(default=None)  # type: ignore[assignment]
     results: Callable[[], dict[str, bytes | str]] = dict
     advice: str = ""
+    figures: tuple[tuple[str, str], ...] = ()
     findings: Sequence[Finding] = ()
 
     def __post_init__(self) -> None:
@@ -239,7 +282,7 @@ class Report:
         """The page."""
         said = [Section("Findings", tuple(self.findings))] if self.findings else []
         sections = (*said, *self.sections(), *run.sections())
-        return Page(self.title, sections, self.verdict, self.data, self.advice)
+        return Page(self.title, sections, self.verdict, self.data, self.advice, self.figures)
 
     def files(self, run: Run = NO_RUN, *, figures: bool = False) -> dict[str, bytes | str]:
         """Page, record, results, and figures for papers if asked for, by file name."""

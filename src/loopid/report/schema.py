@@ -15,10 +15,12 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 import numpy as np
 from pydantic import TypeAdapter
 
+from loopid.base_parameters.account import SubgroupAccount, TriedGroup
 from loopid.base_parameters.base import BaseParameters
 from loopid.base_parameters.choice import SearchResult
 from loopid.base_parameters.structure import Structure
-from loopid.diagnosis.payload import GainFit
+from loopid.diagnosis.gains import GainFit
+from loopid.diagnosis.payload import MotorMasses
 from loopid.errors import OptionError
 from loopid.excitation.criteria import Criteria
 from loopid.excitation.design import ExcitationDesign
@@ -31,7 +33,7 @@ from loopid.identification.verdict import Verdict
 from loopid.motion.joints import MotionReview
 from loopid.report.excitation import CRITERIA, FOUND
 from loopid.report.page import VERSION
-from loopid.report.structure import SEARCH
+from loopid.report.searches import ACCOUNT, GROUP, SEARCH
 
 
 def of(cls: Any, *names: str) -> dict[str, Any]:
@@ -65,8 +67,20 @@ Real = float | None  # null for infinity, and for what is unknown
 Text = str | None
 
 _NAMED = {"mechanism": str, "model": str}
+_SUBGROUPS = {
+    **of(SubgroupAccount, *ACCOUNT),
+    "found_in": int | None,
+    "groups": [
+        {"rows": [str], "tried": int, **of(TriedGroup, *GROUP)}
+        | dict.fromkeys(("removed", "added"), Text)
+    ],
+    "condition_numbers": [
+        {"from": float, "below": Real} | dict.fromkeys(("full_rank", "deficient"), int)
+    ],
+}
+_SEARCH = of(SearchResult, *SEARCH) | {"subgroups": (_SUBGROUPS, None)}
 _CHOICE = {
-    **{"nonzero_parameters": int, "search": of(SearchResult, *SEARCH)},
+    **{"nonzero_parameters": int, "search": _SEARCH},
     **of(Structure, "rank", "rank_gap"),
     **of(BaseParameters, "condition_number", "nullspace_condition_number"),
     "doubtful": [
@@ -166,9 +180,14 @@ FORMS: dict[str, dict[Any, Any]] = {
     "payload": {
         **{"link": str, "parameters": [str], "units": [str], "values": [float]},
         **{"intervals_95_percent": [[Real]], "mass": Real, "centre": ([Real], None)},
-        "centre_intervals_95_percent": ([[Real]], None),
+        **{"centre_intervals_95_percent": ([[Real]], None), "standard_parameters": [float]},
+        "motors": (
+            of(MotorMasses, "actuators", "values", "untold")
+            | {"chance": float, "disagreement": Text, "intervals_95_percent": [[Real]]},
+            None,
+        ),
     },
-    "gains": {**of(GainFit, "actuators", "gains"), "intervals_95_percent": [[Real]]},
+    "gains": {**of(GainFit, "actuators", "gains", "untold"), "intervals_95_percent": [[Real]]},
     "comparison": {
         "runs": [
             dict.fromkeys(("name", "robot", "model"), str)
@@ -176,11 +195,20 @@ FORMS: dict[str, dict[Any, Any]] = {
         ],
         "parameters": [
             dict.fromkeys(("name", "expression", "unit"), str)
-            | {"values": [Real], "standard_errors": [Real], "apart": Real}
+            | {"values": [Real], "standard_errors": [Real], "apart": Real, "differs": bool}
+        ],
+        "agreements": [
+            {"fits": [str], "usual": float, "clear": [str], "common": int, "others": int}
         ],
     },
     "paper": {
         **{"geometry": {str: float}, "base": _BASE, "rows": [int | None], "stand_in": bool},
+        **{"subgroups": {str: _SEARCH}, "subgroup_rows": {str: int}},
+        "symbolic": {
+            **{"poses": int, "columns": int, "formulas": {str: str}},
+            **dict.fromkeys(("difference", "symbolic_seconds", "pinocchio_seconds"), float),
+            "transfers": [{"row": int, "label": str, "formula": str, "value": float}],
+        },
         **{"fits": {str: {"values": [float], "standard_errors": [Real]}}, "influence": [float]},
     },
     "export": {},

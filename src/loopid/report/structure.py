@@ -16,20 +16,17 @@ from loopid.kinematics import mobility
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.projection import NEAR_SINGULARITY, Factorisation, singularity_measure
 from loopid.loading.load import inertia_defects, odd_masses, unequal_links
-from loopid.plots.pictures import robot_chart
+from loopid.plots.pictures import robot_chart, search_chart
 from loopid.regressors.joint_terms import OF_FILE, FileForce, file_forces
 from loopid.report.look import facts, json_fields, json_value, plain_table, table_of
 from loopid.report.page import Report, Section
+from loopid.report.searches import groups_table, search_record, subgroup_facts
 from loopid.robot.closures import JointCoupling
 from loopid.robot.mechanism import Mechanism, shortened
 
 if TYPE_CHECKING:
     from loopid.motion.joints import MotionReview
 
-SEARCH = (
-    *("name", "criterion", "condition_number", "certified", "gap", "candidates", "evaluated"),
-    *("nodes", "ties", "tolerance", "reason", "seconds"),
-)
 KINDS = {"FreeFlyer": "floating", "Spherical": "spherical", "Planar": "planar"}
 MOST_TERMS = 6  # of a doubtful combination, in tables
 FEW, SOME = 4, 8  # names, and closures, that the terminal shows; the page has all
@@ -301,6 +298,7 @@ def base_report(
     """Base parameters, and how sure they are."""
     found = base_record(mechanism, model, base, motors_alone)
     parameters, *others = base_tables(found)
+    account = subgroup_facts(found["search"]) if found["search"]["subgroups"] else {}
     doubtful = f", {len(found['doubtful'])} more are doubtful" if found["doubtful"] else ""
     verdict = (
         f"Forces tell {found['rank']} combinations of {found['standard_parameters']} parameters"
@@ -312,13 +310,19 @@ def base_report(
         title=f"{mechanism.name}, {model} model",
         verdict=verdict,
         record=found,
-        brief=[_parameters("", found)],
+        brief=[_parameters("", found), *([facts("", account)] if account else [])],
         sections=lambda: [
             Section("Base parameters", (parameters,)),
+            *_subgroup_sections(base, found["search"]),
             Section("How sure they are", tuple(others)),
             Section("Robot", (robot_chart(mechanism),)),
         ],
     )
+
+
+def _subgroup_sections(base: BaseParameters, search: dict[str, Any]) -> Iterator[Section]:
+    if search["subgroups"]:
+        yield Section("Subgroup search", (search_chart([base.search]), groups_table(search)))
 
 
 def base_record(
@@ -354,7 +358,7 @@ def _choice(base: BaseParameters) -> dict[str, Any]:
             for one in base.doubtful
         ],
         **json_fields(base, "condition_number", "nullspace_condition_number"),
-        "search": json_fields(base.search, *SEARCH),
+        "search": search_record(base.search, base.structure.parameters.labels),
         "base_parameters": [
             {"name": name, "terms": dict(terms), "expression": expression(terms)}
             for name, terms in zip(base.names, base.terms, strict=True)
@@ -407,6 +411,7 @@ def _findings(record: dict[str, Any]) -> dict[str, str]:
         "search": f"{search['name']}, criterion {search['criterion']}",
         "cond(V22), cond(W_B)": _conditions(record),
         "certificate": certificate(search),
+        **(subgroup_facts(search) if search["subgroups"] else {}),
         "looked at one by one": f"{search['evaluated']:,}{nodes}",
         "time": f"{1e3 * search['seconds']:.3g} ms",
     }

@@ -1,0 +1,137 @@
+"""What a subgroup search tried, group by group."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import comb
+
+import numpy as np
+
+from loopid.arguments import BoolArray, FloatArray
+from loopid.records import record
+
+
+@record
+class TriedGroup:
+    """A group of rows of V2, all choices of which were tried.
+
+    Attributes
+    ----------
+    rows : tuple of int
+        (n*,), columns among those with an effect.
+    condition_numbers : FloatArray
+        (c,), cond(V22) = σ_max / σ_min of each choice: of one that is rank-deficient it is
+        round-off, and infinite where σ_min is 0.
+    full_rank : BoolArray
+        (c,), by the rule of the search.
+    valid : int
+        Choices of full rank whose condition number is below the limit.
+    least : float
+        Value of the criterion for the best of them; infinite without any.
+    best : int or None
+        Which choice that is.
+    removed, added : int or None
+        The row that made room after the group, and the one that came in; None after the last.
+    share : float
+        Part of the worse half of the invalid choices that has the removed row; 0 without any.
+    """
+
+    rows: tuple[int, ...]
+    condition_numbers: FloatArray
+    full_rank: BoolArray
+    valid: int
+    least: float
+    best: int | None
+    removed: int | None
+    added: int | None
+    share: float
+
+    def __len__(self) -> int:
+        return len(self.condition_numbers)
+
+    @property
+    def deficient(self) -> int:
+        """Number of rank-deficient choices."""
+        return len(self) - int(self.full_rank.sum())
+
+
+@record
+class SubgroupAccount:
+    """All groups of a subgroup search, and its options.
+
+    Attributes
+    ----------
+    variant : str
+        As of ``SubgroupSearch``, like the next two.
+    alpha, condition_limit : float
+    dependent : int
+        Rows d that each choice takes.
+    groups : tuple of TriedGroup
+
+    Examples
+    --------
+    >>> import loopid
+    >>> observation = loopid.structural_observation(loopid.load_mechanism("four_bar"))
+    >>> found = loopid.find_base_parameters(observation, "subgroup").search.subgroups
+    >>> found.group_size, len(found.groups), found.tried
+    (5, 3, 15)
+    """
+
+    variant: str
+    alpha: float
+    condition_limit: float
+    dependent: int
+    groups: tuple[TriedGroup, ...]
+
+    @property
+    def rule(self) -> str:
+        """The variant in words."""
+        return "rank by a gap" if self.variant == "gap" else "as printed in the paper"
+
+    @property
+    def group_size(self) -> int:
+        """Number n* of rows in a group."""
+        return len(self.groups[0].rows)
+
+    @property
+    def tried(self) -> int:
+        """Number of choices that were looked at."""
+        return sum(map(len, self.groups))
+
+    @property
+    def different(self) -> int:
+        """Number of choices that were looked at, each counted once.
+
+        Groups that follow each other share all rows but one, and a row never comes back.
+        """
+        shared = comb(self.group_size - 1, self.dependent)
+        return self.tried - (len(self.groups) - 1) * shared
+
+    @property
+    def valid(self) -> int:
+        """Number of valid choices."""
+        return sum(group.valid for group in self.groups)
+
+    @property
+    def found_in(self) -> int | None:
+        """Index of the group in which the best choice came up first; None without a valid one."""
+        least = [group.least for group in self.groups]
+        return int(np.argmin(least)) if self.valid else None
+
+    def renumbered(self, order: Sequence[int]) -> SubgroupAccount:
+        """The same with row k called ``order[k]``."""
+
+        def name(row: int | None) -> int | None:
+            return None if row is None else int(order[row])
+
+        groups = (
+            replace(
+                group,
+                rows=tuple(int(order[row]) for row in group.rows),
+                removed=name(group.removed),
+                added=name(group.added),
+            )
+            for group in self.groups
+        )
+        return replace(self, groups=tuple(groups))

@@ -1,0 +1,156 @@
+"""Whether fits of two logs of one robot agree: what tells honest intervals without any truth.
+
+Logs are independent, so that the variance of a difference is the sum of both variances. What is
+known of it has the degrees of freedom of [Welch1947]. The robot file, which both fits may weigh,
+draws them together: they then agree more often than intervals promise.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from scipy.special import stdtr
+
+from loopid.arguments import FloatArray, checked
+from loopid.errors import DataError
+from loopid.identification.saved import SavedFit
+from loopid.records import Tabular, record
+
+# Standard errors of a difference that 95 % of differences are below; probability that fits of which
+# only errors differ are said to disagree.
+USUAL, FALSE_ALARM = 1.96, 0.01
+
+
+@record
+class Agreement(Tabular):
+    """Differences between the base parameters that two fits have in common.
+
+    Attributes
+    ----------
+    expressions : tuple of str
+        Of the k base parameters.
+    differences : FloatArray
+        (k,), the second fit's less the first one's.
+    standard_errors : FloatArray
+        (k,), of the differences.
+    degrees_of_freedom : FloatArray
+        (k,).
+    others : int
+        Parameters that one fit alone has, or that rest on the robot file in one.
+    """
+
+    expressions: tuple[str, ...]
+    differences: FloatArray
+    standard_errors: FloatArray
+    degrees_of_freedom: FloatArray
+    others: int
+
+    def _table(self) -> dict[str, object]:
+        return {
+            "parameter": self.expressions,
+            "difference": self.differences,
+            "standard_error": self.standard_errors,
+            "apart": self.apart,
+        }
+
+    @cached_property
+    def apart(self) -> FloatArray:
+        """Sizes (k,) of the differences in their standard errors; infinite for exact fits."""
+        sizes = np.abs(self.differences)
+        none = np.where(sizes > 0, np.inf, 0.0)
+        np.divide(sizes, self.standard_errors, out=none, where=self.standard_errors > 0)
+        return none
+
+    @property
+    def usual(self) -> float:
+        """Part of the differences that are below 1.96 standard errors: 0.95 on average."""
+        return float((self.apart < USUAL).mean()) if len(self.apart) else 1.0
+
+    @property
+    def clear(self) -> tuple[str, ...]:
+        """Parameters that clearly differ, the farthest first."""
+        freedom = np.maximum(self.degrees_of_freedom, 1.0)
+        chance = 2 * stdtr(freedom, -self.apart)
+        order = np.argsort(-self.apart, kind="stable")
+        bound = FALSE_ALARM / max(len(chance), 1)
+        return tuple(self.expressions[k] for k in order if chance[k] < bound)
+
+    def __str__(self) -> str:
+        count = len(self.expressions)
+        if not count:
+            return "They have no parameters in common."
+        worst, word = int(self.apart.argmax()), "disagree" if self.clear else "agree"
+        return (
+            f"They {word}: {100 * self.usual:.0f} % of {count} differences are below 1.96 standard "
+            f"errors (95 % by chance), the largest is {self.apart[worst]:.2g} "
+            f"({self.expressions[worst]})."
+        )
+
+
+@checked
+def compare_fits(first: SavedFit, second: SavedFit) -> Agreement:
+    """Compare fits of two logs of one robot, by what their errors let them differ.
+
+    Parameters
+    ----------
+    first, second : SavedFit
+        From ``read_fit``, or ``SavedFit.of`` a model and its fit.
+
+    Raises
+    ------
+    DataError
+        When they are of different robots or models, or a fit is of values without any errors.
+
+    Examples
+    --------
+    Two logs of one five-bar, the second with other noise:
+
+    >>> import loopid
+    >>> from loopid import identification
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> model = loopid.find_force_model(robot, "full", "Fc,Fv")
+    >>> run = loopid.prepare_recording(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
+    >>> parts = loopid.split_recordings([run], 0.5)
+    >>> fits = [
+    ...     identification.SavedFit.of(model, identification.quiet_fit(model.samples(part)))
+    ...     for (part,) in parts
+    ... ]
+    >>> found = loopid.diagnosis.compare_fits(*fits)
+    >>> len(found.expressions), found.usual > 0.7
+    (15, True)
+    """
+    for fit in (first, second):
+        if fit.estimate is None:
+            raise DataError("fits of values alone have no errors that they could agree within")
+    for what, one, other in (
+        ("robots", first.robot.coordinates, second.robot.coordinates),
+        ("models", first.force_model.model, second.force_model.model),
+    ):
+        if one != other:
+            raise DataError(f"fits of different {what} cannot agree: {one} and {other}")
+    known = [_known(fit) for fit in (first, second)]
+    common = [each for each in known[0] if each in known[1]]
+    rows = np.array([[fit[each] for each in common] for fit in known]).reshape(2, -1, 3)
+    (values, variances, freedom) = np.moveaxis(rows, 2, 0)
+    total = variances.sum(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        together = total**2 / (variances**2 / freedom).sum(axis=0)
+    return Agreement(
+        expressions=tuple(common),
+        differences=values[1] - values[0],
+        standard_errors=np.sqrt(total),
+        degrees_of_freedom=np.where(np.isfinite(together), together, np.inf),
+        others=sum(len(fit) - len(common) for fit in known),
+    )
+
+
+def _known(fit: SavedFit) -> dict[str, tuple[float, float, float]]:
+    """Value, variance and degrees of freedom of what the data of a fit determine, by its sum."""
+    assert fit.estimate is not None
+    freedom = np.broadcast_to(fit.estimate.degrees_of_freedom, len(fit.base_parameters))
+    return {
+        base.expression: (base.value, base.standard_error**2, float(own))
+        for base, own in zip(fit.base_parameters, freedom, strict=True)
+        if base.name not in fit.estimate.assumed and np.isfinite(base.standard_error)
+    }

@@ -1,0 +1,370 @@
+"""Gains of drives, by what a load of known mass does to the force of each motor.
+
+What is logged of motor i is c_i = s_i (K_i Φ + L_i δ) + errors: K Φ are the forces of the robot,
+L δ those of the load in the runs that carry it, both in newtons, and the gain of the motor is
+g_i = 1 / s_i. The known mass is part of δ; all that is not known of Φ, δ and s is found together
+[Gautier2014] by Gauss-Newton steps. The currents, which are noisy, stand on the left alone: on the
+right, as columns of a least squares for g_i, their noise would make all gains too small.
+
+Read the other way round, gains that are known tell the mass: with any other mass, s is as many
+times as large, so that m s_i is the mass by motor i alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import stdtrit
+
+from loopid.arguments import BoolArray, FloatArray, checked, finite
+from loopid.diagnosis.loaded_runs import LoadedRuns
+from loopid.errors import DataError, OptionError, RankError
+from loopid.identification.estimator import (
+    LEAST_EXCITATION,
+    Estimator,
+    chosen_estimator,
+    scaled_svd,
+)
+from loopid.identification.fitting import quiet_fit
+from loopid.identification.force_model import ForceModel
+from loopid.identification.problem import FitSamples
+from loopid.identification.result import FitResult
+from loopid.logs.mapping import LogMapping
+from loopid.logs.recording import Recording
+from loopid.parameters import KINDS, ParameterSet
+from loopid.records import record
+
+# Relative change of the scales at which steps end, how many there are at most, and the change at
+# which scales count as found after these.
+CONVERGED, MOST_STEPS, SETTLED = 1e-9, 50, 1e-6
+# Part of a motor's scale in what no force depends on, from which the motor does not tell its gain.
+INVOLVED = 1e-3
+# Half of a gain's 95 % interval, in parts of it, from which a motor does not tell it.
+WIDEST = 0.5
+
+
+@record(checked=True)
+class KnownLoad:
+    """A body of which the mass is known, and the centre and inertia may be.
+
+    Attributes
+    ----------
+    mass : float
+        In kg.
+    centre : FloatArray or None
+        (3,), its centre of mass in the link's frame in m; None where it is not known.
+    inertia : FloatArray or None
+        (3, 3) about its centre of mass, along the link's axes, in kg m²; None where it is not
+        known.
+
+    Raises
+    ------
+    OptionError
+        When the mass is not above 0, an array has another shape, or an inertia has no centre.
+    """
+
+    mass: float
+    centre: FloatArray | None = None
+    inertia: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 < self.mass < np.inf:
+            raise OptionError(f"the known mass must be above 0 kg, not {self.mass}")
+        for name, shape in (("centre", (3,)), ("inertia", (3, 3))):
+            if getattr(self, name) is None:
+                continue
+            array = finite(getattr(self, name), name)
+            if array.shape != shape:
+                raise OptionError(f"{name} must have shape {shape}, not {array.shape}")
+            object.__setattr__(self, name, array)
+        if self.inertia is not None and self.centre is None:
+            raise OptionError("an inertia is about the centre of mass: give the centre, too")
+
+    @property
+    def parameters(self) -> FloatArray:
+        """Standard parameters (10,) about the link's origin; NaN where they are not known."""
+        known = np.full(len(KINDS), np.nan)
+        known[0] = self.mass
+        if (c := self.centre) is not None:
+            known[1:4] = self.mass * c
+            if self.inertia is not None:
+                about = self.inertia + self.mass * (c @ c * np.eye(3) - np.outer(c, c))
+                known[4:] = about[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+        return known
+
+
+@record
+class GainFit:
+    """Drive gains: what a motor's true force is for each unit of the logged one.
+
+    Attributes
+    ----------
+    actuators : tuple of str
+        The m motors that tell their gains.
+    gains : FloatArray
+        (m,); multiply ``force_scale`` of the log's mapping by them.
+    covariance : FloatArray
+        (m, m).
+    degrees_of_freedom : float
+        Of the intervals.
+    untold : tuple of str
+        Motors that do not tell their gains: their forces do not depend on robot and load, or
+        hardly.
+    """
+
+    actuators: tuple[str, ...]
+    gains: FloatArray
+    covariance: FloatArray
+    degrees_of_freedom: float
+    untold: tuple[str, ...] = ()
+
+    def intervals(self, level: float = 0.95) -> FloatArray:
+        """Confidence intervals (m, 2) of the gains.
+
+        Errors are those of the inverse, the scale of the logged force, which ends are found of.
+        """
+        reach = stdtrit(self.degrees_of_freedom, 0.5 + level / 2)
+        part = reach * np.sqrt(np.diag(self.covariance)) / self.gains
+        ends = np.stack([1 + part, np.maximum(1 - part, 0)], axis=1)
+        with np.errstate(divide="ignore"):
+            return np.asarray(self.gains[:, None] / ends)
+
+    def mapping(
+        self, recordings: Sequence[Recording], mapping: LogMapping | None = None
+    ) -> LogMapping:
+        """The mapping by which the logs of recordings are read with these gains.
+
+        Its ``content`` is that of a mapping file. Motors that do not tell their gains keep them.
+
+        Parameters
+        ----------
+        recordings : sequence of Recording
+        mapping : LogMapping, optional
+            By which they were read.
+
+        Raises
+        ------
+        DataError
+            When a recording is not of a file.
+        OptionError
+            When forces of the logs are in different units, or motors move joints together.
+        """
+        scales = [run.log.force_scales if run.log is not None else {} for run in recordings]
+        if not all(scales):
+            raise DataError("a mapping is of logs from files, which recordings of motions have not")
+        gains = dict(zip(self.actuators, self.gains.tolist(), strict=True))
+        return (mapping or LogMapping()).with_gains(gains, scales)
+
+    def __repr__(self) -> str:
+        told = zip(self.actuators, self.gains, self.intervals(), strict=True)
+        lines = [f"  {n}: {gain:.4f} [{low:.4f} ... {high:.4f}]" for n, gain, (low, high) in told]
+        lines += [f"  {name}: untold" for name in self.untold]
+        return "\n".join(["GainFit, true force over logged force:", *lines[:9]])
+
+
+@checked
+def drive_gains(
+    force_model: ForceModel,
+    link: str,
+    load: KnownLoad,
+    *,
+    unloaded: Sequence[Recording],
+    loaded: Sequence[Recording],
+    estimator: Estimator | str = "wls",
+) -> GainFit:
+    """Find the gains of drives from runs without and with a load of known mass.
+
+    Gains, robot and what is not known of the load are one estimate. Motors that do not tell their
+    gains are named, and left out of it.
+
+    Parameters
+    ----------
+    force_model : ForceModel
+    link : str
+        That the load was fixed to.
+    load : KnownLoad
+        Its mass is enough; its centre and inertia, where they are known, make gains surer.
+    unloaded, loaded : sequence of Recording
+    estimator : Estimator or str
+        As in ``fit``.
+
+    Raises
+    ------
+    OptionError
+        When the robot has no body of that name, or motors that depend on each other.
+    RankError
+        When no motor tells its gain.
+    DataError
+        When a gain is negative.
+
+    Examples
+    --------
+    See ``identify_payload``; with ``KnownLoad(2.0)`` the gains of that robot are 1.
+
+    >>> import loopid
+    >>> loopid.diagnosis.KnownLoad(-2.0)
+    Traceback (most recent call last):
+        ...
+    loopid.errors.OptionError: the known mass must be above 0 kg, not -2.0
+    """
+    if force_model.mechanism.redundant:
+        raise OptionError(
+            "gains take motors that do not depend on each other: "
+            f"{', '.join(force_model.mechanism.redundant)} follow from the others",
+            motors=force_model.mechanism.redundant,
+        )
+    runs = LoadedRuns.of(force_model, link, unloaded, loaded)
+    found = motor_scales(runs, load.parameters[: len(runs.kinds)], estimator)
+    if not found.actuators:
+        known, advice = ("mass", ": give its centre") if load.centre is None else ("load", "")
+        raise RankError(f"no force of a motor tells what the known {known} on {link} does{advice}")
+    s = found.scales
+    covariance = found.covariance / np.outer(s**2, s**2)
+    return GainFit(found.actuators, 1 / s, covariance, found.degrees_of_freedom, found.untold)
+
+
+@record
+class MotorScales:
+    """What is logged of motors, in parts of their forces by robot and load.
+
+    Attributes
+    ----------
+    actuators : tuple of str
+        The m motors that tell it.
+    scales, covariance : FloatArray
+        (m,) and (m, m).
+    degrees_of_freedom : float
+    untold : tuple of str
+        The other motors.
+    """
+
+    actuators: tuple[str, ...]
+    scales: FloatArray
+    covariance: FloatArray
+    degrees_of_freedom: float
+    untold: tuple[str, ...]
+
+
+def motor_scales(
+    runs: LoadedRuns, known: FloatArray, estimator: Estimator | str = "wls"
+) -> MotorScales:
+    """Scales of the motors' forces with some parameters (k,) of the load known, NaN for the others.
+
+    Raises
+    ------
+    DataError
+        When a scale is not above 0.
+    """
+    chosen, names = chosen_estimator(estimator), np.array(runs.robot.actuators, dtype=object)
+    driven = ~np.isin(names, runs.force_model.mechanism.free)
+    everything = _Rows.of(runs, known)
+    telling = everything.telling(driven, chosen)
+    while telling.any():
+        rows = everything.without(driven & ~telling)
+        scales, last = _converged(rows, telling, chosen)
+        m = int(telling.sum())
+        found = scales[telling]
+        part = np.ptp(last.intervals()[-m:], axis=1) / 2 / np.abs(found)
+        if part.max() < WIDEST and np.allclose(last.values[-m:], found, rtol=SETTLED):
+            break
+        telling[np.flatnonzero(telling)[part.argmax()]] = False  # the least sure one
+    untold = tuple(names[driven & ~telling].tolist())
+    if not telling.any():
+        return MotorScales((), np.zeros(0), np.zeros((0, 0)), 1.0, untold)
+    if (found < 0).any():
+        motor = names[telling][found.argmin()]
+        raise DataError(
+            f"the gain of {motor} comes out negative: is its force_scale negative, or is the load "
+            "not in the runs that are said to carry it?",
+            motor=motor,
+        )
+    covariance, freedom = last.covariance[-m:, -m:], float(last.degrees_of_freedom.min())
+    return MotorScales(tuple(names[telling].tolist()), found, covariance, freedom, untold)
+
+
+def _converged(
+    rows: _Rows, telling: BoolArray, estimator: Estimator
+) -> tuple[FloatArray, FitResult]:
+    """Scales (dof,) after steps until these change nothing, and the fit of a further one."""
+    values = estimator.fit_samples(rows.unscaled).result.values
+    scales, n = np.ones(len(telling)), len(values)
+    for _ in range(MOST_STEPS):
+        found = estimator.fit_samples(rows.about(values, scales, telling)).result.values
+        change = float(np.abs(found[n:] / scales[telling] - 1).max())
+        values, scales = found[:n], np.array(scales)
+        scales[telling] = found[n:]
+        if change <= CONVERGED:
+            break
+    return scales, quiet_fit(rows.about(values, scales, telling), estimator)
+
+
+@record
+class _Rows:
+    """Samples of the unknown parameters of robot and load, and known forces (N, dof) beside them.
+
+    What is logged is s ∘ (X φ + known), X the regressor of the samples.
+    """
+
+    samples: FitSamples
+    known: FloatArray
+
+    @classmethod
+    def of(cls, runs: LoadedRuns, known: FloatArray) -> _Rows:
+        """Of all runs, with some parameters (k,) of the load known."""
+        free = np.isnan(known)
+        added = ParameterSet.of_links(["load"], np.array(runs.kinds)[free].tolist())
+        samples = runs.robot.beside(added, runs.carried[:, :, free])
+        return cls(_told(samples), runs.carried[:, :, ~free] @ known[~free])
+
+    def without(self, motors: BoolArray) -> _Rows:
+        """Without the rows of some motors (dof,)."""
+        return replace(self, samples=_told(replace(self.samples, used=self.samples.used & ~motors)))
+
+    def telling(self, driven: BoolArray, estimator: Estimator) -> BoolArray:
+        """Motors (dof,) whose scales change the forces as nothing else does."""
+        values = estimator.fit_samples(self.unscaled).result.values
+        found, samples = np.array(driven), self.about(values, np.ones(len(driven)), driven)
+        found[driven] = _excited(samples, int(driven.sum()))
+        return found
+
+    @property
+    def unscaled(self) -> FitSamples:
+        """At scales of 1."""
+        return self.samples.less(self.known)
+
+    def about(self, values: FloatArray, scales: FloatArray, telling: BoolArray) -> FitSamples:
+        """Linear in the parameters and, after them, the scales of the motors that tell theirs."""
+        rigid = self.samples.predicted(values) + self.known
+        # c = s₀ (X φ + known) + (s - s₀) (X φ₀ + known)
+        target = self.samples.force + scales * (np.where(telling, rigid, 0.0) - self.known)
+        columns = rigid[:, :, None] * np.eye(len(scales))[:, telling]
+        names = np.array(self.samples.actuators, dtype=object)[telling].tolist()
+        scaled = replace(self.samples, regressor=scales[:, None] * self.samples.regressor)
+        added = ParameterSet.of_links(names, ["scale"])
+        return scaled.with_force(target).beside(added, columns)
+
+
+def _force_weights(samples: FitSamples) -> FloatArray:
+    """One over the rms force of each actuator (dof,), 0 where there is none."""
+    sizes = samples.problem.force_rms
+    return np.divide(1.0, sizes, out=np.zeros(len(sizes)), where=sizes > 0)
+
+
+def _told(samples: FitSamples) -> FitSamples:
+    """The samples of those combinations of parameters only that they excite, of equal effect."""
+    R = samples.problem.weighted(_force_weights(samples))
+    lengths, values, right = scaled_svd(R[:-1, :-1])
+    kept = values >= LEAST_EXCITATION * values[0]
+    return samples.along((right[kept] / values[kept, None]).T / lengths[:, None])
+
+
+def _excited(samples: FitSamples, count: int) -> BoolArray:
+    """Which of the last columns, so many, do what no others do."""
+    R = samples.problem.weighted(_force_weights(samples))[:-1, :-1][:, -count:]
+    sizes = np.linalg.norm(R, axis=0)
+    own = R[-count:] / np.where(sizes > 0, sizes, 1.0)
+    _, values, right = np.linalg.svd(own)
+    hidden = right[values < LEAST_EXCITATION]
+    return np.asarray(np.linalg.norm(hidden, axis=0) < INVOLVED)

@@ -1,0 +1,108 @@
+"""Runs of one robot without and with a load: what a payload and drive gains are found from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from loopid.arguments import FloatArray, row_blocks
+from loopid.errors import DataError, OptionError
+from loopid.identification.cutoff import choose_cutoff, prepared_at
+from loopid.identification.delay import find_delay, without_delay
+from loopid.identification.force_model import ForceModel
+from loopid.identification.problem import FitSamples
+from loopid.identification.terms import choose_terms
+from loopid.logs.recording import Recording
+from loopid.parameters import KINDS
+from loopid.records import record
+
+
+@record
+class LoadedRuns:
+    """Samples of runs without and with a load on a link; the robot is the same in all of them.
+
+    Attributes
+    ----------
+    force_model : ForceModel
+        Of the robot, with the joint terms that the runs without the load ask for.
+    link : str
+    unloaded, loaded : FitSamples
+        Of the robot's base parameters.
+    load : FloatArray
+        (N, dof, k), forces per unit of each parameter of the load, in the loaded runs.
+    kinds : tuple of str
+        Of these k parameters.
+    cutoff : float or None
+        In Hz, of the filter, where it was chosen by predictions.
+    """
+
+    force_model: ForceModel
+    link: str
+    unloaded: FitSamples
+    loaded: FitSamples
+    load: FloatArray
+    kinds: tuple[str, ...]
+    cutoff: float | None
+
+    @classmethod
+    def of(
+        cls,
+        force_model: ForceModel,
+        link: str,
+        unloaded: Sequence[Recording],
+        loaded: Sequence[Recording],
+    ) -> LoadedRuns:
+        """Prepare recordings as ``identify`` does: all by what those without the load tell."""
+        if not unloaded or not loaded:
+            raise DataError("a load takes recordings without it, and others with it")
+        _columns(force_model, link)
+        delay = find_delay(force_model, unloaded)
+        runs = [without_delay(force_model, each, delay) for each in (unloaded, loaded)]
+        choice = choose_cutoff(force_model, runs[0])
+        if delay is not None:
+            delay.warn()
+        if choice is not None:
+            choice.warn()
+            runs = [prepared_at(force_model, each, choice.chosen) for each in runs]
+        force_model = choose_terms(force_model, runs[0])
+        columns = _columns(force_model, link)
+        parts = []
+        for run in runs[1]:
+            states = run.motion.configurations, run.motion.velocities, run.motion.accelerations
+            parts += [
+                force_model.standard_regressor(*(state[rows] for state in states))[:, :, columns]
+                for rows in row_blocks(len(run))
+            ]
+        light, heavy = (
+            FitSamples.combined([force_model.samples(run) for run in each]) for each in runs
+        )
+        kinds = tuple(force_model.base.parameters[j].kind for j in columns)
+        cutoff = None if choice is None else choice.chosen
+        return cls(force_model, link, light, heavy, np.concatenate(parts), kinds, cutoff)
+
+    @property
+    def robot(self) -> FitSamples:
+        """Of the robot's base parameters, in all runs."""
+        return FitSamples.combined([self.unloaded, self.loaded])
+
+    @property
+    def carried(self) -> FloatArray:
+        """``load`` (N, dof, k) of all runs: 0 in those without it."""
+        none = np.zeros((len(self.unloaded), *self.load.shape[1:]))
+        return np.concatenate([none, self.load])
+
+    @property
+    def random_load(self) -> FloatArray:
+        """As ``load``, (M, dof, k) in random states of the robot."""
+        return self.force_model.random_regressor[:, :, _columns(self.force_model, self.link)]
+
+
+def _columns(force_model: ForceModel, link: str) -> list[int]:
+    """Columns of a body among the p standard parameters."""
+    parameters = force_model.base.parameters
+    columns = [j for j, p in enumerate(parameters) if p.link == link and p.kind in KINDS]
+    if not columns:
+        bodies = dict.fromkeys(p.link for p in parameters if p.kind in KINDS)
+        raise OptionError.unknown("body", link, list(bodies))
+    return columns

@@ -1,0 +1,420 @@
+"""Friction of the motors as the data ask for it: a curve of each joint, and what grows with load.
+
+    F(q̇) = sign q̇ [Fc + Fv |q̇| + Σ c_k h_k(|q̇|) + c |τ|] + Σ d_k h_k(|q̇|)
+
+The line Fc + Fv |q̇| is Coulomb and viscous friction. What departs from it is linear between rates
+that double (``joint_laws``): c_k both ways alike, d_k not. c_k, and d_k, of a joint are a Gaussian
+process of the logarithm of the rate with one deviation. c is the part that a gear loses of the
+motor's force τ that moves the bodies [Hamon2010]. The evidence chooses each deviation, so that a
+joint has the shape that its data ask for, and where they ask for none a line; groups without an
+effect are dropped. Load needs bodies, which the fit gives: rounds of fits find both.
+
+The curve is told between the slowest and the fastest rate of the samples in the fit. Below, it
+stays as it is there; above, it goes on as the line; in both its band widens.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from loopid.arguments import FloatArray, checked, finite
+from loopid.errors import DataError, OptionError
+from loopid.identification.consistent import (
+    ConsistentOptions,
+    consistent_values,
+    quiet_consistent_fit,
+    warn_of_bodies,
+)
+from loopid.identification.force_model import ForceModel
+from loopid.identification.problem import FitSamples
+from loopid.identification.result import (
+    LEAST_FREEDOM,
+    Estimate,
+    FitResult,
+    MotorUse,
+    NoiseModel,
+    TermDeviations,
+)
+from loopid.logs.recording import Recording
+from loopid.parameters import KINDS
+from loopid.records import Tabular, record
+from loopid.regressors.joint_laws import (
+    ALIKE,
+    ASYMMETRY,
+    CURVE,
+    LOAD,
+    RATIO,
+    JointState,
+    joint_term,
+)
+from loopid.regressors.joint_terms import JointTerms
+
+# Percentile of the rates of a motor's samples that is its slowest informative one, and most rates
+# of a curve, from the fastest down.
+SLOWEST, MOST_RATES = 2.0, 8
+# Digits of the fastest rate of a curve, the others are halves of it.
+DIGITS = 2
+# Load of a motor in the root mean square, relative to its force, below which it has no load
+# friction: Coulomb friction would be taken for it.
+LEAST_LOAD = 0.1
+# Fits that find bodies, load friction and the size of errors together, before anything is dropped.
+ROUNDS = 2
+# Logarithm of how much likelier the data are with a group that is clearly there: twenty times.
+CLEARLY = 3.0
+# Terms of a group that the data tell, below which it has no effect.
+NO_EFFECT = 0.01
+# Part of the friction at the slowest, or fastest, rate that it may differ by far beyond: a usual
+# size of what curves show there.
+DOUBT = 0.1
+
+
+@checked
+def motor_use(
+    force_model: ForceModel, data: FitSamples, recordings: Sequence[Recording]
+) -> MotorUse:
+    """Rates and loads of each motor in the samples that count.
+
+    Parameters
+    ----------
+    data : FitSamples
+        The recordings as samples of the force model.
+    """
+    joints, found = [], []
+    velocity = np.abs(np.concatenate([run.motion.velocities for run in recordings]))
+    loads = np.abs(force_model.loads(data.regressor))
+    for row, joint in enumerate(force_model.mechanism.independent):
+        used = data.used[:, row] & (velocity[:, row] > 0)
+        if joint in force_model.mechanism.actuated and used.any():
+            joints.append(joint)
+            rates = np.percentile(velocity[used, row], [SLOWEST, 100.0])
+            found.append([*rates, loads[used, row].mean()])
+    slowest, fastest, load = np.array(found).reshape(-1, 3).T
+    return MotorUse(tuple(joints), slowest, fastest, load)
+
+
+def curve_rates(slowest: float, fastest: float) -> FloatArray:
+    """Rates of a curve: the fastest, rounded up, and its halves down to the slowest."""
+    power = 10.0 ** (np.floor(np.log10(fastest)) + 1 - DIGITS)
+    top = float(f"{np.ceil(fastest / power * (1 - 1e-9)) * power:.{DIGITS}g}")
+    count = int(np.log(top / slowest) / np.log(RATIO))
+    return np.asarray(top / RATIO ** np.arange(min(count, MOST_RATES), -1, -1.0))
+
+
+def curve_kinds(slowest: float, fastest: float) -> tuple[str, ...]:
+    """Kinds of the joint terms of a curve and of its asymmetry; none of a single rate."""
+    first, *others = (f"{rate:.12g}" for rate in curve_rates(slowest, fastest))
+    if not others:
+        return ()
+    *middle, last = others
+    odd = [f"Fk0~{first}", *(f"Fk~{rate}" for rate in middle)]
+    return (*odd, *(f"Fa~{rate}" for rate in middle), f"Fa1~{last}")
+
+
+def friction_kinds(
+    force_model: ForceModel, data: FitSamples, use: MotorUse, loads: FloatArray
+) -> dict[str, tuple[str, ...]]:
+    """What may be asked for of each motor with Coulomb and viscous friction alone.
+
+    ``loads`` (N, dof) are the forces that move the bodies.
+    """
+    terms, found = force_model.joint_terms, dict[str, tuple[str, ...]]()
+    for joint, slowest, fastest in zip(*use.columns, strict=True):
+        own = terms.of_joints.get(joint, ()) if terms is not None else ()
+        curved = {kind for kind in own if kind != "Fc" and _friction(kind)}
+        if "Fc" not in own or curved - {"Fv"}:
+            continue
+        row = data.actuators.index(joint)
+        used, load = data.used[:, row], loads[:, row]
+        least = LEAST_LOAD * data.problem.force_rms[row]
+        carries = "Ft" not in own and np.sqrt((load[used] ** 2).mean()) > least
+        found[joint] = (*curve_kinds(slowest, fastest), *(["Ft"] if carries else []))
+    return {joint: kinds for joint, kinds in found.items() if kinds}
+
+
+@checked
+def with_friction(
+    force_model: ForceModel,
+    data: FitSamples,
+    recordings: Sequence[Recording],
+    whole: FitResult,
+    *,
+    options: ConsistentOptions = ConsistentOptions(),
+) -> tuple[ForceModel, FitSamples, FitResult]:
+    """Add the friction curves and the load friction that recordings ask for.
+
+    A step of ``identify``.
+
+    Parameters
+    ----------
+    data : FitSamples
+        The recordings as samples of the force model.
+    whole : FitResult
+        Of all its parameters, with a model of the errors.
+
+    Returns
+    -------
+    force_model : ForceModel
+        With the terms that the data ask for, and the loads of the bodies that were found with them.
+    data : FitSamples
+        The recordings as samples of it.
+    fit : FitResult
+        Of these, by ``consistent_fit``.
+    """
+    noise = whole.noise
+    if noise is None:
+        raise DataError("the fit has no model of its errors that friction could be weighed by")
+    values = consistent_values(force_model, data, noise, options=options)
+    use, loads = motor_use(force_model, data, recordings), force_model.loads(data.regressor)
+    kinds = friction_kinds(force_model, data, use, loads)
+    plain, known = data, dict(zip(force_model.parameters.labels, values.tolist(), strict=True))
+    left = ROUNDS
+    while True:
+        wide = force_model.with_columns(kinds)
+        wide = wide.with_loads(np.array([known.get(p.label, 0.0) for p in wide.parameters]))
+        data = wide.widened(plain, recordings)
+        if left and kinds:
+            left -= 1
+            values = consistent_values(wide, data, noise, options=options)
+        else:
+            fit = quiet_consistent_fit(wide, data, noise, options=options).result
+            asked = {} if fit.term_deviations is None else _asked(kinds, fit.term_deviations)
+            if asked == kinds:
+                warn_of_bodies(wide, fit)
+                return wide, data, fit
+            kinds, values = asked, fit.values
+        noise = less_noise(whole, data, values)
+        known = dict(zip(wide.parameters.labels, values.tolist(), strict=True))
+
+
+def _asked(
+    kinds: Mapping[str, tuple[str, ...]], groups: TermDeviations
+) -> dict[str, tuple[str, ...]]:
+    """Kinds without those that have no effect, and those that a joint's data ask for least.
+
+    Where these are not clear; one at a time, as two groups may stand for each other.
+    """
+    evidence = dict(zip(groups.names, groups.evidence.tolist(), strict=True))
+    told = dict(zip(groups.names, groups.told.tolist(), strict=True))
+    left = dict[str, tuple[str, ...]]()
+    for joint, own in kinds.items():
+        names = {name: f"{joint}: {name}" for name in dict.fromkeys(map(_group, own))}
+        gone = {name for name, group in names.items() if told[group] < NO_EFFECT}
+        asked = {name: evidence[group] for name, group in names.items() if name not in gone}
+        least = min(asked, key=asked.__getitem__, default="")
+        if least and asked[least] < CLEARLY:
+            gone.add(least)
+        left[joint] = tuple(kind for kind in own if _group(kind) not in gone)
+    return {joint: own for joint, own in left.items() if own}
+
+
+def less_noise(whole: FitResult, data: FitSamples, values: FloatArray) -> NoiseModel:
+    """The errors of a fit with what further terms explain of them taken off."""
+    noise, old = whole.noise, whole.quality.residual_rms
+    assert noise is not None
+    squares = data.problem.residual_squares(values) / np.maximum(data.problem.samples, 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(old > 0, np.sqrt(squares) / old, 1.0)
+    return replace(noise, deviation=noise.deviation * np.fmin(ratio, 1.0))
+
+
+def _group(kind: str) -> str:
+    prior = joint_term(kind).prior
+    return "" if prior is None else prior.name
+
+
+@record
+class FrictionCurve(Tabular):
+    """Friction of a joint over its rate, with a 95 % band.
+
+    Attributes
+    ----------
+    joint : str
+    rates : FloatArray
+        (k,), in m/s or rad/s.
+    values : FloatArray
+        (k,), in N or N m, along the rate.
+    band : FloatArray
+        (k, 2), ends of the 95 % intervals.
+    """
+
+    joint: str
+    rates: FloatArray
+    values: FloatArray
+    band: FloatArray
+
+    def _table(self) -> dict[str, FloatArray]:
+        low, high = self.band.T
+        return {"rate": self.rates, "friction": self.values, "low": low, "high": high}
+
+
+@checked
+def friction_curve(
+    fit: FitResult, joint: str, rates: FloatArray, *, joint_terms: JointTerms | None = None
+) -> FrictionCurve:
+    """Friction of a joint over its rate, of all its terms that depend on the rate alone.
+
+    Beyond the rates of the samples that were fitted (``fit.use``) the band holds, too, what a
+    curve may do there.
+
+    Parameters
+    ----------
+    fit : FitResult
+    joint : str
+    rates : FloatArray
+        (k,), in m/s or rad/s.
+    joint_terms : JointTerms, optional
+        Those of the force model, where they have a dead zone or are smoothed.
+
+    Raises
+    ------
+    OptionError
+        When the joint has no friction.
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> names = loopid.ParameterSet.from_labels(["elbow.Fc", "elbow.Fv"])
+    >>> rng = np.random.default_rng(0)
+    >>> rate = rng.normal(size=(500, 1))
+    >>> W = np.stack([np.sign(rate), rate], axis=2)
+    >>> force = W @ [2.0, 0.5] + 0.1 * rng.normal(size=(500, 1))
+    >>> fit = loopid.fit(loopid.identification.FitSamples.of(names, ["elbow"], W, force))
+    >>> curve = loopid.friction_curve(fit, "elbow", np.array([-1.0, 1.0]))
+    >>> curve.values.round(1), bool((np.ptp(curve.band, axis=1) < 0.1).all())
+    (array([-2.5,  2.5]), True)
+    """
+    from scipy.special import stdtrit  # slow to import
+
+    columns = friction_columns(fit, joint)
+    if not columns:
+        raise OptionError.unknown("joint with friction", joint, frictional_joints(fit))
+    rate = finite(rates, "rates")
+    if rate.ndim != 1:
+        raise DataError(f"rates must have shape (k,), not {rate.shape}", argument="rates")
+    state = (joint_terms or JointTerms(())).state(JointState(None, rate, None))
+    terms = [joint_term(fit.parameters[j].kind) for j in columns]
+    laws = np.stack([term.signal(state, len(rate)) for term in terms], axis=1)
+    values, spread = laws @ fit.values[columns], fit.covariance[np.ix_(columns, columns)]
+    variance = np.maximum(((laws @ spread) * laws).sum(axis=1), 0.0)
+    error = np.sqrt(variance + _doubt(fit, joint, rate, np.abs(values)) ** 2)
+    freedom = float(fit.degrees_of_freedom[columns].min())
+    sure = freedom >= LEAST_FREEDOM and not {*fit.parameters.select(columns).labels} & {
+        *fit.assumed
+    }
+    reach = stdtrit(freedom, 0.975) * error if sure else np.full(len(rate), np.inf)
+    return FrictionCurve(joint, rate, values, np.stack([values - reach, values + reach], axis=1))
+
+
+@record
+class FrictionSummary(Tabular):
+    """Friction of each motor in four numbers, ``Estimate`` or None where it has none.
+
+    Attributes
+    ----------
+    joints : tuple of str
+    coulomb, viscous : tuple of Estimate
+        Of the line that the curve goes on as.
+    standstill : tuple of Estimate
+        How much more there is at standstill than the line's Coulomb friction.
+    load : tuple of Estimate
+        Part of the motor's force that its gear loses.
+    """
+
+    joints: tuple[str, ...]
+    coulomb: tuple[Estimate | None, ...]
+    viscous: tuple[Estimate | None, ...]
+    standstill: tuple[Estimate | None, ...]
+    load: tuple[Estimate | None, ...]
+
+    def _table(self) -> list[dict[str, Any]]:
+        return [
+            {"joint": joint}
+            | {name: getattr(own[k], "value", None) for name, own in self.parts.items()}
+            for k, joint in enumerate(self.joints)
+        ]
+
+    @property
+    def parts(self) -> dict[str, tuple[Estimate | None, ...]]:
+        """The four columns by their names."""
+        names = "coulomb", "viscous", "standstill", "load"
+        return {name: getattr(self, name) for name in names}
+
+
+@checked
+def friction_summary(fit: FitResult) -> FrictionSummary:
+    """Friction of each joint of a fit, in four numbers with intervals.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> run = loopid.prepare_recording(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
+    >>> found = loopid.identify(loopid.find_force_model(robot, "full"), [run])
+    >>> friction = loopid.identification.friction_summary(found.fit)
+    >>> friction.joints, round(friction.coulomb[0].value, 2)
+    (('left_crank_joint', 'right_crank_joint'), 0.1)
+    """
+    joints = dict.fromkeys((*frictional_joints(fit), *_loaded_joints(fit)))
+    places = {each.label: j for j, each in enumerate(fit.parameters)}
+    every = fit.estimates
+
+    def of(joint: str, beginning: str) -> Estimate | None:
+        found = [j for label, j in places.items() if label.startswith(f"{joint}.{beginning}")]
+        return every[found[0]] if found else None
+
+    kinds = "Fc", "Fv", "Fk0~", "Ft"
+    return FrictionSummary(
+        tuple(joints), *(tuple(of(joint, kind) for joint in joints) for kind in kinds)
+    )
+
+
+def friction_findings(fit: FitResult) -> list[str]:
+    """What friction a fit has beside Coulomb and viscous friction: a sentence each."""
+    groups = () if fit.term_deviations is None else fit.term_deviations.names
+    parted = [name.rpartition(": ")[::2] for name in groups]
+    said = {
+        CURVE.name: "Friction of {} is a curve of the rate",
+        ASYMMETRY.name: "Friction of {} differs by direction",
+        LOAD.name: "Friction of {} grows with load",
+    }
+    found = []
+    for name, sentence in said.items():
+        if joints := [joint for joint, group in parted if group == name]:
+            found.append(sentence.format(", ".join(joints)))
+    return found
+
+
+def _loaded_joints(fit: FitResult) -> list[str]:
+    return [each.link for each in fit.parameters if each.kind == "Ft"]
+
+
+def _doubt(fit: FitResult, joint: str, rates: FloatArray, sizes: FloatArray) -> FloatArray:
+    """Deviation (k,) of friction of sizes (k,) beyond the rates that samples have told."""
+    if fit.use is None or joint not in fit.use.joints:
+        return np.zeros(len(rates))
+    ends, speeds = fit.use.of(joint), np.maximum(np.abs(rates), np.finfo(float).tiny)
+    beyond = np.maximum(np.log(ends[0] / speeds), np.log(speeds / ends[1])).clip(min=0.0)
+    groups, size = fit.term_deviations, DOUBT * sizes
+    name = f"{joint}: {CURVE.name}"
+    if groups is not None and name in groups.names:
+        size = np.maximum(size, groups.own[groups.names.index(name)])
+    return np.asarray(size * np.sqrt(1.0 - np.exp(-((beyond / ALIKE) ** 2))))
+
+
+def frictional_joints(fit: FitResult) -> tuple[str, ...]:
+    """Joints with terms that depend on the rate alone."""
+    return tuple(dict.fromkeys(name.link for name in fit.parameters if _friction(name.kind)))
+
+
+def friction_columns(fit: FitResult, joint: str) -> list[int]:
+    """Columns of a joint's terms that depend on the rate alone."""
+    names = enumerate(fit.parameters)
+    return [j for j, name in names if name.link == joint and _friction(name.kind)]
+
+
+def _friction(kind: str) -> bool:
+    return kind not in KINDS and joint_term(kind).friction

@@ -1,0 +1,258 @@
+"""Friction that data ask for: a curve of each joint, its asymmetry, and what grows with load."""
+
+import numpy as np
+import pytest
+
+from loopid import (
+    JointTerms,
+    find_force_model,
+    friction_curve,
+    identify,
+    predict,
+    prepare_recording,
+    read_fit,
+    read_log,
+    save_fit,
+)
+from loopid.errors import DataError, OptionError
+from loopid.identification import friction_summary, quiet_fit
+from loopid.identification.friction import curve_kinds, curve_rates
+from loopid.identification.joint_priors import dissipation, joint_parameters
+from loopid.logs import Recording
+from loopid.motion import Noise, scaled_bodies
+from loopid.regressors.joint_laws import JointState, grouped, joint_term
+from made_runs import logged, quietly, record, simulated, wander
+
+LINE = "Fc=0.1,Fv=0.05"
+LEFT = "left_crank_joint"
+
+
+@pytest.fixture(scope="module")
+def robot(load_once):
+    return load_once("five_bar")
+
+
+@pytest.fixture(scope="module")
+def motion(robot):
+    return wander(robot, 4, 20.0, 50.0, size=(0.5, 0.5), harmonics=5)
+
+
+@pytest.fixture(scope="module")
+def model(robot):
+    return find_force_model(robot, "full")
+
+
+def run(robot, motion, values=LINE, law=None, seed=0, noise=0.01):
+    """A recording of a robot whose bodies are 20 % off, with a further law of the rates (N, 2)."""
+    terms = JointTerms.with_values(robot, values)
+    plain = record(robot, motion, terms, scaled_bodies(robot, 0.2), noise, seed)
+    more = 0.0 if law is None else law(motion.velocities)
+    return Recording.of_motion(motion, plain.force + more, robot.actuated)
+
+
+def found_groups(found):
+    """Groups of joint terms by joint."""
+    kinds = [p for p in found.force_model.parameters if grouped(p.kind)]
+    return {(p.link, joint_term(p.kind).prior.name) for p in kinds}
+
+
+# The law.
+
+
+def test_points_of_a_curve_are_linear_between_rates_that_double():
+    rates = curve_rates(0.011, 0.77)
+    assert rates[-1] == 0.77
+    np.testing.assert_allclose(rates[1:] / rates[:-1], 2.0)
+    assert 0.011 <= rates[0] < 0.022
+    kinds = curve_kinds(0.011, 0.77)
+    odd = [kind for kind in kinds if kind.startswith("Fk")]
+    even = [kind for kind in kinds if kind.startswith("Fa")]
+    v = np.geomspace(1e-4, 10.0, 301)
+    c, d = np.random.default_rng(0).normal(size=(2, len(odd)))
+    for sign in (1.0, -1.0):
+        state = JointState(None, sign * v, None, math=np)
+        found = sum(
+            x * joint_term(kind).signal(state, len(v)) for x, kind in zip(c, odd, strict=True)
+        )
+        at = np.append(rates, 10.0)
+        expected = np.interp(v, at, [*c, 0.0, 0.0])
+        np.testing.assert_allclose(found, sign * expected, atol=1e-12)
+        found = sum(
+            x * joint_term(kind).signal(state, len(v)) for x, kind in zip(d, even, strict=True)
+        )
+        expected = np.interp(v, at, [0.0, *d, d[-1]])
+        np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_a_single_rate_has_no_curve():
+    assert curve_kinds(0.5, 0.6) == ()
+
+
+def test_limits_are_those_of_friction_that_dissipates(robot, model):
+    """F at any rate is a positive combination of the limits, so that they hold everywhere."""
+    kinds = {LEFT: curve_kinds(0.01, 0.5)}
+    terms = joint_parameters(model.with_columns(kinds))
+    A = dissipation(terms)
+    generator = np.random.default_rng(1)
+    rates = np.concatenate([np.geomspace(1e-12, 5.0, 400), curve_rates(0.01, 0.5)])
+    v = np.concatenate([rates, -rates])
+    state = JointState(None, v, None, math=np)
+    friction = [joint_term(term.kind).friction for term in terms]
+    own = [j for j, term in enumerate(terms) if term.link == LEFT and friction[j]]
+    laws = np.stack([joint_term(terms[j].kind).signal(state, len(v)) for j in own], axis=1)
+    touched = 0
+    for _ in range(200):
+        f = np.zeros(len(terms))
+        f[own] = 0.5 * generator.normal(size=len(own))
+        f[[j for j in own if terms[j].kind in ("Fc", "Fv")]] = 1.0, 0.5
+        held = bool((A @ f >= 0).all())
+        assert held == bool((np.sign(v) * (laws @ f[own]) >= -1e-9).all())
+        touched += not held
+    assert 20 < touched < 180
+
+
+# What is found.
+
+
+def stribeck(v):
+    return 0.05 * np.exp(-np.abs(v) / 0.1) * np.sign(v)
+
+
+def test_a_curve_is_found_where_it_is_and_nowhere_else(robot, model, motion):
+    def left(v):
+        return stribeck(v) * [1.0, 0.0]
+
+    for law, joints in ((None, set()), (left, {LEFT}), (stribeck, {*robot.actuated})):
+        found = quietly(identify, model, [run(robot, motion, law=law)])
+        assert found_groups(found) == {(joint, "friction curve") for joint in joints}
+
+
+@pytest.mark.parametrize("draws", [3, pytest.param(50, marks=pytest.mark.validate)])
+def test_bands_hold_the_true_curve(robot, model, motion, draws):
+    covered, rates = [], np.geomspace(0.0025, 0.5, 40)
+    for seed in range(draws):
+        found = quietly(identify, model, [run(robot, motion, law=stribeck, seed=seed, noise=0.02)])
+        for joint in robot.actuated:
+            for v in (rates, -rates):
+                curve = friction_curve(found.fit, joint, v)
+                true = 0.1 * np.sign(v) + 0.05 * v + stribeck(v)
+                covered.append((curve.band[:, 0] <= true) & (true <= curve.band[:, 1]))
+                assert (np.sign(v) * curve.values >= -1e-12).all()
+    assert np.mean(covered) >= 0.9
+
+
+def test_no_shape_is_invented(robot, model, motion):
+    curves = []
+    for seed in range(3):
+        recording = run(robot, motion, seed=seed)
+        found = quietly(identify, model, [recording])
+        plain = quietly(identify, find_force_model(robot, "full", "Fc,Fv,Fo,Ia"), [recording])
+        rates = np.geomspace(0.005, 0.5, 20)
+        for joint in robot.actuated:
+            one, other = (friction_curve(f.fit, joint, rates) for f in (found, plain))
+            inside = (one.band[:, 0] <= other.values) & (other.values <= one.band[:, 1])
+            curves.append(inside.all())
+    assert np.mean(curves) >= 0.9
+
+
+def test_an_asymmetry_is_found(robot, model, motion):
+    """Viscous friction by direction; a constant difference is an offset."""
+
+    def law(v):
+        return 0.1 * np.abs(v) * [1.0, 0.0]
+
+    found = quietly(identify, model, [run(robot, motion, law=law)])
+    assert (LEFT, "friction asymmetry") in found_groups(found)
+    v = np.array([0.1, 0.3])
+    forward, backward = (friction_curve(found.fit, LEFT, s * v).values for s in (1, -1))
+    np.testing.assert_allclose(forward + backward, 0.2 * v, atol=0.012)
+
+
+def test_below_the_slowest_rate_it_stays_and_above_the_fastest_it_is_a_line(robot, model, motion):
+    found = quietly(identify, model, [run(robot, motion, law=stribeck)])
+    slowest, fastest = found.fit.use.of(LEFT)
+    names = (p for p in found.fit.parameters if p.link == LEFT and p.kind.startswith("Fk0"))
+    (first,) = (joint_term(p.kind).at for p in names)
+    assert slowest <= first < 2 * slowest
+    below = np.geomspace(first / 1000, first, 5)
+    curve = friction_curve(found.fit, LEFT, below)
+    left = curve.values - found.fit[f"{LEFT}.Fv"].value * below
+    np.testing.assert_allclose(left, left[0], rtol=1e-9)
+    widths = np.ptp(curve.band, axis=1)
+    assert (np.diff(widths) < 0).all()
+    above = 2.5 * fastest * np.arange(1, 5)
+    curve = friction_curve(found.fit, LEFT, above)
+    line = found.fit[f"{LEFT}.Fc"].value + found.fit[f"{LEFT}.Fv"].value * above
+    np.testing.assert_allclose(curve.values, line, rtol=1e-9)
+    assert (np.diff(np.ptp(curve.band, axis=1)) > 0).all()
+
+
+def test_load_friction_is_found_and_predicted(robot, model, motion, tmp_path):
+    values = f"{LINE}; {LEFT}: Ft=0.08"
+    noisy = run(robot, motion, values)
+    found = quietly(identify, model, [noisy])
+    assert found_groups(found) == {(LEFT, "load friction")}
+    low, high = found.fit[f"{LEFT}.Ft"].interval
+    assert low <= 0.08 <= high
+    assert high - low < 0.02
+    summary = friction_summary(found.fit)
+    assert summary.load[summary.joints.index(LEFT)].value == found.fit[f"{LEFT}.Ft"].value
+    other = wander(robot, 9, 20.0, 50.0, size=(0.4, 0.4), harmonics=3)
+    terms = JointTerms.with_values(robot, values)
+    exact = simulated(robot, other, Noise(), 0, scaled_bodies(robot, 0.2), terms)
+    unseen = Recording.of_motion(other, exact.force, robot.actuated)
+    saved = read_fit(save_fit(tmp_path / "fit.json", found.force_model, found.fit))
+    one, two = (predict(fit, where, unseen) for fit, where in
+                ((found.fit, found.force_model), (saved, robot)))  # fmt: skip
+    np.testing.assert_allclose(one.predicted, two.predicted, rtol=1e-9, atol=1e-12)
+    assert (one.moving.residual_rms < 0.01).all()
+
+
+def test_gears_that_lose_no_force_have_no_load_friction(robot, model, motion):
+    found = quietly(identify, model, [run(robot, motion)])
+    assert not any(p.kind == "Ft" for p in found.fit.parameters)
+
+
+def test_logs_with_filtered_steps_are_asked_too(robot, model, tmp_path):
+    motion = wander(robot, 4, 20.0, 500.0, size=(0.5, 0.5), harmonics=5)
+    for values, joints in ((LINE, set()), (f"{LINE},Fs~0.1=0.03", {*robot.actuated})):
+        terms = JointTerms.with_values(robot, values)
+        text = logged(robot, motion, terms, 0.02, 0, scaled_bodies(robot, 0.2))
+        (tmp_path / "run.csv").write_text(text)
+        log = quietly(read_log, tmp_path / "run.csv", robot)
+        recording = quietly(prepare_recording, robot, log)
+        assert recording.history is not None
+        found = quietly(identify, model, [recording])
+        assert {joint for joint, _ in found_groups(found)} == joints
+
+
+# Reading it off.
+
+
+def test_a_curve_is_the_sum_of_its_terms(robot, motion):
+    model = find_force_model(robot, "full", f"Fc,Fv,Fs~0.1,Fo,Ia; {LEFT}: Fc~0.05")
+    fit = quiet_fit(model.samples(run(robot, motion, law=stribeck)))
+    rates = np.array([-0.4, -0.05, 0.05, 0.4])
+    curve = friction_curve(fit, LEFT, rates)
+    names = ("Fc", "Fv", "Fs~0.1", "Fc~0.05")
+    laws = np.sign(rates), rates, np.exp(-((rates / 0.1) ** 2)) * np.sign(rates)
+    laws = np.stack([*laws, np.tanh(rates / 0.05)])
+    values = np.array([fit[f"{LEFT}.{name}"].value for name in names])
+    np.testing.assert_allclose(curve.values, values @ laws, rtol=1e-12)
+    columns = [fit.parameters.labels.index(f"{LEFT}.{name}") for name in names]
+    spread = fit.covariance[np.ix_(columns, columns)]
+    variance = np.einsum("ik,ij,jk->k", laws, spread, laws)
+    half = np.ptp(curve.band, axis=1) / 2
+    np.testing.assert_allclose(half, 1.96 * np.sqrt(variance), rtol=0.02)
+    np.testing.assert_allclose(curve.band.mean(axis=1), curve.values, rtol=1e-12)
+
+
+def test_curves_of_joints_without_friction_are_refused(robot, motion):
+    model = find_force_model(robot, "full", f"none; {LEFT}: Fc; right_crank_joint: Fo")
+    fit = quiet_fit(model.samples(run(robot, motion)))
+    for joint in ("right_crank_joint", "elbow"):
+        with pytest.raises(OptionError) as refused:
+            friction_curve(fit, joint, np.zeros(3))
+        assert refused.value.facts["valid"] == (LEFT,)
+    with pytest.raises(DataError):
+        friction_curve(fit, LEFT, np.zeros((2, 2)))
