@@ -370,6 +370,9 @@ def identify(
             )
         else:
             known = whole if first is not None else None
+            if first is not None and force_model.automatic:
+                force_model, known = _friction_alone(force_model, first, friction, options)
+                data = force_model.widened(data, training)
             solid = fit_solid_bodies(force_model, data, whole.noise, known=known, options=options)
         solid = with_assumed(solid, excited)
     new = samples_of(force_model, judging, n_jobs=options.n_jobs)
@@ -383,6 +386,7 @@ def identify(
             with_delay_errors(each, data, training, delay),
             cutoff=None if cutoff is None else cutoff.chosen,
             use=use,
+            force_model=force_model,
             mistakes=tuple(
                 str(found)
                 for one in suspected
@@ -410,6 +414,18 @@ def identify(
         delay=delay,
         suspicions=suspected,
     )
+
+
+def _friction_alone(
+    force_model: ForceModel,
+    first: FitSamples,
+    friction: Sequence[Recording],
+    options: FitOptions,
+) -> tuple[ForceModel, FitResult]:
+    """The terms that an experiment of their own asks for, and their values."""
+    whole = fit_all(force_model, first, identifiability(force_model, first), options=options)
+    model, _, found = with_friction(force_model, first, friction, whole, options=options.consistent)
+    return model, found
 
 
 def _judged(
@@ -600,7 +616,7 @@ def fit_solid_bodies(
     terms: dict[str, FloatArray] = {}
     if known is not None:
         count = len(force_model.joint_values)
-        own = np.intersect1d(force_model.joint_columns, force_model.plain_columns)
+        own = force_model.joint_columns[known.standard_errors[force_model.joint_columns] > 0]
         places = force_model.base.base[own] - (len(force_model.base.parameters) - count)
         values, deviations = np.nan_to_num(force_model.joint_values), np.full(count, np.inf)
         values[places], deviations[places] = known.values[own], known.standard_errors[own]
