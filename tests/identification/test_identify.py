@@ -1,6 +1,7 @@
 """What recordings say about a robot: the truth where they tell it, its name where they do not."""
 
 import pickle
+import re
 import warnings
 from dataclasses import replace
 
@@ -484,3 +485,25 @@ def test_the_baseline_has_no_negative_friction_or_drive_inertia(load_once, model
     assert (gradient[~inside] > -1e-7 * size[~inside]).all()
     standard = found.baseline.fit.standard_parameters
     np.testing.assert_allclose(force_model.base.values(standard), found.baseline.values)
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e-7, 1e-9, 1e-12])
+def test_forces_in_another_unit_are_refused_with_the_scale_that_fits(
+    knee_model, motions, truth, factor
+):
+    run = modelled(knee_model, motions[0], truth)
+    with pytest.raises(DataError, match="in which unit are the forces") as refused:
+        identify(knee_model, [replace(run, force=factor * run.force)])
+    scale = float(
+        re.search(r"'force_scale' in a mapping \((\S+) would fit\)", str(refused.value))[1]
+    )
+    assert 0.1 < scale * factor < 10
+
+
+def test_motors_without_any_force_are_named(knee_model, motions, truth):
+    run = modelled(knee_model, motions[0], truth)
+    for columns, named in (([1], "leg2_stroke"), (range(4), "leg1_stroke, leg2_stroke, leg3_st")):
+        force = run.force.copy()
+        force[:, columns] = 0.0
+        with pytest.raises(DataError, match=rf"the force of {named}.* is zero in all samples"):
+            identify(knee_model, [replace(run, force=force)])

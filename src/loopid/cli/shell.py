@@ -45,8 +45,13 @@ class Command(TyperCommand):
         """Run the command; what it warns of is said after what it shows."""
         told = ctx.obj = list[str]()
 
-        def keep(message: Warning | str, *_: Any, **__: Any) -> None:
+        def keep(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
             text = in_options(str(message), ctx)
+            if issubclass(category, RuntimeWarning):  # NumPy's own, which name nothing
+                text = (
+                    f"some numbers on the way were too large, or none ({text}): are the units of "
+                    "all files right?"
+                )
             told.extend([text] if text not in told else [])
 
         try:

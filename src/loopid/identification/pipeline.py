@@ -42,9 +42,14 @@ from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.parameters import ParameterSet, html_table
 from loopid.records import record
+from loopid.regressors.closed_loop import force_parts
 from loopid.regressors.joint_laws import joint_term
+from loopid.robot.mechanism import Mechanism
 from loopid.workers import require_processes
 
+# Part of the forces that the robot file's bodies need, below which forces have another unit; and in
+# how many samples that is looked at.
+LEAST_FORCES, LOOKED_AT = 1e-4, 100
 # What is done about a combination of parameters that no force of the data depends on.
 UNIDENTIFIABLE = ("error", "prior")
 
@@ -286,6 +291,37 @@ def warn_of_fitted(training: Sequence[Recording], validation: Sequence[Recording
             )
 
 
+def require_forces(mechanism: Mechanism, recordings: Sequence[Recording]) -> None:
+    """Refuse forces that are none: zero throughout, or far below what the robot's bodies need."""
+    driven = len(mechanism.independent) - len(mechanism.free)
+    largest, used, needed = np.zeros(driven), np.zeros(driven, dtype=bool), 0.0
+    names = ", ".join(run.name for run in recordings)
+    for run in recordings:
+        largest = np.maximum(largest, np.abs(run.force[:, :driven]).max(axis=0, initial=0.0))
+        used |= run.used[:, :driven].any(axis=0)
+        some = np.unique(np.linspace(0, len(run) - 1, LOOKED_AT).astype(int))
+        motion = run.motion
+        state = motion.configurations[some], motion.velocities[some], motion.accelerations[some]
+        parts = force_parts(mechanism, *state).total[:, :driven]
+        needed = max(needed, float(np.abs(parts).max(initial=0.0)))
+    zero = [mechanism.independent[k] for k in np.flatnonzero(used & (largest == 0))]
+    if zero:
+        raise DataError(
+            f"the force of {', '.join(zero)} is zero in all samples of {names}: it tells nothing, "
+            "so name the column that has it as 'force' in a mapping"
+        )
+    most = float(largest.max(initial=0.0))
+    if 0 < most < LEAST_FORCES * needed:
+        fitting = 10.0 ** round(np.log10(needed / most))
+        raise DataError(
+            f"the largest force of {names} is {most:.2g} N or N m, but the bodies of the robot "
+            f"file need {needed:.2g}: in which unit are the forces, or the file's masses? Give "
+            f"that of the forces as 'force_scale' in a mapping ({fitting:.0e} would fit)",
+            given=most,
+            tolerance=LEAST_FORCES,
+        )
+
+
 @checked
 def identify(
     force_model: ForceModel,
@@ -336,6 +372,7 @@ def identify(
     0.1
     """
     options.require_references(len(references))
+    require_forces(force_model.mechanism, recordings)
     delay = find_delay(force_model, recordings) if options.undo_delay else None
     training, judging = recordings, validation
     if judging is None:

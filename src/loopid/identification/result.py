@@ -248,8 +248,8 @@ class Estimate:
     def __str__(self) -> str:
         low, high = self.interval
         return (
-            f"{self.name}: {self.value:.5g} ± {self.standard_error:.2g} {self.unit}"
-            f" ({self.relative_std:.1f} %), 95 %: {low:.5g} to {high:.5g}"
+            f"{self.name}: {self.value:.5g} ± {self.standard_error:.2g} {self.unit}".rstrip()
+            + f" ({self.relative_std:.1f} %), 95 %: {low:.5g} to {high:.5g}"
         )
 
 

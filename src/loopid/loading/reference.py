@@ -8,7 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from loopid.arguments import FloatArray, random_generator
-from loopid.errors import AccuracyWarning, MobilityError, ModelWarning, RobotFileError, warn
+from loopid.errors import (
+    AccuracyWarning,
+    MobilityError,
+    ModelWarning,
+    RobotFileError,
+    counted,
+    warn,
+)
 from loopid.kinematics import mobility
 from loopid.kinematics.assembly import CLOSURE_TOLERANCE
 from loopid.kinematics.closing import (
@@ -197,7 +204,7 @@ def why_singular(mechanism: Mechanism, around: FloatArray) -> str:
     measure = float(singularity_measure(mechanism, mechanism.reference[None])[0])
     if found.singular:
         reason = (
-            f"{found.degrees_of_freedom} degrees of freedom there, "
+            f"{counted(found.degrees_of_freedom, 'degree')} of freedom there, "
             f"{found.generic_degrees_of_freedom} around it"
         )
     elif measure < NEAR_SINGULARITY:

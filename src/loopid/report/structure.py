@@ -12,6 +12,7 @@ from rich.table import Table
 
 from loopid.base_parameters.base import BaseParameters, expression
 from loopid.diagnosis.modes import compare_modes
+from loopid.errors import counted
 from loopid.kinematics import mobility
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.projection import NEAR_SINGULARITY, Factorisation, singularity_measure
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
 KINDS = {"FreeFlyer": "floating", "Spherical": "spherical", "Planar": "planar"}
 MOST_TERMS = 6  # of a doubtful combination, in tables
+LEAST_RANK = 2  # of a closure that takes away freedoms of a flat loop
 FEW, SOME = 4, 8  # names, and closures, that the terminal shows; the page has all
 
 
@@ -51,6 +53,7 @@ def check_report(mechanism: Mechanism) -> Report:
             if free
             else []
         ),
+        *_idle_closures(found),
         *found["inertia_defects"],
         *found["odd_masses"],
     ]
@@ -79,10 +82,7 @@ def check_report(mechanism: Mechanism) -> Report:
 
 def _freedoms(found: dict[str, Any]) -> str:
     freedoms, motors = found["degrees_of_freedom"], len(found["actuated"])
-    return (
-        f"{freedoms} degree{'' if freedoms == 1 else 's'} of freedom for {motors} "
-        f"motor{'' if motors == 1 else 's'}"
-    )
+    return f"{counted(freedoms, 'degree')} of freedom for {counted(motors, 'motor')}"
 
 
 def _unclear_motors(found: dict[str, Any]) -> Iterator[str]:
@@ -103,6 +103,16 @@ def _unclear_motors(found: dict[str, Any]) -> Iterator[str]:
             "'name_mot', and where a closure has too many rows, choose another type: a pin is a "
             "hinge, a ball 3d"
         )
+
+
+def _idle_closures(found: dict[str, Any]) -> Iterator[str]:
+    """Closures of several rows that take away one freedom or none: even a flat loop feels two."""
+    for closure in found["closures"]:
+        if closure["rank"] < LEAST_RANK < closure["rows"]:
+            yield (
+                f"of the {closure['rows']} rows of closure {closure['name']} ({closure['type']}) "
+                f"the loop feels {closure['rank']}: look at its frames, its axes and its type"
+            )
 
 
 def check_record(mechanism: Mechanism) -> dict[str, Any]:
