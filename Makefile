@@ -54,6 +54,7 @@ lint: .venv/lint
 # What each one measures: docs/benchmarks.md.
 bench: .venv/test peers
 	$(BIN)/python benchmarks/search.py
+	$(BIN)/python benchmarks/ranks.py
 	$(BIN)/python benchmarks/symbolic.py
 	$(BIN)/python benchmarks/identification.py
 	$(BIN)/python benchmarks/observation.py

@@ -31,10 +31,12 @@ from .force_model import (
 )
 from .friction import (
     FrictionCurve as FrictionCurve,
+    FrictionLine as FrictionLine,
     FrictionSummary as FrictionSummary,
     friction_curve as friction_curve,
     friction_summary as friction_summary,
     motor_use as motor_use,
+    nearest_line as nearest_line,
     with_friction as with_friction,
 )
 from .information import (

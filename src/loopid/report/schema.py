@@ -81,7 +81,7 @@ _SUBGROUPS = {
 _SEARCH = of(SearchResult, *SEARCH) | {"subgroups": (_SUBGROUPS, None)}
 _CHOICE = {
     **{"nonzero_parameters": int, "search": _SEARCH},
-    **of(Structure, "rank", "rank_gap"),
+    **of(Structure, "rank", "rank_gap", "rank_bounds"),
     **of(BaseParameters, "condition_number", "nullspace_condition_number"),
     "doubtful": [
         {"expression": str, "terms": {str: float}}
