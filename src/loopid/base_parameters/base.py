@@ -11,7 +11,13 @@ from types import MappingProxyType
 import numpy as np
 
 from loopid.arguments import FloatArray, IntArray, checked, finite, frozen
-from loopid.base_parameters.choice import ChoiceProblem, SearchEffort, SearchResult, SearchStrategy
+from loopid.base_parameters.choice import (
+    UNCLEAR_RANK,
+    ChoiceProblem,
+    SearchEffort,
+    SearchResult,
+    SearchStrategy,
+)
 from loopid.base_parameters.rank import (
     DoubtfulCombination,
     RankTolerances,
@@ -34,6 +40,7 @@ SEARCHES: Registry[type[SearchStrategy]] = Registry(
         "qr": "loopid.base_parameters.choice:PivotedQR",
     },
 )
+LISTED = 3  # base parameters that a ``repr`` names
 LEAST_TIME = 0.01  # s, for a search after one that used all there was
 
 
@@ -115,13 +122,14 @@ class BaseParameters(Tabular):
         return BaseParameter(name, factors)
 
     def _table(self) -> dict[str, tuple[str, ...]]:
-        return {"name": self.names, "expression": self.expressions}
+        return {"name": self.combinations.names, "expression": self.expressions}
 
     def __repr__(self) -> str:
         return (
             f"BaseParameters({len(self)} of {len(self.parameters)} parameters, "
             f"{len(self.dependent)} dependent, rank gap {self.structure.rank_gap:.1e})\n"
-            f"  {self.search!r}\n  {', '.join(self.names[:6])}{', ...' if len(self) > 6 else ''}"
+            f"  {self.search!r}\n  {', '.join(self.combinations.names[:LISTED])}"
+            f"{', ...' if len(self) > LISTED else ''}"
         )
 
     def _repr_html_(self) -> str:
@@ -139,6 +147,15 @@ class BaseParameters(Tabular):
     def names(self) -> tuple[str, ...]:
         """Label of the standard parameter that leads each base parameter, factor 1."""
         return self.parameters.select(self.base).labels
+
+    @cached_property
+    def combinations(self) -> ParameterSet:
+        """The base parameters as parameters of a fit, each with its sum."""
+        found = []
+        for leading, terms in zip(self.parameters.select(self.base), self.terms, strict=True):
+            _, *others = terms
+            found.append(replace(leading, others=tuple(others), expression=expression(terms)))
+        return ParameterSet(tuple(found))
 
     @cached_property
     def matrix(self) -> FloatArray:
@@ -242,7 +259,8 @@ def find_base_parameters(
     Warns
     -----
     AccuracyWarning
-        When combinations are doubtful: they do not count.
+        When combinations are doubtful: they do not count; and when the rank is unclear: no choice
+        is certified.
 
     Examples
     --------
@@ -255,7 +273,7 @@ def find_base_parameters(
     strategy = SEARCHES[search]() if isinstance(search, str) else search
     strategy = strategy if effort is None else replace(strategy, effort=effort)
     structure = analyse(observation, tolerances)
-    warn_of_doubts(structure.doubtful)
+    warn_of_doubts(structure.doubtful, structure.rank_bounds)
     # Of equally good choices the first is taken, in an order that does not depend on the file's.
     ranks = {name: rank for rank, name in enumerate(observation.order)}
     places = [ranks.get(p.link, len(ranks)) for p in structure.parameters]
@@ -271,6 +289,8 @@ def find_base_parameters(
     dependent = np.sort(order[list(result.dependent)])
     account = result.subgroups and result.subgroups.renumbered(order.tolist())
     result = replace(result, dependent=tuple(dependent.tolist()), subgroups=account)
+    if structure.rank_bounds:  # of another rank the choice would be another
+        result = replace(result, certified=False, reason=UNCLEAR_RANK)
     return base_of_choice(observation.parameters, structure, result)
 
 
