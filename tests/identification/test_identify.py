@@ -209,7 +209,8 @@ def test_a_short_way_names_what_it_does_not_tell(knee_model, motions, truth):
     assert all(warning.category is DataWarning for warning in caught)
     said = [str(warning.message) for warning in caught]
     told = found.identifiability
-    assert told.weak_message in said
+    assert str(told.findings[-1]) in said
+    assert told.findings[-1].why == told.weak_message
     assert told.weak_message.startswith(f"{len(told.weak)} of 23 combinations")
     assert told.weak[0].text in told.weak_message
     assert told.leads[0] in told.weak_message
@@ -363,7 +364,8 @@ def test_an_identification_says_what_it_took_from_the_robot_file(crank_model, cr
         warnings.simplefilter("always")
         found = identify(crank_model, one, validation=both)
     told, places = found.identifiability, {str(each.message): each.filename for each in caught}
-    assert places[told.unidentifiable_message] == places[told.weak_message] == __file__
+    assert [places[str(each)] for each in told.findings] == [__file__] * 2
+    assert set(told.findings) <= set(found.findings)
     whole = found["all parameters"]
     assert whole.fit.assumed == told.assumed
     assert set(whole.fit.assumed) <= set(whole.fit.insignificant())

@@ -26,10 +26,12 @@ from loopid.errors import DataError, OptionError
 from loopid.identification.consistent import (
     ConsistentOptions,
     consistent_values,
+    error_weights,
     quiet_consistent_fit,
     warn_of_bodies,
 )
 from loopid.identification.force_model import ForceModel
+from loopid.identification.hysteresis import possible_hysteresis
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import (
     LEAST_FREEDOM,
@@ -49,9 +51,10 @@ from loopid.regressors.joint_laws import (
     LOAD,
     RATIO,
     JointState,
+    grouped,
     joint_term,
 )
-from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.joint_terms import JointTerms, together
 
 # Percentile of the rates of a motor's samples that is its slowest informative one, and most rates
 # of a curve, from the fastest down.
@@ -72,6 +75,7 @@ NO_EFFECT = 0.01
 # Part of the friction at the slowest, or fastest, rate that it may differ by far beyond: a usual
 # size of what curves show there.
 DOUBT = 0.1
+LINE_POINTS = 200  # rates that a line is fitted at
 
 
 @checked
@@ -174,6 +178,9 @@ def with_friction(
     values = consistent_values(force_model, data, noise, options=options)
     use, loads = motor_use(force_model, data, recordings), force_model.loads(data.regressor)
     kinds = friction_kinds(force_model, data, use, loads)
+    weights = error_weights(data.problem, noise)
+    slips = possible_hysteresis(force_model, data, recordings, weights, list(kinds))
+    kinds = together(kinds, slips)
     plain, known = data, dict(zip(force_model.parameters.labels, values.tolist(), strict=True))
     left = ROUNDS
     while True:
@@ -378,8 +385,9 @@ def friction_summary(fit: FitResult) -> FrictionSummary:
 
 def friction_findings(fit: FitResult) -> list[str]:
     """What friction a fit has beside Coulomb and viscous friction: a sentence each."""
-    groups = () if fit.term_deviations is None else fit.term_deviations.names
-    parted = [name.rpartition(": ")[::2] for name in groups]
+    groups = fit.term_deviations
+    clear = () if groups is None else np.flatnonzero(groups.evidence >= CLEARLY)
+    parted = [groups.names[k].rpartition(": ")[::2] for k in clear] if groups else []
     said = {
         CURVE.name: "Friction of {} is a curve of the rate",
         ASYMMETRY.name: "Friction of {} differs by direction",
@@ -422,3 +430,65 @@ def friction_columns(fit: FitResult, joint: str) -> list[int]:
 
 def _friction(kind: str) -> bool:
     return kind not in KINDS and joint_term(kind).friction
+
+
+@record
+class FrictionLine:
+    """Coulomb and viscous friction that is nearest to a curve, for what knows no other.
+
+    Attributes
+    ----------
+    joint : str
+    coulomb, viscous : float
+    off : float
+        Largest distance of the curve from it, in N or N m.
+    rates : tuple of float
+        Between which, in m/s or rad/s.
+    """
+
+    joint: str
+    coulomb: float
+    viscous: float
+    off: float
+    rates: tuple[float, float]
+
+    @property
+    def sentence(self) -> str:
+        """How near it is."""
+        least, most = self.rates
+        return (
+            f"Fc = {self.coulomb:.3g} and Fv = {self.viscous:.3g} of {self.joint} are within "
+            f"{self.off:.2g} of its friction from {least:.2g} to {most:.2g}"
+        )
+
+
+@checked
+def nearest_line(
+    joint: str, terms: Mapping[str, float], use: MotorUse | None = None
+) -> FrictionLine:
+    """The line nearest to the friction of a joint, by least squares over the rates of the log.
+
+    Parameters
+    ----------
+    terms : mapping
+        Values of its joint terms by their kinds.
+    use : MotorUse, optional
+        Rates and loads in the log; by default rates of the curve's points, and no load.
+    """
+    from scipy.optimize import nnls  # slow to import
+
+    laws = [joint_term(kind) for kind in terms if grouped(kind)]
+    load, points = 0.0, [law.at for law in laws if law.at and "slip" not in law.needs]
+    least, most = (min(points), RATIO * max(points)) if points else (0.0, 1.0)
+    if use is not None and joint in use.joints:
+        least, most = use.of(joint)
+        load = float(use.load[use.joints.index(joint)])
+    rates, both = np.linspace(least, most, LINE_POINTS), np.zeros((2, LINE_POINTS))
+    own = [kind for kind in terms if grouped(kind) or kind in ("Fc", "Fv")]
+    for sign, way in zip((1.0, -1.0), both, strict=True):
+        state = JointState(None, sign * rates, None, math=np, torque=load)
+        for kind in own:
+            way += sign * terms[kind] * joint_term(kind).signal(state, LINE_POINTS)
+    line, _ = nnls(np.column_stack([np.ones(LINE_POINTS), rates]), both.mean(axis=0))
+    off = float(np.abs(both - line[0] - line[1] * rates).max())
+    return FrictionLine(joint, float(line[0]), float(line[1]), off, (least, most))

@@ -41,7 +41,6 @@ from loopid.kinematics.projection import closed_motion
 from loopid.kinematics.sampling import random_configurations
 from loopid.loading.files import bundled_robots, find_files
 from loopid.loading.load import load_mechanism
-from loopid.motion.joints import JointMotion
 from loopid.parameters import KINDS, Parameter, ParameterSet
 from loopid.regressors.closed_loop import motion_parameters, motion_regressor
 from loopid.regressors.joint_terms import JointTerms, load_places, with_loads
@@ -150,6 +149,7 @@ class SavedEstimate(_Section):
     cutoff: Annotated[float, Field(gt=0, le=LARGEST)] | None = None
     term_deviations: TermDeviations | None = None
     use: MotorUse | None = None
+    mistakes: tuple[str, ...] = ()
 
 
 class SavedFit(_Section):
@@ -457,8 +457,8 @@ def _states(model: ForceModel, values: FloatArray) -> Iterator[dict[str, FloatAr
     q = random_configurations(model.mechanism, STATES, seed=0)
     shape = 2, STATES, len(model.mechanism.independent)
     v, a = np.random.default_rng(0).standard_normal(shape)
-    motion = JointMotion(np.arange(float(STATES)), q, v, a, np.ones(STATES))
-    force = model.with_loads(values).regressor(motion) @ values
+    W = model.base.regressor(model.standard_regressor(q, v, a))
+    force = model.with_loads(values).loaded(W) @ values
     for state in zip(q, v, a, force, strict=True):
         yield dict(zip(SavedState.model_fields, state, strict=True))
 

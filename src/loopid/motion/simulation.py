@@ -34,6 +34,7 @@ from loopid.parameters import KINDS
 from loopid.records import record
 from loopid.regressors.closed_loop import closed_inertia, motion_regressor, standard_values
 from loopid.regressors.joint_terms import JointTerms, load_places, with_loads
+from loopid.regressors.maxwell_slip import slips_at
 from loopid.robot.mechanism import Mechanism
 
 # Samples whose regressor of all standard parameters is in memory at a time.
@@ -228,11 +229,18 @@ def _motor_forces(
     """Forces of the motors (N, m) that give a motion with all parameters (n,)."""
     dof, motors = len(mechanism.independent), mechanism.velocity_indices(mechanism.actuated)
     driven, parts = dof - len(mechanism.free), []
+    slips = {} if terms is None else terms.slips(mechanism, motion.configurations)
     for rows in row_blocks(len(motion.time), CHUNK):
         state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
         whole = closed_motion(mechanism, *state)
         bodies = values[: len(mechanism.parameters())]
-        K = motion_regressor(mechanism, whole, joint_terms=terms, standard_parameters=bodies)
+        K = motion_regressor(
+            mechanism,
+            whole,
+            joint_terms=terms,
+            standard_parameters=bodies,
+            slips=slips_at(slips, rows),
+        )
         if terms is not None:
             every = mechanism.parameters() + terms.parameters(mechanism)
             places = load_places(every, mechanism.independent)
