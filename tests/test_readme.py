@@ -52,10 +52,10 @@ def test_the_log_is_of_the_true_values_that_are_printed():
         kind, value = term.split("=")
         values |= {f"{motor}.{kind}": float(value) for motor in robot.actuated}
     true = model.base.values(np.array([values.get(n, 0.0) for n in model.base.parameters.labels]))
-    printed = dict(re.findall(r'"([\w.]+)": ([\d.]+)', fenced("python")[0]))
+    printed = dict(re.findall(r'"([\w.+ ]+)": ([\d.]+)', fenced("python")[0]))
     assert len(printed) == 2
     for name, value in printed.items():
-        k = model.parameters.labels.index(name)
+        k = model.parameters.labels.index(name.partition(" + ")[0])
         assert float(value) == pytest.approx(true[k], abs=5e-5)
         assert model.prior[k] == 0 or f"{model.prior[k]:.4f}" in README
 
