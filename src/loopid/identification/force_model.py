@@ -90,8 +90,8 @@ class ForceModel:
 
     @property
     def parameters(self) -> ParameterSet:
-        """Leading parameter of each of the n columns."""
-        return self.base.parameters.select(self.base.base)
+        """The n columns: base parameters, by the parameters that lead them."""
+        return self.base.combinations
 
     @property
     def joint_columns(self) -> IntArray:
