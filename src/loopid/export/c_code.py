@@ -201,7 +201,7 @@ def _fields(model: ForceModel, name: str, functions: Mapping[str, Any]) -> dict[
         "POSES": str(POSES),
         "MOTOR_NAMES": _strings(motors),
         "POSITION_NAMES": _strings(positions),
-        "PARAMETER_NAMES": _strings(model.parameters.labels),
+        "PARAMETER_NAMES": _strings(model.parameters.names),
         "PARAMETER_UNITS": _strings(parameter.unit for parameter in model.parameters),
         "PARAMETER_EXPRESSIONS": _strings(model.base.expressions),
     }

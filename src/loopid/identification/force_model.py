@@ -90,8 +90,8 @@ class ForceModel:
 
     @property
     def parameters(self) -> ParameterSet:
-        """Leading parameter of each of the n columns."""
-        return self.base.parameters.select(self.base.base)
+        """The n columns: base parameters, by the parameters that lead them."""
+        return self.base.combinations
 
     @property
     def joint_columns(self) -> IntArray:
@@ -478,6 +478,7 @@ def find_force_model(
 
 def chosen_terms(mechanism: Mechanism, model: str, choice: str) -> tuple[JointTerms | None, bool]:
     """The joint terms of a choice, and whether it has ``auto`` among its words."""
+    model_kinds(model)  # refuses an unknown one
     words = re.split(r"([,;:])", choice)
     automatic = [word.strip() == AUTOMATIC for word in words]
     usual = [

@@ -313,9 +313,8 @@ def friction_curve(
     variance = np.maximum(((laws @ spread) * laws).sum(axis=1), 0.0)
     error = np.sqrt(variance + _doubt(fit, joint, rate, np.abs(values)) ** 2)
     freedom = float(fit.degrees_of_freedom[columns].min())
-    sure = freedom >= LEAST_FREEDOM and not {*fit.parameters.select(columns).labels} & {
-        *fit.assumed
-    }
+    names = fit.parameters.select(columns).names
+    sure = freedom >= LEAST_FREEDOM and not {*names} & {*fit.assumed}
     reach = stdtrit(freedom, 0.975) * error if sure else np.full(len(rate), np.inf)
     return FrictionCurve(joint, rate, values, np.stack([values - reach, values + reach], axis=1))
 

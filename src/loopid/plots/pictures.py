@@ -238,7 +238,7 @@ def parameters_chart(found: Identification) -> Chart:
         Mark("95 % interval", low[known], place[known], "fit", "span", high[known]),
         Mark("all parameters" if alone else "recommended", middle, place, "fit", "dots"),
     )
-    labels = tuple(fit.parameters.labels[j] for j in bodies)
+    labels = tuple(fit.parameters.names[j] for j in bodies)
     caption = (
         "Parameters of the bodies less those of the robot file, in sizes: a body's mass times its "
         "length, or that squared."
@@ -395,7 +395,7 @@ def errors_chart(found: ExcitationDesign) -> Chart:
         Mark(before, found.before.standard_errors[worst], place, "faint", "dots"),
         Mark("with this motion", found.standard_errors[worst], place, "fit", "dots"),
     )
-    labels = tuple(found.parameters.labels[j] for j in worst)
+    labels = tuple(found.parameters.names[j] for j in worst)
     panel = Panel("standard error (kg, kg m, kg m², ...)", marks, labels=labels, log="x")
     caption = "Predicted standard errors; one dot alone: unidentifiable without the motion."
     return Chart("errors", caption, "", (panel,))
