@@ -147,8 +147,9 @@ def moved(name: str, slips: list[float], delays: list[float], given: Given) -> I
     """Rows of a robot that MuJoCo moves."""
     for pace in PACES:
         for slip in slips:
-            options = {"name": name, "bits": given.bits, "bristle": slip}
-            plants = [Plant(seed=seed, **options) for seed in range(given.runs)]
+            plants = [
+                Plant(name, seed=seed, bits=given.bits, bristle=slip) for seed in range(given.runs)
+            ]
             runs = [plant.follow(plant.motion(pace)) for plant in plants]
             model = find_force_model(plants[0].robot, "full")
             for delay in delays:
