@@ -148,7 +148,8 @@ def moved(name: str, slips: list[float], delays: list[float], given: Given) -> I
     for pace in PACES:
         for slip in slips:
             plants = [
-                Plant(name, seed=seed, bits=given.bits, bristle=slip) for seed in range(given.runs)
+                Plant(name=name, seed=seed, bits=given.bits, bristle=slip)
+                for seed in range(given.runs)
             ]
             runs = [plant.follow(plant.motion(pace)) for plant in plants]
             model = find_force_model(plants[0].robot, "full")
