@@ -4,13 +4,13 @@ import json
 
 import numpy as np
 import pytest
+import xlsxwriter
 from scipy.io import savemat
 
 from loopid import load_mechanism
 from loopid.errors import DataWarning, LogError, OptionError
 from loopid.logs import LogMapping, read_log
 
-polars = pytest.importorskip("polars")
 COUNT, MOTORS = 400, ("left_crank_joint", "right_crank_joint")
 TIME = np.arange(COUNT) / 100
 POSITION = np.stack([2 + 0.3 * np.sin(TIME), 1 + 0.2 * np.cos(3 * TIME)], axis=1)
@@ -78,10 +78,8 @@ def test_json_lines(tmp_path, same, robot):
 
 
 def test_excel(tmp_path, same, robot):
-    pytest.importorskip("fastexcel")
-    writer = pytest.importorskip("xlsxwriter")
     path = tmp_path / "log.xlsx"
-    with writer.Workbook(path) as book:
+    with xlsxwriter.Workbook(path) as book:
         sheet = book.add_worksheet()
         sheet.write_row(0, 0, ["time", "q_0", "q_1", "tau_0", "tau_1"])
         for k, row in enumerate(np.column_stack([TIME, POSITION, FORCE]), start=1):
