@@ -33,8 +33,15 @@ class Verdict:
     error : float
         Of that motor on new data, in parts of its force, in the root mean square.
     ratio : tuple of float
-        Mean squared error on new data over that with the robot file's bodies, and its standard
-        error; of the best fit where the robot file's bodies are recommended.
+        Mean squared error of the recommended fit on new data over that of the robot file with
+        fitted joint terms, the geometric mean over the motors, and its standard error.
+    judged : str
+        On what: ``"stretches"`` that were left out one by one, ``"logs"`` left out, or
+        ``"validation"`` data.
+    band : float or None
+        In Hz, below which forces were fitted and judged; None without a filter.
+    better : str
+        What it says that other values predict clearly better; empty where none do.
     significant, parameters : int
         Parameters of the recommended fit, and how many of them clearly differ from zero.
     excite : tuple of str
@@ -48,6 +55,9 @@ class Verdict:
     motor: str
     error: float
     ratio: tuple[float, float]
+    judged: str
+    band: float | None
+    better: str
     significant: int
     parameters: int
     excite: tuple[str, ...]
@@ -63,28 +73,63 @@ class Verdict:
         worst = 0 if np.isnan(errors).all() else int(np.nanargmax(errors))
         count = sum(not grouped(each.kind) for each in found.fit.parameters)
         significant = count - len(_insignificant(found.fit))
-        excite = found.identifiability.leads or _least_known(found)
-        judged = [each for each in found.candidates.values() if each is not found.baseline]
-        best = found.recommended if found.recommended in judged else judged[-1]
+        better = _better(found)
+        excite = () if better else found.identifiability.leads or _least_known(found)
+        improvement = f"exciting {_listed(excite)}" if excite else "a longer log"
+        left_out = "logs" if len(found.training) > 1 else "stretches"
         return cls(
             _use(found, float(errors[worst])),
             new.actuators[worst],
             float(errors[worst]),
-            best.error_ratio,
+            found.recommended.error_ratio,
+            "validation" if found.validation else left_out,
+            found.training[0].cutoff,
+            better,
             significant,
             count,
             excite,
-            f"exciting {_listed(excite)}" if excite else "a longer log",
+            "mending the file or the log" if better else improvement,
         )
 
     def __str__(self) -> str:
-        ratio, error = self.ratio
+        band = "" if self.band is None else f" below {self.band:.3g} Hz"
         return (
-            f"{self.use}: on new data errors are at most {100 * self.error:.2g} % of a motor's "
-            f"force ({self.motor}), their squares {ratio:.2f} ± {error:.2f} of the robot file's, "
-            f"and {self.significant} of {self.parameters} values differ clearly from zero; "
+            f"{self.use}: {self.better}{JUDGED[self.judged]}{band} errors are at most "
+            f"{100 * self.error:.2g} % of a motor's force ({self.motor}){self._beside_file}, and "
+            f"{self.significant} of {self.parameters} values differ clearly from zero; "
             f"{self.improvement} would improve it most."
         )
+
+    @property
+    def _beside_file(self) -> str:
+        """Errors beside those of the robot file, to first order; empty for the robot file's."""
+        ratio, error = self.ratio
+        if ratio == 1 or not np.isfinite(ratio):
+            return ""
+        below, root = ratio < 1, np.sqrt(ratio)
+        size = 100 * abs(1 - root)
+        spread = f" ± {50 * error / root:.0f}" if np.isfinite(error) else ""
+        side = "below" if below else "above"
+        return f", over all motors {size:.0f}{spread} % {side} those with the file's bodies"
+
+
+# What judged, in words.
+JUDGED = {
+    "stretches": "on stretches left out of the fit",
+    "logs": "on logs left out of the fit",
+    "validation": "on new data",
+}
+
+
+def _better(found: Identification) -> str:
+    """What it says that all parameters predict clearly better; empty where they do not."""
+    times = found.advantage
+    if times is None:
+        return ""
+    return (
+        f"all parameters predict {times:.2g} times better than any robot with solid bodies and "
+        "friction that dissipates, so that a sign, a zero or a length of the file is wrong; "
+    )
 
 
 def _use(found: Identification, error: float) -> str:
@@ -92,9 +137,10 @@ def _use(found: Identification, error: float) -> str:
         return "Not fit for use"
     use = "Fit for predicting forces" if error <= GOOD else "Fit for rough predictions of forces"
     if found.recommended is found.baseline:
-        return f"{use} with the robot file's bodies, as fitted ones are not clearly better"
-    told = found.identifiability
-    if error <= GOOD and told.well_determined == told.structural_rank:
+        return f"{use} with the robot file's bodies, as fitted ones are clearly worse"
+    told, deviation = found.identifiability, found.fit.deviation
+    doubtful = found.advantage is not None or (deviation is not None and deviation.suspicion)
+    if error <= GOOD and told.well_determined == told.structural_rank and not doubtful:
         return f"{use} and as parameters of the robot"
     return f"{use} in motions like these, but not parameter by parameter"
 

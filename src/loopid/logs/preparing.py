@@ -591,7 +591,7 @@ def on_independent(
 # The band ends where this part of the power of the velocities is left in so many times its width:
 # noise, whatever its colour, has little power near the motion, and much far above. Slow motions
 # that start and stop quickly have no end with a hundredth left.
-LEFT, WIDTHS = 0.03, 5.0
+LEFT, WIDTHS = 0.02, 5.0
 # A cut-off before anything is fitted: so many bands, and samples a period of it, at least.
 PROVISIONAL, LEAST_PERIOD = 6.0, 5.0
 # Samples that tell a band; of fewer, the cut-off is this part of the rate.
