@@ -1,9 +1,12 @@
 """Records: equal by their values, hashed alike, pickled, read-only, and short in print."""
 
 import copy
+import importlib
 import pickle
+import pkgutil
 from collections.abc import Mapping
-from dataclasses import field, replace
+from dataclasses import MISSING, field, fields, is_dataclass, replace
+from inspect import isabstract
 from timeit import timeit
 
 import numpy as np
@@ -12,8 +15,10 @@ import pytest
 from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
+import loopid
 from loopid.arguments import FloatArray
 from loopid.errors import OptionError
+from loopid.kinematics import AssemblyOptions
 from loopid.records import digest, record, same
 
 
@@ -223,3 +228,23 @@ def test_a_record_costs_microseconds():
     place = np.zeros(3)
     place.setflags(write=False)
     assert timeit(lambda: Point(place), number=1000) / 1000 < 30e-6
+
+
+def test_options_can_be_replaced_one_by_one():
+    """Their own defaults are values that their checks accept."""
+    found = 0
+    for module in pkgutil.walk_packages(loopid.__path__, "loopid."):
+        if module.name.endswith(("__main__", "mjcf_compiler")):
+            continue
+        for cls in vars(importlib.import_module(module.name)).values():
+            own = isinstance(cls, type) and cls.__module__ == module.name
+            own = own and is_dataclass(cls) and not isabstract(cls)
+            if own and all(has_default(each) for each in fields(cls)):
+                options, found = cls(), found + 1
+                assert replace(options) == options, cls
+    assert found > 15
+    assert replace(AssemblyOptions(), near=1.0).near == 1.0
+
+
+def has_default(each):
+    return each.default is not MISSING or each.default_factory is not MISSING

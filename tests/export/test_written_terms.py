@@ -210,6 +210,16 @@ def test_a_yaml_that_overrules_is_named(tmp_path):
     assert said[0].endswith("joint_terms of robot.yaml overrule elbow.Fv")
 
 
+def test_a_yaml_that_leaves_a_value_open_is_named(tmp_path):
+    """``null`` is what is not known: it stays so, whatever the new file says."""
+    arm(tmp_path)
+    (tmp_path / "robot.yaml").write_text("urdf: arm.urdf\njoint_terms: {elbow: {Fv: null}}\n")
+    mechanism = load_mechanism(tmp_path / "robot.yaml")
+    terms = JointTerms(("shoulder", "elbow"), ("Fv",))
+    _, _, said = written(mechanism, terms, np.array([2.0, 3.0]), tmp_path / "new.urdf")
+    assert said[0].endswith("joint_terms of robot.yaml overrule elbow.Fv")
+
+
 def test_coordinates_that_no_joint_of_the_file_has_are_named(tmp_path):
     arm(tmp_path, '<dynamics damping="2"/>')
     (tmp_path / "robot.yaml").write_text(

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid import JointTerms, load_mechanism
+from loopid import JointTerms, joint_motion, load_mechanism
 from loopid.errors import DataError, DataWarning, RankError
 from loopid.identification import (
     Excitation,
@@ -17,6 +17,7 @@ from loopid.identification import (
     quiet_fit,
 )
 from loopid.logs import Recording
+from loopid.motion import read_motion_program
 from made_runs import modelled, one_joint
 
 DRAWS = 100
@@ -208,3 +209,35 @@ def test_assumed_values_have_no_interval_and_the_other_intervals_cover_the_true_
     np.testing.assert_array_equal(np.isinf(low) & np.isinf(high), assumed)
     assert (covered[~assumed] > 0.87 * DRAWS).all()
     assert covered[~assumed].mean() < 0.99 * DRAWS
+
+
+ALONG_X = """coordinates: [x_m, z_m, theta, psi]
+speeds: {x_m: 0.05, z_m: 0.05, theta: 0.1, psi: 0.1}
+motions:
+  sweep:
+    description: the platform stays level, and does not turn
+    start: {x_m: -0.15, z_m: 0.7, theta: 0, psi: 0}
+    steps:
+      - to: {x_m: 0.15}
+"""
+
+
+def test_columns_of_round_off_are_not_excited(knee, tmp_path):
+    """Gravity has no moment about the axes of a platform that stays level along x."""
+    (tmp_path / "sweep.yaml").write_text(ALONG_X)
+    motion = joint_motion(knee, read_motion_program(tmp_path / "sweep.yaml").motion("sweep", 10.0))
+    model = find_force_model(knee, "gravity", None)
+    run = modelled(model, motion, model.prior, noise=1.0)
+    samples = model.samples(run)
+    silent = ["platform.my", "platform.mz"]
+    for label in silent:  # not zero, but round-off
+        column = samples.regressor[:, :, model.parameters.labels.index(label)]
+        assert 0 < np.abs(column).max() < 1e-12
+    found = identifiability(model, samples)
+    assert found.rank == found.structural_rank - len(silent)
+    assert [[*direction.terms] for direction in found.unidentifiable] == [[n] for n in silent]
+    with pytest.raises(RankError, match=r"do not excite platform\.my at all"):
+        quiet_fit(samples)
+    fit = fit_excited(samples, model.prior, found.excitation)
+    assert np.abs(fit.values[samples.parameters.labels.index("platform.mz")]) < 10
+    assert set(silent) <= set(fit.assumed)

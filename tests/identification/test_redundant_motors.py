@@ -1,12 +1,15 @@
 """More motors than degrees of freedom: friction of all of them, and the bodies, are found."""
 
+import re
+import warnings
+
 import numpy as np
 import pytest
 
 from loopid import JointTerms
 from loopid.identification import find_force_model, identify, quiet_fit
 from loopid.kinematics import closed_motion
-from loopid.logs import Recording, prepare_recording, read_log
+from loopid.logs import Log, Recording, prepare_recording, read_log
 from loopid.motion import simulate_measurement
 from made_runs import logged, quietly, wander
 
@@ -106,3 +109,50 @@ def test_logs_of_all_motors_give_bodies_and_friction(found, model, truth):
 def test_a_true_robot_file_is_confirmed(found):
     assert not any(candidate.beats_baseline for candidate in found.candidates.values())
     assert min(found.baseline.validation.r_squared) > 0.98
+
+
+# Encoders of redundant motors against the loops
+
+
+@pytest.fixture(scope="module")
+def run(robot):
+    """Arrays of a log: time, positions and forces of all motors."""
+    motion = wander(robot, 3, seconds=5.0, rate=50.0, size=(0.4, 0.4))
+    run = simulate_measurement(robot, motion)
+    return run.time, run.position, run.force
+
+
+def heard(robot, run, position):
+    log = Log.from_arrays(run[0], position, run[2], robot.actuated)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        prepare_recording(robot, log)
+    return [str(w.message) for w in said if "redundant motor" in str(w.message)]
+
+
+def changed(robot, run, change):
+    (name,) = robot.redundant
+    position = np.array(run[1])
+    position[:, robot.actuated.index(name)] = change(position[:, robot.actuated.index(name)])
+    return position
+
+
+def test_an_encoder_that_agrees_with_the_loops_is_no_news(robot, run):
+    assert heard(robot, run, run[1]) == []
+    assert heard(robot, run, np.round(run[1] / 1e-3) * 1e-3) == []
+    assert heard(robot, run, changed(robot, run, lambda q: q + 0.003)) == []
+
+
+def test_a_zero_that_is_off_is_named_with_what_mends_it(robot, run):
+    (said,) = heard(robot, run, changed(robot, run, lambda q: q + 0.5))
+    assert robot.redundant[0] in said
+    assert "by 0.5 rad all along" in said
+    advised = float(re.search(r"add (\S+) to its position_offset", said)[1])
+    assert heard(robot, run, changed(robot, run, lambda q: q + 0.5 + advised)) == []
+
+
+def test_a_sign_or_scale_that_is_off_is_no_zero(robot, run):
+    for change in (np.negative, lambda q: 1.2 * q):
+        (said,) = heard(robot, run, changed(robot, run, change))
+        assert "a sign, a scale" in said
+        assert "all along" not in said

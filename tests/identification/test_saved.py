@@ -19,6 +19,7 @@ from loopid.identification import (
     SavedFit,
     WeightedLeastSquares,
     consistent_fit,
+    predict,
     quiet_fit,
     read_fit,
     save_fit,
@@ -359,3 +360,25 @@ def test_other_refusals(model, fits, tmp_path):
     other = find_force_model(model.mechanism, "full", None)
     with pytest.raises(DataError, match="is none of the"):
         save_fit(tmp_path / "fit.json", other, fits["plain"])
+
+
+def test_a_fit_of_chosen_terms_is_used_with_the_model_that_was_given(model, fits, tmp_path):
+    """As ``identify`` gives it, which chooses joint terms beside those of the model."""
+    given = find_force_model(model.mechanism, "full", None)
+    motion = wander(model.mechanism, 2, seconds=2.0, size=(0.3, 0.3))
+    run = modelled(model, motion, model.prior)
+    for kind in ("correlated", "consistent"):
+        fit = replace(fits[kind], force_model=model)
+        saved = read_fit(save_fit(tmp_path / f"{kind}.json", given, fit))
+        assert saved.result == fits[kind]
+        assert saved.find_force_model(model.mechanism).parameters == model.parameters
+        forces = model.samples(run).predicted(fit.values)
+        for robot in (given, model, model.mechanism):
+            np.testing.assert_array_equal(predict(fit, robot, run).predicted, forces)
+    other = find_force_model(load_mechanism("four_bar"), "full", None)
+    for use in (
+        lambda: save_fit(tmp_path / "x.json", other, fit),
+        lambda: predict(fit, other, run),
+    ):
+        with pytest.raises(DataError, match=r"is none of the|other parameters"):
+            use()

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import isclose
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.optimize import nnls
@@ -40,6 +41,7 @@ LINE, POINTS = ("Fc", "Fv"), 200
 # What is not written where the other half of its force has no place: by kind, the other halves.
 HALVES = {"Ks": ("Ks2", "Ks3", "Ks@"), "Fc": ("Fc+", "Fc-")}
 Terms = dict[str, dict[str, float]]  # by coordinate and kind
+Known = dict[str, dict[str, Any]]  # the same, None where a file leaves a value open
 
 
 @checked
@@ -293,7 +295,7 @@ def _writable(meant: Terms) -> Terms:
     }
 
 
-def _on_coordinates(mechanism: Mechanism, terms: Mapping[str, Mapping[str, float]]) -> Terms:
+def _on_coordinates(mechanism: Mechanism, terms: Mapping[str, Mapping[str, Any]]) -> Known:
     """Terms of a file's joints on the coordinates that they are the terms of."""
     return {
         name: dict(values)
@@ -302,20 +304,21 @@ def _on_coordinates(mechanism: Mechanism, terms: Mapping[str, Mapping[str, float
     }
 
 
-def _apart(meant: Terms, there: Terms) -> Iterator[tuple[str, str]]:
+def _apart(meant: Terms, there: Known) -> Iterator[tuple[str, str]]:
     """Coordinates and kinds whose values differ; what is not there is zero."""
     for joint, terms in meant.items():
         for kind, value in terms.items():
-            if not isclose(value, there.get(joint, {}).get(kind, 0.0), rel_tol=READ_BACK):
+            other = there.get(joint, {}).get(kind, 0.0)
+            if other is None or not isclose(value, other, rel_tol=READ_BACK):
                 yield joint, kind
 
 
 def _warn_of_others(
-    mechanism: Mechanism, meant: Terms, there: Terms, nearest: Sequence[str]
+    mechanism: Mechanism, meant: Terms, there: Known, nearest: Sequence[str]
 ) -> None:
     """Warn of terms that a new file does not have as they were meant."""
     files = find_files(mechanism.path)
-    given = _on_coordinates(mechanism, files.given.joint_terms)  # type: ignore[arg-type]
+    given = _on_coordinates(mechanism, files.given.joint_terms)
     read = {j: there.get(j, {}) | given.get(j, {}) for j in (*there, *given)}
     said: dict[str, list[str]] = {}
     for joint, kind in _apart(meant, read):

@@ -54,6 +54,7 @@ from .pipeline import (
     identify as identify,
     split_recordings as split_recordings,
 )
+from .plausibility import absurdities as absurdities
 from .prediction import (
     Candidate as Candidate,
     Prediction as Prediction,

@@ -17,7 +17,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
 
-from loopid.arguments import FloatArray
+from loopid.arguments import BoolArray, FloatArray
 from loopid.errors import DataError, OptionError, RankError
 from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
 from loopid.identification.result import FitResult, fit_quality
@@ -122,6 +122,9 @@ def require_rows(problem: FitProblem) -> None:
 
 # Smallest over largest singular value, of columns scaled to unit length, that data must excite.
 LEAST_EXCITATION = 1e-8
+# Part of the longest column below which a column is round-off, as of a symmetric motion: units and
+# sizes of robots part columns by far less.
+ROUND_OFF_COLUMN = 1e-13
 # Part in the unidentifiable directions, relative to the largest, above which a parameter is named.
 INVOLVED = 0.1
 # Weights have converged that change by less than this part, or than round-off of the forces: all
@@ -220,11 +223,11 @@ def result_of(
 
 def require_excitation(problem: FitProblem, R: FloatArray) -> None:
     """Refuse a triangular factor (n, n) whose scaled columns are linearly dependent."""
-    labels, present = problem.parameters.labels, R.any(axis=0)
-    if not present.all():
-        name = labels[int(present.argmin())]
-        raise RankError(f"the data do not excite {name} at all", parameters=(name,))
+    labels = problem.parameters.labels
     _, values, right = scaled_svd(R)
+    if (silent := _silent(R)).any():
+        name = labels[int(silent.argmax())]
+        raise RankError(f"the data do not excite {name} at all", parameters=(name,))
     if values[-1] >= LEAST_EXCITATION * values[0]:
         return
     # Round-off turns the single directions where there are several: only their span is named.
@@ -240,21 +243,32 @@ def require_excitation(problem: FitProblem, R: FloatArray) -> None:
     )
 
 
-def excited_rank(R: FloatArray) -> int:
-    """Number of combinations of parameters that the data of a triangular factor (n, n) excite."""
-    _, values, _ = scaled_svd(R)
+def excited_rank(R: FloatArray, usual: FloatArray) -> int:
+    """Number of combinations of parameters that the data of a triangular factor (n, n) excite.
+
+    Columns that are short beside their usual lengths (n,), as in random states, count as none:
+    alone they would be as long as any other.
+    """
+    felt = np.linalg.norm(R, axis=0) > LEAST_EXCITATION * usual
+    _, values, _ = scaled_svd(np.where(felt, R, 0.0))
     return int((values >= LEAST_EXCITATION * (values[0] or np.inf)).sum())
 
 
 def scaled_svd(R: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Lengths (n,) of the columns of R (r, n), 1 for none; with columns over these, its SVD.
 
-    That is singular values (n,) and right vectors (n, n), in rows.
+    That is singular values (n,) and right vectors (n, n), in rows. Columns of round-off are none.
     """
-    norms = np.linalg.norm(R, axis=0)
-    lengths = np.where(norms > 0, norms, 1.0)
-    _, values, right = np.linalg.svd(R / lengths)
+    silent = _silent(R)
+    lengths = np.where(silent, 1.0, np.linalg.norm(R, axis=0))
+    _, values, right = np.linalg.svd(np.where(silent, 0.0, R / lengths))
     return lengths, values, right
+
+
+def _silent(R: FloatArray) -> BoolArray:
+    """Columns (n,) of R (r, n) that are zero, or round-off."""
+    norms = np.linalg.norm(R, axis=0)
+    return np.asarray(norms <= ROUND_OFF_COLUMN * norms.max(initial=0.0))
 
 
 @record

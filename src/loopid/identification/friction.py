@@ -61,6 +61,8 @@ DIGITS = 2
 # Load of a motor in the root mean square, relative to its force, below which it has no load
 # friction: Coulomb friction would be taken for it.
 LEAST_LOAD = 0.1
+# Samples of a motor for each of its terms: fewer tell no shape.
+LEAST_ROWS = 5
 # Fits that find bodies, load friction and the size of errors together, before anything is dropped.
 ROUNDS = 2
 # Logarithm of how much likelier the data are with a group that is clearly there: twenty times.
@@ -131,7 +133,9 @@ def friction_kinds(
         used, load = data.used[:, row], loads[:, row]
         least = LEAST_LOAD * data.problem.force_rms[row]
         carries = "Ft" not in own and np.sqrt((load[used] ** 2).mean()) > least
-        found[joint] = (*curve_kinds(slowest, fastest), *(["Ft"] if carries else []))
+        kinds = (*curve_kinds(slowest, fastest), *(["Ft"] if carries else []))
+        if used.sum() >= LEAST_ROWS * len(kinds):
+            found[joint] = kinds
     return {joint: kinds for joint, kinds in found.items() if kinds}
 
 

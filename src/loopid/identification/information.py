@@ -101,6 +101,7 @@ class Excitation:
         R = problem.weighted(weights)[:n, :n] / np.sqrt(max(problem.rows, 1))
         # A joint term has its effect in the data, or that in random states if they hardly move it.
         effect, leading = np.sqrt((K**2).mean(axis=(0, 1))), base.base[columns]
+        usual = effect[leading]
         effect[base.base] *= HARDLY_MOVED
         effect[leading] = np.maximum(effect[leading], np.linalg.norm(R, axis=0))
         joints = effect[len(bodies) :]
@@ -110,7 +111,7 @@ class Excitation:
         _, effects, right = np.linalg.svd(R @ L)
         rows = K[:, :, leading].reshape(-1, n) @ L
         structural = np.linalg.svd(rows, compute_uv=False) / np.sqrt(len(rows))
-        return cls(weights, L, effects, right.T, structural, joint_sizes, excited_rank(R))
+        return cls(weights, L, effects, right.T, structural, joint_sizes, excited_rank(R, usual))
 
     @property
     def sizes(self) -> FloatArray:

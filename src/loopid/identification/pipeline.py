@@ -371,7 +371,7 @@ def identify(
     fitted = plain if first is None else np.setdiff1d(plain, force_model.joint_columns)
     excited = identifiability(force_model, data.select(fitted))
     whole = fit_all(force_model, data, excited, first=first, options=options)
-    solid = None
+    solid, known = None, None
     if options.name == "wls":
         if force_model.automatic and first is None:
             force_model, data, solid = with_friction(
@@ -379,6 +379,9 @@ def identify(
             )
         else:
             known = whole if first is not None else None
+            if first is not None and force_model.automatic:
+                force_model, known = _friction_alone(force_model, first, friction, options)
+                data = force_model.widened(data, training)
             solid = fit_solid_bodies(force_model, data, whole.noise, known=known, options=options)
         solid = with_assumed(solid, excited)
     start = fit_joint_terms(force_model, data, options=options)
@@ -387,7 +390,7 @@ def identify(
         fits[CONSISTENT] = solid
     left = None
     if left_out:
-        refits = _refits(force_model, fits, excited, first=first, options=options)
+        refits = _refits(force_model, fits, excited, first=first, known=known, options=options)
         left = LeftOut.of(data, training, refits)
     new = data if left_out else samples_of(force_model, judging, n_jobs=options.n_jobs)
     use = motor_use(force_model, data, training)
@@ -396,6 +399,7 @@ def identify(
             with_delay_errors(each, data, training, delay),
             cutoff=None if cutoff is None else cutoff.chosen,
             use=use,
+            force_model=force_model,
         )
         for name, each in fits.items()
     }
@@ -425,6 +429,7 @@ def _refits(
     excited: Identifiability,
     *,
     first: FitSamples | None,
+    known: FitResult | None,
     options: FitOptions,
 ) -> dict[str, Callable[[FitSamples], FloatArray]]:
     """For each candidate, values (n,) from a part of the samples; the errors are those of all."""
@@ -444,16 +449,27 @@ def _refits(
         return values
 
     def solid(part: FitSamples) -> FloatArray:
-        if first is None and noise is not None:
+        if known is None and noise is not None:
             return consistent_values(
                 force_model, part, noise, options=options.consistent, like=fits[CONSISTENT]
             )
-        known = fit_all(force_model, part, excited, first=first, options=options)
         return fit_solid_bodies(force_model, part, noise, known=known, options=options).values
 
     noise = fits[ALL].noise
     found = {ROBOT_FILE: terms, ALL: every, CONSISTENT: solid}
     return {name: found[name] for name in fits}
+
+
+def _friction_alone(
+    force_model: ForceModel,
+    first: FitSamples,
+    friction: Sequence[Recording],
+    options: FitOptions,
+) -> tuple[ForceModel, FitResult]:
+    """The terms that an experiment of their own asks for, and their values."""
+    whole = fit_all(force_model, first, identifiability(force_model, first), options=options)
+    model, _, found = with_friction(force_model, first, friction, whole, options=options.consistent)
+    return model, found
 
 
 def _judged(
@@ -655,7 +671,7 @@ def fit_solid_bodies(
     terms: dict[str, FloatArray] = {}
     if known is not None:
         count = len(force_model.joint_values)
-        own = np.intersect1d(force_model.joint_columns, force_model.plain_columns)
+        own = force_model.joint_columns[known.standard_errors[force_model.joint_columns] > 0]
         places = force_model.base.base[own] - (len(force_model.base.parameters) - count)
         values, deviations = np.nan_to_num(force_model.joint_values), np.full(count, np.inf)
         values[places], deviations[places] = known.values[own], known.standard_errors[own]

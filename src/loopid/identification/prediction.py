@@ -13,7 +13,7 @@ from loopid.identification.cutoff import prepared_at
 from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import CONSTANT_FORCE, FitResult, Quality
-from loopid.identification.saved import SavedFit
+from loopid.identification.saved import SavedFit, model_of
 from loopid.logs.recording import Recording
 from loopid.records import Tabular, columns_of, record
 from loopid.robot.mechanism import Mechanism
@@ -88,8 +88,8 @@ def predict(
     fit : SavedFit or FitResult
         From ``read_fit``, or of an identification.
     robot : Mechanism or ForceModel
-        The robot of a saved fit; the force model of a fit that is not saved, whose combinations of
-        parameters only that knows.
+        The robot of a fit that is saved, or that ``identify`` made; the force model of others,
+        whose combinations of parameters only that knows.
     recording : Recording
         From ``prepare_recording``, of that robot. Where its filter leaves the cut-off open, it is
         that of the fit.
@@ -97,7 +97,7 @@ def predict(
     Raises
     ------
     OptionError
-        When a fit that is not saved comes without its force model.
+        When a fit comes without the force model that it needs.
     DataError
         When the robot is another one than that of the fit, or has other motors than the recording.
 
@@ -131,14 +131,18 @@ def force_model_of(fit: SavedFit | FitResult, robot: Mechanism | ForceModel) -> 
     """The force model of a fit; see ``predict`` for what it refuses."""
     if isinstance(fit, SavedFit):
         return fit.find_force_model(robot if isinstance(robot, Mechanism) else robot.mechanism)
+    own = fit.force_model
     if isinstance(robot, Mechanism):
-        raise OptionError(
-            "a fit that is not saved needs its ForceModel: give found.force_model in place of the "
-            "robot"
-        )
-    if fit.parameters != robot.parameters:
+        if own is None or own.mechanism != robot:
+            raise OptionError(
+                "a fit that is not saved needs its ForceModel: give found.force_model in place of "
+                "the robot"
+            )
+        return own.with_loads(fit.values)
+    model = model_of(fit, robot)
+    if fit.parameters != model.parameters:
         raise DataError("the fit is of other parameters than the force model has")
-    return robot.with_loads(fit.values)
+    return model.with_loads(fit.values)
 
 
 # Stretches of time whose errors count as independent of each other: few, hence long, as errors

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields, replace
+from dataclasses import field, fields, replace
 from difflib import SequenceMatcher
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from loopid.errors import DataError, OptionError
 from loopid.identification.problem import FitProblem
 from loopid.parameters import ParameterSet, html_table
 from loopid.records import Tabular, record
+
+if TYPE_CHECKING:
+    from loopid.identification.force_model import ForceModel
 
 # Squared deviation of a force from its mean, relative to its square, that is but round-off.
 CONSTANT_FORCE = 1e-12
@@ -28,10 +31,10 @@ class OfArrays:
 
     def __post_init__(self) -> None:
         kinds = {"FloatArray": np.float64, "IntArray": np.int64, "FloatArray | None": np.float64}
-        for field in fields(self):  # type: ignore[arg-type]
-            given = getattr(self, field.name)
-            if field.type in kinds and given is not None:
-                object.__setattr__(self, field.name, frozen(given, kinds[field.type]))
+        for each in fields(self):  # type: ignore[arg-type]
+            given = getattr(self, each.name)
+            if each.type in kinds and given is not None:
+                object.__setattr__(self, each.name, frozen(given, kinds[each.type]))
 
 
 @record
@@ -302,6 +305,9 @@ class FitResult(OfArrays, Tabular):
         Of groups of joint terms, where there are any.
     use : MotorUse or None
         Rates and loads of the motors in the data; None where they are not known.
+    force_model : ForceModel or None
+        Whose parameters these are, where ``identify`` fitted them: it may have chosen joint terms
+        beside those of the model that it was given.
 
     Examples
     --------
@@ -337,6 +343,7 @@ class FitResult(OfArrays, Tabular):
     cutoff: float | None = None
     term_deviations: TermDeviations | None = None
     use: MotorUse | None = None
+    force_model: ForceModel | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -195,6 +195,7 @@ class SavedFit(_Section):
             When the fit is not one of these parameters, or has standard parameters of others.
         """
         estimate = fit if isinstance(fit, FitResult) else None
+        model = model if estimate is None else model_of(estimate, model)
         robot, base, values = model.mechanism, model.base, _values_of(model, fit)
         bodies = None if estimate is None else estimate.standard_parameters
         standard = [None] * len(base.parameters) if bodies is None else bodies.tolist()
@@ -401,6 +402,14 @@ class SavedFit(_Section):
         )
 
 
+def model_of(fit: FitResult, model: ForceModel) -> ForceModel:
+    """The force model, or the one that ``identify`` made of it where it chose joint terms."""
+    own = fit.force_model
+    if own is None or fit.parameters == model.parameters or own.mechanism != model.mechanism:
+        return model
+    return own.with_loads(fit.values)
+
+
 def _values_of(model: ForceModel, fit: FitResult | FloatArray) -> FloatArray:
     """Base parameters (r,) of a fit, which must be those of the force model."""
     fitted = model.parameters
@@ -463,7 +472,7 @@ def save_fit(path: str | Path, model: ForceModel, fit: FitResult | FloatArray) -
     path : path
         Ending in .yaml, .yml or .json; written whole or not at all.
     model : ForceModel
-        Whose parameters were fitted.
+        Whose parameters were fitted, or that ``identify`` was given.
     fit : FitResult or FloatArray
         Or values (r,) of the base parameters.
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from loopid.identification.plausibility import absurdities
 from loopid.identification.result import FitResult
 from loopid.records import record
 from loopid.regressors.joint_laws import grouped
@@ -133,6 +134,9 @@ def _better(found: Identification) -> str:
 
 
 def _use(found: Identification, error: float) -> str:
+    broken = absurdities(found.force_model, found.fit, found.data)
+    if broken:
+        return f"Not fit for use, as {broken[0]}"
     if not error <= ROUGH:
         return "Not fit for use"
     use = "Fit for predicting forces" if error <= GOOD else "Fit for rough predictions of forces"

@@ -44,7 +44,7 @@ class AssemblyOptions:
     shortest_step : float
         Part of the way to a sample that must be done at a time; below it the sample is given up.
     most_steps : float
-        Of a path.
+        Of a path; by default more than the shortest step leaves room for.
     longest_step : float
         First Newton step of a correction at most.
     contraction : float
@@ -74,7 +74,7 @@ class AssemblyOptions:
 
     tolerance: float = CLOSURE_TOLERANCE
     shortest_step: float = 2.0**-12
-    most_steps: float = np.inf
+    most_steps: float = 1e6
     longest_step: float = 0.4
     contraction: float = 0.2
     newton_steps: int = 12

@@ -42,6 +42,9 @@ NO_SHARE = 1e-9  # of a motor's largest share: round-off, the motor does not act
 # fast as it ever changes its speed, while another goes through this part of its range.
 JUMP, ABRUPT, MOVED = 2.0, 3.0, 0.05
 ENCODER_STEPS = 20  # tell a speed
+# Redundant motors may be off by this part of a rad or of the robot's length, or of their range:
+# joints have play, and lengths are not exact.
+OFF = 0.01
 # Clipped forces are equal, to this relative accuracy, so many times as often as any other size from
 # this part of the largest on: a coarse converter has few sizes.
 EQUAL, PILE, NEARLY = 1e-6, 4, 0.5
@@ -100,7 +103,7 @@ def prepare_recording(
     >>> robot = loopid.load_mechanism("five_bar")
     >>> log = loopid.read_log(bundled_directory() / "logs" / "five_bar.csv", robot)
     >>> loopid.prepare_recording(robot, log)
-    <Recording 'five_bar': 550 samples, filtered at 4.82 Hz, forces used: ...>
+    <Recording 'five_bar': 735 samples, filtered at 5.36 Hz, forces used: ...>
     """
     require_known_motion(robot, log.free)
     if log.joints != robot.actuated:
@@ -120,6 +123,7 @@ def prepare_recording(
     measured = JointCoordinates(robot, robot.measured).read(told.configurations[rows])
     found = assemble_samples(robot, log, measured, rows, masks, known=known, progress=progress)
     stretches, rows = renumbered(log.stretches[rows], found.good), rows[found.good]
+    compare_encoders(robot, log, told.configurations[rows], found.configurations)
     saturated = near_saturation(log, limits, lowpass, masks)[rows]
     idle = standing(robot, log, signals.velocity, rows, lowpass, masks)
     if (idle | saturated).all():
@@ -406,6 +410,35 @@ def assemble_samples(
             raise LogError(said, source=log.name, tolerance=masks.singularity)
         warn(f"{said}: left out", DataWarning)
     return Assembled(np.concatenate(configurations)[regular], measure[regular], good, dropped)
+
+
+def compare_encoders(robot: Mechanism, log: Log, logged: FloatArray, closed: FloatArray) -> None:
+    """Warn of redundant motors that are not where the loops put them.
+
+    Their positions were not needed to close the loops: configurations (K, nq) as logged, and after
+    the loops were closed.
+    """
+    if not (robot.redundant and len(closed)):
+        return
+    joints = JointCoordinates(robot, robot.redundant)
+    at = joints.read(closed)
+    off, ranges = joints.difference(at, joints.read(logged)), np.ptp(at, axis=0)
+    for k, name in enumerate(robot.redundant):
+        middle, rms = float(off[:, k].mean()), float(np.sqrt((off[:, k] ** 2).mean()))
+        least = OFF * max(robot.coordinate_scales[joints.known[k]], ranges[k])
+        if rms <= least:
+            continue
+        unit = "m" if joints.known[k] in robot.prismatic else "rad"
+        said = f"by {rms:.3g} {unit} rms"
+        likely = "a sign, a scale, exchanged columns or a length of the robot file is wrong"
+        if np.sqrt(max(rms**2 - middle**2, 0.0)) <= least:
+            said = f"by {middle:.3g} {unit} all along"
+            likely = f"add {-middle:.3g} to its position_offset in a mapping file"
+        warn(
+            f"{log.name}: the position of {name}, a redundant motor, differs {said} from where the "
+            f"loops put it, which is what counts (at most {least:.2g} {unit} is usual): {likely}",
+            DataWarning,
+        )
 
 
 def _assembled(
