@@ -1,14 +1,14 @@
-"""Friction that no term names: whether ``auto`` finds it, and invents none.
+"""Friction of any shape: whether its curve is found, and none is invented.
 
-    python benchmarks/friction.py [--runs N] [--robot NAME] [--law NAME] [--rate HZ]
+    python benchmarks/friction.py [--runs N] [--robot NAME] [--law NAME] [--rate HZ] [--bits N]
 
 Each row is a robot with bodies that are some 20 % off its file, on one motion, at a sample rate,
-encoders of 17 bits a turn, and a law of friction beside Coulomb's and viscous friction; ``none`` is
-clean. By ``identify`` with terms of Coulomb's and viscous friction alone, and with ``auto``: in how
-many logs it chose more shape, how often 95 % intervals of the parameters cover true values, on
-average and for the worst, and how often the bands of the friction curves cover the true curves at
-rates from 1 to 80 % of the largest. Seeds draw the noise of the forces and the phases of the
-encoders.
+with encoders, and a law of friction beside Coulomb's and viscous friction; ``none`` is clean. By
+``identify`` with terms of Coulomb's and viscous friction alone, and with ``auto``: in how many logs
+it has more shape, how often 95 % intervals of the parameters cover true values, on average and for
+the worst, how often the bands of the friction curves cover the true curves at rates from 0.5 to
+100 % of the largest, and the largest error of a curve, in parts of Coulomb's friction, on average.
+Seeds draw the noise of the forces and the phases of the encoders.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from __future__ import annotations
 import argparse
 import warnings
 from collections.abc import Callable
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -26,19 +26,23 @@ from loopid import find_force_model, friction_curve, identify, prepare_recording
 from loopid.arguments import FloatArray
 from loopid.logs import Log
 from loopid.motion import scaled_bodies
+from loopid.regressors.joint_laws import grouped
 from loopid.workers import one_blas_thread
 from tables import show, write_json
 
 # Force beside Coulomb's and viscous friction, in parts of Coulomb's, at a rate in rad/s.
 LAWS: dict[str, Callable[[FloatArray], FloatArray]] = {
     "none": lambda v: 0.0 * v,
+    "Stribeck 10 % at 0.1": lambda v: 0.1 * np.exp(-((v / 0.1) ** 2)) * np.sign(v),
+    "Stribeck 100 % at 0.1": lambda v: np.exp(-((v / 0.1) ** 2)) * np.sign(v),
+    "asymmetric": lambda v: 0.5 * np.abs(v),
     "Stribeck 30 % at 0.1": lambda v: 0.3 * np.exp(-((v / 0.1) ** 2)) * np.sign(v),
     "Stribeck 30 % at 0.03": lambda v: 0.3 * np.exp(-((v / 0.03) ** 2)) * np.sign(v),
     "exponential 30 % at 0.1": lambda v: 0.3 * np.exp(-np.abs(v) / 0.1) * np.sign(v),
     "smooth over 0.05": lambda v: np.tanh(v / 0.05) - np.sign(v),
 }
 TERMS = "Fc,Fv", "auto"
-BITS, POINTS = 17, 40
+POINTS = 40
 
 
 class Friction(Case):
@@ -66,29 +70,33 @@ class Friction(Case):
     def judged(self, terms: str, log: Log) -> dict[str, Any]:
         """Whether an identification chose more shape, and what it covers."""
         model, recording = self.models[terms], prepare_recording(self.robot, log)
-        start = perf_counter()
+        start = process_time()
         found = identify(model, [recording])
-        seconds = perf_counter() - start
+        seconds = process_time() - start
         base, fit, covered = found.force_model.base, found.fit, []
         truth = base.values(np.array([self.values.get(n, 0.0) for n in base.parameters.labels]))
         for name, true, (low, high) in zip(fit.parameters, truth, fit.intervals(), strict=True):
-            if "Fs" not in name.kind:
+            if not grouped(name.kind):
                 covered.append(low <= true <= high)
-        curves = []
+        curves, errors = [], []
         for joint, Fc, Fv, most in zip(
             self.robot.actuated, self.coulomb, self.viscous, self.fastest, strict=True
         ):
-            rates = np.geomspace(0.01, 0.8, POINTS) * most
-            true = Fc * (1 + self.law(rates)) + Fv * rates
-            low, high = friction_curve(fit, joint, rates).band.T
-            curves.append(((low <= true) & (true <= high)).mean())
-        shaped = any("Fs" in name.kind for name in fit.parameters)
-        return {"shaped": shaped, "covered": covered, "curves": curves, "seconds": seconds}
+            speeds = np.geomspace(0.005, 1.0, POINTS) * most
+            for rates in (speeds, -speeds):
+                true = Fc * (np.sign(rates) + self.law(rates)) + Fv * rates
+                curve = friction_curve(fit, joint, rates)
+                low, high = curve.band.T
+                curves.append(((low <= true) & (true <= high)).mean())
+                errors.append(np.abs(curve.values - true).max() / Fc)
+        shaped = any(grouped(name.kind) for name in fit.parameters)
+        told = {"curves": curves, "errors": errors, "seconds": seconds}
+        return {"shaped": shaped, "covered": covered} | told
 
 
-def figures(case: Friction, terms: str, runs: int) -> dict[str, Any]:
+def figures(case: Friction, terms: str, bits: int, runs: int) -> dict[str, Any]:
     """Of so many logs."""
-    found = [case.judged(terms, case.log(BITS, seed)) for seed in range(runs)]
+    found = [case.judged(terms, case.log(bits, seed)) for seed in range(runs)]
     rates = 100 * np.mean([each["covered"] for each in found], axis=0)
     return {
         "terms": terms,
@@ -96,6 +104,7 @@ def figures(case: Friction, terms: str, runs: int) -> dict[str, Any]:
         "covered %": float(rates.mean()),
         "least %": float(rates.min()),
         "curves %": 100 * float(np.mean([each["curves"] for each in found])),
+        "error": float(np.mean([each["errors"] for each in found])),
         "identify (s)": float(np.median([each["seconds"] for each in found])),
     }
 
@@ -107,6 +116,7 @@ def main() -> None:
     parser.add_argument("--robot", choices=list(MOTIONS), help="one robot only")
     parser.add_argument("--law", choices=list(LAWS), help="one law only")
     parser.add_argument("--rate", type=float, default=1000.0, help="samples a second")
+    parser.add_argument("--bits", type=int, default=17, help="of the encoders, a turn")
     parser.add_argument("--json", metavar="FILE", help="write the figures to a file")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
@@ -116,7 +126,7 @@ def main() -> None:
             case = Friction(name, law, arguments.rate)
             for terms in TERMS:
                 with one_blas_thread():
-                    found = figures(case, terms, arguments.runs)
+                    found = figures(case, terms, arguments.bits, arguments.runs)
                 rows.append({"robot": name, "law": law} | found)
     show(f"friction from {arguments.runs} logs each", rows)
     if arguments.json:

@@ -13,6 +13,11 @@ def one_line(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
+def counted(count: int, noun: str) -> str:
+    """A number of things, as in "1 degree" and "2 degrees"."""
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
 def short_name(name: str, longest: int) -> str:
     """A name on one line, its middle left out where it takes more columns."""
     from rich.cells import cell_len  # characters of some scripts are twice as wide

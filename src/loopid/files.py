@@ -24,6 +24,8 @@ BLOCK_BYTES = 2**20  # of text that are read at a time
 # The one limit of sizes. What stands for more bytes than so many, and for so many times as many as
 # its file has, is no measurement but a bomb.
 UNPACKED_BYTES, UNPACKED_RATIO = 2**24, 200.0
+GZIP_SIZE = 4  # bytes at the end of a packed file
+LONGEST_LINE = 200_000  # bytes; a thousand columns with all digits take 25,000
 PLAIN_NAME = re.compile(r"""[^\s,;"']+""")  # of a column: nothing that separates or quotes
 
 
@@ -96,13 +98,51 @@ def text_blocks(path: Path, ceiling: Ceiling | None = None) -> Generator[bytes]:
                 ceiling.count(len(part))
                 end = part.rfind(b"\n") + 1
                 if end:
-                    yield b"".join([*parts, part[:end]])
+                    yield _lines(path, b"".join([*parts, part[:end]]))
                     parts.clear()
                 parts.append(part[end:])
+                if sum(map(len, parts)) > LONGEST_LINE:
+                    break
             if any(parts):
-                yield b"".join(parts)
+                yield _lines(path, b"".join(parts))
     except (OSError, EOFError, zlib.error) as error:
         raise LogError(f"{path} cannot be read: {error}", file=path) from error
+
+
+def _lines(path: Path, block: bytes) -> bytes:
+    """A block of lines; a LogError for one that is longer than those of tables."""
+    # A line that is too long leaves a window of half its length without an end.
+    half = LONGEST_LINE // 2
+    for start in range(0, len(block), half):
+        if block.find(b"\n", start, start + half) < 0:
+            first = block.rfind(b"\n", 0, start) + 1
+            last = block.find(b"\n", start)
+            if (last if last >= 0 else len(block)) - first > LONGEST_LINE:
+                raise LogError(
+                    f"{path} has a line of more than {LONGEST_LINE:,} bytes: it is no table with a "
+                    "sample a line",
+                    file=path,
+                    tolerance=LONGEST_LINE,
+                )
+    return block
+
+
+def count_unpacked(path: Path, ceiling: Ceiling) -> None:
+    """Refuse a text packed with gzip that is too large, before anything is made of it."""
+    with path.open("rb") as file:
+        if file.peek(2).startswith(b"\x1f\x8b"):
+            try:
+                # The end tells the size of the last part modulo 2³²: most bombs are told at once.
+                file.seek(-min(GZIP_SIZE, ceiling.stored), os.SEEK_END)
+                Ceiling(path, ceiling.ratio, ceiling.way_out).count(
+                    int.from_bytes(file.read(GZIP_SIZE), "little")
+                )
+                file.seek(0)
+                content = gzip.GzipFile(fileobj=file)
+                while part := content.read(BLOCK_BYTES):
+                    ceiling.count(len(part))
+            except (OSError, EOFError, zlib.error) as error:
+                raise LogError(f"{path} cannot be read: {error}", file=path) from error
 
 
 def write_files(folder: str | Path, contents: Mapping[str, bytes | str]) -> list[Path]:
@@ -156,6 +196,23 @@ def require_folder(folder: str | Path) -> None:
         raise FileError(f"cannot write to {folder}: {existing} is not a folder")
     if not os.access(existing, os.W_OK):
         raise FileError(f"cannot write to {folder}: no permission in {existing}")
+
+
+def require_name(path: str | Path, what: str) -> None:
+    """Refuse an empty text, which would stand for the folder that one is in."""
+    if isinstance(path, str) and not path.strip():
+        raise FileError(f"{what} has no name: give a path, not {path!r}", given=path)
+
+
+def require_own_kind(path: str | Path, endings: Sequence[str]) -> None:
+    """Refuse to write over a file of another kind, by its ending."""
+    place = Path(path)
+    if place.exists() and not place.name.lower().endswith(tuple(endings)):
+        raise FileError(
+            f"{path} exists, and is of another kind than {', '.join(endings)}: name another file",
+            file=str(path),
+            valid=tuple(endings),
+        )
 
 
 def require_other_file(path: str | Path, *inputs: str | Path) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import field
+from typing import Any
 
 import numpy as np
 from scipy.linalg.lapack import dtpqrt
@@ -27,24 +28,28 @@ PANEL, PANEL_PART = 8, 16
 
 
 @record
-class Rounding:
-    """What rounded numbers of a robot file leave open in an observation.
+class Draws:
+    """How the rows of an observation were drawn, so that others like them can be.
 
     Attributes
     ----------
     accuracy : float
-        Of lengths, in m; of angles, times the characteristic length; 0 where they are exact.
+        Of lengths in the robot file, in m; of angles, times the characteristic length; 0 where
+        they are exact.
     source : str
         Where it is known from.
-    factors : callable
+    rounded : callable
         Gives, for a number k, triangular factors (1 + k, n, n) at the same poses: of the geometry
-        as it is written, then of k others that the file would write alike. A second argument is
+        as it is written, then of k others that round to the same file. A second argument is
         another accuracy than the file's, in m.
+    more : callable
+        Gives the observation with more samples: these, and others of another seed.
     """
 
     accuracy: float
     source: str
-    factors: Callable[..., FloatArray] = field(compare=False, repr=False)
+    rounded: Callable[..., FloatArray] = field(compare=False, repr=False)
+    more: Callable[[], Observation] = field(compare=False, repr=False)
 
 
 @record(checked=True)
@@ -67,8 +72,12 @@ class Observation:
     order : tuple of str
         Links and joints in the order in which the first of equally good choices is taken, where
         it is not that of the columns.
-    rounding : Rounding or None
-        None where the geometry is not known.
+    draws : Draws or None
+        None where the robot is not known.
+    unit_motions : Observation or None
+        Rows of the same samples that decide rank and null space in place of W's: forces along
+        motions of one size, in common units, which grow near no singularity of the motors. None
+        where W decides.
     motors_alone : Observation or None
         Without the rows "= 0" of coordinates that the motors leave free, where there are any.
 
@@ -87,7 +96,8 @@ class Observation:
     length: float = 1.0
     natural_size: float = 0.0
     order: tuple[str, ...] = ()
-    rounding: Rounding | None = None
+    draws: Draws | None = None
+    unit_motions: Observation | None = None
     motors_alone: Observation | None = None
 
     def __post_init__(self) -> None:
@@ -139,26 +149,45 @@ class Observation:
         As ``from_matrix``, for an iterable of matrices. The first ``driven`` rows of each sample
         are those of motors.
         """
-        n, rows, driven_rows = len(parameters), 0, 0
-        # A joint's row has columns only of the bodies that move with it: in a tree, few of all.
-        # So each of the dof rows of a sample is reduced on its own, as long as there are more
-        # samples than columns, and all of them together at the end.
-        factors, waiting = np.zeros((0, n, n)), list[FloatArray]()
+        rows = StackedRows(parameters, driven)
         for part in parts:
-            W = _samples(part, n)
-            for block in row_blocks(len(W)):
-                waiting.append(W[block])
-                if sum(map(len, waiting)) >= n:
-                    factors, waiting = _reduced(factors, waiting), []
-            rows += len(W) * W.shape[1]
-            driven_rows += len(W) * (driven or 0)
-        if rows == 0:
+            rows.add(part)
+        return rows.observation(length=length, natural_size=natural_size)
+
+
+class StackedRows:
+    """Rows of an observation that come in parts; the first ``driven`` of a sample are motors'.
+
+    A joint's row has columns only of the bodies that move with it: in a tree, few of all. So each
+    of the dof rows of a sample is reduced on its own, as long as there are more samples than
+    columns, and all of them together at the end.
+    """
+
+    def __init__(self, parameters: ParameterSet, driven: int | None = None) -> None:
+        self.parameters, self.driven = parameters, driven
+        self._rows, self._driven_rows = 0, 0
+        self._factors, self._waiting = np.zeros((0, *2 * (len(parameters),))), list[FloatArray]()
+
+    def add(self, part: FloatArray) -> None:
+        """Reduce a matrix (rows, n), or samples (N, dof, n)."""
+        W = _samples(part, len(self.parameters))
+        for block in row_blocks(len(W)):
+            self._waiting.append(W[block])
+            if sum(map(len, self._waiting)) >= len(self.parameters):
+                self._factors, self._waiting = _reduced(self._factors, self._waiting), []
+        self._rows += len(W) * W.shape[1]
+        self._driven_rows += len(W) * (self.driven or 0)
+
+    def observation(self, *, length: float = 1.0, natural_size: float = 0.0) -> Observation:
+        """What all the rows so far make."""
+        if self._rows == 0:
             raise DataError("the observation matrix has no rows")
-        factor, alone = _stacked([factors, *waiting]), None
+        units: dict[str, Any] = {"length": length, "natural_size": natural_size}
+        factor, driven, alone = _stacked([self._factors, *self._waiting]), self.driven, None
         if driven is not None:
-            own = _stacked([factors[:driven], *(W[:, :driven] for W in waiting)])
-            alone = cls(parameters, own, driven_rows, length, natural_size)
-        return cls(parameters, factor, rows, length, natural_size, motors_alone=alone)
+            own = _stacked([self._factors[:driven], *(W[:, :driven] for W in self._waiting)])
+            alone = Observation(self.parameters, own, self._driven_rows, **units)
+        return Observation(self.parameters, factor, self._rows, **units, motors_alone=alone)
 
 
 def _reduced(factors: FloatArray, samples: list[FloatArray]) -> FloatArray:

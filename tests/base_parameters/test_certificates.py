@@ -5,13 +5,22 @@ from itertools import combinations, product
 
 import numpy as np
 import pytest
-from choice_problems import structure
+from choice_problems import parameters, structure
 from hard_problems import KINDS, SHAPES, least, small_problem, weakly_coupled
 
 from loopid import bundled_robots, load_mechanism, structural_observation
-from loopid.base_parameters import CRITERIA, ChoiceProblem, ExactSearch, SearchEffort, analyse
+from loopid.base_parameters import (
+    CRITERIA,
+    ChoiceProblem,
+    ExactSearch,
+    SearchEffort,
+    analyse,
+    find_base_parameters,
+)
 from loopid.base_parameters.blocks import Budget, split
 from loopid.base_parameters.tree import RULES, margin, selections_between
+from loopid.errors import AccuracyWarning
+from loopid.observation import Observation
 from smooth_data import runs
 
 SMALL_SEEDS, COUPLED_SEEDS = 10, 9
@@ -185,3 +194,48 @@ def test_the_answer_does_not_depend_on_where_the_search_starts():
             assert turned.certified
             assert turned.ties == first.ties
             assert turned.condition_number == pytest.approx(first.condition_number, rel=1e-9)
+
+
+def assert_no_attack_succeeds(seeds):
+    """What is certified of regressors of exact numbers is so; the part that is certified."""
+    attacks = pytest.importorskip("attacks", reason="needs python-flint")
+    claimed = total = 0
+    for seed in seeds:
+        W, rank = attacks.attack(seed)
+        truth = attacks.conditions(W, rank)
+        for (which, criterion), search in product(enumerate(CRITERIA), ("exact", "exhaustive")):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", AccuracyWarning)
+                observation = Observation.from_matrix(W, parameters(W.shape[1]))
+                base = find_base_parameters(observation, search, criterion=criterion)
+            if base.structure.rank != rank or base.doubtful:
+                continue
+            total, claimed = total + 1, claimed + base.search.certified
+            if base.search.certified:
+                tolerance = base.search.tolerance
+                own = truth[tuple(base.dependent.tolist())][which]
+                assert own <= (1 + tolerance) * min(one[which] for one in truth.values())
+                assert base.search.condition_number == pytest.approx(own, rel=tolerance)
+    return claimed / total
+
+
+def test_columns_of_any_size_make_no_certificate_false():
+    assert assert_no_attack_succeeds(range(30)) > 0.95
+
+
+@pytest.mark.validate
+def test_columns_of_any_size_make_none_of_ten_thousand_certificates_false():
+    assert assert_no_attack_succeeds(range(30, 3200)) > 0.98
+
+
+@pytest.mark.parametrize("decades", [9, 10, 12])
+@pytest.mark.parametrize("search", ["exact", "exhaustive"])
+def test_short_columns_in_the_span_of_long_ones_are_seen(search, decades):
+    """The two short ones are nearly orthogonal, the long ones nearly parallel."""
+    A = np.array([[1, 0], [0, 1], [1, 1], [1, -1], [2, 1]])
+    W = A @ np.array([[1, 0, 1, 1], [0, 1, 1, 1.25]]) * [1, 1, 10.0**decades, 10.0**decades]
+    base = find_base_parameters(
+        Observation.from_matrix(W, parameters(4)), search, criterion="regressor"
+    )
+    assert (base.base.tolist(), base.search.certified) == ([0, 1], True)
+    assert base.search.condition_number == pytest.approx(np.linalg.cond(A), rel=1e-9)

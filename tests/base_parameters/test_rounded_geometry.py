@@ -19,7 +19,7 @@ from loopid import (
 )
 from loopid.base_parameters import analyse
 from loopid.errors import AccuracyWarning, ModelWarning
-from loopid.kinematics import geometry_accuracy, largest_residual, same_motion, within_accuracy
+from loopid.kinematics import closed_nearby, geometry_accuracy, largest_residual, within_accuracy
 
 URDF = Path(__file__).parents[2] / "urdf"
 # A linkage of parallelograms moves like one crank: weight (two moments) and, in motion, inertia.
@@ -89,10 +89,11 @@ def test_a_parallelogram_with_six_digits_has_the_count_of_a_parallelogram(
     for one in base.doubtful:
         assert (one.rounding, source in one.source) == (pytest.approx(error / 2), True)
     most = base.doubtful[0].singular_value
-    assert base.reconstruction_error(observation.factor) < 3 * most
+    assert base.reconstruction_error(observation.unit_motions.factor) < 5 * most
     assert exact.doubtful == ()
+    assert base.structure.rank_gap > 1e3
+    assert base.search.certified
     if size == 1.0:
-        assert base.structure.rank_gap > 100
         condition = exact.nullspace_condition_number
         assert base.nullspace_condition_number == pytest.approx(condition, rel=3e-2)
 
@@ -182,7 +183,7 @@ def test_numbers_of_all_digits_that_are_rounded_all_the_same(load, model, error)
     longer = coupler.replace("0.45 ", f"{0.45 + error * 2**0.5!r} ")
     parts[parts.index(coupler)] = longer
     observation = structural_observation(load(parts, description), model)
-    assert observation.rounding.accuracy == 0
+    assert observation.unit_motions.draws.accuracy == 0
     structure = analyse(observation)
     assert structure.rank == COUNTS[model]
     roundings = [one.rounding for one in structure.doubtful]
@@ -210,7 +211,7 @@ def test_axes_of_crosses_that_hardly_miss_each_other(tmp_path, model, miss):
         assert miss / 10 < one.rounding < 10 * miss
     leaders = {next(iter(one.terms)) for one in base.doubtful}
     assert leaders <= {f"leg{leg}_cylinder.m" for leg in (1, 2, 3)}
-    assert len(leaders) == {1e-6: 3, 1e-8: 1, 1e-9: 0}[miss]
+    assert len(leaders) == 3
 
 
 @pytest.mark.parametrize("robot", ["four_bar", "delta", 0.1, 0.01])
@@ -230,8 +231,8 @@ def test_other_geometry_keeps_what_is_drawn_special_and_closes_again(load):
     accuracy = geometry_accuracy(mechanism)
     assert accuracy.length == 5e-7
     other = within_accuracy(mechanism, accuracy, np.random.default_rng(0))
-    q, rates = mechanism.reference[None], np.ones((1, 1))
-    motion = same_motion(mechanism, other, q, rates, rates)
+    q = mechanism.reference[None]
+    near = closed_nearby(mechanism, other, q)
     places, others = mechanism.model.jointPlacements, other.model.jointPlacements
     for own, new in zip(list(places)[1:], list(others)[1:], strict=True):
         moved = np.abs(new.translation - own.translation)
@@ -239,8 +240,8 @@ def test_other_geometry_keeps_what_is_drawn_special_and_closes_again(load):
         assert (moved[own.translation == 0] == 0).all()
         assert np.abs(new.rotation - own.rotation).max() < 1e-15
     assert largest_residual(other, q)[0] > 1e-8
-    assert largest_residual(other, motion.configurations)[0] < 1e-12
-    np.testing.assert_array_equal(motion.configurations[0, 0], q[0, 0])
+    assert largest_residual(other, near)[0] < 1e-12
+    assert 0 < np.abs(near - q).max() < 1e-4
 
 
 FINGER = """<body name="{n}" pos="0 {a!r} 0.059091">{inertial}<joint name="{n}" axis="{y} 0 0"

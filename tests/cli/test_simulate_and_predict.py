@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -93,6 +94,35 @@ def test_no_log_takes_the_place_of_the_robot_or_its_motion(run, tmp_path):
         done = run("simulate", str(robot), str(motions), "--out", str(place))
         assert (done.code, place.read_text()) == (2, before)
         assert "which this is made from" in done.err
+
+
+@pytest.mark.parametrize(
+    ("name", "said"), [("pic.png", "is of another kind than .csv"), ("", "has no name")]
+)
+def test_no_log_takes_the_place_of_another_kind_of_file(run, tmp_path, name, said):
+    (tmp_path / "pic.png").write_text("a picture")
+    out = str(tmp_path / name) if name else ""
+    refused = run("simulate", "five_bar", "five_bar", "--out", out)
+    assert refused.code == 2
+    assert said in refused.err
+    assert (tmp_path / "pic.png").read_text() == "a picture"
+
+
+def test_a_log_or_robot_without_a_name_is_refused(run):
+    for words in (("identify", "five_bar", ""), ("check", "")):
+        refused = run(*words)
+        assert refused.code == 2
+        assert "has no name: give a path" in refused.err
+
+
+def test_what_numpy_warns_of_is_said_in_a_sentence(run, monkeypatch):
+    def overflowing(*_, **__):
+        warnings.warn("invalid value encountered in divide", RuntimeWarning, stacklevel=1)
+        return "time\n"
+
+    monkeypatch.setattr("loopid.motion.simulation.simulate_log", overflowing)
+    said = run("simulate", "five_bar", "five_bar").err
+    assert "are the units of all files right?" in said.replace("\n", " ")
 
 
 @pytest.mark.parametrize("terms", ["Fc", "Fc=a", "Fc=1 Fv=2"])

@@ -11,6 +11,7 @@ from bank_robots import count
 from closure_robots import body, files, joint, urdf
 from folded_robots import folded_row
 from linkages import BARS, LINKAGES, four_bar
+from loopid.report import check_report
 from others_robots import ROWS, path
 
 URDF = Path(__file__).parents[2] / "urdf"
@@ -389,3 +390,34 @@ def test_options_of_the_subgroup_search_reach_it(run_json):
     told = record["search"]["subgroups"]
     assert (told["alpha"], told["condition_limit"], told["variant"]) == (0.5, 100, "pseudocode")
     assert told["rule"] == "as printed in the paper"
+
+
+SLIDERS = """<robot name="sliders"><link name="ground"/>
+{links}</robot>"""
+SLIDER = """<link name="{n}"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
+<inertia ixx="0" ixy="0" ixz="0" iyy="0.003" iyz="0" izz="0.003"/></inertial></link>
+<joint name="{n}_joint" type="prismatic"><parent link="ground"/><child link="{n}"/>
+<axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+<link name="{n}_tip"/><joint name="{n}_end" type="fixed"><parent link="{n}"/>
+<child link="{n}_tip"/></joint>"""
+
+
+def test_a_loop_that_its_closure_hardly_takes_part_in_comes_before_thin_rods(run, tmp_path):
+    links = "\n".join(SLIDER.format(n=name) for name in ("left", "right"))
+    (tmp_path / "sliders.urdf").write_text(SLIDERS.format(links=links))
+    (tmp_path / "sliders.yaml").write_text(
+        "urdf: sliders.urdf\nclosed_loop: [[left_tip, right_tip]]\ntype: [6d]\n"
+        "name_mot: [left_joint]\n"
+    )
+    told = run("check", tmp_path / "sliders.yaml").out
+    said = " ".join(told.split())
+    assert "Look at this first: of the 6 rows of closure" in said
+    assert "the loop feels 1: look at its frames" in said
+    assert "1 degree of freedom for 1 motor" in said
+    assert "1 degrees" not in said
+
+
+def test_loops_that_are_as_they_should_be_are_no_news(linkage):
+    for name in LINKAGES:
+        said = check_report(linkage(name)).verdict
+        assert "the loop feels" not in said, name

@@ -11,7 +11,9 @@ from lxml import etree
 from bank_robots import few_of
 from closure_robots import body, joint, urdf
 from loopid import JointTerms, bundled_robots, load_mechanism, random_configurations
+from loopid.errors import ModelWarning
 from loopid.export import export_robot_file, updated_robot_file
+from loopid.identification import MotorUse
 from loopid.kinematics import closed_motion, random_motions
 from loopid.regressors import motion_regressor
 
@@ -73,6 +75,28 @@ def test_friction_of_bundled_robots_comes_back(tmp_path, urdf_folder, robot, tie
     )
     assert said == []
     assert_same(mechanism, again, whole, terms)
+
+
+def test_a_friction_curve_becomes_the_nearest_line(tmp_path, load_once):
+    """Least squares over the rates of the log, with the mean load; the warning says how near."""
+    mechanism = load_once("five_bar")
+    kinds = {"Fc": 0.2, "Fv": 1.1, "Fk0~0.1": 0.3, "Fk~0.2": 0.1, "Fa1~0.4": 0.05, "Ft": 0.05}
+    terms = JointTerms((mechanism.actuated[0],), tuple(kinds))
+    names = mechanism.parameters() + terms.parameters(mechanism)
+    whole = np.concatenate([mechanism.standard_parameters(), list(kinds.values())])
+    use = MotorUse(terms.joints, np.array([0.05]), np.array([0.6]), np.array([2.0]))
+    place = tmp_path / "new.urdf"
+    with pytest.warns(ModelWarning, match="joint terms of the new") as heard:
+        export_robot_file(mechanism, whole, place, parameters=names, use=use)
+    v = np.linspace(0.05, 0.6, 200)
+    curve = 0.2 + 1.1 * v + np.interp(v, [0.1, 0.2, 0.4], [0.3, 0.1, 0.0]) + 0.05 * 2.0
+    expected = np.polyfit(v, curve, 1)
+    joint = load_mechanism(place).joint_values[terms.joints[0]]
+    assert (joint["Fv"], joint["Fc"]) == pytest.approx(expected)
+    uneven = np.interp(v, [0.2, 0.4], [0.0, 0.05])
+    off = np.abs(curve - expected[1] - expected[0] * v) + uneven
+    assert f"within {off.max():.2g} of its friction from 0.05 to 0.6" in str(heard[0].message)
+    assert set(joint) == {"Fc", "Fv"}
 
 
 @pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")

@@ -1,6 +1,7 @@
 """What recordings say about a robot: the truth where they tell it, its name where they do not."""
 
 import pickle
+import re
 import warnings
 from dataclasses import replace
 
@@ -208,7 +209,8 @@ def test_a_short_way_names_what_it_does_not_tell(knee_model, motions, truth):
     assert all(warning.category is DataWarning for warning in caught)
     said = [str(warning.message) for warning in caught]
     told = found.identifiability
-    assert told.weak_message in said
+    assert str(told.findings[-1]) in said
+    assert told.findings[-1].why == told.weak_message
     assert told.weak_message.startswith(f"{len(told.weak)} of 23 combinations")
     assert told.weak[0].text in told.weak_message
     assert told.leads[0] in told.weak_message
@@ -362,7 +364,8 @@ def test_an_identification_says_what_it_took_from_the_robot_file(crank_model, cr
         warnings.simplefilter("always")
         found = identify(crank_model, one, validation=both)
     told, places = found.identifiability, {str(each.message): each.filename for each in caught}
-    assert places[told.unidentifiable_message] == places[told.weak_message] == __file__
+    assert [places[str(each)] for each in told.findings] == [__file__] * 2
+    assert set(told.findings) <= set(found.findings)
     whole = found["all parameters"]
     assert whole.fit.assumed == told.assumed
     assert set(whole.fit.assumed) <= set(whole.fit.insignificant())
@@ -483,3 +486,25 @@ def test_the_baseline_has_no_negative_friction_or_drive_inertia(load_once, model
     assert (gradient[~inside] > -1e-7 * size[~inside]).all()
     standard = found.baseline.fit.standard_parameters
     np.testing.assert_allclose(force_model.base.values(standard), found.baseline.values)
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e-7, 1e-9, 1e-12])
+def test_forces_in_another_unit_are_refused_with_the_scale_that_fits(
+    knee_model, motions, truth, factor
+):
+    run = modelled(knee_model, motions[0], truth)
+    with pytest.raises(DataError, match="in which unit are the forces") as refused:
+        identify(knee_model, [replace(run, force=factor * run.force)])
+    scale = float(
+        re.search(r"'force_scale' in a mapping \((\S+) would fit\)", str(refused.value))[1]
+    )
+    assert 0.1 < scale * factor < 10
+
+
+def test_motors_without_any_force_are_named(knee_model, motions, truth):
+    run = modelled(knee_model, motions[0], truth)
+    for columns, named in (([1], "leg2_stroke"), (range(4), "leg1_stroke, leg2_stroke, leg3_st")):
+        force = run.force.copy()
+        force[:, columns] = 0.0
+        with pytest.raises(DataError, match=rf"the force of {named}.* is zero in all samples"):
+            identify(knee_model, [replace(run, force=force)])

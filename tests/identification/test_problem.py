@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from loopid.errors import DataError
-from loopid.identification import FitProblem, FitSamples, WeightedLeastSquares
+from loopid.errors import DataError, RankError
+from loopid.identification import FitProblem, FitSamples, WeightedLeastSquares, quiet_fit
+from loopid.parameters import ParameterSet
 from smooth_data import TRUTH, autoregressive, named, named_samples, smooth_regressor
 
 
@@ -120,3 +121,16 @@ def test_parts_that_do_not_go_together_are_refused():
         samples.with_instruments(samples.instruments[1:])
     with pytest.raises(DataError, match="finite"):
         samples.with_instruments(np.nan * samples.instruments)
+
+
+def test_combinations_are_named_by_what_is_in_them():
+    """Nobody knows a number that only the code gives them."""
+    names = ParameterSet.from_labels(["arm.m", "arm.mx", "arm.my"])
+    W = np.random.default_rng(0).normal(size=(20, 1, 3))
+    samples = FitSamples.of(names, ["motor"], W, W @ [1.0, 2.0, 3.0])
+    sums = samples.along(np.array([[1.0, 0.9], [0.2, 0.1], [0.0, 0.5]]))
+    assert sums.parameters.labels == ("sum with arm.m", "sum with arm.my")
+    same = samples.along(np.array([[1.0, 1.0], [0.5, 0.5], [0.2, 0.2]]))
+    assert len(set(same.parameters.labels)) == 2
+    with pytest.raises(RankError, match="combination of sum with arm"):
+        quiet_fit(same)

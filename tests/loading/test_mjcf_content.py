@@ -442,9 +442,10 @@ def refused(tmp_path, refusal):
         (small(rest='<include file="gone.xml"/>'), "gone.xml"),
         (small(rest='<actuator><motor joint="k"/></actuator>'), "'k'"),
         (small(body='pos="inf 0 0"'), "body_pos of MuJoCo's model must be finite"),
-        (small(HINGE.format('ref="nan"')), "qpos0 of MuJoCo's model must be finite"),
-        (small(HINGE.format('range="nan 1"')), "jnt_range of MuJoCo's model must be finite"),
-        (small(rest='<keyframe><key qpos="nan"/></keyframe>'), "key_qpos"),
+        (small(HINGE.format('ref="nan"')), "ref must be numbers, not 'nan'"),
+        (small(HINGE.format('range="NaN 1"')), "range must be numbers, not 'NaN 1'"),
+        (small(rest='<keyframe><key qpos="nan"/></keyframe>'), "<key>: qpos must be numbers"),
+        (small(HINGE.format("") + '<geom size="0.1" mass="nan"/>'), "<geom>: mass must be numbers"),
         (small(body='quat="1e308 1e308 0 0"'), "body_quat of MuJoCo's model has a quaternion"),
         (
             small(
@@ -463,7 +464,7 @@ def test_bad_files_are_refused_with_mujocos_reason(refused, content, fragment):
 
 def test_mujoco_writes_no_log_file_of_its_warnings(refused, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
-    refused(small(HINGE.format('ref="nan"')), "qpos0")
+    refused(small(HINGE.format('ref="1e300"')), "qpos0")
     assert [file.name for file in tmp_path.iterdir()] == ["robot.xml"]
     assert capfd.readouterr() == ("", "")
 

@@ -98,6 +98,25 @@ def test_an_mjcf_that_is_drawn_folded_is_read_alike(tmp_path):
     assert rank(load_mechanism(tmp_path / "other.yaml")) == 8
 
 
+OPEN_MJCF = """<mujoco><worldbody>
+<body name="crank" pos="0 0 1"><joint name="crank" axis="0 1 0"/>{bar}
+ <body name="coupler" pos="0.12 0 0"><joint name="coupler" axis="0 1 0"/>{bar}</body></body>
+<body name="rocker" pos="0.35 0 1"><joint name="rocker" axis="0 1 0"/>{bar}</body></worldbody>
+<equality><connect body1="coupler" body2="rocker" anchor="0.45 0 0"/></equality>
+<actuator><motor joint="crank"/></actuator></mujoco>"""
+
+
+def test_each_mode_knows_what_base_parameters_of_it_are(tmp_path):
+    """A four-bar drawn open: the rank that a gap proves is that of base in either mode."""
+    pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
+    bar = '<geom type="capsule" fromto="0 0 0 0.1 0 0.02" size="0.01" mass="0.4"/>'
+    (tmp_path / "open.xml").write_text(OPEN_MJCF.format(bar=bar))
+    robot = quietly(tmp_path / "open.xml")
+    compared = compare_modes(robot)
+    assert compared.ranks == (8, 8)
+    assert rank(robot) == compared.ranks[0]
+
+
 def test_of_open_drawings_the_nearest_mode_is_used(load_files):
     parts, description = five_bar()
     wide = [part.replace('"-3"', '"-9"').replace('"3"', '"9"') for part in parts]

@@ -77,7 +77,7 @@ def test_unknown_arguments_and_broken_macros_are_named(arm, write_files):
 
 def test_an_argument_without_a_value_is_named_and_given_as_told(arm):
     arm.write_text(arm.read_text().replace('at="0"', 'at="$(arg height)"'))
-    with pytest.raises(RobotFileError, match="give it by --xacro height:=VALUE"):
+    with pytest.raises(RobotFileError, match=r"give one as xacro=\{'height': \.\.\.\}"):
         load_mechanism(arm)
     load_mechanism(arm, xacro={"height": "0.1"})
 

@@ -246,7 +246,20 @@ HOSTILE = {
     "one long text": ("log.parquet", long_texts, "holds String, not numbers"),
     "a page of 2 GB": ("log.parquet", false_page, "reported the wrong page size"),
     "rows of one value": ("log.parquet", parquet, "up to 200 times"),
-    "a line of 40 MB": ("log.csv.gz", packed(HEAD.encode(), *[bytes(2**20)] * 40), "200 times"),
+    "a packed line of 40 MB": (
+        "log.csv.gz",
+        packed(HEAD.encode(), *[b"1," * 2**19] * 40),
+        "a line of more than 200,000 bytes",
+    ),
+    "a line of 40 MB": ("log.csv", text("1," * 2**24), "a line of more than 200,000 bytes"),
+    "a line of 40 MB below others": (
+        "log.csv",
+        text(f"{HEAD}\n{ROWS}{'1,' * 2**24}"),
+        "a line of more than 200,000 bytes",
+    ),
+    "rows of 20,000 cells": ("log.csv", text(f"{'1,' * 20_000}\n" * 30), "at most 10,000 are read"),
+    "rows of 2,000 cells": ("log.csv", text(f"{'1,' * 2_000}\n" * 30), "starts with numbers"),
+    "a bomb of 1 MB": ("log.csv.gz", packed(HEAD.encode(), *[ZEROS] * 150), "200 times"),
     "zeros of 18 MB": ("log.csv.gz", packed(HEAD.encode(), *[ZEROS] * 12), "200 times"),
     "a link to /dev/zero": ("log", folder(lambda p: p.symlink_to("/dev/zero")), "position.csv"),
     "a pipe": ("log", folder(os.mkfifo), "position.csv"),
@@ -263,13 +276,13 @@ def test_hostile_files_are_refused_in_one_sentence(kind, tmp_path):
     mapping = tmp_path / "mapping.yaml"
     mapping.write_text("group: run\n" if "group" in kind else "{}\n")
     robot = load_mechanism("four_bar")
-    start, before = time.monotonic(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    start, before = time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with pytest.raises(LogError) as refusal:
         read_log(tmp_path / name, robot, mapping=mapping)
     more = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
     assert said in str(refusal.value)
     assert "\n" not in str(refusal.value)
-    assert time.monotonic() - start < 30
+    assert time.process_time() - start < (2 if ".csv" in name else 30)
     assert more < 2e5  # kB
 
 

@@ -39,7 +39,7 @@ def slope(q):
 term = partial(JointTerm, "mine", ("N", "N m"))
 
 
-@pytest.mark.parametrize("unit", ["Nm", "N m s^2", "lb", "", "N//m", "N m/"])
+@pytest.mark.parametrize("unit", ["Nm", "N m s^2", "lb", "-", "N//m", "N m/"])
 def test_units_that_nobody_understands_are_refused(unit):
     with pytest.raises(OptionError) as refused:
         JointTerm("drag", ("N", unit), lambda joint, _: joint.rate, ("rate",))
@@ -150,3 +150,29 @@ def test_steps_that_follow_the_position_too_are_filtered(register, load_once):
     assert steady.mean() > 0.3
     expected = (plain.regressor[:, 0, k] * (1.0 + q))[steady]
     np.testing.assert_allclose(W.regressor[steady, 0, j], expected, rtol=0.02)
+
+
+@pytest.mark.parametrize("unit", ["", "1"])
+def test_a_coefficient_without_unit_goes_all_the_way(register, load_once, tmp_path, unit):
+    register(
+        "Cog",
+        JointTerm("cogging", (unit, unit), lambda j, _: np.sin(8 * j.position), ("position",)),
+    )
+    robot = load_once("five_bar")
+    model = find_force_model(robot, "full", "Fc; left_crank_joint: Cog")
+    assert model.parameters[model.parameters.labels.index("left_crank_joint.Cog")].unit == ""
+    truth = np.where([p.kind == "Cog" for p in model.parameters], 0.3, model.prior)
+    run = modelled(model, wander(robot, 4, seconds=4.0, size=(0.4, 0.4)), truth, noise=0.01)
+    fit = quiet_fit(model.samples(run))
+    found = read_fit(save_fit(tmp_path / "fit.yaml", model, fit)).result["left_crank_joint.Cog"]
+    assert abs(found.value - 0.3) < 4 * found.standard_error
+    assert "  " not in str(found)
+    assert " 1 (" not in str(found)
+
+
+@pytest.mark.parametrize("entry", [5, JointTerm, None])
+def test_what_is_no_joint_term_is_refused_in_plain_words(entry):
+    with pytest.raises(OptionError, match="must be a JointTerm, or 'module:name'") as refused:
+        JOINT_TERMS.register("Odd", entry)
+    assert "<" not in str(refused.value)
+    assert "Odd" not in JOINT_TERMS

@@ -27,15 +27,15 @@ def scaled(pattern, text, factor):
     return pattern.sub(times, text)
 
 
-def in_mm(name, folder):
-    """Files of a bundled robot with all its lengths in mm."""
+def in_unit(name, folder, unit=MM):
+    """A bundled robot, and the same with all its lengths in another unit."""
     urdf, yaml = ((bundled_directory() / f"{name}.{end}").read_text() for end in ("urdf", "yaml"))
-    urdf = scaled(LENGTHS, scaled(MOMENTS, urdf, MM**2), MM)
-    urdf = LIMITS.sub(lambda match: scaled(ENDS, match[0], MM), urdf)
+    urdf = scaled(LENGTHS, scaled(MOMENTS, urdf, unit**2), unit)
+    urdf = LIMITS.sub(lambda match: scaled(ENDS, match[0], unit), urdf)
     metres = loopid.load_mechanism(name)
     strokes = "|".join(metres.coordinates[k] for k in metres.prismatic) or "none"
     yaml = re.sub(
-        rf"^( +(?:{strokes}): )(\S+)$", lambda m: f"{m[1]}{MM * float(m[2])!r}", yaml, flags=re.M
+        rf"^( +(?:{strokes}): )(\S+)$", lambda m: f"{m[1]}{unit * float(m[2])!r}", yaml, flags=re.M
     )
     (folder / f"{name}.urdf").write_text(urdf)
     (folder / f"{name}.yaml").write_text(yaml)
@@ -44,7 +44,7 @@ def in_mm(name, folder):
 
 @pytest.fixture(scope="module", params=["five_bar", "3rpr"])
 def robots(request, tmp_path_factory):
-    return in_mm(request.param, tmp_path_factory.mktemp("mm"))
+    return in_unit(request.param, tmp_path_factory.mktemp("mm"))
 
 
 def same_poses(metres, millimetres):
@@ -55,9 +55,7 @@ def same_poses(metres, millimetres):
     columns = [metres.joint(name).idx_q for name in metres.measured]
     return (
         q,
-        loopid.assemble(
-            millimetres, values[:, columns], options=AssemblyOptions(tolerance=1e-9 * MM)
-        ),
+        loopid.assemble(millimetres, values[:, columns], options=AssemblyOptions(tolerance=1e-9)),
         values,
     )
 
@@ -74,6 +72,20 @@ def test_the_same_number_of_parameters_can_be_known(robots, model):
         for robot in robots
     ]
     assert counts[0] == counts[1]
+
+
+@pytest.mark.parametrize(
+    ("name", "model", "rank"), [("four_bar", "gravity", 4), ("3rpr", "full", 0)]
+)
+@pytest.mark.parametrize("unit", [3e-5, 1e6])
+def test_tolerances_are_relative_to_the_size_of_the_robot(tmp_path, name, model, rank, unit):
+    structures = [
+        loopid.base_parameters.analyse(loopid.structural_observation(robot, model))
+        for robot in in_unit(name, tmp_path, unit)
+    ]
+    assert structures[0].rank == structures[1].rank
+    assert structures[0].rank == rank or not rank
+    assert min(structure.rank_gap for structure in structures) > 1e10
 
 
 def test_weights_act_in_proportion(robots):

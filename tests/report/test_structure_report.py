@@ -64,7 +64,13 @@ def test_a_search_without_a_certificate_says_how_much_is_proven(knee, base):
 def test_the_reason_for_no_certificate_is_said(gap):
     search = {"certified": False, "gap": None if gap == inf else gap, "reason": "near ties"}
     assert "(near ties)" in certificate(search)
-    assert ("proven best" in certificate(search)) == (gap == 1)
+    assert certificate(search).startswith("not certified")
+
+
+def test_the_best_of_an_unclear_rank_is_proven_for_that_rank_only():
+    search = {"certified": False, "gap": 1.0, "reason": "unclear rank"}
+    assert certificate(search) == "best for this rank, which is unclear"
+    assert certificate(search | {"gap": 2.0}) == "not certified (unclear rank)"
 
 
 @given(gap=floats(1 + 1e-6, 1e12))
@@ -78,8 +84,12 @@ def test_a_printed_bound_holds(gap):
 
 def test_doubtful_combinations_are_listed_with_their_rounding(knee):
     observation = structural_observation(knee)
-    with pytest.warns(AccuracyWarning, match="doubtful"):
+    with (
+        pytest.warns(AccuracyWarning, match="doubtful"),
+        pytest.warns(AccuracyWarning, match="rank is unclear: it lies between"),
+    ):
         base = find_base_parameters(observation, tolerances=RankTolerances(least=0.05))
+    assert (base.search.certified, base.search.reason) == (False, "unclear rank")
     record = base_record(knee, "gravity", base)
     assert len(record["doubtful"]) == len(base.doubtful) == 15 - len(base)
     for told, one in zip(record["doubtful"], base.doubtful, strict=True):

@@ -11,7 +11,13 @@ from types import MappingProxyType
 import numpy as np
 
 from loopid.arguments import FloatArray, IntArray, checked, finite, frozen
-from loopid.base_parameters.choice import ChoiceProblem, SearchEffort, SearchResult, SearchStrategy
+from loopid.base_parameters.choice import (
+    UNCLEAR_RANK,
+    ChoiceProblem,
+    SearchEffort,
+    SearchResult,
+    SearchStrategy,
+)
 from loopid.base_parameters.rank import (
     DoubtfulCombination,
     RankTolerances,
@@ -242,7 +248,8 @@ def find_base_parameters(
     Warns
     -----
     AccuracyWarning
-        When combinations are doubtful: they do not count.
+        When combinations are doubtful: they do not count; and when the rank is unclear: no choice
+        is certified.
 
     Examples
     --------
@@ -255,7 +262,7 @@ def find_base_parameters(
     strategy = SEARCHES[search]() if isinstance(search, str) else search
     strategy = strategy if effort is None else replace(strategy, effort=effort)
     structure = analyse(observation, tolerances)
-    warn_of_doubts(structure.doubtful)
+    warn_of_doubts(structure.doubtful, structure.rank_bounds)
     # Of equally good choices the first is taken, in an order that does not depend on the file's.
     ranks = {name: rank for rank, name in enumerate(observation.order)}
     places = [ranks.get(p.link, len(ranks)) for p in structure.parameters]
@@ -271,6 +278,8 @@ def find_base_parameters(
     dependent = np.sort(order[list(result.dependent)])
     account = result.subgroups and result.subgroups.renumbered(order.tolist())
     result = replace(result, dependent=tuple(dependent.tolist()), subgroups=account)
+    if structure.rank_bounds:  # of another rank the choice would be another
+        result = replace(result, certified=False, reason=UNCLEAR_RANK)
     return base_of_choice(observation.parameters, structure, result)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, fields, replace
-from math import comb, inf
+from math import ceil, comb, inf, log10, sqrt
 from time import perf_counter
 from typing import Any, ClassVar
 
@@ -23,6 +23,9 @@ from loopid.workers import one_blas_thread
 CRITERIA = ("nullspace", "regressor")
 # Columns of W up to this fraction of its norm are round-off, and no choice keeps them.
 ROUND_OFF_COLUMN = 1e-13
+UNCLEAR_RANK = "unclear rank"  # a reason why nothing is certified
+UNIT_ROUND_OFF = 2.0**-53
+CERTAIN = 1e-2  # relative error of a vector that is not zero
 EQUAL_COEFFICIENTS = 1e-6  # sums of coefficients that differ by less are equal
 BATCH = 1 << 22  # numbers in the regrouping matrices that are in memory together
 
@@ -78,6 +81,13 @@ class SearchEffort:
             value = getattr(self, each.name)
             if not value > 0:
                 raise OptionError(f"{each.name} must be positive, not {value}", given=value)
+
+    def covering(self, error: float) -> float:
+        """The tolerance, or in decades what covers a relative error four times."""
+        if not error < inf:
+            return inf
+        decades = ceil(log10(4 * error / self.tolerance)) if error > 0 else 0
+        return float(f"{self.tolerance * 10.0 ** max(0, decades):.12g}")
 
 
 @record(checked=True)
@@ -144,6 +154,24 @@ class ChoiceProblem:
             chosen = base_columns(self.size, chosen)
         return float(condition_numbers(self.vectors[chosen][None])[0])
 
+    def uncertainty(self, condition: float) -> float:
+        """Relative error of condition numbers up to one given, by round-off in the vectors.
+
+        All vectors of such a selection are at most so many times as long as its shortest: a vector
+        with too few others that are as short is in none.
+        """
+        errors, (size, count) = self.structure.null_errors, self.vectors.shape
+        if self.criterion == "regressor" or errors is None:
+            return 4 * sqrt(size) * UNIT_ROUND_OFF * condition
+        lengths = np.linalg.norm(self.vectors, axis=1)
+        room = condition * (1 + errors) * lengths
+        others = (lengths > 0) & (lengths <= room[:, None])
+        taken = (lengths > 0) & (others.sum(axis=1) >= count)
+        error = float(errors[taken].max(initial=0.0))
+        if count == 1 and error < CERTAIN:  # any number alone has the same condition
+            return 0.0
+        return 2 * error * condition
+
 
 def condition_numbers(matrices: FloatArray) -> FloatArray:
     """Condition numbers (c,) of matrices (c, m, n): 1 for empty, infinite for singular ones."""
@@ -185,7 +213,7 @@ class SearchResult:
         Whether no choice is better by more than ``tolerance`` times the value, and the choice
         among ties is final: it depends neither on the processor nor on the time limit.
     reason : str
-        Why an exact search is not certified: the time limit, round-off, or near ties.
+        Why a search is not certified: the time limit, round-off, near ties, or an unclear rank.
     gap : float
         No choice has a condition number of less than the value over this, up to ``tolerance``: 1
         where it is certified, infinite where nothing was proven.

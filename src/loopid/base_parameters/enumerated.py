@@ -92,8 +92,17 @@ class ExhaustiveSearch(SearchStrategy):
             if self.progress is not None:
                 self.progress(min(done + self.chunk, total), total)
         chosen = most_readable(readabilities(problem.structure.null_basis, problem.dependent(best)))
+        tolerance = self.effort.covering(problem.uncertainty(least))
+        certain = tolerance <= self.effort.most_tolerance
         return self._result(
-            problem, chosen.dependent, certified=True, gap=1.0, evaluated=total, ties=ties
+            problem,
+            chosen.dependent,
+            certified=certain,
+            gap=1.0 if certain else np.inf,
+            evaluated=total,
+            ties=ties,
+            tolerance=tolerance,
+            reason="" if certain else "round-off",
         )
 
 

@@ -32,6 +32,7 @@ from loopid.base_parameters.blocks import (
 )
 from loopid.base_parameters.choice import (
     NO_COLUMNS,
+    UNIT_ROUND_OFF,
     ChoiceProblem,
     Exclusion,
     Readability,
@@ -41,13 +42,7 @@ from loopid.base_parameters.choice import (
     most_readable,
     readabilities,
 )
-from loopid.base_parameters.tree import (
-    UNIT_ROUND_OFF,
-    Leaves,
-    margin,
-    one_between,
-    selections_between,
-)
+from loopid.base_parameters.tree import Leaves, margin, one_between, selections_between
 from loopid.records import record
 
 MORE_NODES = 4  # times as many, that a box is asked about by each rule at every further attempt
@@ -84,7 +79,7 @@ class ExactSearch(SearchStrategy):
     def _search(self, problem: ChoiceProblem) -> SearchResult:
         budget = Budget(perf_counter() + self.effort.time_limit)
         blocks, apart = split(problem)
-        interval = _Interval(blocks, apart, budget, self)
+        interval = _Interval(problem, blocks, apart, budget, self)
         ties, reason = None, "round-off"
         dependent = _joint_dependent(blocks, interval.best)
         if interval.tolerance <= self.effort.most_tolerance:
@@ -116,7 +111,12 @@ class _Interval:
     """
 
     def __init__(
-        self, blocks: Sequence[Block], apart: float, budget: Budget, search: ExactSearch
+        self,
+        problem: ChoiceProblem,
+        blocks: Sequence[Block],
+        apart: float,
+        budget: Budget,
+        search: ExactSearch,
     ) -> None:
         self.blocks, self.budget = blocks, budget
         self.effort, self.keep = search.effort, search.proof
@@ -128,7 +128,7 @@ class _Interval:
         ]
         self.levels = self._joint(self.best)
         self.tied = [self.levels]
-        self.tolerance = self._tolerance(apart)
+        self.tolerance = self._tolerance(problem, apart)
         self._fine = self.tolerance / 16
         lowest = min(float(block.svd[1][-1]) + margin(block.count, block.size) for block in blocks)
         self.highest = lowest**2
@@ -137,20 +137,20 @@ class _Interval:
         top = max(float(block.svd[1][0]) ** 2 for block in blocks)
         self.ceiling = min(top, self.levels.ratio * self.highest) * (1 + 4 * self._fine)
 
-    def _tolerance(self, apart: float) -> float:
-        """Relative tolerance of condition numbers that covers all round-off four times, in decades.
+    def _tolerance(self, problem: ChoiceProblem, apart: float) -> float:
+        """Relative tolerance of condition numbers that covers all round-off.
 
         Singular values of a selection are computed to a small multiple of the unit round-off times
-        the largest one, and those of the blocks are within ``apart`` of the problem's.
+        the largest one, those of the blocks are within ``apart`` of the problem's, and its vectors
+        have errors of their own.
         """
         largest = max(block.count for block in self.blocks)
         computed = 4 * largest * UNIT_ROUND_OFF * (sqrt(self.levels.ratio) + 1)
         if not self.levels.smallest > 0:
             return np.inf
         neglected = apart * (1 / sqrt(self.levels.smallest) + 1 / sqrt(self.levels.largest))
-        wanted = self.effort.tolerance
-        decades = np.ceil(np.log10(4 * (computed + neglected) / wanted))
-        return wanted * 10 ** max(0.0, float(decades))
+        given = problem.uncertainty(sqrt(self.levels.ratio))
+        return self.effort.covering(computed + neglected + given)
 
     @property
     def closed(self) -> bool:

@@ -3,7 +3,8 @@
 Columns are brought to common units: of one per kg, with lengths measured by the characteristic
 length. A singular value then says how much of all forces depends on a combination. It counts when
 neither round-off nor the rounding of the robot file could have made it. Where that is not clear it
-does not count, and the combination is listed as doubtful.
+does not count, and the combination is listed as doubtful. Without a gap between the values that
+count and the others the rank itself is unclear, and bounds say between which numbers it lies.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from math import isfinite
 import numpy as np
 import scipy.linalg
 
-from loopid.arguments import FloatArray, IntArray
+from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.errors import AccuracyWarning, OptionError, RankError, warn
 from loopid.observation import Observation
 from loopid.parameters import KINDS
@@ -23,6 +24,8 @@ from loopid.records import record
 SHOWN = 4  # parameters that a warning names
 TRIED = 1e-4  # of the characteristic length: rounding that shows what doubtful values take
 EQUAL = 1e-6  # relative; round-off decides no pivot
+SHORTEST = 1e-15  # of the largest column: shorter ones are round-off
+SPANNED = 1e-6  # of a column: what is farther from a span is not in it
 DIGITS = 6  # nor the order of combinations
 SHORT = 1e-2  # of the least combination that counts
 SLIGHT = 1e-3  # of the largest term: smaller ones are left out of doubtful combinations
@@ -51,6 +54,8 @@ class RankTolerances:
     faint, presumed : float
         Where the file does not tell its accuracy, they are tried where that value is below
         ``faint``, with lengths ``presumed`` times the characteristic length off.
+    clear : float
+        Ratio of the last singular value that counts to the next from which on a rank is clear.
 
     Raises
     ------
@@ -75,6 +80,7 @@ class RankTolerances:
     farthest: float = 1e-2
     faint: float = 1e-5
     presumed: float = 1e-6
+    clear: float = 1e3
 
     def __post_init__(self) -> None:
         given = {name: getattr(self, name) for name in self.__dataclass_fields__}
@@ -124,6 +130,8 @@ class Rank:
     columns : IntArray
         (n,), columns with an effect.
     doubtful : tuple of DoubtfulCombination
+    bounds : tuple of int or None
+        Between which numbers it lies where the gap is not clear; None where it is.
     """
 
     value: int
@@ -132,6 +140,7 @@ class Rank:
     scales: FloatArray
     columns: IntArray
     doubtful: tuple[DoubtfulCombination, ...]
+    bounds: tuple[int, int] | None
 
 
 def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
@@ -143,7 +152,8 @@ def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
         When no parameter has an effect, or when there are too few rows.
     """
     scales, norms, largest = _common_units(observation, tolerances)
-    columns = np.flatnonzero(norms > tolerances.zero * largest)
+    felt = norms > tolerances.zero * largest
+    columns = np.flatnonzero(felt)
     if not len(columns):
         raise RankError(
             "no parameter has an effect: every column of the regressor is zero, as at rest where "
@@ -153,8 +163,8 @@ def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
     values = sizes / sizes[0]
     directions = np.zeros((len(right), len(scales)))
     directions[:, columns] = right
-    last = _not_round_off(observation, scales, values, directions, tolerances)
-    rank, source = _counted(observation, scales, values[:last], tolerances)
+    counted, last = _not_round_off(observation, scales, values, directions, tolerances)
+    rank, source = _counted(observation, scales, values[:last], counted, tolerances)
     if rank == observation.rows < len(columns):
         raise RankError(
             f"the rank may be larger: it equals the number of rows, {rank}, so more samples are "
@@ -169,13 +179,30 @@ def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
         doubtful = _combinations(observation, forces, scales, source)
         # Nothing that counts is felt of columns so much shorter than what counts.
         shortest = sizes[0] * min(np.sqrt(values[rank - 1] * below), SHORT * values[rank - 1])
-        columns = np.flatnonzero(norms > shortest)
+        felt = norms > shortest
+    some = ~felt & (norms > SHORTEST * largest)
+    felt |= _spanned(observation.factor * scales, felt, some, rank)
     gap = float(values[rank - 1] / max(below, np.finfo(float).eps))
-    return Rank(rank, gap, values, scales, columns, doubtful)
+    bounds = None
+    if gap < tolerances.clear:
+        lowest, highest = (
+            int((values > bound).sum())
+            for bound in (tolerances.clear * below, values[rank - 1] / tolerances.clear)
+        )
+        bounds = max(lowest, 1), highest
+    return Rank(rank, gap, values, scales, np.flatnonzero(felt), doubtful, bounds)
 
 
-def warn_of_doubts(doubtful: Sequence[DoubtfulCombination]) -> None:
-    """Say which combinations do not count, and what may have made them."""
+def warn_of_doubts(
+    doubtful: Sequence[DoubtfulCombination], bounds: tuple[int, int] | None = None
+) -> None:
+    """Say which combinations do not count, what may have made them, and whether it is clear."""
+    if bounds:
+        warn(
+            f"the rank is unclear: it lies between {bounds[0]} and {bounds[1]}, as no gap parts "
+            "singular values that count from the others",
+            AccuracyWarning,
+        )
     if not doubtful:
         return
     names, most = [next(iter(one.terms)) for one in doubtful], doubtful[0]
@@ -204,20 +231,35 @@ def _common_units(
 ) -> tuple[FloatArray, FloatArray, float]:
     """Scales and then norms (p,) of columns, and what the largest norm is at least.
 
-    Terms of joints have units of their own: those with a clear effect are made as large as the
-    largest column.
+    Columns of bodies that are longer than the natural size, as of rotors behind gears, are made as
+    large as that. Terms of joints have units of their own: those with a clear effect are made as
+    large as the largest column.
     """
     powers = observation.parameters.length_powers.astype(np.float64)
     scales = np.asarray(observation.length**powers)
     norms = np.linalg.norm(observation.factor, axis=0) * scales
-    natural = observation.natural_size * np.sqrt(observation.rows)
     of_joint = np.array([p.kind not in KINDS for p in observation.parameters], dtype=bool)
-    largest = max(float(norms[~of_joint].max(initial=0.0)), natural)
+    largest = observation.natural_size * np.sqrt(observation.rows)
+    largest = largest or float(norms[~of_joint].max(initial=0.0))
     largest = largest or float(norms.max(initial=0.0))
-    clear = of_joint & (norms > tolerances.least * largest)
-    scales[clear] *= largest / norms[clear]
-    norms[clear] = largest
+    long = norms > largest
+    long |= of_joint & (norms > tolerances.least * largest)
+    scales[long] *= largest / norms[long]
+    norms[long] = largest
     return scales, norms, largest
+
+
+def _spanned(matrix: FloatArray, felt: BoolArray, short: BoolArray, rank: int) -> BoolArray:
+    """Which of some short columns (p,) of a matrix (m, p) lie in the span of those that are felt.
+
+    Round-off does not: however short they are, they have an effect.
+    """
+    if short.any():
+        span = np.linalg.svd(matrix[:, felt] / np.linalg.norm(matrix[:, felt], axis=0))[0][:, :rank]
+        columns = matrix[:, short] / np.linalg.norm(matrix[:, short], axis=0)
+        apart = np.linalg.norm(columns - span @ (span.T @ columns), axis=0)
+        short[short] = apart <= SPANNED
+    return short
 
 
 def decomposed(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -239,49 +281,57 @@ def _not_round_off(
     values: FloatArray,
     directions: FloatArray,
     tolerances: RankTolerances,
-) -> int:
-    """How many singular values (n,) of directions (n, p) are made by more than round-off.
+) -> tuple[int, int]:
+    """How many singular values (n,) of directions (n, p) count, and are no round-off.
 
     Near singular poses round-off is large; so is what other geometry would change. A value that
-    numbers of all digits would make is none.
+    numbers of all digits would make is none. One that only lengths larger than the robot would
+    make counts.
     """
     counted, last = (
         max(1, int((values > bound).sum())) for bound in (tolerances.least, tolerances.zero)
     )
     if last == counted:
-        return last
+        return counted, last
     part = slice(counted, last)
     roundings = _roundings(observation, scales, directions[part], values[part], known=False)
     real = np.flatnonzero(~(roundings <= ROUND_OFF * observation.length))
-    return counted + int(real.max(initial=-1)) + 1
+    # Who asks for coarse values to be left out has them left out, real or not.
+    usual = tolerances.least <= RankTolerances.least
+    effects = np.flatnonzero(usual & (roundings > observation.length))
+    last = counted + int(real.max(initial=-1)) + 1
+    return counted + int(effects.max(initial=-1)) + 1, last
 
 
 def _counted(
-    observation: Observation, scales: FloatArray, values: FloatArray, tolerances: RankTolerances
+    observation: Observation,
+    scales: FloatArray,
+    values: FloatArray,
+    counted: int,
+    tolerances: RankTolerances,
 ) -> tuple[int, str]:
     """How many relative singular values count; and what tells of the rounding that made the rest.
 
     From the least one on, values that other numbers of the robot file would change are made by its
     rounding; the first that stays the same is evidence of rank, and so are all above it.
     """
-    counted = max(1, int((values > tolerances.least).sum()))
-    rounding, least = observation.rounding, values[-1]
-    if rounding is None:
+    draws, least = observation.draws, values[-1]
+    if draws is None:
         return counted, ""
-    accuracy, near = rounding.accuracy, tolerances.reach * rounding.accuracy / observation.length
-    if not accuracy and not rounding.source:
+    accuracy, near = draws.accuracy, tolerances.reach * draws.accuracy / observation.length
+    if not accuracy and not draws.source:
         accuracy, near = tolerances.presumed * observation.length, tolerances.faint
     if not accuracy or least > min(near, tolerances.farthest):
         return counted, ""
     # A few draws see whether there may be any.
-    for draws, part in ((2, tolerances.change / 10), (tolerances.draws, tolerances.change)):
-        factors = rounding.factors(draws, accuracy if not rounding.accuracy else None)
+    for count, part in ((2, tolerances.change / 10), (tolerances.draws, tolerances.change)):
+        factors = draws.rounded(count, accuracy if not draws.accuracy else None)
         spectra = np.linalg.svd(factors * scales, compute_uv=False)[:, :counted]
         changes = np.median(np.abs(spectra[1:] - spectra[0]), axis=0)  # single ones are singular
         same = np.flatnonzero(changes <= part * spectra[0])
         if len(same) and same[-1] == counted - 1:
             return counted, ""
-    return (int(same[-1]) + 1 if len(same) else 1), rounding.source
+    return (int(same[-1]) + 1 if len(same) else 1), draws.source
 
 
 def _combinations(
@@ -317,12 +367,12 @@ def _roundings(
     known: bool,
 ) -> FloatArray:
     """Rounding (k,) in m: the ``known`` one, or one that makes as large forces along directions."""
-    if observation.rounding is None:
+    if observation.draws is None:
         return np.full(len(sizes), np.nan)
     if known:
-        return np.full(len(sizes), observation.rounding.accuracy)
+        return np.full(len(sizes), observation.draws.accuracy)
     tried = TRIED * observation.length
-    written, *others = observation.rounding.factors(2, tried) * scales
+    written, *others = observation.draws.rounded(2, tried) * scales
     own, *moved = (np.linalg.norm(factor @ along.T, axis=0) for factor in (written, *others))
     made = np.sqrt(np.mean((np.array(moved) - own) ** 2, axis=0)) / np.linalg.norm(written, 2)
     return np.asarray(tried * sizes / np.maximum(made, np.finfo(float).tiny))

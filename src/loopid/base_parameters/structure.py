@@ -21,7 +21,9 @@ from loopid.parameters import ParameterSet
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
+ZERO = 4.0  # times the round-off of null vectors: shorter rows are zero
 ROUND_OFF = 1e-9  # that inversions leave of zeros, in a null space and in coefficients
+COARSE = 1e-6  # of the last value that counts, of columns of equal length: more is no round-off
 COARSEST = 1e-2  # precision of null vectors that doubtful values leave at least
 
 
@@ -48,6 +50,10 @@ class Structure:
         Combinations that may have an effect or not; they do not count.
     tolerances : RankTolerances
         What decided.
+    rank_bounds : tuple of int or None
+        Between which numbers the rank lies where the gap is not clear; None where it is.
+    null_errors : FloatArray or None
+        (n,), round-off of each row of ``null_basis``, relative to its norm; None for none.
     """
 
     parameters: ParameterSet
@@ -59,11 +65,13 @@ class Structure:
     row_factor: FloatArray
     doubtful: tuple[DoubtfulCombination, ...] = ()
     tolerances: RankTolerances = RankTolerances()
+    rank_bounds: tuple[int, int] | None = None
+    null_errors: FloatArray | None = None
 
     @property
     def precision(self) -> float:
         """Of null vectors: round-off, or what doubtful values leave of it."""
-        return _precision(self.rank_gap, doubtful=bool(self.doubtful))
+        return _precision(self.rank_gap) if self.doubtful else ROUND_OFF
 
     def permuted(self, order: IntArray) -> Structure:
         """The same with its parameters in another order (n,)."""
@@ -72,6 +80,7 @@ class Structure:
             parameters=self.parameters.select(order),
             columns=self.columns[order],
             null_basis=self.null_basis[order],
+            null_errors=None if self.null_errors is None else self.null_errors[order],
             row_factor=self.row_factor[:, order],
         )
 
@@ -94,19 +103,36 @@ def analyse(observation: Observation, tolerances: RankTolerances = RankTolerance
     (4, 7, ())
     """
     with one_blas_thread():
-        found = decide_rank(observation, tolerances)
+        decisive = observation.unit_motions or observation
+        found = decide_rank(decisive, tolerances)
+        if found.bounds and decisive.draws is not None:
+            more = decisive.draws.more()
+            decisive = more.unit_motions or more
+            found = decide_rank(decisive, tolerances)
         columns, rank = found.columns, found.value
-        R = observation.factor[:, columns]
+        R = decisive.factor[:, columns]
         # Columns of equal length give the most accurate null vectors, unless small ones are noise.
-        scales = found.scales[columns] if found.doubtful else 1 / np.linalg.norm(R, axis=0)
+        scales = 1 / np.linalg.norm(R, axis=0)
         values, right = decomposed(R * scales)
-        basis = _orthonormal(right[rank:].T * scales[:, None])
+        left = np.append(values, 0.0)[rank]
+        coarse = bool(found.doubtful) or left > COARSE * values[rank - 1]
+        if coarse:
+            scales = found.scales[columns]
+            values, right = decomposed(R * scales)
+        basis = right[rank:].T
+        error = max(left, np.finfo(float).eps * values[0]) / values[rank - 1]
         # Rows of round-off are zeros: enough of them would make a V22 with an excellent condition
         # number and no meaning.
-        precision = _precision(found.gap, doubtful=bool(found.doubtful))
-        basis[np.linalg.norm(basis, axis=1) < precision] = 0.0
-        basis, _ = np.linalg.qr(basis)
-        factor = values[:rank, None] * right[:rank] / scales
+        zero = _precision(found.gap) if coarse else ZERO * error
+        basis[np.linalg.norm(basis, axis=1) < zero] = 0.0
+        basis = np.linalg.qr(basis)[0]
+        error = np.finfo(float).eps * values[0] / values[rank - 1] if coarse else error
+        sizes = np.linalg.norm(basis, axis=1)
+        null_errors = np.divide(error, sizes, out=np.zeros(len(sizes)), where=sizes > 0)
+        factor = observation.factor[:, columns] * scales
+        lost = (factor @ basis) @ basis.T
+        values, right = decomposed(factor - lost)
+        factor = values[:rank, None] * right[:rank]
         factor -= (factor @ basis) @ basis.T  # so that both have the same regular choices
     return Structure(
         parameters=observation.parameters.select(columns),
@@ -114,27 +140,32 @@ def analyse(observation: Observation, tolerances: RankTolerances = RankTolerance
         singular_values=found.singular_values,
         rank=rank,
         rank_gap=found.gap,
-        null_basis=basis,
-        row_factor=factor,
+        null_basis=_orthonormal(basis * scales[:, None]),
+        row_factor=factor / scales,
         doubtful=found.doubtful,
         tolerances=tolerances,
+        rank_bounds=found.bounds,
+        null_errors=null_errors,
     )
 
 
 def _orthonormal(vectors: FloatArray) -> FloatArray:
     """A basis of vectors (n, d), each row as exact as its size allows.
 
-    Rows of very different size lose nothing to the longer ones where these come first, and pivots
-    are chosen [Higham2002, section 19.4].
+    Rows of very different size lose nothing to the longer ones where these come first, pivots are
+    chosen [Higham2002, section 19.4], and the factor R is divided by; once more for what that left.
     """
     order = np.argsort(-np.linalg.norm(vectors, axis=1), kind="stable")
-    basis = np.empty_like(vectors)
-    basis[order] = scipy.linalg.qr(vectors[order], mode="economic", pivoting=True)[0]
-    return basis
+    for _ in range(2):
+        R, pivots = scipy.linalg.qr(vectors[order], mode="r", pivoting=True)
+        R = R[: vectors.shape[1]]
+        vectors = scipy.linalg.solve_triangular(R, vectors[:, pivots].T, trans="T").T
+    return vectors
 
 
-def _precision(gap: float, *, doubtful: bool) -> float:
-    return min(COARSEST, max(ROUND_OFF, 1 / gap)) if doubtful else ROUND_OFF
+def _precision(gap: float) -> float:
+    """Of null vectors, where doubtful values leave less than round-off does."""
+    return min(COARSEST, max(ROUND_OFF, 1 / gap))
 
 
 def independent_blocks(null_basis: FloatArray) -> tuple[IntArray, ...]:
@@ -156,7 +187,8 @@ def independent_blocks(null_basis: FloatArray) -> tuple[IntArray, ...]:
     basis = finite(null_basis, "null_basis")
     if basis.ndim != 2:
         raise DataError(f"null_basis must have shape (n, d), not {basis.shape}", given=basis.shape)
-    connected = np.abs(basis @ basis.T) > ROUND_OFF  # entries are at most 1
+    lengths = np.linalg.norm(basis, axis=1)
+    connected = np.abs(basis @ basis.T) > ROUND_OFF * np.outer(lengths, lengths)
     np.fill_diagonal(connected, True)
     # Each column takes the first column that it is connected with, until all of a block agree.
     first, before = connected.argmax(axis=0), None

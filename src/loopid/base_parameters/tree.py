@@ -29,10 +29,10 @@ from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.base_parameters.blocks import Block, Budget, OutOfBudgetError
+from loopid.base_parameters.choice import UNIT_ROUND_OFF
 
 # The margin: a proven multiple of the unit round-off, and at least this.
 LEAST_MARGIN = 1e-12
-UNIT_ROUND_OFF = 2.0**-53
 # Thresholds closer than this fraction to the smallest eigenvalue of F would amplify round-off.
 NEAR_LIMIT = 1e-4
 # Rows shorter than the threshold by this factor are as short as any.

@@ -11,7 +11,7 @@ from typer import Argument, Option
 
 from loopid.cli.shell import answering, with_options
 from loopid.errors import OptionError
-from loopid.files import require_other_file, write_file, write_files
+from loopid.files import require_name, require_other_file, require_own_kind, write_file, write_files
 from loopid.workers import progress_bar
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ FILE = Argument(
     ..., metavar="FILE", help="Robot: a YAML, URDF, MJCF or SDF, or a bundled one's name."
 )
 MOTIONS = Argument(None, metavar="MOTIONS", help="Motion YAML; by default the robot's bundled one.")
+LOG_ENDINGS = (".csv", ".txt", ".tsv")
 MODEL = Option("gravity", help="gravity (slow motion) or full (all ten parameters a body).")
 TERMS = (
     "Forces in the joints: of all motors, as Fc,Fv,Fo; with some joints' own, as "
@@ -182,13 +183,16 @@ def simulate(
     from loopid.motion.files import read_motion_program
     from loopid.motion.simulation import Noise, simulate_log
 
+    if out is not None:
+        require_name(out, "the log")
+        require_other_file(out, *robot_files(robot), program or "")
+        require_own_kind(out, LOG_ENDINGS)
     errors = Noise(gaussian=noise, encoder_step=encoder_step)
     planned = read_motion_program(program or robot.name).motion(motion, rate)
     text = simulate_log(robot, planned, errors, terms=terms, cad_error=cad_error, seed=seed)
     if out is None:
         typer.echo(text, nl=False)
     else:
-        require_other_file(out, *robot_files(robot), program or "")
         write_file(out, text)
         typer.echo(out)
 

@@ -22,6 +22,7 @@ import pinocchio as pin
 from loopid.arguments import FloatArray, IntArray, NotNegative, checked, finite
 from loopid.errors import DataError, MobilityError, OptionError
 from loopid.identification.force_model import ForceModel
+from loopid.identification.friction import nearest_line
 from loopid.identification.prediction import force_model_of
 from loopid.identification.result import FitResult
 from loopid.identification.saved import SavedFit
@@ -37,7 +38,7 @@ from loopid.kinematics.projection import (
     velocity_maps,
 )
 from loopid.parameters import KINDS, model_kinds
-from loopid.regressors.joint_laws import JointState, JointTerm, joint_term
+from loopid.regressors.joint_laws import JointState, JointTerm, grouped, joint_term
 from loopid.regressors.joint_terms import JointTerms, with_loads
 from loopid.robot.mechanism import Mechanism, lock_options
 
@@ -462,8 +463,9 @@ def pinocchio_model(
 ) -> pin.Model:
     """Pinocchio's model of the open tree with the bodies of a fit.
 
-    Rotor inertias, viscous and Coulomb friction are in ``armature``, ``damping`` and ``friction``;
-    other joint terms have no place there. ``constraint_models`` closes its loops.
+    Rotor inertias, viscous and Coulomb friction are in ``armature``, ``damping`` and ``friction``,
+    the nearest to a friction curve (``nearest_line``); other joint terms have no place there.
+    ``constraint_models`` closes its loops.
 
     Parameters
     ----------
@@ -507,10 +509,17 @@ def pinocchio_model(
         else:  # the inertia about the centre of mass stays
             centre = own[1:] / own[0] if own[0] else old.lever
             tree.inertias[body.joint_id] = pin.Inertia(own[0], centre, old.inertia)
-    fields = {"Ia": tree.armature, "Fv": tree.damping, "Fc": tree.friction}
+    terms: dict[str, dict[str, float]] = {}
     for parameter, value in zip(list(model.base.parameters)[count:], values[count:], strict=True):
-        if parameter.kind in fields:
-            fields[parameter.kind][mechanism.velocity_indices([parameter.link])] = value
+        terms.setdefault(parameter.link, {})[parameter.kind] = float(value)
+    result = fit.result if isinstance(fit, SavedFit) else fit
+    fields = {"Ia": tree.armature, "Fv": tree.damping, "Fc": tree.friction}
+    for joint, kinds in terms.items():
+        if any(map(grouped, kinds)):
+            line = nearest_line(joint, kinds, None if result is None else result.use)
+            kinds |= {"Fc": line.coulomb, "Fv": line.viscous}
+        for kind in fields.keys() & kinds.keys():
+            fields[kind][mechanism.velocity_indices([joint])] = kinds[kind]
     return tree
 
 

@@ -11,12 +11,13 @@ from loopid.errors import LoopidError, ModelWarning, warn
 from loopid.kinematics.freedoms import closed_at
 from loopid.kinematics.sampling import SamplingOptions
 from loopid.records import record
-from loopid.regressors.structural import structural_observation
+from loopid.regressors.structural import LEAST_SAMPLES, structural_observation
 from loopid.robot.mechanism import AssemblyMode, Mechanism
 
 ROWS_PER_COLUMN = 1.5  # of observations that only tell a rank
-# Parts of the limits that poses are from: near by they take a step or two, farther away more shows.
-SPREADS = (0.05, 1.0)
+# Parts of the limits that poses are from: all, as for base parameters; less where these do not
+# close, or show no gap.
+SPREADS = (1.0, 0.05)
 LARGEST = 600  # parameters of a robot whose modes are compared
 
 
@@ -80,9 +81,13 @@ def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
         # Coordinates that are independent in one mode may hardly be so in another.
         robot, _ = closed_at(mechanism, mode.reference)
         count = ceil(ROWS_PER_COLUMN * len(robot.parameters()) / len(robot.independent))
+        count = max(count, LEAST_SAMPLES)
         for spread in SPREADS:
             with suppress(LoopidError):
                 options = SamplingOptions(spread=spread)
-                observed = structural_observation(robot, "full", samples=count, options=options)
-                return analyse(observed).rank
+                found = analyse(
+                    structural_observation(robot, "full", samples=count, options=options)
+                )
+                if found.rank_bounds is None:
+                    return found.rank
     return None

@@ -21,7 +21,7 @@ import numpy as np
 from loopid.arguments import BoolArray, FloatArray
 from loopid.errors import AssemblyError
 from loopid.excitation.problem import SOLVERS, Problem, Value, evaluate
-from loopid.kinematics.assembly import CLOSURE_TOLERANCE, AssemblyOptions, try_assemble
+from loopid.kinematics.assembly import AssemblyOptions, largest_opening, try_assemble
 from loopid.kinematics.constraint import largest_residual
 from loopid.kinematics.measured import measured_coordinates
 from loopid.kinematics.projection import singularity_measure
@@ -117,7 +117,7 @@ def check_motion(problem: Problem, X: FloatArray) -> tuple[Check, ...]:
         check(bound.text, bound.unit, time, column, bound.lower, bound.upper, bound.scale)
     if mechanism.rows:
         residual = largest_residual(mechanism, motion.configurations)
-        largest = max(CLOSURE_TOLERANCE, 2 * mechanism.closure_residual)
+        largest = largest_opening(mechanism)
         check("closure residual", "m", time, residual, -np.inf, largest, mechanism.length)
     speeds = np.abs(np.concatenate([motion.velocities[ends], motion.accelerations[ends]], axis=1))
     resting = speeds.max(axis=1, initial=0.0)

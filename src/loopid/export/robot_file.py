@@ -10,24 +10,24 @@ say as the parameters do is named, whatever the reason.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import isclose
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.optimize import nnls
 
 from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, FileError, ModelWarning, OptionError, RobotFileError, warn
 from loopid.export.urdf_editor import UrdfEditor
 from loopid.files import write_file
+from loopid.identification.friction import nearest_line
 from loopid.identification.result import MotorUse
 from loopid.inertia import body_defect, central_moments, centre, from_moments, pseudo_inertia
 from loopid.loading.files import find_files
 from loopid.parameters import KINDS, MODELS, ParameterSet
 from loopid.registry import editable_files
-from loopid.regressors.joint_laws import RATIO, JointState, grouped, joint_term
+from loopid.regressors.joint_laws import grouped, joint_term
 from loopid.robot.mechanism import Body, Mechanism, link_frames, shortened
 
 # Relative difference between a body as its links in the file make it and as it was loaded.
@@ -36,8 +36,6 @@ AGREEMENT = 1e-9
 SAME = 1e-13
 # Relative difference of a joint term, in the new file and as it was meant: degrees are round-off.
 READ_BACK = 1e-12
-# What friction is in robot files, and rates that a curve is compared with it at.
-LINE, POINTS = ("Fc", "Fv"), 200
 # What is not written where the other half of its force has no place: by kind, the other halves.
 HALVES = {"Ks": ("Ks2", "Ks3", "Ks@"), "Fc": ("Fc+", "Fc-")}
 Terms = dict[str, dict[str, float]]  # by coordinate and kind
@@ -250,34 +248,12 @@ def _with_lines(meant: Terms, use: MotorUse | None) -> tuple[Terms, list[str]]:
     """Terms with Coulomb and viscous friction in place of curves, and sentences of how near."""
     found, said = dict(meant), list[str]()
     for joint, terms in meant.items():
-        own = {kind: value for kind, value in terms.items() if grouped(kind)}
-        if not own:
-            continue
-        known = use is not None and joint in use.joints
-        least, most = use.of(joint) if use is not None and known else _rates_of(own)
-        load = use.load[use.joints.index(joint)] if use is not None and known else 0.0
-        rates = np.linspace(least, most, POINTS)
-        curve = {**own, **{kind: terms.get(kind, 0.0) for kind in LINE}}
-        laws = [joint_term(kind) for kind in curve]
-        both, coefficients = np.zeros((2, POINTS)), np.array(list(curve.values()))
-        for sign, way in zip((1.0, -1.0), both, strict=True):
-            state = JointState(None, sign * rates, None, math=np, torque=load)
-            way += sign * coefficients @ np.stack([law.signal(state, POINTS) for law in laws])
-        line, _ = nnls(np.column_stack([np.ones(POINTS), rates]), both.mean(axis=0))
-        rest = {kind: value for kind, value in terms.items() if kind not in curve}
-        found[joint] = rest | dict(zip(LINE, line.tolist(), strict=True))
-        off = np.abs(both - line[0] - line[1] * rates).max()
-        said.append(
-            f"Fc = {line[0]:.3g} and Fv = {line[1]:.3g} of {joint} are within {off:.2g} of its "
-            f"friction from {least:.2g} to {most:.2g}"
-        )
+        if any(grouped(kind) for kind in terms):
+            line = nearest_line(joint, terms, use)
+            rest = {k: value for k, value in terms.items() if not grouped(k)}
+            found[joint] = rest | {"Fc": line.coulomb, "Fv": line.viscous}
+            said.append(line.sentence)
     return found, said
-
-
-def _rates_of(kinds: Iterable[str]) -> tuple[float, float]:
-    """Slowest and fastest rate of the points of a curve; of load friction alone any."""
-    rates = [at for kind in kinds if (at := joint_term(kind).at)]
-    return (min(rates), RATIO * max(rates)) if rates else (0.0, 1.0)
 
 
 def _writable(meant: Terms) -> Terms:

@@ -17,7 +17,7 @@ from loopid.arguments import BoolArray
 from loopid.errors import FileError, MissingExtraError, RobotFileError
 from loopid.formats.mjcf_compiler import compile_guarded
 from loopid.loading.files import naming
-from loopid.loading.urdf_tree import read_xml
+from loopid.loading.urdf_tree import Element, label, read_xml
 from loopid.robot.mechanism import LeftOut
 
 try:
@@ -95,9 +95,18 @@ def compile_mjcf(path: Path) -> tuple[mujoco.MjModel, list[str]]:
         root = read_xml(path)
         if root.tag != "mujoco":
             raise RobotFileError(f"it is no MJCF: its root is <{root.tag!s}>, not <mujoco>")
+        _refuse_nan(root)
         model, heard = compile_guarded(path)
         _refuse_odd_numbers(model)
     return model, [f"MuJoCo warns: {text}" for text in dict.fromkeys(heard)]
+
+
+def _refuse_nan(root: Element) -> None:
+    """Refuse attributes that hold NaN, which MuJoCo takes for what is not given."""
+    for element in root.iter("*"):
+        for key, value in element.attrib.items():
+            if key not in ("name", "class") and "nan" in str(value).lower().split():
+                raise RobotFileError(f"{label(element)}: {key} must be numbers, not {value!r:.60}")
 
 
 def _refuse_odd_numbers(compiled: mujoco.MjModel) -> None:

@@ -79,7 +79,10 @@ def _reason(error: BaseException) -> str:
     reason = " ".join(str(error).split()) or type(error).__name__
     if argument := UNDEFINED_ARGUMENT.search(reason):
         name = argument[1]
-        return f"the argument {name!r} has no value: give it by --xacro {name}:=VALUE"
+        return (
+            f"the argument {name!r} has no value: give one as xacro={{{name!r}: ...}}, or by the "
+            "key 'xacro' of a YAML beside the file"
+        )
     if undefined := UNDEFINED_NAME.search(reason):
         return f"{undefined[0]}: give it a value by <xacro:property name={undefined[1]} value=.../>"
     return f"xacro refuses it: {reason:.300}"

@@ -15,6 +15,7 @@ from .estimator import (
     WeightedLeastSquares as WeightedLeastSquares,
     WorkingFit as WorkingFit,
 )
+from .evidence import SuspicionOptions as SuspicionOptions
 from .fitting import (
     fit as fit,
     fit_in_steps as fit_in_steps,
@@ -30,10 +31,12 @@ from .force_model import (
 )
 from .friction import (
     FrictionCurve as FrictionCurve,
+    FrictionLine as FrictionLine,
     FrictionSummary as FrictionSummary,
     friction_curve as friction_curve,
     friction_summary as friction_summary,
     motor_use as motor_use,
+    nearest_line as nearest_line,
     with_friction as with_friction,
 )
 from .information import (
@@ -45,6 +48,12 @@ from .information import (
     identifiability as identifiability,
 )
 from .instrumental import InstrumentalVariables as InstrumentalVariables
+from .log_mistakes import (
+    MotorGain as MotorGain,
+    Suspicions as Suspicions,
+    suspicions as suspicions,
+    suspicions_by_log as suspicions_by_log,
+)
 from .pipeline import (
     FitOptions as FitOptions,
     Identification as Identification,

@@ -209,7 +209,8 @@ def quiet_consistent_fit(
     with one_blas_thread():
         state, common = _most_likely(program, options)
         found = _result(force_model, data, weights, program, state, options.freedom)
-        groups = _groups(program, state, found.result)
+        last = len(found.result.values) - (program.terms.group >= 0).sum()  # those of groups
+        groups = _groups(program, state, found.result.covariance[last:, last:])
     far = FileDeviation(
         *(common, program.names, state.deviations, options.deviations[1], options.farthest),
         least=options.deviations[0],
@@ -276,7 +277,8 @@ def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> F
         spread = program.terms.spread(state.groups)
         found = _posterior(left, weights, state.joints, spread.T).result
         freedom = _freedom(program, state, spread, ConsistentOptions().freedom)
-        groups = _groups(program, state, found)
+        own = np.flatnonzero(program.terms.group >= 0)
+        groups = _groups(program, state, found.covariance[np.ix_(own, own)])
     freedom = np.minimum(found.degrees_of_freedom, freedom)
     labels, inside = force_model.parameters.labels, J != 0
     values = base.values(standard)
@@ -309,23 +311,23 @@ def _posed(
         return weights, _Program.of(force_model, data.problem.weighted(weights), priors)
 
 
-def _groups(program: _Program, state: _State, found: FitResult) -> TermDeviations | None:
+def _groups(program: _Program, state: _State, covariance: FloatArray) -> TermDeviations | None:
     """Deviations of the groups of joint terms, and what the data say of them.
 
     The evidence is the ratio of the densities of a group's prior and posterior at none
-    [Dickey1971], its distance from none by the covariance for autocorrelated errors. The terms of
-    groups are the last parameters of the fit.
+    [Dickey1971], its distance from none by the ``covariance`` for autocorrelated errors, which is
+    that of all terms of groups.
     """
     terms, first = program.terms, WIDTH * len(program.file)
     if not terms.names:
         return None
     step, evidence = program.step(state), []
-    places = np.cumsum(terms.group >= 0) - (terms.group >= 0).sum() + len(found.values) - 1
+    places = np.cumsum(terms.group >= 0) - 1
     for number in range(len(terms.names)):
         own = np.flatnonzero(terms.group == number)
         rows = np.eye(first + len(terms.group))[first + own]
         apart = state.joints[own]
-        spread = found.covariance[np.ix_(places[own], places[own])]
+        spread = covariance[np.ix_(places[own], places[own])]
         size = np.linalg.slogdet(step.covariance(rows)[:, first + own])[1]
         evidence.append((size + apart @ np.linalg.solve(spread, apart)) / 2)
     told = terms.of_groups(step.told[first:])

@@ -25,7 +25,8 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from loopid.arguments import BoolArray, FloatArray, checked
-from loopid.errors import DataError, DataWarning, RankError, warn
+from loopid.errors import DataError, RankError
+from loopid.findings import Finding
 from loopid.identification.correlation import (
     Autoregression,
     burg_covariances,
@@ -127,10 +128,15 @@ class Delay:
             "undone (undo_delay=False would keep them; 'delay' in a mapping undoes a known one)"
         )
 
+    @property
+    def finding(self) -> Finding:
+        """What is clear, as a warning."""
+        return Finding("warning", "forces were late or early, which is undone", self.sentence)
+
     def warn(self) -> None:
         """Tell what is clear."""
         if self.clear:
-            warn(self.sentence, DataWarning)
+            self.finding.warn()
 
 
 def _late(whose: str, delay: float, interval: FloatArray | tuple[float, float]) -> str:

@@ -49,6 +49,7 @@ from loopid.regressors.joint_laws import (
     LOAD,
     RATIO,
     JointState,
+    grouped,
     joint_term,
 )
 from loopid.regressors.joint_terms import JointTerms
@@ -72,6 +73,7 @@ NO_EFFECT = 0.01
 # Part of the friction at the slowest, or fastest, rate that it may differ by far beyond: a usual
 # size of what curves show there.
 DOUBT = 0.1
+LINE_POINTS = 200  # rates that a line is fitted at
 
 
 @checked
@@ -378,8 +380,9 @@ def friction_summary(fit: FitResult) -> FrictionSummary:
 
 def friction_findings(fit: FitResult) -> list[str]:
     """What friction a fit has beside Coulomb and viscous friction: a sentence each."""
-    groups = () if fit.term_deviations is None else fit.term_deviations.names
-    parted = [name.rpartition(": ")[::2] for name in groups]
+    groups = fit.term_deviations
+    clear = () if groups is None else np.flatnonzero(groups.evidence >= CLEARLY)
+    parted = [groups.names[k].rpartition(": ")[::2] for k in clear] if groups else []
     said = {
         CURVE.name: "Friction of {} is a curve of the rate",
         ASYMMETRY.name: "Friction of {} differs by direction",
@@ -422,3 +425,64 @@ def friction_columns(fit: FitResult, joint: str) -> list[int]:
 
 def _friction(kind: str) -> bool:
     return kind not in KINDS and joint_term(kind).friction
+
+
+@record
+class FrictionLine:
+    """Coulomb and viscous friction that is nearest to a curve, for what knows no other.
+
+    Attributes
+    ----------
+    joint : str
+    coulomb, viscous : float
+    off : float
+        Largest distance of the curve from it, in N or N m.
+    rates : tuple of float
+        Between which, in m/s or rad/s.
+    """
+
+    joint: str
+    coulomb: float
+    viscous: float
+    off: float
+    rates: tuple[float, float]
+
+    @property
+    def sentence(self) -> str:
+        """How near it is."""
+        least, most = self.rates
+        return (
+            f"Fc = {self.coulomb:.3g} and Fv = {self.viscous:.3g} of {self.joint} are within "
+            f"{self.off:.2g} of its friction from {least:.2g} to {most:.2g}"
+        )
+
+
+@checked
+def nearest_line(
+    joint: str, terms: Mapping[str, float], use: MotorUse | None = None
+) -> FrictionLine:
+    """The line nearest to the friction of a joint, by least squares over the rates of the log.
+
+    Parameters
+    ----------
+    terms : mapping
+        Values of its joint terms by their kinds.
+    use : MotorUse, optional
+        Rates and loads in the log; by default rates of the curve's points, and no load.
+    """
+    from scipy.optimize import nnls  # slow to import
+
+    load, points = 0.0, [at for kind in terms if grouped(kind) and (at := joint_term(kind).at)]
+    least, most = (min(points), RATIO * max(points)) if points else (0.0, 1.0)
+    if use is not None and joint in use.joints:
+        least, most = use.of(joint)
+        load = float(use.load[use.joints.index(joint)])
+    rates, both = np.linspace(least, most, LINE_POINTS), np.zeros((2, LINE_POINTS))
+    own = [kind for kind in terms if grouped(kind) or kind in ("Fc", "Fv")]
+    for sign, way in zip((1.0, -1.0), both, strict=True):
+        state = JointState(None, sign * rates, None, math=np, torque=load)
+        for kind in own:
+            way += sign * terms[kind] * joint_term(kind).signal(state, LINE_POINTS)
+    line, _ = nnls(np.column_stack([np.ones(LINE_POINTS), rates]), both.mean(axis=0))
+    off = float(np.abs(both - line[0] - line[1] * rates).max())
+    return FrictionLine(joint, float(line[0]), float(line[1]), off, (least, most))

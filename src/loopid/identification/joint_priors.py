@@ -90,7 +90,7 @@ class JointPriors:
             laws = [joint_term(terms[j].kind) for j in columns]
             prior = laws[0].prior
             assert prior is not None
-            scale = 1.0 if laws[0].units[0] == "1" else force.get(joint) or max(force.values())
+            scale = 1.0 if not laws[0].units[0] else force.get(joint) or max(force.values())
             bounds[number] = prior.largest * (scale or 1.0) * np.array([LEAST, 1.0])
             group[columns] = number
             if prior.correlation is not None:

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from html import escape
 
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
 from loopid.errors import DataError, DataWarning, OptionError, RankError, warn
+from loopid.findings import Finding
 from loopid.identification.consistent import (
     CONSISTENT,
     ConsistentOptions,
@@ -23,7 +25,7 @@ from loopid.identification.cutoff import CutoffChoice, choose_cutoff, prepared_a
 from loopid.identification.delay import Delay, find_delay, with_delay_errors, without_delay
 from loopid.identification.estimator import ESTIMATORS, Estimator, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
-from loopid.identification.force_model import ForceModel, samples_of
+from loopid.identification.force_model import ForceModel, parted, samples_of
 from loopid.identification.friction import motor_use, with_friction
 from loopid.identification.information import (
     Excitation,
@@ -33,18 +35,24 @@ from loopid.identification.information import (
     told_values,
 )
 from loopid.identification.leaving_out import LeftOut
+from loopid.identification.log_mistakes import Suspicions, suspicions_by_log
 from loopid.identification.prediction import Candidate, error_ratio, judge
 from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import FitResult, NoiseModel, fit_quality, nearest_first, of_all
 from loopid.identification.terms import TermOptions, choose_terms
-from loopid.identification.verdict import Verdict
+from loopid.identification.verdict import Verdict, findings_of
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.parameters import ParameterSet, html_table
 from loopid.records import record
+from loopid.regressors.closed_loop import force_parts
 from loopid.regressors.joint_laws import joint_term
+from loopid.robot.mechanism import Mechanism
 from loopid.workers import require_processes
 
+# Part of the forces that the robot file's bodies need, below which forces have another unit; and in
+# how many samples that is looked at.
+LEAST_FORCES, LOOKED_AT = 1e-4, 100
 # What is done about a combination of parameters that no force of the data depends on.
 UNIDENTIFIABLE = ("error", "prior")
 
@@ -153,6 +161,8 @@ class Identification:
     delay : Delay or None
         Between forces and motion, what is clear of it undone in all recordings; None where it was
         not looked for, and for motions without a log.
+    suspicions : tuple of Suspicions
+        What may be wrong with each log.
     """
 
     force_model: ForceModel
@@ -166,6 +176,7 @@ class Identification:
     options: FitOptions
     cutoff: CutoffChoice | None = None
     delay: Delay | None = None
+    suspicions: tuple[Suspicions, ...] = ()
 
     def __getitem__(self, name: str) -> Candidate:
         if name not in self.candidates:
@@ -226,6 +237,17 @@ class Identification:
         return None if found is None else found.common
 
     @property
+    def mistakes(self) -> tuple[Finding, ...]:
+        """Mistakes in the logs: no figure counts before they are mended."""
+        found = (each for one in self.suspicions for each in one.mistakes)
+        return tuple(each for each in found if each.severity == "mistake")
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What to know beside the numbers, the most important first."""
+        return findings_of(self)
+
+    @property
     def verdict(self) -> Verdict:
         """What the recommended values are good for, and what would improve them most."""
         return Verdict.of(self)
@@ -244,12 +266,16 @@ class Identification:
             f"  {told.rank} of {told.structural_rank} combinations excited by the data, "
             f"{told.well_determined} better known than by the robot file",
         ]
-        return "\n".join(lines)
+        return "\n".join(
+            [*lines, *(f"  {each.severity}: {each.brief}" for each in self.mistakes[:1])]
+        )
 
     def _repr_html_(self) -> str:
+        said = [f"<p>{escape(str(self.verdict))}</p>"]
+        said += [f"<p>{escape(f'{each.severity}: {each}')}</p>" for each in self.findings]
         head = "candidate", "parameters fitted", "squared error on new data, of the robot file's"
         rows = [(n, c.fitted, *c.error_ratio) for n, c in self.candidates.items()]
-        return html_table((*head, "±"), rows)
+        return "".join(said) + html_table((*head, "±"), rows)
 
 
 @checked
@@ -297,6 +323,37 @@ def warn_of_fitted(training: Sequence[Recording], validation: Sequence[Recording
             )
 
 
+def require_forces(mechanism: Mechanism, recordings: Sequence[Recording]) -> None:
+    """Refuse forces that are none: zero throughout, or far below what the robot's bodies need."""
+    driven = len(mechanism.independent) - len(mechanism.free)
+    largest, used, needed = np.zeros(driven), np.zeros(driven, dtype=bool), 0.0
+    names = ", ".join(run.name for run in recordings)
+    for run in recordings:
+        largest = np.maximum(largest, np.abs(run.force[:, :driven]).max(axis=0, initial=0.0))
+        used |= run.used[:, :driven].any(axis=0)
+        some = np.unique(np.linspace(0, len(run) - 1, LOOKED_AT).astype(int))
+        motion = run.motion
+        state = motion.configurations[some], motion.velocities[some], motion.accelerations[some]
+        parts = force_parts(mechanism, *state).total[:, :driven]
+        needed = max(needed, float(np.abs(parts).max(initial=0.0)))
+    zero = [mechanism.independent[k] for k in np.flatnonzero(used & (largest == 0))]
+    if zero:
+        raise DataError(
+            f"the force of {', '.join(zero)} is zero in all samples of {names}: it tells nothing, "
+            "so name the column that has it as 'force' in a mapping"
+        )
+    most = float(largest.max(initial=0.0))
+    if 0 < most < LEAST_FORCES * needed:
+        fitting = 10.0 ** round(np.log10(needed / most))
+        raise DataError(
+            f"the largest force of {names} is {most:.2g} N or N m, but the bodies of the robot "
+            f"file need {needed:.2g}: in which unit are the forces, or the file's masses? Give "
+            f"that of the forces as 'force_scale' in a mapping ({fitting:.0e} would fit)",
+            given=most,
+            tolerance=LEAST_FORCES,
+        )
+
+
 @checked
 def identify(
     force_model: ForceModel,
@@ -334,8 +391,8 @@ def identify(
     Warns
     -----
     DataWarning
-        Of a delay that was undone, of unidentifiable combinations that the robot file's values are
-        kept for, of weakly identifiable ones, and as ``fit_all``.
+        Of mistakes in the logs, of a delay that was undone, of unidentifiable combinations that the
+        robot file's values are kept for, of weakly identifiable ones, and as ``fit_all``.
 
     Examples
     --------
@@ -348,6 +405,7 @@ def identify(
     0.1
     """
     options.require_references(len(references))
+    require_forces(force_model.mechanism, recordings)
     delay = find_delay(force_model, recordings) if options.undo_delay else None
     training, judging = recordings, validation or ()
     left_out = validation is None and options.fraction is None
@@ -356,6 +414,10 @@ def identify(
     training, judging, friction = (
         without_delay(force_model, runs, delay) for runs in (training, judging, friction)
     )
+    runs = *training, *judging, *friction
+    suspected = suspicions_by_log(force_model.mechanism, runs, parted(force_model.joint_terms)[0])
+    for each in (found for one in suspected for found in one.mistakes):
+        each.warn()  # before what a wrong log may end in
     cutoff = choose_cutoff(force_model, training, n_jobs=options.n_jobs)
     if cutoff is not None:
         cutoff.warn()
@@ -388,10 +450,8 @@ def identify(
     fits = {ROBOT_FILE: start, ALL: widened(whole, force_model.parameters)}
     if solid is not None:
         fits[CONSISTENT] = solid
-    left = None
-    if left_out:
-        refits = _refits(force_model, fits, excited, first=first, known=known, options=options)
-        left = LeftOut.of(data, training, refits)
+    refits = _refits(force_model, fits, excited, first=first, known=known, options=options)
+    left = LeftOut.of(data, training, refits) if left_out else None
     new = data if left_out else samples_of(force_model, judging, n_jobs=options.n_jobs)
     use = motor_use(force_model, data, training)
     fits = {
@@ -400,6 +460,12 @@ def identify(
             cutoff=None if cutoff is None else cutoff.chosen,
             use=use,
             force_model=force_model,
+            mistakes=tuple(
+                str(found)
+                for one in suspected
+                for found in one.mistakes
+                if found.severity == "mistake"
+            ),
         )
         for name, each in fits.items()
     }
@@ -415,11 +481,12 @@ def identify(
         data = force_model.widened(data, training)
         new = data if left_out else force_model.widened(new, judging)
         judged = _judged(fits, data, new, left)
-    runs = tuple(training), tuple(judging), tuple(friction)
+    parts = tuple(training), tuple(judging), tuple(friction)
     return Identification(
-        *(force_model, *runs, data, new, excited, judged, options),
+        *(force_model, *parts, data, new, excited, judged, options),
         cutoff=cutoff,
         delay=delay,
+        suspicions=suspected,
     )
 
 

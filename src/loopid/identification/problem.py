@@ -263,12 +263,20 @@ class FitSamples:
         )
 
     def along(self, directions: FloatArray) -> FitSamples:
-        """The same forces with combinations of parameters only, the columns of (n, k)."""
+        """The same forces with combinations of parameters only, the columns of (n, k).
+
+        Each is named by a parameter with a large part in it, which names no other.
+        """
         W, Z = self.regressor, self.instruments
-        count = directions.shape[1]
+        largest = np.abs(directions).max(axis=1, initial=0.0, keepdims=True)
+        shares, leads = np.abs(directions) / np.where(largest > 0, largest, 1.0), list[str]()
+        for share in shares.T:
+            lead = int(np.argmax(share))
+            leads.append(f"sum with {self.parameters.labels[lead]}")
+            shares[lead] = -1.0
         return replace(
             self,
-            parameters=ParameterSet.from_labels(f"combination.{k + 1}" for k in range(count)),
+            parameters=ParameterSet.from_labels(leads),
             regressor=W @ directions,
             instruments=None if Z is None else Z @ directions,
         )

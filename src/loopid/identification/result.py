@@ -260,8 +260,8 @@ class Estimate:
     def __str__(self) -> str:
         low, high = self.interval
         return (
-            f"{self.name}: {self.value:.5g} ± {self.standard_error:.2g} {self.unit}"
-            f" ({self.relative_std:.1f} %), 95 %: {low:.5g} to {high:.5g}"
+            f"{self.name}: {self.value:.5g} ± {self.standard_error:.2g} {self.unit}".rstrip()
+            + f" ({self.relative_std:.1f} %), 95 %: {low:.5g} to {high:.5g}"
         )
 
 
@@ -308,6 +308,8 @@ class FitResult(OfArrays, Tabular):
     force_model : ForceModel or None
         Whose parameters these are, where ``identify`` fitted them: it may have chosen joint terms
         beside those of the model that it was given.
+    mistakes : tuple of str
+        In the logs that were fitted, one sentence each: no value counts before they are mended.
 
     Examples
     --------
@@ -344,6 +346,7 @@ class FitResult(OfArrays, Tabular):
     term_deviations: TermDeviations | None = None
     use: MotorUse | None = None
     force_model: ForceModel | None = field(default=None, compare=False, repr=False)
+    mistakes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -150,6 +150,7 @@ class SavedEstimate(_Section):
     cutoff: Annotated[float, Field(gt=0, le=LARGEST)] | None = None
     term_deviations: TermDeviations | None = None
     use: MotorUse | None = None
+    mistakes: tuple[str, ...] = ()
 
 
 class SavedFit(_Section):

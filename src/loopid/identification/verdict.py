@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from loopid.arguments import FloatArray
+from loopid.findings import PAGE, Finding, most_important_first
 from loopid.identification.plausibility import absurdities
 from loopid.identification.result import FitResult
 from loopid.records import record
@@ -18,6 +20,9 @@ if TYPE_CHECKING:
 # Error on new data as a part of a motor's force, in the root mean square: what a controller's
 # feedforward can be built on, and what it still profits from.
 GOOD, ROUGH = 0.1, 0.3
+# Part of a force's variance that a fit of all parameters explains in the data that were fitted:
+# below, the force does not follow the motion.
+NOISE = 0.2
 NAMED = 1  # parameters that the sentence names
 
 
@@ -41,15 +46,15 @@ class Verdict:
         ``"validation"`` data.
     band : float or None
         In Hz, below which forces were fitted and judged; None without a filter.
-    better : str
-        What it says that other values predict clearly better; empty where none do.
     significant, parameters : int
         Parameters of the recommended fit, and how many of them clearly differ from zero.
     excite : tuple of str
         Parameters that a further motion should excite: ``design_excitation(model,
-        parameters=verdict.excite, after=recordings)``.
+        parameters=verdict.excite, after=recordings)``; none where another motion would not help.
     improvement : str
         What would improve the fit most.
+    mistake : Finding or None
+        In a log, the likeliest: while there is one, no figure counts.
     """
 
     use: str
@@ -58,47 +63,45 @@ class Verdict:
     ratio: tuple[float, float]
     judged: str
     band: float | None
-    better: str
     significant: int
     parameters: int
     excite: tuple[str, ...]
     improvement: str
+    mistake: Finding | None = None
 
     @classmethod
     def of(cls, found: Identification) -> Verdict:
         """Of an identification."""
-        new, quality = found.new, found.recommended.validation
-        squares = np.array(new.problem.force_squares()) / np.maximum(quality.samples, 1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            errors = np.where(squares > 0, quality.residual_rms / np.sqrt(squares), np.nan)
+        errors = _errors(found)
         worst = 0 if np.isnan(errors).all() else int(np.nanargmax(errors))
         count = sum(not grouped(each.kind) for each in found.fit.parameters)
         significant = count - len(_insignificant(found.fit))
-        better = _better(found)
-        excite = () if better else found.identifiability.leads or _least_known(found)
-        improvement = f"exciting {_listed(excite)}" if excite else "a longer log"
+        mistake, error = next(iter(found.mistakes), None), float(errors[worst])
+        excite, improvement = _improvement(found)
         left_out = "logs" if len(found.training) > 1 else "stretches"
         return cls(
-            _use(found, float(errors[worst])),
-            new.actuators[worst],
-            float(errors[worst]),
+            "Not fit for use" if mistake else _use(found, error),
+            found.new.actuators[worst],
+            error,
             found.recommended.error_ratio,
             "validation" if found.validation else left_out,
             found.training[0].cutoff,
-            better,
             significant,
             count,
-            excite,
-            "mending the file or the log" if better else improvement,
+            () if mistake else excite,
+            mistake.do if mistake else improvement,
+            mistake,
         )
 
     def __str__(self) -> str:
+        if self.mistake is not None:
+            return self.mistake.veto
+        page = "" if self.error <= ROUGH else f" ({PAGE})"
         band = "" if self.band is None else f" below {self.band:.3g} Hz"
         return (
-            f"{self.use}: {self.better}{JUDGED[self.judged]}{band} errors are at most "
-            f"{100 * self.error:.2g} % of a motor's force ({self.motor}){self._beside_file}, and "
-            f"{self.significant} of {self.parameters} values differ clearly from zero; "
-            f"{self.improvement} would improve it most."
+            f"{self.use}: {JUDGED[self.judged]}{band} errors are at most {100 * self.error:.2g} % "
+            f"of a motor's force ({self.motor}){self._beside_file}; {self.significant} of "
+            f"{self.parameters} values are significant. Next: {self.improvement}{page}."
         )
 
     @property
@@ -122,15 +125,26 @@ JUDGED = {
 }
 
 
-def _better(found: Identification) -> str:
-    """What it says that all parameters predict clearly better; empty where they do not."""
+def _better(found: Identification) -> Finding | None:
+    """Of all parameters, where they predict clearly better than the recommended ones."""
     times = found.advantage
     if times is None:
-        return ""
-    return (
-        f"all parameters predict {times:.2g} times better than any robot with solid bodies and "
-        "friction that dissipates, so that a sign, a zero or a length of the file is wrong; "
+        return None
+    return Finding(
+        "warning",
+        f"all parameters predict {times:.2g} times better than any robot with solid bodies",
+        "and friction that dissipates, on data left out",
+        "look for a sign, a zero or a length of the file that is wrong, as all parameters predict "
+        f"{times:.2g} times better than any robot with solid bodies",
     )
+
+
+def _errors(found: Identification) -> FloatArray:
+    """On new data (dof,), in parts of each motor's force; NaN where there is none."""
+    quality = found.recommended.validation
+    squares = np.array(found.new.problem.force_squares()) / np.maximum(quality.samples, 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(squares > 0, quality.residual_rms / np.sqrt(squares), np.nan)
 
 
 def _use(found: Identification, error: float) -> str:
@@ -147,6 +161,66 @@ def _use(found: Identification, error: float) -> str:
     if error <= GOOD and told.well_determined == told.structural_rank and not doubtful:
         return f"{use} and as parameters of the robot"
     return f"{use} in motions like these, but not parameter by parameter"
+
+
+def _improvement(found: Identification) -> tuple[tuple[str, ...], str]:
+    """Parameters that a further motion should excite, and what would improve the fit most.
+
+    Another motion does not help where forces are not explained.
+    """
+    if (better := _better(found)) is not None:
+        return (), better.do
+    if (unexplained := _unexplained(found)) is not None:
+        return (), unexplained.do
+    excite = found.identifiability.leads or _least_known(found)
+    return excite, f"excite {_listed(excite)}" if excite else "record a longer log"
+
+
+def findings_of(found: Identification) -> tuple[Finding, ...]:
+    """What to know beside the numbers, the most important first."""
+    said = [each for one in found.suspicions for each in one.mistakes]
+    told, deviation, unexplained = found.identifiability, found.fit.deviation, _unexplained(found)
+    said += [each for each in (_better(found), unexplained) if each is not None]
+    if deviation is not None and deviation.suspicion:
+        said.append(
+            Finding(
+                "warning",
+                "bodies would be as far off the robot file as they may be",
+                deviation.suspicion,
+                "look for a tool, a payload or a missing joint term",
+            )
+        )
+    if found.delay is not None and found.delay.clear:
+        said.append(found.delay.finding)
+    for broken in absurdities(found.force_model, found.fit, found.data):
+        said.append(
+            Finding("warning", "the fit is not physical", broken, 'try fewer terms, terms="Fc,Fv"')
+        )
+    bounds = () if found.cutoff is None else found.cutoff.findings
+    return most_important_first([*said, *told.findings, *bounds])
+
+
+def _unexplained(found: Identification) -> Finding | None:
+    """Forces that no parameters explain, or that the recommended fit does not."""
+    explained = found["all parameters"].fit.quality.r_squared
+    noise = [name for name, r in zip(found.data.actuators, explained, strict=True) if r < NOISE]
+    if noise:
+        return Finding(
+            "warning",
+            f"the force of {_listed(noise)} does not follow the motion",
+            f"all parameters together explain {100 * max(np.nanmin(explained), 0.0):.2g} % of its "
+            "variance",
+            "look at its column, its time stamps, and whether the motor drives the robot",
+        )
+    errors = _errors(found)
+    if np.isnan(errors).all() or np.nanmax(errors) <= ROUGH:
+        return None
+    return Finding(
+        "warning",
+        f"the force of {found.new.actuators[int(np.nanargmax(errors))]} is not explained",
+        f"errors on new data are {100 * np.nanmax(errors):.2g} % of it",
+        "look for a payload, a spring, a wrong length or a missing joint term",
+    )
 
 
 def _least_known(found: Identification) -> tuple[str, ...]:

@@ -24,6 +24,11 @@ from .freedoms import (
     independent_coordinates as independent_coordinates,
     mobility as mobility,
 )
+from .loop_motion import (
+    LoopDirections as LoopDirections,
+    closed_nearby as closed_nearby,
+    loop_motion as loop_motion,
+)
 from .measured import (
     JointCoordinates as JointCoordinates,
     measured_coordinates as measured_coordinates,
@@ -52,7 +57,6 @@ from .reactions import bearing_forces as bearing_forces
 from .rounding import (
     Accuracy as Accuracy,
     geometry_accuracy as geometry_accuracy,
-    same_motion as same_motion,
     within_accuracy as within_accuracy,
 )
 from .sampling import (

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import field
+from dataclasses import field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +28,7 @@ from loopid.records import record
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import one_blas_thread
 
-CLOSURE_TOLERANCE = 1e-10  # m; what an assembled configuration must reach
+CLOSURE_TOLERANCE = 1e-10  # of the characteristic length; what a configuration must reach
 
 
 @record(kw_only=True, checked=True)
@@ -40,7 +40,7 @@ class AssemblyOptions:
     Attributes
     ----------
     tolerance : float
-        Largest closure residual that is left, in m.
+        Largest closure residual that is left, of the characteristic length.
     shortest_step : float
         Part of the way to a sample that must be done at a time; below it the sample is given up.
     most_steps : float
@@ -88,7 +88,7 @@ class AssemblyOptions:
     def __post_init__(self) -> None:
         if not 0 <= self.tolerance < np.inf:
             raise OptionError(
-                f"tolerance must be a length from 0 on, not {self.tolerance} m",
+                f"tolerance must be a part of the characteristic length, not {self.tolerance}",
                 tolerance=self.tolerance,
             )
 
@@ -103,12 +103,12 @@ class Assembly:
     configurations: FloatArray  # (N, nq); rows that could not be assembled hold NaN
     residual: FloatArray  # (N,), largest closure residual in m
     assembled: BoolArray  # (N,), whether the loops close on the start's branch
-    options: AssemblyOptions = field(default=USUAL, repr=False)
+    tolerance: float = field(default=0.0, repr=False)  # in m, of the residual
 
     def first(self, count: int) -> Assembly:
         """The first so many samples."""
         parts = self.configurations[:count], self.residual[:count], self.assembled[:count]
-        return Assembly(*parts, self.options)
+        return Assembly(*parts, self.tolerance)
 
     @classmethod
     def joined(cls, parts: Sequence[Assembly]) -> Assembly:
@@ -119,7 +119,7 @@ class Assembly:
             np.concatenate([part.configurations for part in parts]),
             np.concatenate([part.residual for part in parts]),
             np.concatenate([part.assembled for part in parts]),
-            parts[0].options,
+            parts[0].tolerance,
         )
 
 
@@ -208,7 +208,7 @@ def required(outcome: Assembly) -> FloatArray:
     """The configurations (N, nq), where all samples are assembled."""
     if not outcome.assembled.all():
         lost = np.flatnonzero(~outcome.assembled)
-        open_by, tolerance = float(outcome.residual[lost[0]]), outcome.options.tolerance
+        open_by, tolerance = float(outcome.residual[lost[0]]), outcome.tolerance
         raise AssemblyError(
             f"sample {lost[0]} cannot be assembled from the start: the loops stay open by "
             f"{open_by:.1e} m (tolerance {tolerance:g} m), so the coordinates are out of reach or "
@@ -253,7 +253,7 @@ def _followed(
     residual, small = _closed(measured, q, targets, options)
     assembled = arrived & small
     q[~assembled] = np.nan
-    return Assembly(q, residual, assembled, options)
+    return Assembly(q, residual, assembled, largest_opening(measured.mechanism, options.tolerance))
 
 
 class _Path(NamedTuple):
@@ -307,12 +307,22 @@ def _predicted(
     return integrate(measured.mechanism, start, measured.tangent(steps))
 
 
+def largest_opening(mechanism: Mechanism, tolerance: float = CLOSURE_TOLERANCE) -> float:
+    """What the loops of a robot may stay open by, in m."""
+    return max(tolerance * mechanism.length, 2.0 * mechanism.closure_residual)
+
+
+def _no_samples(mechanism: Mechanism, options: AssemblyOptions) -> Assembly:
+    none, tolerance = np.empty(0), largest_opening(mechanism, options.tolerance)
+    return Assembly(np.empty((0, mechanism.model.nq)), none, none.astype(bool), tolerance)
+
+
 def _closed(
     measured: MeasuredCoordinates, q: FloatArray, targets: FloatArray, options: AssemblyOptions
 ) -> tuple[FloatArray, BoolArray]:
     """Largest residuals (N,) in m, and where they are small enough."""
     residual = np.abs(measured.residual(q, targets)).max(axis=1, initial=0.0)
-    least = max(options.tolerance, 2.0 * measured.mechanism.closure_residual)
+    least = largest_opening(measured.mechanism, options.tolerance)
     return residual, np.asarray(residual <= least, dtype=bool)
 
 
@@ -382,7 +392,7 @@ def follow_trajectory(
     options: AssemblyOptions = USUAL,
 ) -> Assembly:
     """Follow the straight line to each sample (N, c) from the last one that was reached."""
-    none = Assembly(np.empty((0, len(start))), np.empty(0), np.empty(0, dtype=bool), options)
+    none = _no_samples(measured.mechanism, options)
     parts, first, window, alone = [none], 0, options.window, 1
     while first < len(targets):
         part = _together(measured, start, targets[first : first + window], options)
@@ -416,7 +426,7 @@ def _together(
     length = np.abs(steps).max(axis=1, initial=0.0)
     near = _leading_true(length <= options.longest_step)
     if not near:
-        return Assembly(np.empty((0, len(start))), length[:0], np.empty(0, dtype=bool), options)
+        return _no_samples(measured.mechanism, options)
     targets, steps, length = targets[:near], steps[:near], length[:near]
     guess = integrate(measured.mechanism, np.tile(start, (near, 1)), measured.tangent(steps))
     found = correct(measured, guess, targets, options.short, options)
@@ -426,7 +436,12 @@ def _together(
     good = found.accepted & small & (rest <= options.contraction * length + options.short)
     good &= same_side(np.repeat(home.jacobian, near, axis=0), found.jacobian)
     count = _leading_true(good)
-    return Assembly(q[:count], residual[:count], good[:count], options)
+    return replace(
+        _no_samples(measured.mechanism, options),
+        configurations=q[:count],
+        residual=residual[:count],
+        assembled=good[:count],
+    )
 
 
 def _leading_true(values: BoolArray) -> int:

@@ -17,7 +17,7 @@ from itertools import combinations, islice
 import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, random_generator
-from loopid.kinematics.assembly import CLOSURE_TOLERANCE, follow_paths
+from loopid.kinematics.assembly import follow_paths, largest_opening
 from loopid.kinematics.constraint import Constraint, largest_residual
 from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.poses import FramePoses, difference, frame_poses, integrate
@@ -443,7 +443,7 @@ class _LoopPoses:
         residual, jacobian = Constraint(mechanism, q).scaled()
         jacobian = jacobian[:, self.rows]
         open_by = np.abs(residual[:, self.rows]).max(axis=1, initial=0.0)
-        good = open_by <= max(CLOSURE_TOLERANCE, 2.0 * mechanism.closure_residual)
+        good = open_by <= largest_opening(mechanism)
         good &= least_over_largest(jacobian[:, :, self.passive]) >= NEAR_SINGULARITY
         good &= ~mechanism.outside(q)[:, self.own].any(axis=1)
         frames = frame_poses(mechanism, q, self.frames)

@@ -125,7 +125,7 @@ def closed_at(mechanism: Mechanism, q: FloatArray) -> tuple[Mechanism, FloatArra
     and by which rounding of the file's numbers it could.
     """
     residual = max(float(largest_residual(mechanism, q[None])[0]), mechanism.closure_residual)
-    left = residual if residual > CLOSURE_TOLERANCE else 0.0
+    left = residual if residual > CLOSURE_TOLERANCE * mechanism.length else 0.0
     mechanism = replace(mechanism, closure_residual=left)
     around = nearby_configurations(mechanism, q)
     try:

@@ -19,7 +19,7 @@ from scipy.sparse import block_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from loopid.arguments import FloatArray, IntArray, checked, samples
-from loopid.errors import AccuracyWarning, MobilityError, SingularityError, warn
+from loopid.errors import AccuracyWarning, MobilityError, SingularityError, counted, warn
 from loopid.kinematics.constraint import Constraint, constraint_jacobian, scaled_jacobian
 from loopid.kinematics.poses import blocks, prepared
 from loopid.records import record
@@ -489,8 +489,8 @@ def _refuse_too_many(mechanism: Mechanism, jacobian: FloatArray, count: int) -> 
         if count == len(mechanism.independent):  # as many as at the reference
             hint = ", which has more at its reference: that is singular, so give another one"
         raise MobilityError(
-            f"{count} independent joints are too many for {freedom} degrees of freedom of "
-            f"{mechanism.name}{hint}",
+            f"{count} independent joints are too many for {counted(freedom, 'degree')} of freedom "
+            f"of {mechanism.name}{hint}",
             given=count,
             freedom=freedom,
         )

@@ -19,15 +19,6 @@ import pinocchio as pin
 from scipy.sparse.csgraph import connected_components
 
 from loopid.arguments import FloatArray, IntArray
-from loopid.kinematics.constraint import Constraint, scaled_residual
-from loopid.kinematics.poses import integrate
-from loopid.kinematics.projection import (
-    ClosedMotion,
-    Projection,
-    drift_acceleration,
-    partition,
-    velocity_map,
-)
 from loopid.records import record
 from loopid.robot.closures import CLOSURE_KINDS, FramePair, LoopClosure, PairRates
 from loopid.robot.mechanism import Mechanism, motion_subspace
@@ -38,7 +29,6 @@ LEAST_DECIMALS, LEAST_OF_ANGLES, MOST_DECIMALS = 4, 3, 12
 NEARLY_SQUARE = 2e-3  # rad, that 1.57 and 3.14 miss multiples of 90° by
 DIGITS_LEFT = 1e-14  # that composing placements leaves of a number with few decimals
 SQUARE = 1e-9  # rad, from a multiple of 90° that is drawn as such
-CORRECTIONS = 3  # of the dependent coordinates, each leaves the square of what there was
 SIX_DIGITS = 1e-6  # m or rad: what a file is taken to be rounded to where it must be
 # Numbers of a loop that add up, in units of the rounding.
 NEARLY = 20.0
@@ -125,7 +115,7 @@ def _rounded_to(values: FloatArray, least: int, unit: str) -> tuple[float, list[
 def within_accuracy(
     mechanism: Mechanism, accuracy: Accuracy, generator: np.random.Generator
 ) -> Mechanism:
-    """The robot with other geometry that the file would write alike."""
+    """The robot with other geometry that rounds to the same file."""
     model, places = mechanism.model.copy(), _placements(mechanism.model)
     for k, (frame, place) in enumerate(zip(list(model.frames)[1:], places, strict=True), start=1):
         shift, turn = generator.uniform(-1, 1, (2, 3))
@@ -143,34 +133,6 @@ def within_accuracy(
         for closure, more in zip(mechanism.closures, longer, strict=True)
     )
     return replace(mechanism, model=model, closures=closures)
-
-
-def same_motion(
-    mechanism: Mechanism,
-    other: Mechanism,
-    configurations: FloatArray,
-    velocities: FloatArray,
-    accelerations: FloatArray,
-) -> ClosedMotion:
-    """The motion that a robot of slightly other geometry makes of the same independent motion.
-
-    From configurations (N, nq) that are closed for ``mechanism``, and velocities and accelerations
-    (N, dof). Equations that are redundant for the one and contradict each other for the other are
-    satisfied in the least-squares sense, with the rank that they have for the one.
-    """
-    q, (chosen, dependent) = configurations, partition(mechanism)
-    scales = mechanism.coordinate_scales[dependent]
-    _, solver = velocity_map(mechanism, Constraint(mechanism, q).scaled()[1], chosen, dependent)
-    for _ in range(CORRECTIONS):
-        step = np.zeros((len(q), mechanism.model.nv))
-        step[:, dependent] = -scales * solver.solve(scaled_residual(other, q)[:, :, None])[:, :, 0]
-        q = integrate(other, q, step)
-    constraint = Constraint(other, q)
-    G, solver = velocity_map(other, constraint.scaled()[1], chosen, dependent)
-    v = np.einsum("nij,nj->ni", G, velocities)
-    gamma = drift_acceleration(constraint, v, dependent, solver)
-    a = np.einsum("nij,nj->ni", G, accelerations) + gamma
-    return ClosedMotion(q, v, a, gamma, Projection(G, chosen, solver.matrices))
 
 
 # What it is meant to be.

@@ -9,7 +9,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray, checked, frozen, random_generator, require_count
 from loopid.errors import AssemblyError, OptionError
-from loopid.kinematics.assembly import CLOSURE_TOLERANCE, AssemblyOptions, follow_paths
+from loopid.kinematics.assembly import AssemblyOptions, follow_paths, largest_opening
 from loopid.kinematics.closing import displaced, nearby_configurations
 from loopid.kinematics.measured import MeasuredCoordinates, measured_coordinates
 from loopid.kinematics.poses import prepared
@@ -183,9 +183,8 @@ def _ranges(measured: MeasuredCoordinates) -> tuple[FloatArray, FloatArray, Floa
     """Reference values of the measured joints, and the limits between which they are drawn."""
     mechanism = measured.mechanism
     home = measured.read(mechanism.reference[None])[0]
-    joints = [mechanism.joint(name) for name in mechanism.measured]
-    sliding = np.isin([joint.idx_v for joint in joints], mechanism.prismatic)
-    width = np.where(sliding, mechanism.length, np.pi)
+    chosen = mechanism.velocity_indices(mechanism.measured)
+    width = mechanism.coordinate_ranges[chosen]
     limits = np.array([mechanism.limits(name) for name in mechanism.measured]).reshape(-1, 2)
     limited = np.abs(limits) < UNLIMITED * width[:, None]
     lower = np.where(limited[:, 0], limits[:, 0], home - width)
@@ -228,7 +227,7 @@ def _completed(mechanism: Mechanism, q: FloatArray, generator: np.random.Generat
     steps = generator.uniform(-1.0, 1.0, size=(len(q), len(chosen)))
     steps = steps[:, mechanism.draw_places(chosen)] * units * parts
     q, residual = displaced(mechanism, q, steps)
-    closed = residual <= max(CLOSURE_TOLERANCE, 2.0 * mechanism.closure_residual)
+    closed = residual <= largest_opening(mechanism)
     return q[closed & ~mechanism.outside(q).any(axis=1)]
 
 
@@ -245,8 +244,7 @@ def random_motions(
         require_count(count, "count")
     generator = seed if isinstance(seed, np.random.Generator) else random_generator(seed)
     independent, _ = partition(mechanism)
-    unit = np.ones(len(independent))
-    unit[np.isin(independent, mechanism.prismatic)] = mechanism.length
+    unit = mechanism.coordinate_scales[independent]
     gravity = float(np.linalg.norm(mechanism.model.gravity.linear)) or 1.0
     rate = np.sqrt(gravity / mechanism.length)
     drawn = generator.uniform(-1.0, 1.0, size=(2, count, len(unit)))

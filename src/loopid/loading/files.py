@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from loopid.errors import FileError, OptionError, RobotFileError
-from loopid.files import why_no_file
+from loopid.files import require_name, why_no_file
 from loopid.loading.description import Description
 from loopid.registry import robot_formats
 from loopid.yaml_files import read_yaml
@@ -98,6 +98,7 @@ def find_motion_file(path: str | Path) -> Path:
 def _existing(
     path: str | Path, ending: str, bundled: Iterable[str], what: str, listing: str
 ) -> Path:
+    require_name(path, what.strip() or "the robot's file")
     problem = why_no_file(Path(path))
     if not problem:
         return Path(path)

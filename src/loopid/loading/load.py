@@ -91,7 +91,7 @@ def load_mechanism(
     Returns
     -------
     Mechanism
-        Closed at its reference to 1e-10 m or, with a warning, as far as its rounding allows.
+        Closed at its reference to 1e-10 of its length or, with a warning, as its rounding allows.
 
     Raises
     ------

@@ -8,7 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from loopid.arguments import FloatArray, random_generator
-from loopid.errors import AccuracyWarning, MobilityError, ModelWarning, RobotFileError, warn
+from loopid.errors import (
+    AccuracyWarning,
+    MobilityError,
+    ModelWarning,
+    RobotFileError,
+    counted,
+    warn,
+)
 from loopid.kinematics import mobility
 from loopid.kinematics.assembly import CLOSURE_TOLERANCE
 from loopid.kinematics.closing import (
@@ -37,7 +44,8 @@ from loopid.robot.mechanism import Mechanism
 STARTS = 64  # for joints that the file leaves out, tried together in parts
 PART = 16
 ENOUGH = 24  # closed configurations to choose the best of, where none suits
-LIMIT_TOLERANCE = 1e-6  # rad or m
+LIMIT_TOLERANCE = 1e-6  # rad or characteristic lengths
+FIVE_DIGITS = 1e-5  # of the characteristic length: files of tiny robots have other units
 # Of the characteristic length, up to which rounding is the likely reason that loops stay open.
 LIKELY_ROUNDING = 1e-3
 WIDER = 3.0  # times what loops stay open by around the reference, farther away
@@ -75,23 +83,24 @@ def close_reference(
     warned of; a RobotFileError names the closure that stays open most, a MobilityError says that
     nothing can move.
     """
-    near = largest_gap(SIX_DIGITS if rounding is None else rounding, mechanism.length)
+    usual = min(SIX_DIGITS, FIVE_DIGITS * mechanism.length) if rounding is None else rounding
+    near, closed = largest_gap(usual, mechanism.length), CLOSURE_TOLERANCE * mechanism.length
     chosen, reason = None, None
     if rounding is None:
         try:
-            chosen = _closed_reference(mechanism, given, CLOSURE_TOLERANCE, near)
+            chosen = _closed_reference(mechanism, given, closed, near)
         except MobilityError as error:
             reason = error
     if chosen is None or _hardly_held(*chosen, near):
         tolerance = max(mechanism.closure_rank_tolerance, near / mechanism.length)
         loose = replace(mechanism, closure_rank_tolerance=tolerance)
         try:
-            found = _closed_reference(loose, given, max(near, CLOSURE_TOLERANCE), 0.0)
+            found = _closed_reference(loose, given, max(near, closed), 0.0)
         except MobilityError as error:
             raise reason or error from None
         if found is None:
             raise _open_loops(loose, loose.reference, given)
-        chosen = _exact(mechanism, found[0], SIX_DIGITS if rounding is None else rounding)
+        chosen = _exact(mechanism, found[0], usual)
     if not given and (excluded := _excluded(mechanism)):
         warn(
             f"{mechanism.path}: the limits of {', '.join(excluded)} exclude the drawn pose (zero): "
@@ -121,7 +130,7 @@ def _exact(file: Mechanism, loose: Mechanism, rounding: float) -> ClosedReferenc
     moved = exact_geometry(loose, loose.reference, rounding)
     near = replace(moved, closure_residual=largest_gap(rounding, moved.length))
     open_by = float(largest_residual(moved, nearby_configurations(near, near.reference)).max())
-    if open_by <= CLOSURE_TOLERANCE:
+    if open_by <= CLOSURE_TOLERANCE * moved.length:
         moved = replace(moved, closure_rank_tolerance=file.closure_rank_tolerance)
         open_by = 0.0
     closed, around = closed_at(replace(moved, closure_residual=WIDER * open_by), moved.reference)
@@ -197,7 +206,7 @@ def why_singular(mechanism: Mechanism, around: FloatArray) -> str:
     measure = float(singularity_measure(mechanism, mechanism.reference[None])[0])
     if found.singular:
         reason = (
-            f"{found.degrees_of_freedom} degrees of freedom there, "
+            f"{counted(found.degrees_of_freedom, 'degree')} of freedom there, "
             f"{found.generic_degrees_of_freedom} around it"
         )
     elif measure < NEAR_SINGULARITY:
@@ -270,7 +279,7 @@ def _scattered(
             turn[mechanism.prismatic] = 0.0
             q = integrate(mechanism, q[None], np.pi * turn[None])[0]
             continue
-        width = mechanism.length if joint.idx_v in mechanism.prismatic else np.pi
+        width = float(mechanism.coordinate_ranges[joint.idx_v])
         lower, upper = mechanism.limits(name)
         low, high = max(lower, -width), min(upper, width)
         if low <= high:
@@ -285,7 +294,8 @@ def _measure(closed: ClosedReference) -> float:
 def _outside(mechanism: Mechanism) -> str:
     """The first joint outside its limits, in words; nothing where there is none."""
     (low, high), q = mechanism.position_limits, mechanism.reference
-    outside = np.flatnonzero((q < low - LIMIT_TOLERANCE) | (q > high + LIMIT_TOLERANCE))
+    slack = LIMIT_TOLERANCE * mechanism.position_units
+    outside = np.flatnonzero((q < low - slack) | (q > high + slack))
     if not len(outside):
         return ""
     k = int(outside[0])
@@ -300,7 +310,7 @@ def _open_loops(mechanism: Mechanism, q: FloatArray, given: Collection[str]) -> 
     residual = np.abs(Constraint(mechanism, q[None]).scaled()[0][0])
     gap, name = float(residual.max()), mechanism.row_names[int(residual.argmax())]
     facts = {"file": str(mechanism.path), "closure": name, "gap": gap}
-    facts["tolerance"] = CLOSURE_TOLERANCE
+    facts["tolerance"] = tolerance = CLOSURE_TOLERANCE * mechanism.length
     origin = "the reference cannot be closed" if given else "no closed configuration was found"
     hint = "" if given else ", give one as 'reference'"
     if any(closure.kind == "6d" for closure in mechanism.closures):
@@ -312,7 +322,7 @@ def _open_loops(mechanism: Mechanism, q: FloatArray, given: Collection[str]) -> 
         hint = f": it closes with rounding={needed:g}, if the numbers of the file are rounded so"
     return RobotFileError(
         f"{mechanism.path}: {origin}: closure {name} stays open by {gap:.1e} m (tolerance "
-        f"{CLOSURE_TOLERANCE:g} m){hint}",
+        f"{tolerance:.1g} m){hint}",
         **facts,
     )
 

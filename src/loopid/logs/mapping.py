@@ -288,11 +288,16 @@ class LogMapping(Section):
         return stream.getvalue()
 
     def by_joint(self, source: str, key: str, joints: Sequence[str]) -> list[Any]:
-        """What is given for all or by joint, in the order of the motors."""
+        """What is given for all or by joint, in the order of the motors.
+
+        Scales and offsets of motors that are not named are those of a mapping without any.
+        """
         given = getattr(self, key)
         if not isinstance(given, Mapping):
             return [given] * len(joints)
-        for name in sorted({*given} ^ {*joints}):
+        usual = getattr(LogMapping(), key)
+        left_out = {*joints} - {*given} if not key.endswith(("_scale", "_offset")) else ()
+        for name in sorted({*given} - {*joints} | {*left_out}):
             raise LogError(
                 f"{source}: {key} of the mapping {'names' if name in given else 'leaves out'} "
                 f"{name!r}: give the motors {', '.join(joints)}",
@@ -300,7 +305,7 @@ class LogMapping(Section):
                 key=key,
                 valid=tuple(joints),
             )
-        return [given[joint] for joint in joints]
+        return [given.get(joint, usual) for joint in joints]
 
 
 def _rounded(value: float) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray, checked
 from loopid.errors import DataWarning, FileError, LogError, OptionError, warn
-from loopid.files import why_no_file
+from loopid.files import require_name, why_no_file
 from loopid.logs.columns import ColumnFinder
 from loopid.logs.formats import LogFormat, stream_name
 from loopid.logs.free import POSE, continued, require_known_motion
@@ -79,6 +79,7 @@ def read_log(
     >>> loopid.read_log(bundled_directory() / "logs" / "five_bar.csv", robot)
     <Log 'five_bar': 2241 samples of left_crank_joint, right_crank_joint over 22.40 s in 1 stretch>
     """
+    require_name(path, "the log")
     place = Path(path)
     if not isinstance(mapping, LogMapping):
         mapping = LogMapping() if mapping is None else read_mapping(mapping)

@@ -16,7 +16,7 @@ import numpy as np
 
 from loopid.arguments import number
 from loopid.errors import LogError
-from loopid.files import Ceiling, text_blocks, why_no_file
+from loopid.files import LONGEST_LINE, Ceiling, count_unpacked, text_blocks, why_no_file
 from loopid.logs.formats import (
     AROUND_CELLS,
     CLOCK,
@@ -33,6 +33,8 @@ if TYPE_CHECKING:  # slow to import, and only needed to read a log
     import polars
 
 ENDINGS = (".csv", ".txt", ".tsv")
+LEAST_LINES = 4  # that tell how a text is written, where they are long
+MOST_COLUMNS = 10_000
 COMMENTS = ("#", "%")
 # Of separators that do equally well, the first is taken; None is any space.
 SEPARATORS = ("\t", ";", ",", None)
@@ -83,6 +85,7 @@ class TextFormat(LogFormat):
 
     def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
         file = self._files[stream]
+        count_unpacked(file, self.ceiling(file))
         return [_read_table(file, self.ceiling(file), times, values)]
 
 
@@ -265,7 +268,7 @@ def _are_units(cells: Sequence[str]) -> bool:
 
 def _first_lines(path: Path, ceiling: Ceiling) -> tuple[str, list[Line]]:
     """The last comment at the head of a file, and the first lines below it."""
-    comment, lines = "", list[Line]()
+    comment, lines, looked_at = "", list[Line](), 0
     with closing(text_blocks(path, ceiling)) as blocks:
         for row, data in enumerate(chain.from_iterable(map(BytesIO, blocks)), 1):
             text = _decoded(data).rstrip("\r\n")
@@ -277,12 +280,26 @@ def _first_lines(path: Path, ceiling: Ceiling) -> tuple[str, list[Line]]:
             if not lines and text.startswith(COMMENTS):
                 comment = text.lstrip("".join(COMMENTS)).strip()
             elif text.strip():
+                _require_narrow(path, row, text)
                 lines.append(Line(row, text))
-            if len(lines) == LOOKED_AT:
+            looked_at += len(text)
+            if len(lines) == LOOKED_AT or (looked_at > LONGEST_LINE and len(lines) >= LEAST_LINES):
                 break
     if not lines:
         raise LogError(f"{path} is empty{', but for comments' if comment else ''}", file=path)
     return comment, lines
+
+
+def _require_narrow(path: Path, row: int, text: str) -> None:
+    """Refuse a row of more cells than tables have, which takes long to be looked at."""
+    cells = max(len(text.split()), 1 + max(map(text.count, filter(None, SEPARATORS))))
+    if cells > MOST_COLUMNS:
+        raise LogError(
+            f"{path}: row {row} has some {cells:,} columns, but at most {MOST_COLUMNS:,} are read",
+            file=path,
+            row=row,
+            tolerance=MOST_COLUMNS,
+        )
 
 
 def _separator(lines: Sequence[Line]) -> str | None:

@@ -45,7 +45,8 @@ class JointState(NamedTuple):
 
 # What coefficients are measured in, such as N s²/m² or kg m².
 ONE_UNIT = r"(?:N|m|rad|s|kg)[²³]?"
-UNIT = re.compile(rf"(?:1|{ONE_UNIT}(?: {ONE_UNIT})*)(?:/{ONE_UNIT}(?: {ONE_UNIT})*)?")
+NO_UNIT = "1"
+UNIT = re.compile(rf"|(?:{NO_UNIT}|{ONE_UNIT}(?: {ONE_UNIT})*)(?:/{ONE_UNIT}(?: {ONE_UNIT})*)?")
 NEEDS = "position", "rate", "acceleration", "load", "torque", "sign"
 # Relative step of central differences, and the part of the largest slope that they may be off.
 STEP, SAME_SLOPE = 1e-6, 1e-4
@@ -84,7 +85,8 @@ class JointTerm:
     name : str
         In sentences.
     units : tuple of str
-        Of the coefficient, for a sliding and for a turning joint.
+        Of the coefficient, for a sliding and for a turning joint; ``""`` or ``"1"`` for a number
+        without unit.
     law : callable
         What the coefficient multiplies, of a ``JointState`` and the number ``at``.
     needs : tuple of str
@@ -138,9 +140,11 @@ class JointTerm:
             if not UNIT.fullmatch(unit):
                 raise OptionError(
                     f"the unit of {self.name} must be made of N, m, rad, s and kg, such as "
-                    f"N s²/m², not {unit!r}",
+                    f"N s²/m², or 1 for a number without unit, not {unit!r}",
                     given=unit,
                 )
+        plain = tuple("" if unit == NO_UNIT else unit for unit in self.units)
+        object.__setattr__(self, "units", plain)
         for need in self.needs:
             if need not in NEEDS:
                 raise OptionError.unknown(f"need of {self.name}", need, NEEDS)
@@ -281,6 +285,12 @@ class JointTermRegistry(Registry[JointTerm]):
             )
         if isinstance(entry, JointTerm):
             _try(name, entry)
+        elif not isinstance(entry, str):
+            raise OptionError(
+                f"joint term {name} must be a JointTerm, or 'module:name' of one, not "
+                f"{getattr(entry, '__name__', type(entry).__name__)}",
+                given=name,
+            )
         super().register(name, entry)
 
 

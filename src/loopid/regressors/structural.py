@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked, random_generator
-from loopid.errors import AccuracyWarning
-from loopid.kinematics.projection import closed_motion
-from loopid.kinematics.rounding import Accuracy, geometry_accuracy, same_motion, within_accuracy
-from loopid.kinematics.sampling import SamplingOptions, configuration_batches, random_motions
-from loopid.observation import Observation, Rounding
-from loopid.records import record
-from loopid.regressors.closed_loop import gravity_regressor, motion_parameters, motion_regressor
+from loopid.arguments import FloatArray, checked, derived_seed, random_generator
+from loopid.kinematics.loop_motion import closed_nearby, loop_motion
+from loopid.kinematics.rounding import Accuracy, geometry_accuracy, within_accuracy
+from loopid.kinematics.sampling import SamplingOptions, configuration_batches
+from loopid.observation import Draws, Observation, StackedRows
+from loopid.regressors.closed_loop import motion_parameters, motion_regressor
 from loopid.regressors.joint_laws import joint_term
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.mechanism import Mechanism
@@ -24,8 +22,7 @@ from loopid.workers import Progress, one_blas_thread
 
 LEAST_SAMPLES = 100
 ROWS_PER_COLUMN = 4
-# Configurations (N, nq), independent velocities and accelerations (N, dof).
-Motions = tuple[FloatArray, FloatArray, FloatArray]
+MORE = 4  # times as many samples where a rank is not clear
 
 
 @checked
@@ -40,6 +37,9 @@ def structural_observation(
     progress: Progress | None = None,
 ) -> Observation:
     """Observe a mechanism at seeded random closed poses, in motion where the columns ask for it.
+
+    Its rows are forces of the independent coordinates. Those that decide rank and null space are
+    its ``unit_motions``: forces along all motions of one size.
 
     Parameters
     ----------
@@ -72,48 +72,165 @@ def structural_observation(
     >>> loopid.structural_observation(loopid.load_mechanism("five_bar"), samples=50).rows
     100
     """
-    parameters = motion_parameters(mechanism, model, joint_terms)
-    driven = len(mechanism.independent) - len(mechanism.free)
-    enough = -(-ROWS_PER_COLUMN * len(parameters) // len(mechanism.independent))
-    enough = max(LEAST_SAMPLES, enough, 2 * len(parameters) // max(driven, 1))
-    if samples is None:
-        samples = enough
-    generator, kept = random_generator(seed, stream=1), list[Motions]()
+    drawn = _Drawn(mechanism, model, joint_terms, options)
+    return drawn.observation([seed], drawn.enough if samples is None else samples, progress)
 
-    def regressors() -> Iterator[FloatArray]:
-        done = 0
-        for q in configuration_batches(mechanism, samples, seed, options=options):
-            rates = np.zeros((2, len(q), len(mechanism.independent)))
-            if model == "gravity" and joint_terms is None:
-                columns = gravity_regressor(mechanism, q)
-            else:
-                rates = _random_rates(mechanism, joint_terms, len(q), generator)
-                motion = closed_motion(mechanism, q, *rates)
-                columns = motion_regressor(mechanism, motion, model, joint_terms=joint_terms)
-            if done < enough:
-                kept.append((q, *rates))
-            done += len(q)
-            if progress is not None:
-                progress(done, samples)
-            yield columns
 
-    # Weight of 1 kg in N, or its moment at the robot's length in N m: the smaller one.
-    gravity = float(np.linalg.norm(mechanism.model.gravity.linear))
-    natural = gravity * min(1.0, mechanism.length)
-    with one_blas_thread(), warnings.catch_warnings():
-        warnings.simplefilter("ignore", AccuracyWarning)  # the draws keep a margin
-        found = Observation.from_parts(
-            regressors(),
-            parameters,
-            length=mechanism.length,
-            natural_size=natural,
-            driven=driven if mechanism.free and driven else None,
+class _Batch(NamedTuple):
+    """Some samples: poses (k, nq), drawn rates (2, k, nv) in unit steps, and weights (k,)."""
+
+    q: FloatArray
+    rates: FloatArray
+    weights: FloatArray
+
+
+class _Drawn:
+    """A robot that is observed in random motions, and others of nearly its geometry in the same."""
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        model: str,
+        joint_terms: JointTerms | None,
+        options: SamplingOptions | None,
+    ) -> None:
+        self.mechanism, self.model = mechanism, model
+        self.joint_terms, self.options = joint_terms, options
+        self.parameters = motion_parameters(mechanism, model, joint_terms)
+        self.driven = len(mechanism.independent) - len(mechanism.free)
+        self.gravity = float(np.linalg.norm(mechanism.model.gravity.linear))
+        # What falls over the characteristic length is as fast; at rest where no column asks.
+        moves = model != "gravity" or joint_terms is not None
+        self.rate = float(np.sqrt((self.gravity or 1.0) / mechanism.length)) * moves
+
+    @property
+    def enough(self) -> int:
+        """Samples for four rows a column, two of them of motors."""
+        columns, rows = len(self.parameters), len(self.mechanism.independent)
+        return max(
+            LEAST_SAMPLES, -(-ROWS_PER_COLUMN * columns // rows), 2 * columns // max(self.driven, 1)
         )
-    seen = _Seen(mechanism, model, joint_terms, tuple(kept), geometry_accuracy(mechanism))
-    order, alone = _order(mechanism), found.motors_alone
-    if alone is not None:
-        alone = replace(alone, order=order, rounding=seen.rounding(driven))
-    return replace(found, order=order, rounding=seen.rounding(None), motors_alone=alone)
+
+    def observation(
+        self, seeds: list[int], samples: int, progress: Progress | None = None
+    ) -> Observation:
+        """What so many samples of each seed show."""
+        mechanism, driven, done = self.mechanism, self.driven, 0
+        part = driven if mechanism.free and driven else None
+        forces, along = (StackedRows(self.parameters, part) for _ in range(2))
+        kept, usual = list[_Batch](), 0.0
+        with one_blas_thread():
+            for seed in seeds:
+                for q, rates in self._draws(seed, samples):
+                    rows, directions, regularity = self._rows(mechanism, q, rates)
+                    usual = usual or float(regularity.max())
+                    # Rounding moves directions by about one over the regularity.
+                    batch = _Batch(q, rates, np.minimum(regularity / usual, 1.0) ** 2)
+                    along.add(batch.weights[:, None, None] * rows)
+                    own = directions[:, mechanism.velocity_indices(mechanism.independent)]
+                    # G = N R, with R the inverse of N's rows of the independent coordinates.
+                    forces.add(np.asarray(np.linalg.solve(own.swapaxes(1, 2), rows), dtype=float))
+                    if done < self.enough:
+                        kept.append(batch)
+                    done += len(q)
+                    if progress is not None:
+                        progress(done, samples * len(seeds))
+        # Weight of 1 kg in N, or its moment at the robot's length in N m: the smaller one.
+        found = forces.observation(
+            length=mechanism.length, natural_size=self.gravity * min(1.0, mechanism.length)
+        )
+        units = along.observation(
+            length=mechanism.length, natural_size=self.gravity * mechanism.length
+        )
+        more = partial(self.observation, self._seeds(seeds[0]), samples)
+        found = self._completed(found, units, kept, None, more)
+        if found.motors_alone is None or units.motors_alone is None:
+            return found
+        alone = self._completed(
+            found.motors_alone, units.motors_alone, kept, driven, partial(_alone, more)
+        )
+        return replace(found, motors_alone=alone)
+
+    def _completed(
+        self,
+        forces: Observation,
+        units: Observation,
+        batches: list[_Batch],
+        first: int | None,
+        more: Callable[[], Observation],
+    ) -> Observation:
+        """Forces with what decides their rank, and with how that can be drawn again."""
+        accuracy = geometry_accuracy(self.mechanism)
+        known = max(accuracy.length, accuracy.angle * self.mechanism.length)
+        rounded = partial(self._rounded, accuracy, batches, first)
+        units = replace(units, draws=Draws(known, accuracy.source, rounded, more))
+        return replace(forces, order=_order(self.mechanism), unit_motions=units)
+
+    def _seeds(self, seed: int) -> list[int]:
+        """A seed, and others of which further samples come."""
+        return [seed, *(derived_seed(seed, k) for k in range(1, MORE))]
+
+    def _draws(self, seed: int, samples: int) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Poses and rates, a few at a time; what friction does near standstill is to be seen."""
+        mechanism, generator = self.mechanism, random_generator(seed, stream=1)
+        places = mechanism.draw_places(np.arange(mechanism.model.nv))
+        slow = self._slow_rates()
+        for q in configuration_batches(mechanism, samples, seed, options=self.options):
+            rates = generator.uniform(-1.0, 1.0, (2, len(q), mechanism.model.nv))[:, :, places]
+            for k, slower in enumerate(slow, 1):
+                rates[0, k :: len(slow) + 1] *= slower
+            yield q, rates
+
+    def _slow_rates(self) -> list[float]:
+        """Parts of the usual rate at which joint terms with a rate of their own show."""
+        terms, units = self.joint_terms, self.mechanism.coordinate_scales
+        return [
+            min(1.0, 2 * joint_term(kind).at / (self.rate * units[index]))
+            for joint, kinds in (terms.of_joints if terms else {}).items()
+            for index in self.mechanism.velocity_indices([joint])[:1]
+            for kind in kinds
+            if "~" in kind
+        ]
+
+    def _rows(
+        self, robot: Mechanism, q: FloatArray, rates: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Forces N'Y (k, dof, n) along unit motions, N (k, nv, dof), and regularity (k,)."""
+        motion, directions = loop_motion(robot, q, rates, self.rate)
+        rows = motion_regressor(robot, motion, self.model, joint_terms=self.joint_terms)
+        return rows, motion.projection.G, directions.regularity
+
+    def _rounded(
+        self,
+        accuracy: Accuracy,
+        batches: list[_Batch],
+        first: int | None,
+        count: int,
+        within: float | None = None,
+    ) -> FloatArray:
+        """Triangular factors (1 + count, n, n) of the robot, and of others within its accuracy.
+
+        Of the ``first`` rows of each sample. Lengths of the others may be ``within`` another
+        accuracy, in m, and angles accordingly.
+        """
+        own, found, generator = self.mechanism, [], random_generator(0)
+        if within is not None:
+            accuracy = replace(accuracy, length=within, angle=within / own.length)
+        for other in (own, *(within_accuracy(own, accuracy, generator) for _ in range(count))):
+            stacked = StackedRows(self.parameters)
+            for q, rates, weights in batches:
+                there = q if other is own else closed_nearby(own, other, q)
+                rows, _, _ = self._rows(other, there, rates)
+                stacked.add(weights[:, None, None] * rows[:, :first])
+            found.append(stacked.observation().factor)
+        return np.stack(found)
+
+
+def _alone(draw: Callable[[], Observation]) -> Observation:
+    """What the motors alone feel of an observation, where there are free coordinates."""
+    alone = draw().motors_alone
+    assert alone is not None
+    return alone
 
 
 def _order(mechanism: Mechanism) -> tuple[str, ...]:
@@ -123,57 +240,3 @@ def _order(mechanism: Mechanism) -> tuple[str, ...]:
     links = sorted(carriers, key=lambda link: ranks[carriers[link]])
     coordinates = mechanism.coordinates_of(sorted(mechanism.joints, key=ranks.__getitem__))
     return tuple(dict.fromkeys((*mechanism.in_groups(links), *coordinates)))
-
-
-def _random_rates(
-    mechanism: Mechanism, terms: JointTerms | None, count: int, generator: np.random.Generator
-) -> FloatArray:
-    """Velocities and accelerations (2, count, dof), partly slow enough for friction to show.
-
-    What a Stribeck or smooth friction does near standstill is to be seen.
-    """
-    rates = np.stack(random_motions(mechanism, count, generator))
-    narrow = [
-        (joint, joint_term(kind).at)
-        for joint, kinds in (terms.of_joints if terms else {}).items()
-        for kind in kinds
-        if "~" in kind
-    ]
-    gravity = float(np.linalg.norm(mechanism.model.gravity.linear)) or 1.0
-    for k, (joint, rate) in enumerate(narrow, 1):
-        unit = mechanism.coordinate_scales[mechanism.velocity_indices([joint])[0]]
-        usual = unit * np.sqrt(gravity / mechanism.length)
-        rates[0, k :: len(narrow) + 1] *= min(1.0, 2 * rate / usual)
-    return rates
-
-
-@record
-class _Seen:
-    """A robot as it was observed, so that others can be observed in the same motions."""
-
-    mechanism: Mechanism
-    model: str
-    joint_terms: JointTerms | None
-    motions: tuple[Motions, ...]
-    accuracy: Accuracy
-
-    def rounding(self, driven: int | None) -> Rounding:
-        """What the robot file's numbers leave open in the first ``driven`` rows, or in all."""
-        known_to = max(self.accuracy.length, self.accuracy.angle * self.mechanism.length)
-        return Rounding(known_to, self.accuracy.source, partial(self.factors, driven))
-
-    def factors(self, driven: int | None, count: int, within: float | None = None) -> FloatArray:
-        """Triangular factors (1 + count, n, n) of the robot, and of others within its accuracy.
-
-        Lengths of the others may be ``within`` another accuracy, in m, and angles accordingly.
-        """
-        own, accuracy, generator = self.mechanism, self.accuracy, random_generator(0)
-        if within is not None:
-            accuracy = replace(accuracy, length=within, angle=within / own.length)
-        parameters, found = motion_parameters(own, self.model, self.joint_terms), []
-        regressor = partial(motion_regressor, model=self.model, joint_terms=self.joint_terms)
-        for other in (own, *(within_accuracy(own, accuracy, generator) for _ in range(count))):
-            moved = (same_motion(own, other, *batch) for batch in self.motions)
-            rows = (regressor(other, one)[:, :driven] for one in moved)
-            found.append(Observation.from_parts(rows, parameters).factor)
-        return np.stack(found)

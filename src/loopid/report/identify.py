@@ -10,6 +10,7 @@ from loopid.arguments import FloatArray, IntArray
 from loopid.diagnosis.selection import PredictionError
 from loopid.diagnosis.study import Study
 from loopid.diagnosis.term_sets import TermComparison
+from loopid.findings import Finding, most_important_first
 from loopid.identification.force_model import parted
 from loopid.identification.friction import friction_findings, friction_summary
 from loopid.identification.information import WeakDirection
@@ -53,6 +54,7 @@ def identification_report(study: Study, command: str = "") -> Report:
         sections=lambda: _sections(study),
         results=lambda: _fits(found),
         advice=command if judged.excite else "",
+        findings=findings(study),
     )
 
 
@@ -84,7 +86,6 @@ def _sections(study: Study) -> list[Section]:
         *([Section("Friction", (friction, _friction_table(found)))] if friction.panels else []),
         Section("What the data tell", tuple(said)),
         Section("Robot", (robot_chart(found.force_model.mechanism),)),
-        Section("In words", tuple(findings(study))),
         Section("Other candidates", tuple(others)),
         Section("Joint terms", (_terms_table(study.term_sets),)),
         Section("Filter and samples", tuple(filtering)),
@@ -147,8 +148,7 @@ def identification_record(study: Study) -> dict[str, Any]:
         "essential_parameters": list(reduction.result.parameters.labels),
         "candidates": [_candidate(candidate) for candidate in _candidates(study)],
         "delay": json_value(found.delay),
-        "suspicions": json_value(study.suspicions),
-        "findings": findings(study),
+        "suspicions": json_value(found.suspicions),
     }
 
 
@@ -213,36 +213,36 @@ def _term_sets(found: TermComparison) -> list[dict[str, Any]]:
     ]
 
 
-def findings(study: Study) -> list[str]:
-    """What a reader should know beside the numbers, one sentence each."""
+def findings(study: Study) -> tuple[Finding, ...]:
+    """What a reader should know beside the numbers, the most important first."""
     found = study.identification
     told, cutoff = found.identifiability, found.training[0].cutoff
     terms, _ = parted(found.force_model.joint_terms)
     choice = NO_TERMS if terms is None else terms.choice(found.force_model.mechanism)
     filtered = "unfiltered" if cutoff is None else f"filtered at {cutoff:.3g} Hz"
     condition = found["all parameters"].fit.condition_number
-    said = [
-        _recommendation(found),
-        f"The data were {filtered}; the condition number of the weighted regressor is "
-        f"{condition:.4g}.",
-        f"The joint terms are {choice}. {_terms_finding(study.term_sets)}",
+    notes = [
+        (f"recommended: {found.recommended.name}", _recommendation(found)),
+        (
+            f"the data were {filtered}",
+            f"the condition number of the weighted regressor is {condition:.4g}",
+        ),
+        (f"the joint terms are {choice}", _terms_finding(study.term_sets)),
     ]
     runs = (*found.training, *found.validation)
     frames = dict.fromkeys(frame for run in runs for frame in run.wrenches)
     if frames:
-        said.append(
-            f"Measured wrenches of the surroundings on {', '.join(frames)} are part of the forces."
-        )
-    said += [f"{sentence}." for sentence in friction_findings(found.fit)]
-    if found.delay is not None and found.delay.clear:
-        said.append(f"{found.delay.sentence.capitalize()}.")
-    said += [f"In {one.recording}, {text}." for one in study.suspicions for text in one.sentences]
+        where = f"on {', '.join(frames)}"
+        notes.append(("measured wrenches are part of the forces", where))
+    notes += [(sentence, "") for sentence in friction_findings(found.fit)]
     if told.unidentifiable:
-        said.append(
-            "Unidentifiable combinations are as in the robot file, so the values of "
-            f"{', '.join(told.assumed)} rest on it."
+        notes.append(
+            (
+                "unidentifiable combinations are as in the robot file",
+                f"the values of {', '.join(told.assumed)} rest on it",
+            )
         )
-    return said
+    return most_important_first((*study.findings, *(Finding("note", *note) for note in notes)))
 
 
 def _terms_finding(found: TermComparison) -> str:
@@ -398,7 +398,7 @@ def _filter_tables(study: Study) -> list[Table]:
             rows.append((motor, *counts, f"{noise.lag_one[k]:.3f}"))
     gains = (
         (one.recording, g.joint, f"{g.gain:.3g}", "{:.3g} ... {:.3g}".format(*g.interval))
-        for one in study.suspicions
+        for one in found.suspicions
         for g in one.gains
     )
     dropped = (

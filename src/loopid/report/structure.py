@@ -11,7 +11,9 @@ import numpy as np
 from rich.table import Table
 
 from loopid.base_parameters.base import BaseParameters, expression
+from loopid.base_parameters.choice import UNCLEAR_RANK
 from loopid.diagnosis.modes import compare_modes
+from loopid.errors import counted
 from loopid.kinematics import mobility
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.projection import NEAR_SINGULARITY, Factorisation, singularity_measure
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
 
 KINDS = {"FreeFlyer": "floating", "Spherical": "spherical", "Planar": "planar"}
 MOST_TERMS = 6  # of a doubtful combination, in tables
+LEAST_RANK = 2  # of a closure that takes away freedoms of a flat loop
 FEW, SOME = 4, 8  # names, and closures, that the terminal shows; the page has all
 
 
@@ -51,6 +54,7 @@ def check_report(mechanism: Mechanism) -> Report:
             if free
             else []
         ),
+        *_idle_closures(found),
         *found["inertia_defects"],
         *found["odd_masses"],
     ]
@@ -79,10 +83,7 @@ def check_report(mechanism: Mechanism) -> Report:
 
 def _freedoms(found: dict[str, Any]) -> str:
     freedoms, motors = found["degrees_of_freedom"], len(found["actuated"])
-    return (
-        f"{freedoms} degree{'' if freedoms == 1 else 's'} of freedom for {motors} "
-        f"motor{'' if motors == 1 else 's'}"
-    )
+    return f"{counted(freedoms, 'degree')} of freedom for {counted(motors, 'motor')}"
 
 
 def _unclear_motors(found: dict[str, Any]) -> Iterator[str]:
@@ -103,6 +104,16 @@ def _unclear_motors(found: dict[str, Any]) -> Iterator[str]:
             "'name_mot', and where a closure has too many rows, choose another type: a pin is a "
             "hinge, a ball 3d"
         )
+
+
+def _idle_closures(found: dict[str, Any]) -> Iterator[str]:
+    """Closures of several rows that take away one freedom or none: even a flat loop feels two."""
+    for closure in found["closures"]:
+        if closure["rank"] < LEAST_RANK < closure["rows"]:
+            yield (
+                f"of the {closure['rows']} rows of closure {closure['name']} ({closure['type']}) "
+                f"the loop feels {closure['rank']}: look at its frames, its axes and its type"
+            )
 
 
 def check_record(mechanism: Mechanism) -> dict[str, Any]:
@@ -302,7 +313,7 @@ def base_report(
     doubtful = f", {len(found['doubtful'])} more are doubtful" if found["doubtful"] else ""
     verdict = (
         f"Forces tell {found['rank']} combinations of {found['standard_parameters']} parameters"
-        f" (singular-value gap {found['rank_gap']:.1e}){doubtful}; written as below, cond(V22) "
+        f" ({_gap(found)}){doubtful}; written as below, cond(V22) "
         f"and cond(W_B) are {_conditions(found)}: {certificate(found['search'])}."
     )
     return Report(
@@ -351,7 +362,7 @@ def _choice(base: BaseParameters) -> dict[str, Any]:
     """Rank, search and parameters."""
     return {
         "nonzero_parameters": len(base.structure.columns),
-        **json_fields(base.structure, "rank", "rank_gap"),
+        **json_fields(base.structure, "rank", "rank_gap", "rank_bounds"),
         "doubtful": [
             {"expression": expression(one.terms), "terms": dict(one.terms)}
             | json_fields(one, "singular_value", "rounding", "source")
@@ -395,6 +406,15 @@ def _few_terms(combination: Mapping[str, Any]) -> str:
     return first + (" + ..." if len(combination["terms"]) > MOST_TERMS else "")
 
 
+def _gap(choice: dict[str, Any]) -> str:
+    """How clear a rank is."""
+    gap = f"singular-value gap {choice['rank_gap']:.1e}"
+    if not choice["rank_bounds"]:
+        return gap
+    lowest, highest = choice["rank_bounds"]
+    return f"{gap}: unclear, between {lowest} and {highest}"
+
+
 def _conditions(record: dict[str, Any]) -> str:
     conditions = record["nullspace_condition_number"], record["condition_number"]
     return ", ".join("infinite" if c is None else f"{c:.5g}" for c in conditions)
@@ -406,7 +426,7 @@ def _findings(record: dict[str, Any]) -> dict[str, str]:
     effect = f"{record['nonzero_parameters']} of {record['standard_parameters']}"
     rows = {
         "parameters with an effect": effect,
-        "base parameters": f"{record['rank']} (singular-value gap {record['rank_gap']:.1e})",
+        "base parameters": f"{record['rank']} ({_gap(record)})",
         "combinations": f"{search['candidates']:,}",
         "search": f"{search['name']}, criterion {search['criterion']}",
         "cond(V22), cond(W_B)": _conditions(record),
@@ -418,7 +438,7 @@ def _findings(record: dict[str, Any]) -> dict[str, str]:
     if alone := record["motors_alone"]:
         free = ", ".join(record["undetermined"])
         rows["felt by the motors alone"] = (
-            f"{alone['rank']} base parameters, without the rows '= 0' of {free}; "
+            f"{alone['rank']} base parameters ({_gap(alone)}), without the rows '= 0' of {free}; "
             f"{certificate(alone['search'])}"
         )
     elif record["undetermined"]:
@@ -435,10 +455,12 @@ def certificate(search: dict[str, Any]) -> str:
         alone = search["ties"] == 1
         others = "the only one" if alone else f"one of {search['ties']:,} equally good"
         return f"proven best, {others}"
+    if search["reason"] == UNCLEAR_RANK:
+        return "best for this rank, which is unclear" if gap == 1 else f"not certified{why}"
     if gap is None:
         return f"not certified{why}: a better choice may exist"
     if gap == 1:
-        return f"proven best{why}: which of the best is named may differ elsewhere"
+        return f"not certified{why}: none is better, but elsewhere another of the best may be named"
     if gap >= 2:
         return f"not certified{why}: at most {_rounded_up(gap)} times the least possible"
     percent = _rounded_up(100 * (gap - 1))

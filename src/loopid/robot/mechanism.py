@@ -33,7 +33,8 @@ COMPONENTS = {
     "JointModelPlanar": ("vx", "vy", "wz"),
     "JointModelTranslation": LINEAR,
 }
-OUTSIDE = 1e-9  # m or rad: the round-off of a position at its limit
+OUTSIDE = 1e-9  # rad or characteristic lengths: the round-off of a position at its limit
+SLIGHT = 1e-9  # of the steepest slope of a coupling: another is none
 NO_LIMIT = 1e100  # readers write the largest float where a file gives no limit
 LISTED = 8  # names in a sentence
 
@@ -300,10 +301,17 @@ class Mechanism:
         lower[none | (lower < -NO_LIMIT)], upper[none | (upper > NO_LIMIT)] = -np.inf, np.inf
         return frozen(lower), frozen(upper)
 
+    @cached_property
+    def position_units(self) -> FloatArray:
+        """Units (nq,) of joints with one coordinate: 1 rad, or the characteristic length in m."""
+        units = np.ones(self.model.nq)
+        units[self.first_positions[self.prismatic]] = self.length
+        return frozen(units)
+
     def outside(self, q: FloatArray) -> BoolArray:
         """Which positions (N, nq) are outside the limits by more than ``OUTSIDE``."""
-        lower, upper = self.position_limits
-        outside: BoolArray = np.asarray((q < lower - OUTSIDE) | (q > upper + OUTSIDE), dtype=bool)
+        (lower, upper), slack = self.position_limits, OUTSIDE * self.position_units
+        outside: BoolArray = np.asarray((q < lower - slack) | (q > upper + slack), dtype=bool)
         for name in self.following:
             outside[:, self.joint(name).idx_q] = False
         return outside
@@ -431,10 +439,31 @@ class Mechanism:
 
     @cached_property
     def coordinate_scales(self) -> FloatArray:
-        """Unit steps (nv,) of the coordinates: 1 rad, or the characteristic length in m."""
-        scales = np.ones(self.model.nv)
-        scales[self.prismatic] = self.length
-        return frozen(scales)
+        """Unit steps (nv,) of the coordinates: 1 rad, or the characteristic length in m.
+
+        Couplings, as gears, may move some coordinates much faster than others: steps of these are
+        longer. Of coordinates that move bodies the slowest keeps its unit.
+        """
+        return self._geared(1.0)
+
+    @cached_property
+    def coordinate_ranges(self) -> FloatArray:
+        """How far (nv,) coordinates go either way: half a turn, or the characteristic length.
+
+        Coordinates behind gears go as far as it takes to move the slowest body so.
+        """
+        return self._geared(np.pi)
+
+    def _geared(self, turn: float) -> FloatArray:
+        """Units (nv,) of coordinates that turn, and of those that slide, made even by couplings."""
+        units = np.full(self.model.nv, turn)
+        units[self.prismatic] = self.length
+        slopes = np.zeros((len(self.couplings), self.model.nv))
+        for row, coupling in zip(slopes, self.couplings, strict=True):
+            row[list(coupling.v_indices)] = coupling.jacobian(self.reference[None])[0]
+        moved = {k for body in self.bodies for k in self.model.supports[body.joint_id]}
+        moving = np.isin(self.joint_ids, [*moved])
+        return frozen(units * gear_ratios(np.abs(slopes) * units, moving))
 
     @cached_property
     def row_scales(self) -> FloatArray:
@@ -539,6 +568,31 @@ class Mechanism:
         width = len(model_kinds(model))
         first = len(KINDS) * (np.array([body.joint_id for body in self.bodies]) - 1)
         return (first[:, None] + np.arange(width)).ravel()
+
+
+def gear_ratios(slopes: FloatArray, moving: BoolArray) -> FloatArray:
+    """How much faster coordinates (nv,) move than the slowest one that they are coupled with.
+
+    From sizes (couplings, nv) of the slopes of couplings: a step of each coordinate shall count the
+    same in each of them. Of those that are ``moving`` bodies the slowest has a ratio of 1.
+    """
+    ratios, equations = np.ones(slopes.shape[1]), list[FloatArray]()
+    coupled = slopes > SLIGHT * slopes.max(axis=1, keepdims=True)
+    for row, own in zip(slopes, coupled, strict=True):
+        first, *others = np.flatnonzero(own)
+        for other in others:  # logarithms of ratios, and of what they have to make up for
+            equation = np.zeros(len(ratios) + 1)
+            equation[first], equation[other] = -1.0, 1.0
+            equation[-1] = np.log(row[first] / row[other])
+            equations.append(equation)
+    if equations:
+        table = np.array(equations)
+        ratios = np.exp(np.linalg.lstsq(table[:, :-1], table[:, -1])[0])
+        count, group = connected_components(csr_array(1.0 * (coupled.T @ coupled)), directed=False)
+        for own in (group == k for k in range(count)):
+            bodies = own & moving
+            ratios[own] /= ratios[bodies if bodies.any() else own].min()
+    return ratios
 
 
 _thread = threading.local()

@@ -12,7 +12,7 @@ from loopid.errors import DataError
 from loopid.identification.saved import SavedFit
 from loopid.inertia import central_moments, centre, pseudo_inertia
 from loopid.kinematics import assembly_modes, measured_coordinates, singularity_measure
-from loopid.kinematics.assembly import CLOSURE_TOLERANCE, try_assemble
+from loopid.kinematics.assembly import largest_opening, try_assemble
 from loopid.kinematics.constraint import scaled_residual
 from loopid.records import record
 from loopid.robot.mechanism import Mechanism, scratch_data
@@ -91,7 +91,7 @@ class Scene:
         self.mechanism, self._measured = mechanism, measured_coordinates(mechanism)
         at = self._measured.read(mechanism.reference[None])[0]
         self.sliders = tuple(map(self._slider, mechanism.measured, at))
-        self.closed = max(CLOSURE_TOLERANCE, 2.0 * mechanism.closure_residual)
+        self.closed = largest_opening(mechanism)
         self._rods = link_rods(mechanism)
 
     def _slider(self, joint: str, at: float) -> Slider:

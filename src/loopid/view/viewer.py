@@ -89,6 +89,8 @@ class Viewer:
     ) -> None:
         try:
             import viser
+
+            from loopid.view.serving import own_pages_only
         except ImportError as error:
             raise MissingExtraError.of("viser", "view") from error
         masses = {"robot file": body_masses(mechanism)}
@@ -97,7 +99,7 @@ class Viewer:
         self._lock, self._closed = threading.RLock(), threading.Event()
         self.pose = self.scene.at(mechanism.reference)
         logging.getLogger("websockets.server").addFilter(_is_news)
-        with redirect_stdout(io.StringIO()):
+        with redirect_stdout(io.StringIO()), own_pages_only():
             self._server = viser.ViserServer("127.0.0.1", port, label=mechanism.name, verbose=False)
         self.url = f"http://127.0.0.1:{self._server.get_port()}"
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
@@ -297,7 +299,8 @@ class Viewer:
 
     def _dragged(self, event: Any) -> None:
         """Follow a slider that a person drags to where it is now: old events are passed over."""
-        if event.client is None:  # set by ``_place``
+        # Set by ``_place``, or by who is no browser.
+        if event.client is None or not np.isfinite(event.target.value):
             return
         with self._lock:
             goal, slider = self.pose.values.copy(), event.target
@@ -349,8 +352,9 @@ class Viewer:
 
 
 def _is_news(record: logging.LogRecord) -> bool:
-    """Browsers open connections that they do not use."""
-    return record.getMessage() != "opening handshake failed"
+    """Browsers open connections that they do not use, and others are refused."""
+    said = record.getMessage()
+    return said != "opening handshake failed" and not said.startswith("connection rejected")
 
 
 def _turn(rotations: FloatArray) -> Rotation:
