@@ -95,7 +95,7 @@ def test_a_file_a_joint(knee, truth, write_folder, write_mapping):
         (
             "idle_speed",
             "idle",
-            "unknown key 'idle': choose among format, topic, group, time, position",
+            "unknown key 'idle': choose among format, topic, group, time, rate",
         ),
         ("unit: ms", "unit: h", r"time\.unit: Input should be 's', 'ms', 'us' or 'ns', not 'h'"),
         ("unit: ms", "uint: ms", r"time: unknown key 'uint': choose among column, unit"),
@@ -120,7 +120,7 @@ def test_a_file_a_joint(knee, truth, write_folder, write_mapping):
         (
             "format: csv",
             "format: xls",
-            "format: must be one of folder, csv, npz, parquet, hdf5, bag",
+            "format: must be one of folder, csv, npz, parquet, hdf5, mat",
         ),
         ("format: csv", "1: 2", "unknown key 1: choose among format"),
     ],

@@ -97,8 +97,11 @@ def test_the_terminal_shows_the_recommended_values(report, study):
     (brief,) = report.brief
     names, values, errors, _ = ([str(c) for c in column.cells] for column in brief.columns)
     fit = study.identification.fit
-    assert names == list(fit.parameters.labels)
-    for value, error, estimate in zip(values, errors, fit.estimates, strict=True):
+    shown = names[:-1] if names[-1].startswith("... and ") else names
+    assert shown == list(fit.parameters.names)[: len(shown)]
+    left = len(fit.values) - len(shown)
+    assert names[len(shown) :] == ([f"... and {left} more: --verbose"] if left else [])
+    for value, error, estimate in zip(values, errors, fit.estimates[: len(shown)], strict=False):
         assert float(value) == pytest.approx(estimate.value, rel=5e-4, abs=estimate.standard_error)
         assert (error == "= file") == (estimate.name in fit.assumed)
 
@@ -109,7 +112,7 @@ def test_values_in_the_tables_are_those_of_the_fit(report, study):
     )
     found = study.identification
     fit, model = found.fit, found.force_model
-    assert names == list(fit.parameters.labels)
+    assert names == list(fit.parameters.expressions)
     ends = [[float("nan") if cell == "-" else float(cell) for cell in part] for part in (low, high)]
     known = np.isfinite(fit.intervals()).all(axis=1)
     np.testing.assert_allclose(np.transpose(ends)[known], fit.intervals()[known], rtol=1e-3)
@@ -167,7 +170,7 @@ def test_parameters_are_shown_against_the_robot_file_with_their_intervals(study,
     np.testing.assert_allclose(spans.x + spans.to, 2 * dots.x, atol=1e-9)
     reach = np.ptp(fit.intervals()[bodies], axis=1) / np.abs(fit.values - model.prior)[bodies]
     np.testing.assert_allclose((spans.to - spans.x) / np.abs(dots.x), reach, rtol=1e-9)
-    assert panel.labels == tuple(fit.parameters.labels[j] for j in bodies)
+    assert panel.labels == tuple(fit.parameters.names[j] for j in bodies)
 
 
 def test_friction_is_drawn_with_what_it_explains(study, report):
@@ -273,7 +276,7 @@ def test_the_recommended_fit_is_said_listed_and_saved(study):
     assert other.recommended is other["robot file"]
     (said,) = [each for each in findings(worse) if "recommended" in each.title]
     assert "robot file with fitted joint terms, as fitted bodies are clearly worse" in said.why
-    bodies = [found.fit.parameters.labels[j] for j in found.force_model.body_columns]
+    bodies = [found.fit.parameters.names[j] for j in found.force_model.body_columns]
     assert other.fit.assumed == tuple(bodies)
 
 
@@ -308,7 +311,7 @@ def test_an_identification_is_recorded_whole(study):
     np.testing.assert_array_equal(record["robot_file"], model.prior)
     np.testing.assert_array_equal(record["essential"], study.essential.values)
     assert record["all_parameters"] == SavedFit.of(model, found["all parameters"].fit).record()
-    corrected = [model.parameters.labels[j] for j in study.reduction.columns]
+    corrected = [model.parameters.names[j] for j in study.reduction.columns]
     assert record["essential_parameters"] == corrected
 
 

@@ -39,6 +39,7 @@ from .friction import (
     nearest_line as nearest_line,
     with_friction as with_friction,
 )
+from .hysteresis import HysteresisLoop as HysteresisLoop, hysteresis_loop as hysteresis_loop
 from .information import (
     Excitation as Excitation,
     Identifiability as Identifiability,

@@ -147,7 +147,7 @@ class Excitation:
     def assumed(self, parameters: ParameterSet) -> tuple[str, ...]:
         """Names of the n parameters that the data do not determine: part is unidentifiable."""
         part = np.linalg.norm(self.unidentifiable, axis=1) / self.sizes
-        return tuple(parameters.labels[j] for j in np.flatnonzero(part > INVOLVED))
+        return tuple(parameters.names[j] for j in np.flatnonzero(part > INVOLVED))
 
 
 def excited_samples(samples: FitSamples, prior: FloatArray, excitation: Excitation) -> FitSamples:

@@ -38,7 +38,14 @@ from loopid.identification.leaving_out import LeftOut
 from loopid.identification.log_mistakes import Suspicions, suspicions_by_log
 from loopid.identification.prediction import Candidate, error_ratio, judge
 from loopid.identification.problem import ROUND_OFF, FitSamples
-from loopid.identification.result import FitResult, NoiseModel, fit_quality, nearest_first, of_all
+from loopid.identification.result import (
+    FitResult,
+    NoiseModel,
+    RobotUncertainty,
+    fit_quality,
+    nearest_first,
+    of_all,
+)
 from loopid.identification.terms import TermOptions, choose_terms
 from loopid.identification.verdict import Verdict, findings_of
 from loopid.logs.recording import Recording
@@ -671,7 +678,7 @@ def fit_joint_terms(
             degrees_of_freedom=np.array(float(data.problem.rows)),
             quality=fit_quality(data.problem, values),
             weights=equal_weights(data.problem),
-            assumed=force_model.parameters.labels,
+            assumed=force_model.parameters.names,
             standard_parameters=force_model.standard_prior,
         )
     estimator = chosen_estimator(options.estimator)
@@ -689,10 +696,14 @@ def fit_joint_terms(
     values[joints] = not_below(least, left, terms)
     standard[places] += values[joints] - force_model.prior[joints]
     terms = replace(terms, values=values[joints])
+    gain, file = np.zeros((len(standard), len(values))), np.zeros(len(standard))
+    gain[places, joints], file[places] = 1.0, np.inf
+    known = np.zeros(len(standard)), file, np.full(len(standard), np.inf)
     return replace(
         of_all(terms, force_model.parameters, joints, values),
         quality=fit_quality(data.problem, values),
         standard_parameters=standard,
+        uncertainty=RobotUncertainty(force_model.base.parameters, gain, *known),
     )
 
 
@@ -749,5 +760,5 @@ def fit_solid_bodies(
 def with_assumed(found: FitResult, excited: Identifiability) -> FitResult:
     """A fit, with what the data do not excite ``assumed``."""
     assumed = {*found.assumed, *(excited.assumed if excited.unidentifiable else ())}
-    labels = found.parameters.labels
-    return replace(found, assumed=tuple(name for name in labels if name in assumed))
+    names = found.parameters.names
+    return replace(found, assumed=tuple(name for name in names if name in assumed))

@@ -228,12 +228,13 @@ def _least_known(found: Identification) -> tuple[str, ...]:
     alone = found.recommended is found.baseline  # of the bodies it has no estimates
     fit = found["all parameters"].fit if alone else found.fit
     weak, order = set(_insignificant(fit)), np.argsort(-fit.relative_std, kind="stable")
-    return tuple(name for j in order if (name := fit.parameters.labels[j]) in weak)
+    labels, names = fit.parameters.labels, fit.parameters.names
+    return tuple(labels[j] for j in order if names[j] in weak)
 
 
 def _insignificant(fit: FitResult) -> tuple[str, ...]:
     """Names of parameters not clearly different from zero; points of a curve are none."""
-    kinds = {each.label: each.kind for each in fit.parameters}
+    kinds = {each.name: each.kind for each in fit.parameters}
     return tuple(name for name in fit.insignificant() if not grouped(kinds[name]))
 
 

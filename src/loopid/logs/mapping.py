@@ -148,6 +148,7 @@ class LogMapping(Section):
     columns of joints that no motor moves: one, or the seven of a floating base.
     ``delay`` is how much later forces are than positions, in s, of all joints or by joint, or how
     late the time stamps of whole streams are, by their names.
+    Without a column of times, rows are even: ``rate`` in Hz, or ``period`` in s between them.
     ``topic`` chooses among those of a bag, ``group`` among those of an HDF5 file.
     ``unpacked_ratio`` is how many times the bytes of its file a log may stand for.
 
@@ -161,6 +162,8 @@ class LogMapping(Section):
     topic: str | None = None
     group: str | None = None
     time: TimeColumns | None = None
+    rate: Positive | None = None
+    period: Positive | None = None
     position: Columns | None = None
     force: Columns | None = None
     velocity: Columns | None = None
@@ -200,6 +203,18 @@ class LogMapping(Section):
             if 0 in (scale.values() if isinstance(scale, dict) else (scale,)):
                 raise ValueError(f"{name} must not be 0")
         return self
+
+    @model_validator(mode="after")
+    def _one_time(self) -> LogMapping:
+        given = [key for key in ("time", "rate", "period") if getattr(self, key) is not None]
+        if len(given) > 1:
+            raise ValueError(f"give only one of {', '.join(given)}")
+        return self
+
+    @property
+    def row_period(self) -> float | None:
+        """Seconds between rows that have no time of their own; None where they have one."""
+        return self.period if self.rate is None else 1 / self.rate
 
     @model_validator(mode="after")
     def _maps_are_apart(self) -> LogMapping:
