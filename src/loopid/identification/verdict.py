@@ -112,7 +112,7 @@ class Verdict:
             return ""
         below, root = ratio < 1, np.sqrt(ratio)
         size = 100 * abs(1 - root)
-        spread = f" ± {50 * error / root:.0f}" if np.isfinite(error) else ""
+        spread = f" ± {50 * error / root:.1g}" if np.isfinite(error) else ""
         side = "below" if below else "above"
         return f", over all motors {size:.0f}{spread} % {side} those with the file's bodies"
 
