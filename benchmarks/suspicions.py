@@ -1,4 +1,4 @@
-"""False alarms of ``loopid.diagnose`` in clean logs, and mistakes that it finds: a Monte Carlo.
+"""False alarms of ``loopid.identification.suspicions``, and mistakes that it finds: a Monte Carlo.
 
     python benchmarks/suspicions.py [--runs N] [--seed N] [--robot NAME] [--mistake NAME ...]
 
@@ -16,7 +16,7 @@ from typing import Any
 
 from intervals import MOTIONS, Case
 from loopid import find_delay, prepare_recording
-from loopid.diagnosis import suspicions
+from loopid.identification import suspicions
 from loopid.workers import one_blas_thread
 from plants import MISTAKES
 from tables import show, write_json
@@ -48,7 +48,7 @@ def figures(case: Case, mistake: str, seeds: range) -> dict[str, Any]:
         if words:
             log = MISTAKES[mistake](log)
         recording = prepare_recording(case.robot, log)
-        said = list(suspicions(case.robot, [recording]).sentences)
+        said = [found.title for found in suspicions(case.robot, [recording]).mistakes]
         if not words:
             delay = find_delay(case.model, [recording])
             said += [delay.sentence] if delay is not None and delay.clear else []

@@ -8,7 +8,7 @@ import numpy as np
 from closure_robots import body, urdf
 from loopid import JointTerms
 from loopid.kinematics import measured_coordinates, platform_coordinates
-from loopid.logs import Recording
+from loopid.logs import Log, Recording
 from loopid.motion import (
     FourierSeries,
     Motion,
@@ -92,6 +92,20 @@ def logged(robot, motion, terms=None, noise=1.0, seed=0, standard=None):
     names = ["time", *(f"{joint}.{kind}" for kind in kinds for joint in robot.actuated)]
     rows = np.column_stack([found.time, found.position, found.force])
     return "\n".join([",".join(names), *(",".join(f"{x:.9g}" for x in row) for row in rows), ""])
+
+
+def elastic(log, slip, friction=0.1):
+    """The log with friction that builds up over a displacement, by Dahl's law, in place of a jump.
+
+    dz = (sign(dq) - z) |dq| / slip, exactly from sample to sample.
+    """
+    moved = np.diff(log.position, axis=0)
+    sign, state = np.sign(moved), np.zeros_like(log.position)
+    for k, kept in enumerate(np.exp(-np.abs(moved) / slip)):
+        state[k + 1] = sign[k] + (state[k] - sign[k]) * kept
+    jumps = np.sign(np.gradient(log.position, axis=0))
+    force = log.force + friction * (state - jumps)
+    return Log.from_arrays(log.time, log.position, force, log.joints)
 
 
 def changed(robot, **differences):

@@ -11,6 +11,7 @@ GROUND = (
     "registry",
     "arguments",
     "records",
+    "findings",
     "workers",
     "files",
     "yaml_files",

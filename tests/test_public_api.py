@@ -66,7 +66,7 @@ def run(folder):
         loopid.identifiability(model, [recording]),
         loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=0.1)),
         loopid.review_motion(robot, motion),
-        loopid.diagnose(found),
+        *found.suspicions,
         loopid.design_excitation(model, options=options),
         loopid.fit(samples),
         *(loopid.ExactSearch(), loopid.MotionLimits(speeds={"all": 1.0}), options),

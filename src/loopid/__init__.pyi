@@ -27,7 +27,6 @@ from .base_parameters import (
 )
 from .control import MotorModel as MotorModel
 from .diagnosis import (
-    diagnose as diagnose,
     drive_gains as drive_gains,
     identify_payload as identify_payload,
     study_logs as study_logs,
@@ -39,6 +38,7 @@ from .excitation import (
     design_excitation as design_excitation,
 )
 from .export import export_c as export_c, export_robot_file as export_robot_file
+from .findings import Finding as Finding
 from .identification import (
     FitOptions as FitOptions,
     FitSamples as FitSamples,

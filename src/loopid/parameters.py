@@ -32,12 +32,18 @@ def model_kinds(model: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True, order=True)
 class Parameter:
-    """One parameter: a mass, first moment or inertia of a link, or a term of a joint."""
+    """One parameter: a mass, first moment or inertia of a link, or a term of a joint.
+
+    Or, with ``others``, the combination that it leads: forces determine their sum alone.
+    """
 
     link: str  # link, or joint
     kind: str  # one of ``KINDS`` for a standard parameter of a link
     # Known for standard parameters; empty where it was not given
     unit: str = field(default="", compare=False)
+    # Labels of those in a combination beside this one, and the whole sum
+    others: tuple[str, ...] = field(default=(), compare=False)
+    expression: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
         # Not by ``checked=True``: a robot has hundreds, which are made over and over.
@@ -52,6 +58,11 @@ class Parameter:
     def label(self) -> str:
         """Text form, ``<link>.<kind>``."""
         return f"{self.link}.{self.kind}"
+
+    @property
+    def name(self) -> str:
+        """What is shown: the label, or of a combination ``<label> + 3 more``."""
+        return f"{self.label} + {len(self.others)} more" if self.others else self.label
 
     @property
     def length_power(self) -> int:
@@ -113,6 +124,16 @@ class ParameterSet:
     def labels(self) -> tuple[str, ...]:
         """Texts ``<link>.<kind>``, in order."""
         return tuple(parameter.label for parameter in self.parameters)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """What is shown of each, in order: no combination goes by one of its members alone."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    @property
+    def expressions(self) -> tuple[str, ...]:
+        """The sum of each combination; of others the label."""
+        return tuple(parameter.expression or parameter.label for parameter in self.parameters)
 
     @property
     def length_powers(self) -> IntArray:

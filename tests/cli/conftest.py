@@ -12,7 +12,7 @@ import pytest
 
 from loopid import JointTerms, load_mechanism
 from loopid.cli import main
-from loopid.diagnosis import Suspicions
+from loopid.identification import Suspicions
 from loopid.report import json_schema
 from made_runs import ARM, FRICTION, logged, wander
 
@@ -46,8 +46,8 @@ def run(monkeypatch, capsys):
 def nothing_suspected(request, monkeypatch):
     """Mistakes are looked for in logs of the knee robot, not of the arm, by many commands."""
     if "arm_files" in request.fixturenames:
-        module = import_module("loopid.diagnosis.study")
-        monkeypatch.setattr(module, "diagnose", lambda _: (Suspicions("run"),))
+        module = import_module("loopid.identification.pipeline")
+        monkeypatch.setattr(module, "suspicions_by_log", lambda *_: (Suspicions("run"),))
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ import json
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +67,20 @@ def test_everything_at_once(run_json, tmp_path, model):
     whole = np.concatenate([again.standard_parameters(model), terms])
     expected = found.base.regressor(W) @ values
     np.testing.assert_allclose(W @ whole, expected, atol=1e-9 * np.abs(expected).max())
+
+
+def test_a_fit_of_a_log_with_a_mistake_is_refused_unless_asked_for_anyway(run, tmp_path):
+    found, _, place = saved(tmp_path)
+    mistake = "the force of left_crank_joint has the wrong sign"
+    fit = replace(read_fit(place).result, mistakes=(mistake,))
+    save_fit(place, found, fit)
+    out = tmp_path / "new.yaml"
+    refused = run("export", "five_bar", place, "--yaml", out)
+    assert_refused(refused, "not fit for use", mistake, "--anyway")
+    assert not out.exists()
+    done = run("export", "five_bar", place, "--yaml", out, "--anyway")
+    assert done.code == 0, done.err
+    assert read_fit(out).result.mistakes == (mistake,)
 
 
 def test_joint_terms_that_a_robot_file_has_no_place_for_are_named(run, tmp_path):

@@ -84,6 +84,23 @@ def test_the_log_of_the_repository_is_what_the_command_writes(run, tmp_path):
     assert path.read_text().splitlines()[0] == LOG.read_text().splitlines()[0]
 
 
+def test_a_leg_that_stands_is_not_shaken_in_the_log_of_the_knee_robot(run, tmp_path):
+    """Its forces are noise about what it carries; the options are those of the same page."""
+    options = "--motion 9 --rate 20 --terms Fc=60,Fv=900 --noise 2 --encoder-step 2e-5"
+    path, kept = tmp_path / "run.csv", ROOT / "urdf" / "logs" / "3ups_rpu.csv"
+    words = [*options.split(), "--cad-error", "0.2", "--out", str(path)]
+    assert run("simulate", "3ups_rpu", *words).code == 0
+    here, there = (np.genfromtxt(file, delimiter=",", skip_header=1) for file in (path, kept))
+    np.testing.assert_allclose(here, there, atol=1e-6)
+    position, force = here[:, 4], here[:, 8]
+    changes = np.append(np.diff(position) != 0, True)
+    still = np.convolve(changes, np.ones(41), "same") == 0  # for two seconds
+    assert still.sum() > 1000
+    inside = still[1:] & still[:-1]
+    jumps = np.abs(np.diff(force))[inside] > 6 * np.sqrt(2) * 2.0
+    assert jumps.mean() < 0.01  # where it starts or ends to creep
+
+
 def test_no_log_takes_the_place_of_the_robot_or_its_motion(run, tmp_path):
     given = {}
     for name in ("five_bar.urdf", "five_bar.yaml", "five_bar_motions.yaml"):

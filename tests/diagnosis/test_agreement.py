@@ -52,7 +52,7 @@ def test_what_differs_is_named_the_farthest_first(fitted):
 
 def test_what_rests_on_the_file_does_not_count(fitted):
     model, fit = fitted
-    name = model.parameters.labels[0]
+    name = model.parameters.names[0]
     rests = replace(fit, assumed=(name,))
     found = compare_fits(SavedFit.of(model, fit), SavedFit.of(model, rests))
     assert model.base.expressions[0] not in found.expressions

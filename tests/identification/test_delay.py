@@ -12,7 +12,7 @@ from loopid.identification import quiet_fit
 from loopid.identification.delay import CLEAR, USUAL, without_delay
 from loopid.logs import Log, Recording, prepare_again, prepare_recording
 from loopid.motion import scaled_bodies
-from made_runs import quietly, simulated, wander
+from made_runs import elastic, quietly, simulated, wander
 
 RATE, NOISE, SIZE = 200.0, 0.02, (0.4, 0.4)
 FRICTION = {"five_bar": (0.1, 0.05), "delta": (0.1, 0.05)}
@@ -38,20 +38,6 @@ def noisy(log, delay=0.0, seed=0, noise=NOISE):
     late = log.delayed(-np.asarray(delay))
     error = noise * np.random.default_rng(seed).normal(size=late.force.shape)
     return Log.from_arrays(late.time, late.position, late.force + error, late.joints)
-
-
-def elastic(log, slip, friction=0.1):
-    """The log with friction that builds up over a displacement, by Dahl's law, in place of a jump.
-
-    dz = (sign(dq) - z) |dq| / slip, exactly from sample to sample.
-    """
-    moved = np.diff(log.position, axis=0)
-    sign, state = np.sign(moved), np.zeros_like(log.position)
-    for k, kept in enumerate(np.exp(-np.abs(moved) / slip)):
-        state[k + 1] = sign[k] + (state[k] - sign[k]) * kept
-    jumps = np.sign(np.gradient(log.position, axis=0))
-    force = log.force + friction * (state - jumps)
-    return Log.from_arrays(log.time, log.position, force, log.joints)
 
 
 def prepared(model, log):

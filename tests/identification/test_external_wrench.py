@@ -16,12 +16,12 @@ from loopid import (
     random_configurations,
     wrench_forces,
 )
-from loopid.diagnosis import examine, suspicions
-from loopid.identification import quiet_fit
+from loopid.diagnosis import examine
+from loopid.identification import quiet_fit, suspicions
 from loopid.kinematics import random_motions, singularity_measure
 from loopid.logs import Recording
 from loopid.motion import JointMotion
-from loopid.report.identify import identification_record
+from loopid.report import identification_report
 from made_runs import ARM, quietly, record, simulated, wander
 
 NOISE = 1.0
@@ -74,8 +74,8 @@ def test_an_identification_and_a_prediction_with_a_leg(knee, knee_model, carried
     found = quietly(identify, knee_model, [whole], validation=[judged])
     reached = found.candidates["all parameters"].validation.residual_rms
     assert reached == pytest.approx(np.full(4, NOISE), rel=0.15)
-    report = identification_record(quietly(examine, found))
-    assert any("on platform are part of the forces" in said for said in report["findings"])
+    report = identification_report(quietly(examine, found)).data
+    assert any("on platform" in said["why"] for said in report["findings"])
     assert report["training"][0]["wrenches"] == ["platform"]
     lost = quietly(identify, knee_model, [run], validation=[other])
     missed = lost.candidates["all parameters"].validation.residual_rms
@@ -84,7 +84,7 @@ def test_an_identification_and_a_prediction_with_a_leg(knee, knee_model, carried
 
 def test_no_mistake_of_the_motors_is_suspected_of_a_leg(knee, carried, terms):
     run, wrench = carried[0]
-    assert suspicions(knee, [run.with_wrenches(knee, [wrench])], terms[0]).sentences == ()
+    assert suspicions(knee, [run.with_wrenches(knee, [wrench])], terms[0]).mistakes == ()
 
 
 def test_the_gain_of_a_motor_is_that_of_its_own_force(knee, carried, terms):
@@ -96,7 +96,7 @@ def test_the_gain_of_a_motor_is_that_of_its_own_force(knee, carried, terms):
     low, high = gains["leg2_stroke"].interval
     assert low < 0.5 < high
     assert high - low < 0.2
-    assert "leg2_stroke" in told.sentences[0]
+    assert "leg2_stroke" in told.mistakes[0].title
 
 
 def test_a_log_with_a_leg_from_its_signals_on(knee, knee_model, truth, terms, leg):

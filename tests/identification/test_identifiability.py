@@ -1,5 +1,6 @@
 """What a log identifies: the spectrum, unidentifiable and weak combinations, fits of the rest."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -56,7 +57,8 @@ def test_each_unidentifiable_combination_is_led_by_a_parameter_of_its_own(moved_
     for direction, lead in zip(found.unidentifiable, leads, strict=True):
         places = [found.parameters.labels.index(label) for label in leads]
         assert [leads[k] for k in np.flatnonzero(direction.change[places])] == [lead]
-        assert set(direction.terms) <= set(found.assumed)
+        inside = {p.name for p in found.parameters if p.label in direction.terms}
+        assert inside <= set(found.assumed)
 
 
 def test_a_summary_fits_in_ten_lines(moved_joint):
@@ -118,7 +120,7 @@ def test_a_log_without_anything_in_it_excites_nothing(knee):
     nothing = Recording.of_motion(motion, force, knee.actuated, name="nothing")
     found = identifiability(model, [replace(nothing, used=np.zeros_like(nothing.used))])
     assert (found.rank, len(found.unidentifiable)) == (0, 23)
-    assert set(found.assumed) == set(model.parameters.labels)
+    assert set(found.assumed) == set(model.parameters.names)
 
 
 def test_some_of_the_parameters_alone_are_looked_at(knee_model, motions, truth):
@@ -185,7 +187,7 @@ def test_a_motor_of_few_rows_leaves_what_it_cannot_tell_to_the_robot_file(crank_
     found = fit_excited(samples, model.prior, excitation)
     assert 0 < len(found.assumed) < len(found.values)
     assert abs(found["right_crank_joint.Fc"].value) < 0.05
-    with pytest.warns(DataWarning, match=f"do not tell all of {found.assumed[0]}"):
+    with pytest.warns(DataWarning, match=re.escape(f"do not tell all of {found.assumed[0]}")):
         fit_all(model, samples, identifiability(model, samples))
     options = FitOptions(unidentifiable="error")
     with pytest.raises((DataError, RankError)):
@@ -204,7 +206,7 @@ def test_assumed_values_have_no_interval_and_the_other_intervals_cover_the_true_
         found = fit_excited(samples, crank_model.prior, excitation)
         low, high = found.intervals().T
         covered += (low <= crank_truth) & (crank_truth <= high)
-    assumed = np.isin(crank_model.parameters.labels, found.assumed)
+    assumed = np.isin(crank_model.parameters.names, found.assumed)
     assert 0 < assumed.sum() < 15
     np.testing.assert_array_equal(np.isinf(low) & np.isinf(high), assumed)
     assert (covered[~assumed] > 0.87 * DRAWS).all()
@@ -240,4 +242,5 @@ def test_columns_of_round_off_are_not_excited(knee, tmp_path):
         quiet_fit(samples)
     fit = fit_excited(samples, model.prior, found.excitation)
     assert np.abs(fit.values[samples.parameters.labels.index("platform.mz")]) < 10
-    assert set(silent) <= set(fit.assumed)
+    names = {p.label: p.name for p in samples.parameters}
+    assert {names[label] for label in silent} <= set(fit.assumed)

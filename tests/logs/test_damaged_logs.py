@@ -11,8 +11,8 @@ import pytest
 from hypothesis import example, given, settings, strategies as st
 from recorded_logs import write_any
 
-from loopid.diagnosis import suspicions
 from loopid.errors import FileError, LogError, LoopidError
+from loopid.identification import suspicions
 from loopid.logs import LogMapping, prepare_recording, read_log
 
 POSITIONS, FORCES = (1, 2, 3, 4), (5, 6, 7, 8)
@@ -137,7 +137,7 @@ class Case:
         if not (least[0] < 2e-5 and least[1] < 0.5 and np.isfinite(recording.force).all()):
             judged = suspicions(self.robot, [recording])
             # Little motion does not tell whether forces are those of the robot.
-            assert judged.sentences or not judged.gains
+            assert judged.mistakes or not judged.gains
 
 
 @pytest.fixture(scope="module")

@@ -210,8 +210,8 @@ def test_missing_logs_are_named(knee, tmp_path):
 
 
 def test_unknown_formats_are_refused_with_the_known_ones(knee, write_text):
-    with pytest.raises(LogError, match=r"log\.xls is of no known format.*\.csv.*\.mcap.*folder"):
-        read_log(write_text("", "log.xls"), knee)
+    with pytest.raises(LogError, match=r"log\.doc is of no known format.*\.csv.*\.mcap.*folder"):
+        read_log(write_text("", "log.doc"), knee)
 
 
 FORMATS = ["npz", "parquet", "hdf5", "ros1", "db3", "mcap", "mcap file"]

@@ -95,7 +95,7 @@ def test_a_file_a_joint(knee, truth, write_folder, write_mapping):
         (
             "idle_speed",
             "idle",
-            "unknown key 'idle': choose among format, topic, group, time, position",
+            "unknown key 'idle': choose among format, topic, group, time, rate",
         ),
         ("unit: ms", "unit: h", r"time\.unit: Input should be 's', 'ms', 'us' or 'ns', not 'h'"),
         ("unit: ms", "uint: ms", r"time: unknown key 'uint': choose among column, unit"),
@@ -120,7 +120,7 @@ def test_a_file_a_joint(knee, truth, write_folder, write_mapping):
         (
             "format: csv",
             "format: xls",
-            "format: must be one of folder, csv, npz, parquet, hdf5, bag",
+            "format: must be one of folder, csv, npz, parquet, hdf5, mat",
         ),
         ("format: csv", "1: 2", "unknown key 1: choose among format"),
     ],
@@ -141,7 +141,6 @@ def test_wrong_mappings_are_explained(knee, foreign, write_mapping, old, new, me
         (", u4]", "]", {"columns": ("foreign:u1", "foreign:u2", "foreign:u3")}),
         ("leg4_stroke: enc4", "leg5_stroke: enc4", {"key": "position"}),
         (", leg4_stroke: enc4", "", {"key": "position"}),
-        (", leg4_stroke: 246.678", "", {"key": "force_scale"}),
         (", leg4_stroke: 2343", "", {"key": "saturation"}),
         ("columns: [u1", "stream: 1, columns: [u1", {"given": "1", "valid": ("foreign",)}),
         ("{columns: [u1", "{stream: pull, columns: [u1", {"given": "pull"}),
@@ -155,6 +154,14 @@ def test_mappings_that_do_not_fit_the_log_are_refused(
     with pytest.raises(LogError) as refusal:
         read_log(foreign, knee, mapping=write_mapping(MAPPING.replace(old, new, 1)))
     assert refusal.value.facts.items() >= facts.items()
+
+
+def test_a_scale_may_name_some_motors_only(knee, foreign, write_mapping):
+    whole = read_log(foreign, knee, mapping=write_mapping(MAPPING))
+    part = MAPPING.replace(", leg4_stroke: 246.678", "")
+    log = read_log(foreign, knee, mapping=write_mapping(part))
+    np.testing.assert_array_equal(log.force[:, :3], whole.force[:, :3])
+    np.testing.assert_allclose(log.force[:, 3], whole.force[:, 3] / 246.678)
 
 
 def test_an_empty_mapping_leaves_all_to_the_names(write_mapping):

@@ -1,102 +1,170 @@
-"""A format of logs from outside the package is a class and a line."""
+"""Logs of MATLAB, JSON lines, Excel, rostopic, ur_rtde and libfranka, and rows without a time."""
 
-import subprocess
-import sys
+import json
 
 import numpy as np
-import polars
 import pytest
-from simulated_logs import table
+from scipy.io import savemat
 
 from loopid import load_mechanism
-from loopid.errors import LogError, OptionError
-from loopid.logs import LogFormat, LogMapping, Table, read_log
-from loopid.registry import log_formats
+from loopid.errors import DataWarning, LogError, OptionError
+from loopid.logs import LogMapping, read_log
 
-PLUGIN = """
-import polars
-import numpy as np
-from loopid.logs import LogFormat, Table
-
-class JsonLines(LogFormat):
-    endings = (".jsonl",)
-
-    def columns(self):
-        return {"run": tuple(polars.read_ndjson(self.path).columns)}
-
-    def tables(self, stream, times, values):
-        cells = polars.read_ndjson(self.path).select(*times, *values)
-        return [Table(cells, np.arange(1, len(cells) + 1))]
-"""
-
-
-class Binary(LogFormat):
-    """Doubles behind a mark, whatever the file is called."""
-
-    @classmethod
-    def accepts(cls, path):
-        return not path.is_dir() and path.read_bytes()[:4] == b"BIN1"
-
-    def columns(self):
-        return {"run": ("time", "position_0", "force_0")}
-
-    def tables(self, stream, times, values):
-        rows = np.frombuffer(self.path.read_bytes()[4:]).reshape(-1, 3)
-        cells = polars.DataFrame(rows, self.columns()["run"]).select(*times, *values)
-        return [Table(cells, np.arange(1, len(rows) + 1))]
-
-
-@pytest.fixture
-def registered():
-    """A registry that is as before afterwards."""
-    before = dict(log_formats._entries)
-    yield log_formats
-    log_formats._entries.clear()
-    log_formats._entries.update(before)
+polars = pytest.importorskip("polars")
+COUNT, MOTORS = 400, ("left_crank_joint", "right_crank_joint")
+TIME = np.arange(COUNT) / 100
+POSITION = np.stack([2 + 0.3 * np.sin(TIME), 1 + 0.2 * np.cos(3 * TIME)], axis=1)
+FORCE = np.stack([np.cos(TIME), np.sin(2 * TIME)], axis=1)
 
 
 @pytest.fixture(scope="module")
-def run():
-    time = np.arange(0, 3, 0.01)
-    return np.stack([time, 1 + np.sin(time), np.cos(time)], axis=1)
+def robot():
+    return load_mechanism("five_bar")
 
 
-def test_a_format_found_by_a_test_of_the_file(registered, run, tmp_path):
-    robot, path = load_mechanism("four_bar"), tmp_path / "run.csv"
-    path.write_bytes(b"BIN1" + run.tobytes())
-    with pytest.raises(LogError):
+@pytest.fixture
+def same(robot):
+    def check(path, **mapping):
+        log = read_log(path, robot, mapping=LogMapping(**mapping))
+        np.testing.assert_allclose(log.time, TIME, atol=1e-9)
+        np.testing.assert_allclose(log.position, POSITION, atol=1e-12)
+        np.testing.assert_allclose(log.force, FORCE, atol=1e-12)
+        return log
+
+    return check
+
+
+def write_text(path, header, *columns, start=""):
+    rows = "\n".join(",".join(map(repr, map(float, row))) for row in np.column_stack(columns))
+    path.write_text(f"{start}{header}\n{rows}\n")
+    return path
+
+
+def test_matlab(tmp_path, same):
+    path = tmp_path / "log.mat"
+    for shape in ((-1, 1), (1, -1)):
+        for packed in (True, False):
+            content = {"time": TIME.reshape(shape), "q": POSITION, "tau": FORCE}
+            savemat(path, content, do_compression=packed)
+            same(path)
+            savemat(path, {"run": content, "note": "made by hand"}, do_compression=packed)
+            same(path, time={"column": "run.time"}, position={"columns": ["run.q_0", "run.q_1"]},
+                 force={"columns": ["run.tau_0", "run.tau_1"]})  # fmt: skip
+
+
+def test_matlab_is_refused_where_it_is_damaged_or_a_bomb(tmp_path, robot):
+    path = tmp_path / "log.mat"
+    savemat(path, {"time": np.zeros(4_000_000)}, do_compression=True)
+    with pytest.raises(LogError, match="up to 200 times"):
         read_log(path, robot)
-    registered.register("binary", Binary)
-    log = read_log(path, robot)
-    np.testing.assert_allclose(log.position[:, 0], run[:, 1], atol=1e-12)
-    path.write_text(table(run[:, 0], run[:, 1:2], run[:, 2:], robot.actuated))
-    assert read_log(path, robot) == log  # text is still text
-
-
-def test_a_format_of_another_package_is_imported_when_it_is_asked_for(
-    registered, run, tmp_path, monkeypatch
-):
-    (tmp_path / "jsonlines.py").write_text(PLUGIN)
-    monkeypatch.syspath_prepend(tmp_path)
-    robot, path = load_mechanism("four_bar"), tmp_path / "run.jsonl"
-    polars.DataFrame(run, ["time", "crank_joint", "crank_joint.force"]).write_ndjson(path)
-    with pytest.raises(LogError) as refusal:
+    savemat(path, {"time": TIME, "q": POSITION}, do_compression=True)
+    path.write_bytes(path.read_bytes()[:-50])
+    with pytest.raises(LogError, match=r"is no \.mat of numbers, or is damaged"):
         read_log(path, robot)
-    assert ".csv" in refusal.value.facts["valid"]
-    registered.register("jsonl", "jsonlines:JsonLines")
-    assert "jsonlines" not in sys.modules
-    assert len(read_log(path, robot)) == len(run)
-    assert len(read_log(path, robot, mapping=LogMapping(format="jsonl"))) == len(run)
+    header = b"MATLAB 7.3 MAT-file".ljust(116) + bytes(8) + b"\x00\x02IM"
+    path.write_bytes(header + bytes(400))
+    with pytest.raises(LogError, match="save it with '-v7' in MATLAB"):
+        read_log(path, robot)
 
 
-def test_a_format_that_is_not_registered_is_refused_by_its_name():
-    with pytest.raises(OptionError, match="jsonl"):
-        LogMapping(format="jsonl")
+def test_json_lines(tmp_path, same, robot):
+    path, rows = tmp_path / "log.jsonl", zip(TIME, POSITION, FORCE, strict=True)
+    lines = [json.dumps({"time": t, "q": list(q), "arm": {"tau": list(f)}}) for t, q, f in rows]
+    path.write_text("\n".join(lines))
+    same(path, force={"columns": ["arm.tau_0", "arm.tau_1"]})
+    path.write_text("\n".join(lines[:9]) + "\n{broken")
+    with pytest.raises(LogError, match="is no table of JSON lines, or is damaged"):
+        read_log(path, robot)
 
 
-def test_no_format_is_imported_before_a_log_is_read():
-    script = "import loopid, sys; print(*[m for m in sys.modules if m.startswith('loopid.')])"
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
-    loaded = set(done.stdout.split())
-    assert "loopid.formats" in loaded
-    assert not {"loopid.formats.bags", "loopid.formats.hdf5", "loopid.logs.formats"} & loaded
+def test_excel(tmp_path, same, robot):
+    pytest.importorskip("fastexcel")
+    writer = pytest.importorskip("xlsxwriter")
+    path = tmp_path / "log.xlsx"
+    with writer.Workbook(path) as book:
+        sheet = book.add_worksheet()
+        sheet.write_row(0, 0, ["time", "q_0", "q_1", "tau_0", "tau_1"])
+        for k, row in enumerate(np.column_stack([TIME, POSITION, FORCE]), start=1):
+            sheet.write_row(k, 0, row.tolist())
+    same(path)
+    path.write_bytes(path.read_bytes()[:-900])
+    with pytest.raises(LogError, match="is no workbook of Excel, or is damaged"):
+        read_log(path, robot)
+
+
+def echoed(path, order=MOTORS, names=None, stamps=True):
+    """As ``rostopic echo -p /joint_states`` writes it."""
+    columns = [MOTORS.index(name) for name in order]
+    header = ["%time", "field.header.seq", "field.header.stamp", "field.header.frame_id"]
+    for word in ("name", "position", "velocity", "effort"):
+        header += [f"field.{word}{k}" for k in range(2)]
+    lines = [",".join(header)]
+    for k, (t, q, f) in enumerate(zip(TIME, POSITION, FORCE, strict=True)):
+        stamp = 1_700_000_000_000_000_000 + round(1e9 * t)
+        cells = [stamp + (5 if stamps else 0), k, stamp if stamps else 0, ""]
+        cells += [*(names or order), *map(float, q[columns]), 0.0, 0.0, *map(float, f[columns])]
+        lines.append(",".join(map(str, cells)))
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("stamps", [True, False])
+def test_positions_of_rostopic_go_by_the_names_beside_them(tmp_path, same, stamps):
+    same(echoed(tmp_path / "log.csv", stamps=stamps))
+    same(echoed(tmp_path / "log.txt", order=MOTORS[::-1], stamps=stamps))
+
+
+def test_names_of_rostopic_that_change_are_refused(tmp_path, robot):
+    path = echoed(tmp_path / "log.csv")
+    head, *rows = path.read_text().splitlines()
+    rows[7] = rows[7].replace(",".join(MOTORS), ",".join(MOTORS[::-1]))
+    path.write_text("\n".join([head, *rows]) + "\n")
+    with pytest.raises(LogError, match=r"'field\.name0' names different joints"):
+        read_log(path, robot)
+    with pytest.raises(LogError, match="no position of left_crank_joint"):
+        read_log(echoed(tmp_path / "log.csv", names=("a", "b")), robot)
+
+
+def test_ur_rtde(tmp_path, same, robot):
+    """Its currents are no forces before they are said to be."""
+    header = "timestamp,actual_q_0,actual_q_1,actual_current_0,actual_current_1"
+    gains = np.array([10.0, 20.0])
+    path = write_text(tmp_path / "log.csv", header, TIME, POSITION, FORCE / gains)
+    with pytest.raises(LogError, match=r"'actual_current_0' is a current.* 'force_scale'"):
+        read_log(path, robot)
+    same(path, force_scale=dict(zip(MOTORS, gains.tolist(), strict=True)))
+
+
+def test_libfranka(tmp_path, same):
+    header = "time,state.q[0],state.q[1],state.q_d[0],state.q_d[1],state.dq[0],state.dq[1],"
+    header += "state.tau_J[0],state.tau_J[1],cmd.tau_J_d[0],cmd.tau_J_d[1]"
+    zeros = np.zeros((COUNT, 2))
+    columns = (1e3 * TIME, POSITION, zeros, zeros, FORCE, zeros)
+    same(write_text(tmp_path / "log.csv", header, *columns), time={"column": "time", "unit": "ms"})
+
+
+@pytest.mark.parametrize("given", [{"rate": 100.0}, {"period": 0.01}])
+def test_even_rows_need_no_time(tmp_path, same, robot, given):
+    path = write_text(tmp_path / "log.csv", "q_0,q_1,tau_0,tau_1", POSITION, FORCE)
+    with pytest.raises(LogError, match=r"'rate' of even rows there, in Hz"):
+        read_log(path, robot)
+    same(path, **given)
+    np.savez(tmp_path / "log.npz", q=POSITION, tau=FORCE)
+    same(tmp_path / "log.npz", **given)
+
+
+def test_a_lost_row_is_a_lost_sample(tmp_path, robot):
+    path = write_text(tmp_path / "log.csv", "q_0,q_1,tau_0,tau_1", POSITION, FORCE)
+    lines = path.read_text().splitlines()
+    lines[200] = "1,2,3"
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.warns(DataWarning, match="another number of cells"):
+        log = read_log(path, robot, mapping=LogMapping(rate=80.0))
+    assert log.time[-1] == pytest.approx((COUNT - 1) / 80)
+
+
+def test_one_time_is_enough():
+    with pytest.raises(OptionError, match="give only one of rate, period"):
+        LogMapping(rate=100.0, period=0.01)
+    with pytest.raises(OptionError, match="rate"):
+        LogMapping(rate=0.0)

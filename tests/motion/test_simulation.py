@@ -15,6 +15,7 @@ from loopid.kinematics import (
     random_motions,
 )
 from loopid.motion import (
+    FourierSeries,
     JointMotion,
     Noise,
     Waypoint,
@@ -51,6 +52,23 @@ def test_friction_opposes_the_motion_of_its_own_motor(knee, motion):
     rates = motion.velocities
     expected = values[::2] * np.sign(rates) + values[1::2] * rates
     np.testing.assert_allclose(with_friction.force - bare.force, expected, atol=1e-9)
+
+
+def test_a_motor_that_stands_carries_its_load_alone(knee):
+    """The sign of a rounding error is no friction; a motor that moves has its own."""
+    motors = knee.velocity_indices(knee.actuated)
+    start = np.array([knee.reference[knee.joint(name).idx_q] for name in knee.actuated])
+    sines = np.array([[0.01], [0.0], [0.0], [0.0]])
+    series = FourierSeries(knee.actuated, 0.5, start, sines, 0 * sines)
+    motion = joint_motion(knee, series.motion(rate=50))
+    shaken = 1e-14 * np.random.default_rng(0).normal(size=motion.velocities.shape)
+    motion = replace(motion, velocities=motion.velocities + shaken)
+    terms, values = JointTerms(knee.actuated, ("Fc",)), np.full(len(motors), 60.0)
+    plain = simulate_measurement(knee, motion)
+    rubbed = simulate_measurement(knee, motion, joint_terms=terms, joint_values=values)
+    friction = rubbed.force - plain.force
+    np.testing.assert_allclose(friction[:, 1:], 0.0, atol=1e-9)
+    assert (np.abs(np.abs(friction[:, 0]) - 60.0) < 1e-6).mean() > 0.9
 
 
 def test_noise_has_the_stated_size_and_no_bias(knee, motion):

@@ -25,7 +25,7 @@ def fits(study):
 def test_values_that_differ_clearly_are_named(fits):
     report = comparison_report(dict(zip(("a", "b"), fits, strict=True)))
     rows = report.record["parameters"]
-    assert [row["name"] for row in rows] == list(fits[0].parameters.labels)
+    assert [row["name"] for row in rows] == list(fits[0].parameters.names)
     apart = np.array([row["apart"] for row in rows])
     np.testing.assert_allclose(apart[[3, 7]], [5.0, 2.0], rtol=1e-6)
     assert np.delete(apart, [3, 7]).max() == 0.0

@@ -11,6 +11,7 @@ from lxml.html import fromstring
 from rich.console import Console
 from ruamel.yaml import YAML
 
+from loopid.findings import SEVERITIES, Finding
 from loopid.identification import (
     SavedFit,
     find_force_model,
@@ -21,6 +22,7 @@ from loopid.identification import (
 from loopid.plots import Chart, friction_chart, spectrum_chart
 from loopid.report import identification_report
 from loopid.report.identify import findings, identification_record
+from loopid.report.look import json_value
 from made_runs import modelled, quietly, stand, wander
 
 
@@ -95,8 +97,11 @@ def test_the_terminal_shows_the_recommended_values(report, study):
     (brief,) = report.brief
     names, values, errors, _ = ([str(c) for c in column.cells] for column in brief.columns)
     fit = study.identification.fit
-    assert names == list(fit.parameters.labels)
-    for value, error, estimate in zip(values, errors, fit.estimates, strict=True):
+    shown = names[:-1] if names[-1].startswith("... and ") else names
+    assert shown == list(fit.parameters.names)[: len(shown)]
+    left = len(fit.values) - len(shown)
+    assert names[len(shown) :] == ([f"... and {left} more: --verbose"] if left else [])
+    for value, error, estimate in zip(values, errors, fit.estimates[: len(shown)], strict=False):
         assert float(value) == pytest.approx(estimate.value, rel=5e-4, abs=estimate.standard_error)
         assert (error == "= file") == (estimate.name in fit.assumed)
 
@@ -107,7 +112,7 @@ def test_values_in_the_tables_are_those_of_the_fit(report, study):
     )
     found = study.identification
     fit, model = found.fit, found.force_model
-    assert names == list(fit.parameters.labels)
+    assert names == list(fit.parameters.expressions)
     ends = [[float("nan") if cell == "-" else float(cell) for cell in part] for part in (low, high)]
     known = np.isfinite(fit.intervals()).all(axis=1)
     np.testing.assert_allclose(np.transpose(ends)[known], fit.intervals()[known], rtol=1e-3)
@@ -167,7 +172,7 @@ def test_parameters_are_shown_against_the_robot_file_with_their_intervals(study,
     np.testing.assert_allclose(spans.x + spans.to, 2 * dots.x, atol=1e-9)
     reach = np.ptp(fit.intervals()[bodies], axis=1) / np.abs(fit.values - model.prior)[bodies]
     np.testing.assert_allclose((spans.to - spans.x) / np.abs(dots.x), reach, rtol=1e-9)
-    assert panel.labels == tuple(fit.parameters.labels[j] for j in bodies)
+    assert panel.labels == tuple(fit.parameters.names[j] for j in bodies)
 
 
 def test_friction_is_drawn_with_what_it_explains(study, report):
@@ -213,15 +218,23 @@ def test_the_spectrum_is_that_of_structure_and_data(knee):
 # In words
 
 
-def test_suspicions_are_findings_and_gains_are_listed(study):
-    record = identification_record(study)
-    (listed,) = record["suspicions"]
-    assert (listed["recording"], listed["sentences"]) == ("run", [])
-    assert [gain["joint"] for gain in listed["gains"]] == record["actuators"]
-    (found,) = study.suspicions
-    told = replace(found, sentences=("the force of leg1_stroke is 1000 times",))
-    suspected = replace(study, suspicions=(told,))
-    assert "In run, the force of leg1_stroke is 1000 times." in findings(suspected)
+def test_a_mistake_is_the_verdict_everywhere_and_gains_are_listed(study):
+    found = study.identification
+    (listed,) = identification_record(study)["suspicions"]
+    assert (listed["recording"], listed["mistakes"]) == ("run", [])
+    assert [gain["joint"] for gain in listed["gains"]] == list(found.data.actuators)
+    told = Finding("mistake", "the force of leg1_stroke is in mN m", "e^9", "set it to 0.001")
+    suspected = replace(found, suspicions=(replace(found.suspicions[0], mistakes=(told,)),))
+    report = identification_report(replace(study, identification=suspected))
+    assert suspected.verdict.excite == ()
+    for text in (str(suspected.verdict), report.verdict, suspected._repr_html_()):
+        assert "Not fit for use: the force of leg1_stroke is in mN m (e^9)." in text
+    assert str(told.brief) in repr(suspected)
+    assert report.findings[0] == told
+    assert report.data["findings"][0] == json_value(told)
+    page = fromstring(report.files()["report.html"]).text_content()
+    assert "Mistake: the force of leg1_stroke is in mN m" in page
+    assert "Do: set it to 0.001" in page
 
 
 @pytest.mark.parametrize(
@@ -255,8 +268,8 @@ def test_the_recommended_fit_is_said_listed_and_saved(study):
     fits = found.fit, found["all parameters"].fit
     for fit, entries in zip(fits, saved.values(), strict=True):
         np.testing.assert_array_equal([entry["value"] for entry in entries], fit.values)
-    (said,) = [text for text in findings(study) if "Recommended" in text]
-    assert "parameters.yaml: consistent" in said
+    (said,) = [each for each in findings(study) if "recommended" in each.title]
+    assert "parameters.yaml: consistent" in said.why
     assert "Recommended values: consistent" in files["report.html"]
     record = json.loads(files["identification.json"])
     assert record["recommended"] == "consistent"
@@ -265,23 +278,24 @@ def test_the_recommended_fit_is_said_listed_and_saved(study):
     worse = judged(study, informed={"error_ratio": (2.0, 0.1)})
     other = worse.identification
     assert other.recommended is other["robot file"]
-    (said,) = [text for text in findings(worse) if "Recommended" in text]
-    assert "robot file with fitted joint terms, as nothing is clearly better" in said
-    bodies = [found.fit.parameters.labels[j] for j in found.force_model.body_columns]
+    (said,) = [each for each in findings(worse) if "recommended" in each.title]
+    assert "robot file with fitted joint terms, as nothing is clearly better" in said.why
+    bodies = [found.fit.parameters.names[j] for j in found.force_model.body_columns]
     assert other.fit.assumed == tuple(bodies)
 
 
-def test_findings_are_sentences(study):
+def test_findings_are_lines_the_most_serious_first(study):
     said = findings(study)
-    assert all(
-        (text[0].isupper() or text[0].isdigit()) and text.endswith(".") and "\n" not in text
-        for text in said
-    )
+    order = [SEVERITIES.index(each.severity) for each in said]
+    assert order == sorted(order)
+    for each in said:
+        assert not each.title.endswith(".")
+        assert "\n" not in str(each)
     cutoff = study.identification.training[0].cutoff
-    assert any(f"filtered at {cutoff:.3g} Hz" in text for text in said)
+    assert any(f"filtered at {cutoff:.3g} Hz" in each.title for each in said)
     plain = tuple(replace(part, cutoff=None) for part in study.identification.training)
     said = findings(replace(study, identification=replace(study.identification, training=plain)))
-    assert any("unfiltered" in text for text in said)
+    assert any("unfiltered" in each.title for each in said)
 
 
 # Records for machines
@@ -301,7 +315,7 @@ def test_an_identification_is_recorded_whole(study):
     np.testing.assert_array_equal(record["robot_file"], model.prior)
     np.testing.assert_array_equal(record["essential"], study.essential.values)
     assert record["all_parameters"] == SavedFit.of(model, found["all parameters"].fit).record()
-    corrected = [model.parameters.labels[j] for j in study.reduction.columns]
+    corrected = [model.parameters.names[j] for j in study.reduction.columns]
     assert record["essential_parameters"] == corrected
 
 
@@ -345,12 +359,12 @@ def test_term_sets_are_recorded_and_the_one_that_is_enough_is_named(study):
         for k, bodies in enumerate(("robot_file", "fitted_bodies")):
             assert entry[bodies]["error"] == each.errors[k].mean
             assert entry[bodies]["enough"] == (found.enough[k] is each)
-    assert any(text.startswith("The joint terms are Fc,Fv. ") for text in findings(study))
-    (sentence,) = [text for text in findings(study) if "On new data" in text]
+    (said,) = [each for each in findings(study) if each.title == "the joint terms are Fc,Fv"]
+    sentence = said.why
     assert "these are enough with fitted bodies" in sentence
     assert "Try" not in sentence
     other = replace(study, term_sets=replace(found, chosen=found.sets[0]))
-    assert any('Try terms="Fc,Fv".' in text for text in findings(other))
+    assert any('Try terms="Fc,Fv".' in each.why for each in findings(other))
 
 
 def test_what_is_not_finite_is_null(study):

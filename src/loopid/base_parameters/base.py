@@ -40,6 +40,7 @@ SEARCHES: Registry[type[SearchStrategy]] = Registry(
         "qr": "loopid.base_parameters.choice:PivotedQR",
     },
 )
+LISTED = 3  # base parameters that a ``repr`` names
 LEAST_TIME = 0.01  # s, for a search after one that used all there was
 
 
@@ -121,13 +122,14 @@ class BaseParameters(Tabular):
         return BaseParameter(name, factors)
 
     def _table(self) -> dict[str, tuple[str, ...]]:
-        return {"name": self.names, "expression": self.expressions}
+        return {"name": self.combinations.names, "expression": self.expressions}
 
     def __repr__(self) -> str:
         return (
             f"BaseParameters({len(self)} of {len(self.parameters)} parameters, "
             f"{len(self.dependent)} dependent, rank gap {self.structure.rank_gap:.1e})\n"
-            f"  {self.search!r}\n  {', '.join(self.names[:6])}{', ...' if len(self) > 6 else ''}"
+            f"  {self.search!r}\n  {', '.join(self.combinations.names[:LISTED])}"
+            f"{', ...' if len(self) > LISTED else ''}"
         )
 
     def _repr_html_(self) -> str:
@@ -145,6 +147,15 @@ class BaseParameters(Tabular):
     def names(self) -> tuple[str, ...]:
         """Label of the standard parameter that leads each base parameter, factor 1."""
         return self.parameters.select(self.base).labels
+
+    @cached_property
+    def combinations(self) -> ParameterSet:
+        """The base parameters as parameters of a fit, each with its sum."""
+        found = []
+        for leading, terms in zip(self.parameters.select(self.base), self.terms, strict=True):
+            _, *others = terms
+            found.append(replace(leading, others=tuple(others), expression=expression(terms)))
+        return ParameterSet(tuple(found))
 
     @cached_property
     def matrix(self) -> FloatArray:

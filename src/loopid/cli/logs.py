@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 from shlex import join
@@ -19,7 +20,9 @@ from loopid.workers import progress_bar
 
 if TYPE_CHECKING:
     from loopid.cli.shell import Answer
+    from loopid.identification.log_mistakes import Suspicions
     from loopid.identification.pipeline import Identification
+    from loopid.report.page import Report
     from loopid.robot.mechanism import Mechanism
 
 LOGS = Argument(
@@ -149,7 +152,7 @@ def predict(
     rows: str | None = ROWS,
 ) -> None:
     """Predict the forces of logs with a saved fit."""
-    from loopid.diagnosis.log_mistakes import warn_of_suspicions
+    from loopid.identification.log_mistakes import suspicions_by_log
     from loopid.identification.prediction import predict as predicted
     from loopid.identification.saved import read_fit
     from loopid.report.forces import prediction_report
@@ -158,9 +161,9 @@ def predict(
     saved = read_fit(fit)
     robot = saved.load_robot(file)
     runs = recordings(robot, logs, mapping, cutoff, rows)
-    warn_of_suspicions(robot, runs, saved.force_model.joint_terms)
+    suspected = suspicions_by_log(robot, runs, saved.force_model.joint_terms)
     found = [predicted(saved, robot, run) for run in runs]
-    answer.show(prediction_report(robot, found))
+    answer.show(_vetoed(prediction_report(robot, found), suspected))
 
 
 @of_robot
@@ -190,9 +193,9 @@ def payload(
 ) -> None:
     """Identify a payload, or the drives' gains by a known one."""
     from loopid.diagnosis.gains import KnownLoad, drive_gains
-    from loopid.diagnosis.log_mistakes import warn_of_suspicions
     from loopid.diagnosis.payload import identify_payload
     from loopid.identification.force_model import find_force_model
+    from loopid.identification.log_mistakes import suspicions_by_log
     from loopid.logs.mapping import read_mapping
     from loopid.report.forces import gains_report, payload_report
 
@@ -206,18 +209,29 @@ def payload(
     force_model = find_force_model(robot, model, terms)
     light = recordings(robot, unloaded, mapping, cutoff, rows)
     heavy = recordings(robot, loaded_log, mapping, cutoff, rows)
-    warn_of_suspicions(robot, light, force_model.joint_terms)
+    suspected = suspicions_by_log(robot, light, force_model.joint_terms)
     runs: dict[str, Any] = {"unloaded": light, "loaded": heavy, "estimator": estimator}
     if known_mass is None:
         found = identify_payload(force_model, link, **runs)
-        answer.show(payload_report(found))
+        answer.show(_vetoed(payload_report(found), suspected))
     else:
         place = None if centre is None else numbers(centre, "--centre", 3)
         gains = drive_gains(force_model, link, KnownLoad(known_mass, place), **runs)
         if write_mapping is not None:
             own = None if mapping is None else read_mapping(mapping)
             write_file(write_mapping, gains.mapping([*light, *heavy], own).content)
-        answer.show(gains_report(gains))
+        answer.show(_vetoed(gains_report(gains), suspected))
+
+
+def _vetoed(report: Report, suspected: Sequence[Suspicions]) -> Report:
+    """The report with mistakes in the logs as findings, and the first one as its verdict."""
+    found = tuple(each for one in suspected for each in one.mistakes)
+    mistake = next((each for each in found if each.severity == "mistake"), None)
+    return replace(
+        report,
+        findings=(*found, *report.findings),
+        verdict=report.verdict if mistake is None else mistake.veto,
+    )
 
 
 def export(
@@ -242,6 +256,7 @@ def export(
     overwrite: bool = Option(
         False, "--overwrite", help="--urdf, --mjcf: the robot's own file is replaced."
     ),
+    anyway: bool = Option(False, "--anyway", help="Write a fit of a log with a mistake, too."),
     as_json: bool = Option(False, "--json", help="Print JSON instead of text."),
 ) -> None:
     """Write a fit as a robot file, YAML or C source.
@@ -263,6 +278,7 @@ def export(
         c=c,
         name=name,
         overwrite=overwrite,
+        anyway=anyway,
     )
     places = [str(place) for place in written]
     if as_json:

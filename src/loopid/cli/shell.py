@@ -9,7 +9,7 @@ import shutil
 import sys
 import warnings
 from ast import literal_eval
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import wraps
@@ -25,8 +25,10 @@ from loopid.errors import LoopidError, one_line
 from loopid.files import require_folder, require_other_file, write_files
 
 if TYPE_CHECKING:
+    from loopid.findings import Finding
     from loopid.report.page import Report
 
+MOST_SAID = 5  # findings that are shown without being asked for
 WIDTH = 80  # columns of a table where the terminal tells none, as by COLUMNS=0
 # Advice in Python's words, between spaces: keyword=value, a list, text, a number or a flag.
 ADVICE = re.compile(
@@ -159,7 +161,10 @@ class Answer:
         from loopid.report.look import json_text
         from loopid.report.page import Run
 
-        run = Run(command=shlex.join(["loopid", *sys.argv[1:]]), warnings=tuple(self.context.obj))
+        found = {in_options(str(each), self.context) for each in report.findings}
+        told = self.context.obj  # what is a finding is said once
+        told[:] = [text for text in told if not any(text in each for each in found)]
+        run = Run(command=shlex.join(["loopid", *sys.argv[1:]]), warnings=tuple(told))
         written: list[Path] = []
         if self.folder is not None:
             written = write_files(self.folder, report.files(run, figures=self.figures))
@@ -183,10 +188,22 @@ class Answer:
         console.width = console.width or WIDTH
         verdict = in_options(report.verdict, self.context)
         console.print(Words(f"{report.title}: {verdict}"))
+        for line in in_words(report.findings, self.verbose):
+            console.print(Words(in_options(line, self.context)))
         if report.advice:
             typer.echo(in_lines(report.advice, console.width))
         for table in report.tables() if self.verbose else report.brief:
             console.print(table if table.title else folded(table, console))
+
+
+def in_words(findings: Sequence[Finding], verbose: bool) -> list[str]:
+    """Mistakes and warnings, the most important first; if asked for, all with their evidence."""
+    if verbose:
+        return [f"{each.severity}: {each}" for each in findings]
+    serious = [each for each in findings if each.severity != "note"]
+    said = [f"{each.severity}: {each.brief}" for each in serious[:MOST_SAID]]
+    left = len(findings) - len(said)
+    return [*said, *([f"{left} more findings: --verbose"] if left and said else [])]
 
 
 def answering(

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -38,12 +39,13 @@ from loopid.kinematics.projection import (
     velocity_maps,
 )
 from loopid.parameters import KINDS, model_kinds
-from loopid.regressors.joint_laws import JointState, JointTerm, grouped, joint_term
+from loopid.regressors.joint_laws import HYSTERESIS, JointState, JointTerm, grouped, joint_term
 from loopid.regressors.joint_terms import JointTerms, with_loads
 from loopid.robot.mechanism import Mechanism, lock_options
 
 # Newton steps this short, in rad or characteristic lengths, leave G and q at one point to round-off
 SHORT = 1e-11
+NOT_DRY = "Fv", "Fh"  # viscous friction, and hysteresis, which is none in steady motion
 # Pinocchio's contacts, by the kinds of closures that they are
 CONTACTS = {"3d": pin.ContactType.CONTACT_3D, "6d": pin.ContactType.CONTACT_6D}
 
@@ -69,6 +71,27 @@ class _Law(NamedTuple):
     columns: IntArray  # (k,), of the base parameters
     positions: JointCoordinates | None  # of these joints; None where the law does not ask
     friction: bool  # whether it depends on rates
+    slips: IntArray | None  # (k,), places of its elements of Maxwell slip; None of other laws
+
+
+class _Slip:
+    """Elements of Maxwell slip of a force model, along the ways of their joints."""
+
+    def __init__(self, model: ForceModel) -> None:
+        self.columns = model.slip_columns
+        labels = [model.parameters[j] for j in self.columns]
+        joints = list(dict.fromkeys(each.link for each in labels))
+        self.states = np.zeros(len(labels))
+        self._displacements = np.array([joint_term(each.kind).at for each in labels])
+        self._joints = np.array([joints.index(each.link) for each in labels], dtype=np.int64)
+        self._positions = JointCoordinates(model.mechanism, joints)
+
+    def slide(self, before: FloatArray, after: FloatArray) -> None:
+        """Go on from configurations (1, nq) to others."""
+        if len(self.states):
+            ends = (self._positions.read(q) for q in (before, after))
+            way = self._positions.difference(*ends)[0, self._joints]
+            self.states = np.clip(self.states + way / self._displacements, -1.0, 1.0)
 
 
 class MotorModel:
@@ -76,7 +99,8 @@ class MotorModel:
 
     All joints follow inside, from where they were at the last sample: positions are to be near
     those of the call before, as in a control loop, and further ways are followed step by step. The
-    pose is kept, so that calls at one and the same positions share it. An object is for one thread.
+    pose is kept, so that calls at one and the same positions share it. So is how far friction has
+    built up since a joint turned back (``slips``). An object is for one thread.
 
     Parameters
     ----------
@@ -148,7 +172,7 @@ class MotorModel:
         self._standard = self.force_model.base.base[self._bodies]
         terms = self.force_model.joint_terms or JointTerms(())
         self._terms = terms if smoothing is None else replace(terms, smoothing=smoothing)
-        self._laws = list(_laws_of(self.force_model))
+        self._laws, self._slip = list(_laws_of(self.force_model)), _Slip(self.force_model)
         q = self.mechanism.reference if start is None else finite(start, "start")
         constraint = Constraint(self.mechanism, q[None])
         self._pose = self._at(constraint, self._measured.read(q[None])[0])
@@ -173,8 +197,24 @@ class MotorModel:
         """
         u = _numbers(positions, self.dof, "positions")
         if np.abs(u - self._pose.positions).max() > self.near:
-            self._pose = self._stepped(u) or self._followed(u)
+            before, self._pose = self._pose, self._stepped(u) or self._followed(u)
+            self._slip.slide(before.q, self._pose.q)
         return self.configuration
+
+    @property
+    def slips(self) -> FloatArray:
+        """States (k,) of the elements of Maxwell slip, from -1 to 1, to be read and to be set.
+
+        Of ``force_model.slip_columns``. They begin at 0, and follow the positions.
+        """
+        return np.array(self._slip.states)
+
+    @slips.setter
+    def slips(self, states: FloatArray) -> None:
+        given = _numbers(states, len(self._slip.states), "slips")
+        if np.abs(given).max(initial=0.0) > 1:
+            raise DataError(f"slips must be from -1 to 1, not {given.tolist()}", argument="slips")
+        self._slip.states = np.array(given)
 
     def velocity_map(self, positions: FloatArray) -> FloatArray:
         """G (nv, dof) of all velocities v = G u̇ at positions (dof,)."""
@@ -227,7 +267,7 @@ class MotorModel:
         if velocities is None and accelerations is None:
             if self._pose.at_rest is None:
                 still = np.zeros((1, self.dof))
-                self._pose.at_rest = np.asarray(self._regressors(still, still)[0])
+                self._pose.at_rest = np.asarray(self._regressors(still, still, False)[0])
             return self._pose.at_rest
         rates = self._rates(velocities)[None], self._rates(accelerations)[None]
         return np.asarray(self._regressors(*rates)[0])
@@ -250,7 +290,7 @@ class MotorModel:
         return np.asarray(self.regressor(positions) @ self.values)
 
     def friction(self, positions: FloatArray, velocities: FloatArray) -> FloatArray:
-        """Forces (dof,) in joints that depend on their rates."""
+        """Forces (dof,) in joints that depend on their rates, and on where they turned back."""
         return np.asarray(self.friction_regressor(positions, velocities) @ self.values)
 
     def friction_regressor(self, positions: FloatArray, velocities: FloatArray) -> FloatArray:
@@ -268,7 +308,7 @@ class MotorModel:
     def dry_friction(
         self, velocities: FloatArray, loads: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Friction (dof,) of the motors but the viscous: its size, and what acts alike both ways.
+        """Friction (dof,) of steady motors but the viscous: its size, and what is alike both ways.
 
         At standstill it is the largest that holds a joint. ``loads`` (dof,) are the forces that
         move the bodies.
@@ -276,7 +316,7 @@ class MotorModel:
         names, found = self.mechanism.independent, np.zeros((2, self.dof))
         places = self.mechanism.velocity_indices(names).tolist()
         speeds = np.maximum(np.abs(velocities), np.finfo(float).tiny)
-        for law in (law for law in self._laws if law.friction and law.kind != "Fv"):
+        for law in (one for one in self._laws if one.friction and one.kind not in NOT_DRY):
             rows = [places.index(joint) for joint in law.joints.tolist()]
             state = JointState(None, speeds[rows], None, math=np, torque=np.abs(loads[rows]))
             ahead = law.term.law(state, law.term.at)
@@ -293,7 +333,8 @@ class MotorModel:
     @property
     def friction_kinds(self) -> tuple[str, ...]:
         """Kinds of the joint terms that depend on rates."""
-        return tuple(law.kind for law in self._laws if law.friction)
+        columns = (law.columns.tolist() for law in self._laws if law.friction)
+        return tuple(dict.fromkeys(self.force_model.parameters[j].kind for j in chain(*columns)))
 
     def rigid_regressor(
         self, positions: FloatArray, velocities: FloatArray, accelerations: FloatArray
@@ -311,7 +352,7 @@ class MotorModel:
     def mass_regressor(self, positions: FloatArray) -> FloatArray:
         """(dof, dof, n), M per unit of each parameter; of a gravity model, that of rotors alone."""
         self.assemble(positions)
-        K = self._regressors(np.zeros((self.dof, self.dof)), np.eye(self.dof))
+        K = self._regressors(np.zeros((self.dof, self.dof)), np.eye(self.dof), False)
         return np.asarray(np.moveaxis(K - self.regressor(positions), 0, 1))
 
     def coriolis(self, positions: FloatArray, velocities: FloatArray) -> FloatArray:
@@ -390,7 +431,10 @@ class MotorModel:
         for law in laws:
             position = None if law.positions is None else law.positions.read(self._pose.q)
             rates = v.take(law.joints, axis=1), a.take(law.joints, axis=1)
-            signal = law.term.law(self._terms.state(JointState(position, *rates)), law.term.at)
+            state = self._terms.state(JointState(position, *rates))
+            if law.slips is not None:
+                state = state._replace(slips={law.term.at: self._slip.states[law.slips]})
+            signal = law.term.law(state, law.term.at)
             signal = signal[:, None] if np.ndim(signal) else signal
             K[:, :, law.columns] = self._pose.G[0].take(law.joints, axis=0).T * signal
 
@@ -436,11 +480,14 @@ def _values_of(
 
 
 def _laws_of(model: ForceModel) -> Iterator[_Law]:
-    """Joint terms, each kind for all joints that have it."""
+    """Joint terms, each kind for all joints that have it; all elements of hysteresis together."""
     kinds: dict[str, list[int]] = {}
     for column in model.joint_columns:
-        kinds.setdefault(model.parameters[column].kind, []).append(int(column))
-    for kind, columns in kinds.items():
+        kind = model.parameters[column].kind
+        shared = "Fh" if joint_term(kind).prior == HYSTERESIS else kind
+        kinds.setdefault(shared, []).append(int(column))
+    for shared, columns in kinds.items():
+        kind = model.parameters[columns[0]].kind
         term, names = joint_term(kind), [model.parameters[j].link for j in columns]
         if "load" in term.needs:
             raise OptionError(
@@ -451,7 +498,9 @@ def _laws_of(model: ForceModel) -> Iterator[_Law]:
         read = JointCoordinates(model.mechanism, names) if "position" in term.needs else None
         friction = bool({"rate", "sign"} & {*term.needs})
         joints = model.mechanism.velocity_indices(names)
-        yield _Law(kind, term, joints, np.array(columns, dtype=np.int64), read, friction)
+        slips = np.searchsorted(model.slip_columns, columns) if "slip" in term.needs else None
+        own = np.array(columns, dtype=np.int64)
+        yield _Law(shared, term, joints, own, read, friction, slips)
 
 
 # For users of Pinocchio.

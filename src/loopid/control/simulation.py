@@ -6,7 +6,8 @@ Forces of a controller stay for an interval. In steps of it the robot moves by
 
 implicit in the friction, which may hold: u̇⁺ is where ½ xᵀA x - bᵀx + h Fcᵀ|x| is least, with
 A = M + h Fv and b = M u̇ + h (τ + τ_ext - C u̇ - g) [Moreau1988]. So large friction at small
-velocities, where the sequel's robot lives, needs no small steps.
+velocities, where the sequel's robot lives, needs no small steps. Elements of Maxwell slip are a
+part of Fc: springs with the force c z, and c / x of those that do not slip adds h² c / x to A.
 """
 
 from __future__ import annotations
@@ -21,12 +22,13 @@ from loopid.control.motor_model import MotorModel
 from loopid.errors import OptionError
 from loopid.motion.simulation import Noise
 from loopid.records import record
+from loopid.regressors.joint_laws import joint_term
 from loopid.robot.mechanism import shortened
 
 SAME, SWEEPS = 1e-12, 1000  # relative change of velocities that ends their iteration; at most
 # Kinds of friction that may hold a joint, or are viscous; of those before a number.
 FRICTION = "Fc", "Fc+", "Fc-", "Fv", "Ft"
-NUMBERED = "Fs~", "Fk0~", "Fk~", "Fa~", "Fa1~"
+NUMBERED = "Fs~", "Fk0~", "Fk~", "Fa~", "Fa1~", "Fh@"
 
 
 @record(kw_only=True, checked=True)
@@ -157,7 +159,7 @@ class ControlLoop:
         self.signals = Signals(self.position, self.velocity, self.external)
         self._felt, self._waiting = np.zeros(robot.dof), list[FloatArray]()
         self._inertia, self._bias, self._age = np.zeros(0), np.zeros(0), np.inf
-        self._load = np.zeros(robot.dof)
+        self._load, self._springs = np.zeros(robot.dof), _Springs(robot)
 
     @checked
     def load(self, link: str, body: FloatArray) -> None:
@@ -230,9 +232,40 @@ class ControlLoop:
         push = h * (force + self.external - self._bias)
         for _ in range(steps):
             dry, uneven = self.robot.dry_friction(self.velocity, self._load)
-            b = self._inertia @ self.velocity + push - h * uneven
-            self.velocity = _slowed(A, b, h * dry, self.velocity)
+            dry = np.maximum(dry - self._springs.largest, 0.0)
+            held, stiffness = self._springs.act(self.velocity)
+            b = self._inertia @ self.velocity + push - h * (uneven + held)
+            stiff = A + h**2 * np.diag(stiffness)
+            self.velocity = _slowed(stiff, b, h * dry, self.velocity)
             self.position = self.position + h * self.velocity
+            self._springs.slide(h * self.velocity)
+
+
+class _Springs:
+    """Elements of Maxwell slip of the motors: springs that slip, a part of their friction."""
+
+    def __init__(self, robot: MotorModel) -> None:
+        model, columns = robot.force_model, robot.force_model.slip_columns
+        own, names = [model.parameters[j] for j in columns], robot.mechanism.independent
+        self._joints = np.array([names.index(each.link) for each in own], dtype=np.int64)
+        self._displacements = np.array([joint_term(each.kind).at for each in own])
+        self._forces, self._states = robot.values[columns], np.zeros(len(own))
+        self._dof = robot.dof
+        self.largest = self._sums(self._forces)  # (dof,)
+
+    def act(self, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Forces (dof,) that they hold, and stiffnesses (dof,) of those that do not slip."""
+        ahead = self._states * np.sign(velocity[self._joints])
+        stiffness = np.where(ahead < 1.0, self._forces / self._displacements, 0.0)
+        return self._sums(self._forces * self._states), self._sums(stiffness)
+
+    def slide(self, way: FloatArray) -> None:
+        """Go on by ways (dof,) of the motors."""
+        moved = self._states + way[self._joints] / self._displacements
+        self._states = np.clip(moved, -1.0, 1.0)
+
+    def _sums(self, numbers: FloatArray) -> FloatArray:
+        return np.bincount(self._joints, numbers, self._dof).astype(np.float64)
 
 
 def _simulated(kind: str) -> bool:

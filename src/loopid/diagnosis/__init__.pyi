@@ -1,13 +1,5 @@
 from .agreement import Agreement as Agreement, compare_fits as compare_fits
-from .evidence import SuspicionOptions as SuspicionOptions
 from .gains import GainFit as GainFit, KnownLoad as KnownLoad, drive_gains as drive_gains
-from .log_mistakes import (
-    MotorGain as MotorGain,
-    Suspicions as Suspicions,
-    diagnose as diagnose,
-    suspicions as suspicions,
-    warn_of_suspicions as warn_of_suspicions,
-)
 from .modes import ModeComparison as ModeComparison, compare_modes as compare_modes
 from .payload import (
     MotorMasses as MotorMasses,

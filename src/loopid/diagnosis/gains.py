@@ -215,7 +215,8 @@ def drive_gains(
             f"{', '.join(force_model.mechanism.redundant)} follow from the others",
             motors=force_model.mechanism.redundant,
         )
-    runs = LoadedRuns.of(force_model, link, unloaded, loaded)
+    name = chosen_estimator(estimator).name
+    runs = LoadedRuns.of(force_model, link, unloaded, loaded, estimator=name)
     found = motor_scales(runs, load.parameters[: len(runs.kinds)], estimator)
     if not found.actuators:
         known, advice = ("mass", ": give its centre") if load.centre is None else ("load", "")

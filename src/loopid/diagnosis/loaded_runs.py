@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +12,10 @@ from loopid.errors import DataError, OptionError
 from loopid.identification.cutoff import choose_cutoff, prepared_at
 from loopid.identification.delay import find_delay, without_delay
 from loopid.identification.force_model import ForceModel
+from loopid.identification.friction import less_noise, with_friction
+from loopid.identification.information import Excitation, fit_excited
 from loopid.identification.problem import FitSamples
+from loopid.identification.result import FitResult, NoiseModel
 from loopid.identification.terms import choose_terms
 from loopid.logs.recording import Recording
 from loopid.parameters import KINDS
@@ -33,6 +37,8 @@ class LoadedRuns:
         (N, dof, k), forces per unit of each parameter of the load, in the loaded runs.
     kinds : tuple of str
         Of these k parameters.
+    noise : NoiseModel
+        Errors of the motors, in the runs without the load.
     cutoff : float or None
         In Hz, of the filter, where it was chosen by predictions.
     """
@@ -43,6 +49,7 @@ class LoadedRuns:
     loaded: FitSamples
     load: FloatArray
     kinds: tuple[str, ...]
+    noise: NoiseModel
     cutoff: float | None
 
     @classmethod
@@ -52,6 +59,8 @@ class LoadedRuns:
         link: str,
         unloaded: Sequence[Recording],
         loaded: Sequence[Recording],
+        *,
+        estimator: str = "wls",
     ) -> LoadedRuns:
         """Prepare recordings as ``identify`` does: all by what those without the load tell."""
         if not unloaded or not loaded:
@@ -66,20 +75,34 @@ class LoadedRuns:
             choice.warn()
             runs = [prepared_at(force_model, each, choice.chosen) for each in runs]
         force_model = choose_terms(force_model, runs[0])
-        columns = _columns(force_model, link)
-        parts = []
+        light = FitSamples.combined([force_model.samples(run) for run in runs[0]])
+        whole = _plain_fit(force_model, light, estimator)
+        assert whole.noise is not None
+        noise = whole.noise
+        if force_model.automatic and estimator == "wls":
+            force_model, light, solid = with_friction(force_model, light, runs[0], whole)
+            noise = less_noise(whole, light, solid.values)
+        columns, parts = _columns(force_model, link), []
         for run in runs[1]:
             states = run.motion.configurations, run.motion.velocities, run.motion.accelerations
             parts += [
                 force_model.standard_regressor(*(state[rows] for state in states))[:, :, columns]
                 for rows in row_blocks(len(run))
             ]
-        light, heavy = (
-            FitSamples.combined([force_model.samples(run) for run in each]) for each in runs
-        )
+        heavy = FitSamples.combined([force_model.samples(run) for run in runs[1]])
         kinds = tuple(force_model.base.parameters[j].kind for j in columns)
         cutoff = None if choice is None else choice.chosen
-        return cls(force_model, link, light, heavy, np.concatenate(parts), kinds, cutoff)
+        return cls(force_model, link, light, heavy, np.concatenate(parts), kinds, noise, cutoff)
+
+    def carrying(self, load: FloatArray) -> LoadedRuns:
+        """The same runs with gears that carry a load (k,) beside the robot's bodies."""
+        rows, columns = self.force_model.load_columns
+        robot = self.force_model.loads(self.loaded.regressor)[:, rows]
+        whole = np.abs(robot + (self.load @ load)[:, rows])
+        ratio = np.divide(whole, np.abs(robot), out=np.zeros_like(whole), where=robot != 0)
+        W = np.array(self.loaded.regressor)
+        W[:, rows, columns] *= ratio
+        return replace(self, loaded=replace(self.loaded, regressor=W))
 
     @property
     def robot(self) -> FitSamples:
@@ -96,6 +119,13 @@ class LoadedRuns:
     def random_load(self) -> FloatArray:
         """As ``load``, (M, dof, k) in random states of the robot."""
         return self.force_model.random_regressor[:, :, _columns(self.force_model, self.link)]
+
+
+def _plain_fit(force_model: ForceModel, data: FitSamples, estimator: str) -> FitResult:
+    """All that no prior needs to tell apart; elsewhere as in the robot file."""
+    plain = data.select(force_model.plain_columns)
+    prior, excitation = force_model.prior, Excitation.of(force_model, plain.problem)
+    return fit_excited(plain, prior[force_model.plain_columns], excitation, estimator=estimator)
 
 
 def _columns(force_model: ForceModel, link: str) -> list[int]:

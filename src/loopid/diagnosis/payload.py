@@ -16,8 +16,8 @@ from loopid.diagnosis.loaded_runs import LoadedRuns
 from loopid.errors import ModelWarning, RankError, warn
 from loopid.identification.consistent import (
     CONSISTENT,
-    consistent_working_fit,
     error_weights,
+    quiet_consistent_fit,
     solid_body,
 )
 from loopid.identification.correlation import with_scatter, within_runs
@@ -30,7 +30,6 @@ from loopid.identification.estimator import (
 )
 from loopid.identification.fitting import working_fit
 from loopid.identification.force_model import ForceModel
-from loopid.identification.information import Excitation, fit_excited
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import FitResult
 from loopid.inertia import from_moments
@@ -287,13 +286,13 @@ def identify_payload(
     >>> found.values.round(1)
     array([2. , 0.2, 0.1])
     """
-    runs, chosen = LoadedRuns.of(force_model, link, unloaded, loaded), chosen_estimator(estimator)
+    chosen = chosen_estimator(estimator)
+    runs = LoadedRuns.of(force_model, link, unloaded, loaded, estimator=chosen.name)
     base = _payload_parameters(runs)
-    samples = runs.robot.beside(base.parameters.select(base.base), base.regressor(runs.carried))
     if chosen.name == "wls":
-        working = _with_the_file(runs, samples)
+        runs, working = _with_the_file(runs, base)
     else:
-        working = working_fit(samples, chosen, quiet=False)
+        working = working_fit(_samples(runs, base), chosen, quiet=False)
     standard, result = _solid(runs, base, working.result)
     motors = _by_motor(runs, base, result, chosen)
     if motors is not None and motors.spread:
@@ -319,17 +318,23 @@ def _alone(base: BaseParameters) -> dict[str, int]:
     return {parameter.kind: k for k, (parameter, terms) in enumerate(kinds) if len(terms) == 1}
 
 
-def _with_the_file(runs: LoadedRuns, samples: FitSamples) -> WorkingFit:
-    """Robot and payload, with the robot file weighed as the runs without the payload ask for."""
-    model, data = runs.force_model, runs.unloaded
-    noise = fit_excited(data, model.prior, Excitation.of(model, data.problem)).noise
-    assert noise is not None
-    robot = consistent_working_fit(model, data, noise)
+def _samples(runs: LoadedRuns, base: BaseParameters) -> FitSamples:
+    """Robot and payload in all runs."""
+    return runs.robot.beside(base.combinations, base.regressor(runs.carried))
+
+
+def _with_the_file(runs: LoadedRuns, base: BaseParameters) -> tuple[LoadedRuns, WorkingFit]:
+    """Robot and payload, with the robot file weighed as the runs without the payload ask for.
+
+    And the runs, in which gears carry the payload, too.
+    """
+    robot = quiet_consistent_fit(runs.force_model, runs.unloaded, runs.noise)
     assert robot.prior is not None
-    n, k = len(model.parameters), len(samples.parameters) - len(model.parameters)
+    n, k = len(robot.result.values), len(base)
     rows = np.insert(robot.prior, np.full(k, n), 0.0, axis=1)
-    problem, weights = samples.problem, robot.result.weights
-    for _ in range(2):  # by the errors of the runs without the payload, then by those of all
+    weights, samples = robot.result.weights, _samples(runs, base)
+    for _ in range(2):  # by the errors and loads of the robot alone, then by those of all
+        problem = samples.problem
         factor = problem.weighted(weights, rows)
         R = factor[:-1, :-1]
         require_excitation(problem, R)
@@ -338,7 +343,11 @@ def _with_the_file(runs: LoadedRuns, samples: FitSamples) -> WorkingFit:
         working = within_runs(WorkingFit(plain, samples, rows))
         assert working.result.noise is not None
         weights = error_weights(problem, working.result.noise)
-    return with_scatter(working)
+        load = np.zeros(len(runs.kinds))
+        load[base.base] = values[n:]
+        carrying = runs.carrying(load)
+        samples = _samples(carrying, base)
+    return carrying, with_scatter(working)
 
 
 def _solid(
@@ -356,7 +365,7 @@ def _solid(
     standard, covariance = solid_body(x, C, base.matrix, guess)
     return standard, replace(
         result,
-        parameters=base.parameters.select(base.base),
+        parameters=base.combinations,
         values=base.matrix @ standard,
         covariance=covariance,
         degrees_of_freedom=result.degrees_of_freedom[first:],

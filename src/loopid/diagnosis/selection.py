@@ -98,12 +98,12 @@ class Reduction:
         return of_all(self.result, self.parameters, np.array(self.columns), self.reference)
 
     def __repr__(self) -> str:
-        labels = self.result.parameters.labels
-        more = f" and {len(labels) - 12} more" if len(labels) > 12 else ""
+        names = self.result.parameters.names
+        more = f" and {len(names) - 12} more" if len(names) > 12 else ""
         return (
-            f"Reduction to {len(labels)} of {len(self.parameters)} parameters, validation error "
+            f"Reduction to {len(names)} of {len(self.parameters)} parameters, validation error "
             f"{self.chosen.validation_error:.4g} (all: {self.steps[0].validation_error:.4g}):\n  "
-            f"{', '.join(labels[:12])}{more}"
+            f"{', '.join(names[:12])}{more}"
         )
 
     def _repr_html_(self) -> str:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from loopid.arguments import checked
-from loopid.diagnosis.log_mistakes import Suspicions, diagnose
 from loopid.diagnosis.selection import Reduction, eliminate, judge_essential
 from loopid.diagnosis.term_sets import TermComparison, compare_terms
-from loopid.errors import ModelWarning, warn
+from loopid.findings import Finding, most_important_first
 from loopid.identification.force_model import AUTOMATIC, chosen_terms, find_force_model
 from loopid.identification.pipeline import FitOptions, Identification, identify
 from loopid.identification.prediction import Candidate
@@ -63,8 +61,6 @@ class Study:
     Attributes
     ----------
     identification : Identification
-    suspicions : tuple of Suspicions
-        What may be wrong with each log.
     term_sets : TermComparison
         What sets of joint terms buy on new data.
     reduction : Reduction
@@ -74,24 +70,30 @@ class Study:
     """
 
     identification: Identification
-    suspicions: tuple[Suspicions, ...]
     term_sets: TermComparison
     reduction: Reduction
     essential: Candidate
 
     @property
     def verdict(self) -> Verdict:
-        """That of the identification; a mistake in a log, or a missing term, is mended first."""
-        found = self.identification.verdict
-        for one in self.suspicions:
-            for sentence in one.sentences:
-                return replace(
-                    found, excite=(), improvement=f"mending {one.recording} ({sentence})"
-                )
-        if (better := self.term_sets.missing) is not None:
-            said = f'identifying with terms="{better.choice}" instead'
-            return replace(found, excite=(), improvement=said)
-        return found
+        """That of the identification."""
+        return self.identification.verdict
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Those of the identification, and joint terms that are missing; the most serious first."""
+        own, best = self.term_sets.chosen, self.term_sets.missing
+        said = self.identification.findings
+        if best is None:
+            return said
+        missing = Finding(
+            "warning",
+            f"joint terms {own.choice} are too few",
+            f"with {best.choice} squared errors on new data are {best.errors[1].mean:.3g} instead "
+            f"of {own.errors[1].mean:.3g}, and intervals do not hold what no term models",
+            f'use terms="{best.choice}"',
+        )
+        return most_important_first((*said, missing))
 
 
 @checked
@@ -118,10 +120,8 @@ def study_logs(
     Warns
     -----
     DataWarning
-        Of mistakes that would explain the forces of a log clearly better (``diagnose``), and of
-        all that ``identify`` warns of.
-    ModelWarning
-        When further joint terms predict clearly better (``compare_terms``).
+        Of all that ``identify`` warns of, and when further joint terms predict clearly better
+        (``compare_terms``).
 
     Examples
     --------
@@ -169,24 +169,11 @@ def examine(
     reduction = eliminate(found)
     study = Study(
         found,
-        diagnose(found),
         compare_terms(found, choices=options.compared),
         reduction,
         judge_essential(found, reduction),
     )
-    _warn(study)
+    for each in study.findings:
+        if each not in found.findings:
+            each.warn()
     return study
-
-
-def _warn(study: Study) -> None:
-    """Tell of mistakes, and of terms that are missing."""
-    for one in study.suspicions:
-        one.warn()
-    own, best = study.term_sets.chosen, study.term_sets.missing
-    if best is not None:
-        warn(
-            f"joint terms {own.choice} leave larger errors on new data than {best.choice} (squared "
-            f"{own.errors[1].mean:.3g} and {best.errors[1].mean:.3g}), and intervals do not hold "
-            f'what no term models: use terms="{best.choice}"',
-            ModelWarning,
-        )

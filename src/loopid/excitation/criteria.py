@@ -185,9 +185,11 @@ class Unknown:
         if not wanted:
             return CRITERIA[name]
         labels, base, rows = self.parameters.labels, model.base, set[int]()
+        called = self.parameters.expressions, self.parameters.names, labels
+        places = {name: k for names in called for k, name in enumerate(names)}
         for parameter in wanted:
-            if parameter in labels:
-                rows.add(labels.index(parameter))
+            if parameter in places:
+                rows.add(places[parameter])
                 continue
             # A parameter that is part of combinations stands for all of these.
             known = base.parameters.labels

@@ -187,6 +187,7 @@ def _fields(model: ForceModel, name: str, functions: Mapping[str, Any]) -> dict[
         "NQ": str(mechanism.model.nq),
         "DOF": str(len(motors)),
         "PARAMETERS": str(len(model.parameters)),
+        "SLIPS": str(max(1, len(model.slip_columns))),  # C has no empty arrays
         "COUPLED": str(max(1, linearise.numel_out(0))),  # C has no empty arrays
         "FACTORS": str(max(1, linearise.numel_out(1))),
         "REFERENCE_Q": _numbers(reference),
@@ -200,7 +201,7 @@ def _fields(model: ForceModel, name: str, functions: Mapping[str, Any]) -> dict[
         "POSES": str(POSES),
         "MOTOR_NAMES": _strings(motors),
         "POSITION_NAMES": _strings(positions),
-        "PARAMETER_NAMES": _strings(model.parameters.labels),
+        "PARAMETER_NAMES": _strings(model.parameters.names),
         "PARAMETER_UNITS": _strings(parameter.unit for parameter in model.parameters),
         "PARAMETER_EXPRESSIONS": _strings(model.base.expressions),
     }

@@ -14,7 +14,7 @@ from loopid.robot.mechanism import Mechanism
 
 
 @checked
-def export_fit(
+def export_fit(  # noqa: PLR0913 (a file each)
     saved: SavedFit,
     mechanism: Mechanism,
     *,
@@ -23,6 +23,7 @@ def export_fit(
     c: str | Path | None = None,
     name: str | None = None,
     overwrite: bool = False,
+    anyway: bool = False,
 ) -> list[Path]:
     """Write what is asked for; all that may be refused is found out before the first file.
 
@@ -41,11 +42,13 @@ def export_fit(
         Of the C functions.
     overwrite : bool
         Whether the robot's own file may be replaced.
+    anyway : bool
+        Whether a fit of a log with a mistake is written.
 
     Raises
     ------
     OptionError
-        When nothing is asked for.
+        When nothing is asked for, or the fit is of a log with a mistake.
     DataError
         When a robot file is asked for, and the fit has no bodies.
 
@@ -56,6 +59,13 @@ def export_fit(
     """
     if robot is yaml is c is None:
         raise OptionError('nothing to export: give robot="FILE", yaml="FILE" or c="DIR"')
+    mistakes = () if saved.estimate is None else saved.estimate.mistakes
+    if mistakes and not anyway:
+        raise OptionError(
+            f"the fit is of a log with a mistake and not fit for use: {mistakes[0]}. Then identify "
+            "again; anyway=True writes it nevertheless",
+            mistakes=mistakes,
+        )
     if yaml is not None:
         saved.content(yaml)
         require_other_file(yaml, *robot_files(mechanism))

@@ -248,9 +248,14 @@ def _with_lines(meant: Terms, use: MotorUse | None) -> tuple[Terms, list[str]]:
     """Terms with Coulomb and viscous friction in place of curves, and sentences of how near."""
     found, said = dict(meant), list[str]()
     for joint, terms in meant.items():
-        if any(grouped(kind) for kind in terms):
-            line = nearest_line(joint, terms, use)
-            rest = {k: value for k, value in terms.items() if not grouped(k)}
+        slips = [kind for kind in terms if "slip" in joint_term(kind).needs]
+        if any(terms[kind] for kind in slips):
+            said.append(f"that friction of {joint} builds up after a reversal is left out")
+        rest = {k: value for k, value in terms.items() if not grouped(k)}
+        found[joint] = rest
+        curved = {k: value for k, value in terms.items() if k not in slips}
+        if any(grouped(kind) for kind in curved):
+            line = nearest_line(joint, curved, use)
             found[joint] = rest | {"Fc": line.coulomb, "Fv": line.viscous}
             said.append(line.sentence)
     return found, said

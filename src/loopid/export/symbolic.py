@@ -51,6 +51,7 @@ class SymbolicRobot:
         )
         self.G = ca.SX.sym("G", len(self.dependent), len(self.chosen))
         self.phi = ca.SX.sym("phi", len(model.parameters))
+        self.slip = ca.SX.sym("slip", len(model.slip_columns))
         chain = self._chain(*[ca.SX(self.mechanism.model.nv, 1)] * 2)
         self.joints = [link.joint for link in chain]
         self.rates = ca.diagcat(*(joint.rates for joint in self.joints))
@@ -65,16 +66,19 @@ class SymbolicRobot:
         """All that C calls, named ``<prefix>_...`` there."""
         q, G, factors, du, ddu, phi = self.q, self.G, self.factors, self.du, self.ddu, self.phi
         part, still = ca.SX.sym("part"), ca.SX(*du.shape)
-        force, bias = self._force(du, ddu), self._force(du, still)
+        slip = self.slip
+        force, bias = self._force(du, ddu, slip), self._force(du, still, slip)
         # The mass matrix is that of the bodies; the regressor has the loads of its own values.
-        rigid, linear = self._force(du, ddu, loaded=False), self._force(du, ddu, self._given())
+        rigid = self._force(du, ddu, slip, loaded=False)
+        linear = self._force(du, ddu, slip, self._given())
         each = {
             "predict": ([q, self.before, self.u, part, G], self._predicted(part)),
             "linearise": ([q], self._linearised()),
             "gravity": ([q, G, phi], [self._force(still, still)]),
-            "forces": ([q, G, factors, du, ddu, phi], [force]),
-            "regressor": ([q, G, factors, du, ddu], [ca.jacobian(linear, phi).T]),
-            "dynamics": ([q, G, factors, du, phi], [ca.jacobian(rigid, ddu), bias]),
+            "forces": ([q, G, factors, du, ddu, phi, slip], [force]),
+            "regressor": ([q, G, factors, du, ddu, slip], [ca.jacobian(linear, phi).T]),
+            "dynamics": ([q, G, factors, du, phi, slip], [ca.jacobian(rigid, ddu), bias]),
+            "slide": self._slid(),
         }
         return {
             name: ca.Function(f"{prefix}_{name}", given, [ca.densify(value) for value in values])
@@ -82,12 +86,15 @@ class SymbolicRobot:
         }
 
     def whole(self, functions: Mapping[str, ca.Function], name: str) -> ca.Function:
-        """Of a closed configuration q, what an optimiser needs."""
+        """Of a closed configuration q, what an optimiser needs; friction of steady motion."""
         G, factors, *_ = self._linearised()
         at, motion = (self.q, G, factors), (self.du, self.ddu, self.phi)
-        force = functions["forces"](*at, *motion)
-        mass, bias = functions["dynamics"](*at, self.du, self.phi)
-        dq = self.rates @ ca.substitute(self._spread(self.du), self.G, G)
+        rates = ca.substitute(self._spread(self.du), self.G, G)
+        steady = [self._state(p, rates, rates).sign() for p in self._slipping]
+        slip = ca.vertcat(ca.SX(0, 1), *steady)
+        force = functions["forces"](*at, *motion, slip)
+        mass, bias = functions["dynamics"](*at, self.du, self.phi, slip)
+        dq = self.rates @ rates
         results = {"residual": self.residual, "dq": dq, "force": force, "mass": mass, "bias": bias}
         given = ["q", "du", "ddu", "phi"], list(results)
         return ca.Function(name, [self.q, *motion], list(results.values()), *given)
@@ -145,6 +152,28 @@ class SymbolicRobot:
             moved.append(own)
         return ca.vertcat(*moved)
 
+    @property
+    def _slipping(self) -> list[Parameter]:
+        """Elements of Maxwell slip."""
+        return [self.model.parameters[j] for j in self.model.slip_columns]
+
+    def _slid(self) -> tuple[list[Any], list[Any]]:
+        """States of these elements after the way from one configuration to another."""
+        end, states = ca.SX.sym("end", self.q.shape[0]), list[Any]()
+        for k, parameter in enumerate(self._slipping):
+            joint = self.mechanism.joint(parameter.link)
+            first, last = (q[joint.idx_q : joint.idx_q + joint.nq] for q in (self.q, end))
+            if joint.nq == 1:
+                way = last - first
+            else:  # from cosine and sine to cosine and sine
+                way = ca.atan2(
+                    last[1] * first[0] - last[0] * first[1],
+                    last[0] * first[0] + last[1] * first[1],
+                )
+            moved = self.slip[k] + way / joint_term(parameter.kind).at
+            states.append(ca.fmax(-1.0, ca.fmin(moved, 1.0)))
+        return [self.q, end, self.slip], [ca.vertcat(ca.SX(0, 1), *states)]
+
     def _given(self) -> Any:
         """Base parameters (n,) whose bodies load the gears, as numbers."""
         model, found = self.model, np.zeros(self.phi.shape[0])
@@ -152,10 +181,13 @@ class SymbolicRobot:
         found[own] = model.prior[own] if model.bodies is None else model.bodies
         return ca.DM(found)
 
-    def _force(self, du: Any, ddu: Any, given: Any = None, *, loaded: bool = True) -> Any:
+    def _force(
+        self, du: Any, ddu: Any, slip: Any = None, given: Any = None, *, loaded: bool = True
+    ) -> Any:
         """Forces (dof,) of the motors; in the ``gravity`` model bodies are at rest.
 
-        Gears are loaded by the bodies of phi, or of given base parameters.
+        Without states of elements of Maxwell slip, friction is that of steady motion. Gears are
+        loaded by the bodies of phi, or of given base parameters.
         """
         v, a = self._spread(du), self._spread(ddu)
         a[self.dependent] += self._drift_acceleration(v)
@@ -171,8 +203,11 @@ class SymbolicRobot:
             if parameter.kind not in KINDS and (loaded or k not in loads):
                 index = int(self.mechanism.velocity_indices([parameter.link])[0])
                 size = ca.fabs(load[loads[k]]) if k in loads else 1.0
-                term = self._joint_term(parameter, v[index], a[index], size)
-                tree[index] += self.phi[k] * term
+                state = self._state(parameter, v, a)._replace(torque=size)
+                if slip is not None and k in self.model.slip_columns:
+                    place = int(np.searchsorted(self.model.slip_columns, k))
+                    state = state._replace(slips={joint_term(parameter.kind).at: slip[place]})
+                tree[index] += self.phi[k] * self._joint_term(parameter, state)
         return tree[self.chosen] + self.G.T @ tree[self.dependent]
 
     def _spread(self, rates: Any) -> Any:
@@ -209,16 +244,22 @@ class SymbolicRobot:
             wrenches[link.parent][1] += link.R @ moment + ca.cross(link.r, turned)
         return tree
 
-    def _joint_term(self, parameter: Parameter, v: Any, a: Any, size: Any) -> Any:
-        """What a joint term multiplies, by the law of its kind, at a rate and an acceleration.
-
-        ``size`` is that of the motor's force that moves the bodies, where it counts.
-        """
+    def _state(self, parameter: Parameter, v: Any, a: Any) -> JointState:
+        """State of the joint of a term at all rates and accelerations (nv,)."""
         mechanism, position = self.mechanism, None  # of one of several coordinates
+        index = int(mechanism.velocity_indices([parameter.link])[0])
         if parameter.link in mechanism.joints:
             joint = mechanism.joint(parameter.link)
             own = self.q[joint.idx_q : joint.idx_q + joint.nq]
             position = own if joint.nq == 1 else ca.atan2(own[1], own[0])
+        terms = self.model.joint_terms or JointTerms(())
+        state = terms.state(JointState(position, v[index], a[index]), math=ca)
+        if not state.smoothing:
+            state = state._replace(smoothing=SMOOTH * float(mechanism.coordinate_scales[index]))
+        return state
+
+    def _joint_term(self, parameter: Parameter, state: JointState) -> Any:
+        """What a joint term multiplies, by the law of its kind."""
         term = joint_term(parameter.kind)
         if "load" in term.needs:
             raise OptionError(
@@ -226,12 +267,6 @@ class SymbolicRobot:
                 f"identify without {parameter.kind} for it",
                 parameter=parameter.label,
             )
-        terms = self.model.joint_terms or JointTerms(())
-        state = terms.state(JointState(position, v, a, torque=size), math=ca)
-        if not state.smoothing:
-            index = int(mechanism.velocity_indices([parameter.link])[0])
-            width = SMOOTH * float(mechanism.coordinate_scales[index])
-            state = state._replace(smoothing=width)
         return term.law(state, term.at)
 
     def _closure_residual(self, chain: Sequence[Link]) -> Any:

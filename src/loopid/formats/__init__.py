@@ -4,6 +4,10 @@ from loopid import loading as loading, logs as logs  # whose formats are registe
 from loopid.registry import editable_files, log_formats, robot_formats, urdf_dialects
 
 log_formats.register("hdf5", "loopid.formats.hdf5:Hdf5Format")
+log_formats.register("mat", "loopid.formats.matlab:MatFormat")
+log_formats.register("jsonl", "loopid.formats.tables:JsonLinesFormat")
+log_formats.register("excel", "loopid.formats.tables:ExcelFormat")
+log_formats.register("rostopic", "loopid.formats.rostopic:RostopicFormat")
 log_formats.register("bag", "loopid.formats.bags:BagFormat")
 
 for ending in (".xml", ".mjcf"):

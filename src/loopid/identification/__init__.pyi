@@ -15,6 +15,7 @@ from .estimator import (
     WeightedLeastSquares as WeightedLeastSquares,
     WorkingFit as WorkingFit,
 )
+from .evidence import SuspicionOptions as SuspicionOptions
 from .fitting import (
     fit as fit,
     fit_in_steps as fit_in_steps,
@@ -38,6 +39,7 @@ from .friction import (
     nearest_line as nearest_line,
     with_friction as with_friction,
 )
+from .hysteresis import HysteresisLoop as HysteresisLoop, hysteresis_loop as hysteresis_loop
 from .information import (
     Excitation as Excitation,
     Identifiability as Identifiability,
@@ -47,6 +49,12 @@ from .information import (
     identifiability as identifiability,
 )
 from .instrumental import InstrumentalVariables as InstrumentalVariables
+from .log_mistakes import (
+    MotorGain as MotorGain,
+    Suspicions as Suspicions,
+    suspicions as suspicions,
+    suspicions_by_log as suspicions_by_log,
+)
 from .pipeline import (
     FitOptions as FitOptions,
     Identification as Identification,

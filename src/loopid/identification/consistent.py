@@ -50,6 +50,7 @@ from loopid.identification.result import (
     FileDeviation,
     FitResult,
     NoiseModel,
+    RobotUncertainty,
     TermDeviations,
     fit_quality,
 )
@@ -163,26 +164,6 @@ def consistent_fit(
     >>> bool(np.allclose(model.base.values(found.standard_parameters), found.values))
     True
     """
-    return consistent_working_fit(
-        force_model,
-        data,
-        noise,
-        joint_values=joint_values,
-        joint_deviations=joint_deviations,
-        options=options,
-    ).result
-
-
-def consistent_working_fit(
-    force_model: ForceModel,
-    data: FitSamples,
-    noise: NoiseModel,
-    *,
-    joint_values: FloatArray | None = None,
-    joint_deviations: FloatArray | None = None,
-    options: ConsistentOptions = ConsistentOptions(),
-) -> WorkingFit:
-    """As ``consistent_fit``, with the least squares that the fit amounts to: the file as rows."""
     found = quiet_consistent_fit(
         force_model,
         data,
@@ -192,7 +173,7 @@ def consistent_working_fit(
         options=options,
     )
     warn_of_bodies(force_model, found.result)
-    return found
+    return found.result
 
 
 def quiet_consistent_fit(
@@ -204,7 +185,7 @@ def quiet_consistent_fit(
     joint_deviations: FloatArray | None = None,
     options: ConsistentOptions = ConsistentOptions(),
 ) -> WorkingFit:
-    """As ``consistent_working_fit``, without warnings."""
+    """As ``consistent_fit``, with its least squares, the file as rows, and without warnings."""
     weights, program = _posed(force_model, data, noise, joint_values, joint_deviations)
     with one_blas_thread():
         state, common = _most_likely(program, options)
@@ -262,8 +243,14 @@ def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> F
         own = np.flatnonzero(program.terms.group >= 0)
         groups = _groups(program, state, found.covariance[np.ix_(own, own)])
     freedom = np.minimum(found.degrees_of_freedom, freedom)
-    labels, inside = force_model.parameters.labels, J != 0
-    values = base.values(standard)
+    names, inside = force_model.parameters.names, J != 0
+    values, (variances, file) = base.values(standard), np.zeros((2, len(standard)))
+    variances[first:], file[first:] = (
+        np.diag(found.covariance),
+        np.where(inside.any(axis=0), np.inf, 0.0),
+    )
+    none, known = np.zeros((len(standard), len(values))), np.full(len(standard), np.inf)
+    known[first:] = freedom
     return replace(
         found,
         parameters=force_model.parameters,
@@ -271,8 +258,9 @@ def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> F
         covariance=J @ found.covariance @ J.T,
         degrees_of_freedom=np.where(inside, freedom, np.inf).min(axis=1, initial=data.problem.rows),
         quality=fit_quality(data.problem, values),
-        assumed=tuple(labels[j] for j in np.flatnonzero(~inside.any(axis=1))),
+        assumed=tuple(names[j] for j in np.flatnonzero(~inside.any(axis=1))),
         standard_parameters=standard,
+        uncertainty=RobotUncertainty(base.parameters, none, variances, file, known),
         term_deviations=groups,
     )
 
@@ -659,9 +647,10 @@ def _result(
     known = np.minimum(found.result.degrees_of_freedom, _freedom(program, state, told, freedom))
     result = replace(
         found.result,
-        assumed=tuple(force_model.parameters.labels[j] for j in np.flatnonzero(only_kept)),
+        assumed=tuple(force_model.parameters.names[j] for j in np.flatnonzero(only_kept)),
         standard_parameters=standard,
         degrees_of_freedom=known,
+        uncertainty=_robot_uncertainty(force_model, program, state, freedom),
     )
     return replace(found, result=result)
 
@@ -692,6 +681,30 @@ def _posterior(
         weights=weights,
     )
     return with_scatter(within_runs(WorkingFit(plain, data, rows)))
+
+
+# Relative eigenvalues of a covariance that are round-off.
+SINGULAR = 1e-12
+
+
+def _robot_uncertainty(
+    force_model: ForceModel, program: _Program, state: _State, nu: float
+) -> RobotUncertainty:
+    """Of standard parameters: what the posterior of the base parameters leaves open beside them."""
+    T, M = program.changes(state), force_model.base.matrix
+    spread = program.step(state).covariance(T)
+    both, base = spread @ (M @ T).T, (M @ spread) @ (M @ T).T
+    sizes = np.sqrt(np.diag(base))
+    sizes = np.where(sizes > 0, sizes, 1.0)
+    gain = both / sizes @ np.linalg.pinv(base / np.outer(sizes, sizes), SINGULAR, True) / sizes
+    return RobotUncertainty(
+        parameters=force_model.base.parameters,
+        gain=gain,
+        beside=np.maximum((spread * T).sum(axis=1) - (gain * both).sum(axis=1), 0.0),
+        # What no force depends on only the file tells, though it goes with its body.
+        file=np.where(M.any(axis=0), (T**2).sum(axis=1), 0.0),
+        degrees_of_freedom=_freedom(program, state, T, nu),
+    )
 
 
 def solid_body(

@@ -423,7 +423,7 @@ def warn_of_scatter(result: FitResult, within: FitResult) -> None:
         within.standard_errors > 0, within.standard_errors, np.inf
     )
     clear = np.flatnonzero(ratios**2 > chdtri(freedom, chance) / freedom)
-    names = [f"{result.parameters.labels[j]} ({ratios[j]:.1f} times)" for j in clear]
+    names = [f"{result.parameters.names[j]} ({ratios[j]:.1f} times)" for j in clear]
     if names:
         warn(
             "estimates vary more between recordings than errors within these explain, intervals "

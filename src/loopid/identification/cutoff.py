@@ -17,7 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
-from loopid.errors import DataWarning, LoopidError, warn
+from loopid.errors import LoopidError
+from loopid.findings import Finding
 from loopid.identification.estimator import inverse_deviations
 from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import FitProblem
@@ -75,10 +76,18 @@ class CutoffChoice:
             f"{self.cutoffs[0]:.3g} to {self.cutoffs[-1]:.3g} Hz>"
         )
 
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """A choice at a bound of its range."""
+        if not self.bound:
+            return ()
+        why = BOUNDS[self.bound].format(self.chosen)
+        return (Finding("warning", "the cut-off is at a bound of its range", why),)
+
     def warn(self) -> None:
         """Tell of a choice at a bound of its range."""
-        if self.bound:
-            warn(BOUNDS[self.bound].format(self.chosen), DataWarning)
+        for each in self.findings:
+            each.warn()
 
 
 BOUNDS = {

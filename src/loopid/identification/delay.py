@@ -25,7 +25,8 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from loopid.arguments import BoolArray, FloatArray, checked
-from loopid.errors import DataError, DataWarning, RankError, warn
+from loopid.errors import DataError, RankError
+from loopid.findings import Finding
 from loopid.identification.correlation import (
     Autoregression,
     burg_covariances,
@@ -66,6 +67,8 @@ SLIP = 0.1
 # A delay is clear from so many steps of the log on, and so many times half of its 95 % interval;
 # of a motor that differs from the others, for which its delay is undone alone, so many times.
 LEAST, CLEAR, ALONE = 0.2, 2.0, 6.0
+# Half of an interval in s from which on it tells no delay that there could be: slow motions.
+VAGUE = 0.05
 # Probability that delays of motors that agree seem to differ, or those of both searches; the
 # interval of the common one is then wider by as much as those of motors do.
 CHANCE = 0.01
@@ -127,10 +130,15 @@ class Delay:
             "undone (undo_delay=False would keep them; 'delay' in a mapping undoes a known one)"
         )
 
+    @property
+    def finding(self) -> Finding:
+        """What is clear, as a warning."""
+        return Finding("warning", "forces were late or early, which is undone", self.sentence)
+
     def warn(self) -> None:
         """Tell what is clear."""
         if self.clear:
-            warn(self.sentence, DataWarning)
+            self.finding.warn()
 
 
 def _late(whose: str, delay: float, interval: FloatArray | tuple[float, float]) -> str:
@@ -527,7 +535,7 @@ class _Search:
 
     def _clear(self, delay: float, half: float) -> bool:
         """Whether a delay is clear, by half of its 95 % interval."""
-        return bool(abs(delay) > max(CLEAR * half, LEAST * self.forces.step))
+        return half < VAGUE and bool(abs(delay) > max(CLEAR * half, LEAST * self.forces.step))
 
 
 def _disagreement(delays: FloatArray, errors: FloatArray) -> float:
@@ -547,7 +555,7 @@ def _contradicted(sharp: Delay, robust: Delay) -> bool:
     """Whether a delay beside the signs of the velocities is not that beside Maxwell slip.
 
     They differ, of all motors or of one, by more than their errors let expect; or what is clear is
-    not confirmed, as the robust one is nearer to none than to it.
+    not confirmed, as the robust one is not told, may be none, or is nearer to none than to it.
     """
     from scipy.special import chdtri  # slow to import
 
@@ -560,9 +568,9 @@ def _contradicted(sharp: Delay, robust: Delay) -> bool:
         variance = np.where(wide > error, wide**2 - error**2, wide**2)
     known = np.isfinite(error) & np.isfinite(wide)
     differ = (other - one) ** 2 > chdtri(1, CHANCE / len(sharp.each)) * variance
-    alone = np.ptp(sharp.undone) > 0
-    found = robust.each if alone else np.full(len(robust.each), robust.common)
-    confirmed = np.abs(found - sharp.undone) < np.abs(found)
+    alone = slice(-1) if np.ptp(sharp.undone) > 0 else slice(-1, None)
+    found, half = np.abs(other[alone]), NORMAL * wide[alone]
+    confirmed = (np.abs(other[alone] - sharp.undone) < found) & (half < np.minimum(found, VAGUE))
     return bool((differ & known).any() or (~confirmed & (sharp.undone != 0)).any())
 
 
@@ -573,7 +581,7 @@ def _beside_slip(
     width, forces = samples.regressor.shape[2], samples.problem.force_rms
     tables, deviations = list[FloatArray](), list[float]()
     for i, joint in enumerate(samples.actuators):
-        ways = [_ways(one, joint) for one in recordings]
+        ways = [one.ways(joint) for one in recordings]
         slips = slip_displacements(max(float(np.ptp(way)) for each in ways for way in each))
         if not (forces[i] and slips[0]):
             continue
@@ -596,19 +604,6 @@ def _slip(recording: Recording, states: Sequence[FloatArray]) -> FloatArray:
     """States along the stretches of the log, filtered as the forces are, at the samples (N,)."""
     along = np.concatenate(states)
     return along if recording.history is None else recording.history.lowpassed(along)
-
-
-def _ways(recording: Recording, joint: str) -> list[FloatArray]:
-    """Positions of a motor along each stretch of the log, from wherever it starts."""
-    history, column = recording.history, recording.actuators.index(joint)
-    if history is not None and joint in history.joints:
-        rate = history.velocity[:, history.joints.index(joint)]
-        parts = zip(history.parts, history.rates, strict=True)
-        return [np.cumsum(rate[part]) / frequency for part, frequency in parts]
-    rate, time = recording.motion.velocities[:, column], np.asarray(recording.motion.time)
-    bounds = 1 + np.flatnonzero(np.diff(recording.stretches))
-    steps = np.split(rate[1:] * np.diff(time), bounds - 1)
-    return [np.cumsum(np.append(0.0, each)) for each in steps]
 
 
 def _beside(samples: FitSamples, what: str, columns: FloatArray) -> FitSamples:

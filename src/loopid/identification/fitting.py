@@ -111,7 +111,7 @@ def _warn_of_insignificant(result: FitResult) -> None:
     names = result.insignificant()
     if not names or result.degrees_of_freedom.max() < LEAST_FREEDOM:
         return  # without freedom no interval is finite: the autocorrelation is to blame
-    stds = dict(zip(result.parameters.labels, result.relative_std, strict=True))
+    stds = dict(zip(result.parameters.names, result.relative_std, strict=True))
     listed = ", ".join(f"{name} ({stds[name]:.0f} %)" for name in names)
     warn(
         f"{len(names)} of {len(stds)} parameters are not significantly different from zero, by "

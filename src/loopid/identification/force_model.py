@@ -31,6 +31,7 @@ from loopid.regressors.joint_terms import (
     warn_of_omitted,
     with_loads,
 )
+from loopid.regressors.maxwell_slip import Slips, slips_along, slips_at
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import Progress, ordered_map
@@ -89,8 +90,8 @@ class ForceModel:
 
     @property
     def parameters(self) -> ParameterSet:
-        """Leading parameter of each of the n columns."""
-        return self.base.parameters.select(self.base.base)
+        """The n columns: base parameters, by the parameters that lead them."""
+        return self.base.combinations
 
     @property
     def joint_columns(self) -> IntArray:
@@ -113,6 +114,11 @@ class ForceModel:
     def plain_columns(self) -> IntArray:
         """All other columns."""
         return np.setdiff1d(np.arange(len(self.parameters)), self.grouped_columns)
+
+    @property
+    def slip_columns(self) -> IntArray:
+        """Columns of elements of Maxwell slip, which depend on where joints came from."""
+        return np.array([j for j in self.joint_columns if "slip" in self._needs(j)], dtype=np.int64)
 
     @property
     def plain(self) -> ForceModel:
@@ -196,7 +202,12 @@ class ForceModel:
         return self.standard_regressor(q, *random_motions(self.mechanism, count))
 
     def standard_regressor(
-        self, configurations: FloatArray, velocities: FloatArray, accelerations: FloatArray
+        self,
+        configurations: FloatArray,
+        velocities: FloatArray,
+        accelerations: FloatArray,
+        *,
+        slips: Slips | None = None,
     ) -> FloatArray:
         """Forces (N, dof, p) per unit of each standard parameter and joint term.
 
@@ -206,9 +217,13 @@ class ForceModel:
             (N, nq), closed.
         velocities, accelerations : FloatArray
             (N, dof) of the independent coordinates.
+        slips : mapping, optional
+            ``JointTerms.slips``; without, friction is that of steady motion.
         """
         whole = closed_motion(self.mechanism, configurations, velocities, accelerations)
-        return motion_regressor(self.mechanism, whole, self.model, joint_terms=self.joint_terms)
+        return motion_regressor(
+            self.mechanism, whole, self.model, joint_terms=self.joint_terms, slips=slips
+        )
 
     def with_terms(self, kinds: Mapping[str, tuple[str, ...]]) -> ForceModel:
         """The same model with other joint terms.
@@ -256,14 +271,18 @@ class ForceModel:
 
     def regressor(self, motion: JointMotion, n_jobs: int = 1) -> FloatArray:
         """Forces (N, dof, n) per unit of each parameter, by so many processes."""
+        q, v, a = motion.configurations, motion.velocities, motion.accelerations
+        terms = self.joint_terms
+        slips = {} if terms is None else terms.slips(self.mechanism, q)
         states = (
-            (motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows])
+            (q[rows], v[rows], a[rows], slips_at(slips, rows))
             for rows in row_blocks(len(motion.time), CHUNK)
         )
         return np.concatenate(list(ordered_map(self._regressor_at, states, n_jobs)))
 
-    def _regressor_at(self, state: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
-        return self.loaded(self.base.regressor(self.standard_regressor(*state)))
+    def _regressor_at(self, state: tuple[FloatArray, FloatArray, FloatArray, Slips]) -> FloatArray:
+        *rates, slips = state
+        return self.loaded(self.base.regressor(self.standard_regressor(*rates, slips=slips)))
 
     def samples(self, recording: Recording, n_jobs: int = 1) -> FitSamples:
         """The recording as samples of a fit.
@@ -353,7 +372,9 @@ class ForceModel:
         rate = history.of_joint(self.mechanism, joint)
         more = {n: of_joint(n) for n in ("position", "acceleration", "load") if n in needed}
         load = more.pop("load", None)
-        return terms.state(JointState(None, rate, None)._replace(**more), load)
+        found = terms.state(JointState(None, rate, None)._replace(**more), load)
+        own = terms.displacements.get(joint)
+        return found._replace(slips=slips_along(history.ways(rate), own)) if own else found
 
     def widened(self, samples: FitSamples, recordings: Sequence[Recording]) -> FitSamples:
         """Samples of all columns, from those of the first ones and their recordings.
@@ -377,7 +398,8 @@ class ForceModel:
             state = motion.configurations, motion.velocities, motion.accelerations
             whole = closed_motion(self.mechanism, *state)
             assert self.joint_terms is not None
-            terms = self.joint_terms.columns(self.mechanism, whole)
+            slips = self.joint_terms.slips(self.mechanism, motion.configurations)
+            terms = self.joint_terms.columns(self.mechanism, whole, slips=slips)
             first = len(self.base.parameters) - terms.shape[2]
             W[rows][:, :, columns] = terms[:, :, self.base.base[columns] - first]
             place, own = self.load_columns

@@ -26,10 +26,12 @@ from loopid.errors import DataError, OptionError
 from loopid.identification.consistent import (
     ConsistentOptions,
     consistent_values,
+    error_weights,
     quiet_consistent_fit,
     warn_of_bodies,
 )
 from loopid.identification.force_model import ForceModel
+from loopid.identification.hysteresis import possible_hysteresis
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import (
     LEAST_FREEDOM,
@@ -52,7 +54,7 @@ from loopid.regressors.joint_laws import (
     grouped,
     joint_term,
 )
-from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.joint_terms import JointTerms, together
 
 # Percentile of the rates of a motor's samples that is its slowest informative one, and most rates
 # of a curve, from the fastest down.
@@ -176,6 +178,9 @@ def with_friction(
     values = consistent_values(force_model, data, noise, options=options)
     use, loads = motor_use(force_model, data, recordings), force_model.loads(data.regressor)
     kinds = friction_kinds(force_model, data, use, loads)
+    weights = error_weights(data.problem, noise)
+    slips = possible_hysteresis(force_model, data, recordings, weights, list(kinds))
+    kinds = together(kinds, slips)
     plain, known = data, dict(zip(force_model.parameters.labels, values.tolist(), strict=True))
     left = ROUNDS
     while True:
@@ -308,9 +313,8 @@ def friction_curve(
     variance = np.maximum(((laws @ spread) * laws).sum(axis=1), 0.0)
     error = np.sqrt(variance + _doubt(fit, joint, rate, np.abs(values)) ** 2)
     freedom = float(fit.degrees_of_freedom[columns].min())
-    sure = freedom >= LEAST_FREEDOM and not {*fit.parameters.select(columns).labels} & {
-        *fit.assumed
-    }
+    names = fit.parameters.select(columns).names
+    sure = freedom >= LEAST_FREEDOM and not {*names} & {*fit.assumed}
     reach = stdtrit(freedom, 0.975) * error if sure else np.full(len(rate), np.inf)
     return FrictionCurve(joint, rate, values, np.stack([values - reach, values + reach], axis=1))
 
@@ -472,7 +476,8 @@ def nearest_line(
     """
     from scipy.optimize import nnls  # slow to import
 
-    load, points = 0.0, [at for kind in terms if grouped(kind) and (at := joint_term(kind).at)]
+    laws = [joint_term(kind) for kind in terms if grouped(kind)]
+    load, points = 0.0, [law.at for law in laws if law.at and "slip" not in law.needs]
     least, most = (min(points), RATIO * max(points)) if points else (0.0, 1.0)
     if use is not None and joint in use.joints:
         least, most = use.of(joint)

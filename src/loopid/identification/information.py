@@ -19,7 +19,8 @@ import numpy as np
 
 from loopid.arguments import FloatArray, IntArray, checked
 from loopid.base_parameters.base import expression
-from loopid.errors import DataError, DataWarning, RankError, warn
+from loopid.errors import DataError, RankError
+from loopid.findings import Finding
 from loopid.identification.estimator import LEAST_EXCITATION, Estimator, excited_rank
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_model import ForceModel, samples_of
@@ -146,7 +147,7 @@ class Excitation:
     def assumed(self, parameters: ParameterSet) -> tuple[str, ...]:
         """Names of the n parameters that the data do not determine: part is unidentifiable."""
         part = np.linalg.norm(self.unidentifiable, axis=1) / self.sizes
-        return tuple(parameters.labels[j] for j in np.flatnonzero(part > INVOLVED))
+        return tuple(parameters.names[j] for j in np.flatnonzero(part > INVOLVED))
 
 
 def excited_samples(samples: FitSamples, prior: FloatArray, excitation: Excitation) -> FitSamples:
@@ -345,12 +346,22 @@ class Identifiability:
     def _advice(self) -> str:
         return f"add a motion that excites them (design_excitation with parameters={self.leads})"
 
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What is unidentifiable, and what is weak."""
+        said, do = [], f"excite them: design_excitation with parameters={self.leads}"
+        if self.unidentifiable:
+            title = f"{len(self.unidentifiable)} combinations of parameters are unidentifiable"
+            said.append(Finding("warning", title, self.unidentifiable_message, do))
+        if self.weak:
+            title = f"{len(self.weak)} combinations are known worse than by the robot file"
+            said.append(Finding("warning", title, self.weak_message, do))
+        return tuple(said)
+
     def warn(self) -> None:
         """Tell what is unidentifiable and what is weak, each by a DataWarning."""
-        if self.unidentifiable:
-            warn(self.unidentifiable_message, DataWarning)
-        if self.weak:
-            warn(self.weak_message, DataWarning)
+        for each in self.findings:
+            each.warn()
 
 
 def _listed(directions: Sequence[WeakDirection]) -> str:

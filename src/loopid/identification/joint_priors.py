@@ -18,7 +18,7 @@ from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import FitProblem
 from loopid.parameters import KINDS, Parameter
 from loopid.records import record
-from loopid.regressors.joint_laws import ASYMMETRY, CURVE, RATIO, JointState, joint_term
+from loopid.regressors.joint_laws import ASYMMETRY, CURVE, HYSTERESIS, RATIO, JointState, joint_term
 
 # Least deviation of a group, relative to its largest: what it does is then below any error.
 LEAST = 1e-4
@@ -163,21 +163,26 @@ def _limits(box: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def dissipation(terms: Sequence[Parameter]) -> FloatArray:
-    """Rows (m, k) of sign(q̇) F(q̇) ≥ 0, for joints whose friction is a curve.
+    """Rows (m, k) of sign(q̇) F(q̇) ≥ Σ c, for joints with a friction curve or hysteresis c.
 
-    At the rates of its points both ways, and next to standstill: the curve is linear between them.
+    Elements of Maxwell slip store energy; they are a part of the friction that takes it. At the
+    rates of the points of a curve both ways, and next to standstill: it is linear between them.
     """
     rows = []
     laws = [joint_term(term.kind) for term in terms]
     for joint in dict.fromkeys(term.link for term in terms):
-        own = [j for j, term in enumerate(terms) if term.link == joint and laws[j].friction]
+        mine = [j for j, term in enumerate(terms) if term.link == joint]
+        own = [j for j in mine if laws[j].friction]
+        slips = [j for j in mine if laws[j].prior is HYSTERESIS]
         at = np.array([laws[j].at for j in own if laws[j].prior in CURVES])
-        if not len(at):
+        if not (len(at) or slips):
             continue
-        rates = np.unique([CLOSE * at.min(), *at, RATIO * at.max()])
+        ends = [CLOSE * at.min(), *at, RATIO * at.max()] if len(at) else [CLOSE]
+        rates = np.unique(ends)
         state = JointState(None, np.concatenate([rates, -rates]), None, math=np)
         found = np.zeros((2 * len(rates), len(terms)))
         for j in own:
             found[:, j] = np.sign(state.rate) * laws[j].signal(state, 2 * len(rates))
+        found[:, slips] = -1.0
         rows.append(found)
     return np.concatenate(rows) if rows else np.zeros((0, len(terms)))

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from html import escape
 
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
 from loopid.errors import DataError, DataWarning, OptionError, RankError, warn
+from loopid.findings import Finding
 from loopid.identification.consistent import (
     CONSISTENT,
     ConsistentOptions,
@@ -22,7 +24,7 @@ from loopid.identification.cutoff import CutoffChoice, choose_cutoff, prepared_a
 from loopid.identification.delay import Delay, find_delay, with_delay_errors, without_delay
 from loopid.identification.estimator import ESTIMATORS, Estimator, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
-from loopid.identification.force_model import ForceModel, samples_of
+from loopid.identification.force_model import ForceModel, parted, samples_of
 from loopid.identification.friction import motor_use, with_friction
 from loopid.identification.information import (
     Excitation,
@@ -30,11 +32,19 @@ from loopid.identification.information import (
     fit_excited,
     identifiability,
 )
+from loopid.identification.log_mistakes import Suspicions, suspicions_by_log
 from loopid.identification.prediction import Candidate, judge
 from loopid.identification.problem import ROUND_OFF, FitSamples
-from loopid.identification.result import FitResult, NoiseModel, fit_quality, nearest_first, of_all
+from loopid.identification.result import (
+    FitResult,
+    NoiseModel,
+    RobotUncertainty,
+    fit_quality,
+    nearest_first,
+    of_all,
+)
 from loopid.identification.terms import TermOptions, choose_terms
-from loopid.identification.verdict import Verdict
+from loopid.identification.verdict import Verdict, findings_of
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.parameters import ParameterSet, html_table
@@ -150,6 +160,8 @@ class Identification:
     delay : Delay or None
         Between forces and motion, what is clear of it undone in all recordings; None where it was
         not looked for, and for motions without a log.
+    suspicions : tuple of Suspicions
+        What may be wrong with each log.
     """
 
     force_model: ForceModel
@@ -163,6 +175,7 @@ class Identification:
     options: FitOptions
     cutoff: CutoffChoice | None = None
     delay: Delay | None = None
+    suspicions: tuple[Suspicions, ...] = ()
 
     def __getitem__(self, name: str) -> Candidate:
         if name not in self.candidates:
@@ -199,6 +212,17 @@ class Identification:
         return None if found is None else found.common
 
     @property
+    def mistakes(self) -> tuple[Finding, ...]:
+        """Mistakes in the logs: no figure counts before they are mended."""
+        found = (each for one in self.suspicions for each in one.mistakes)
+        return tuple(each for each in found if each.severity == "mistake")
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What to know beside the numbers, the most important first."""
+        return findings_of(self)
+
+    @property
     def verdict(self) -> Verdict:
         """What the recommended values are good for, and what would improve them most."""
         return Verdict.of(self)
@@ -217,12 +241,16 @@ class Identification:
             f"  {told.rank} of {told.structural_rank} combinations excited by the data, "
             f"{told.well_determined} better known than by the robot file",
         ]
-        return "\n".join(lines)
+        return "\n".join(
+            [*lines, *(f"  {each.severity}: {each.brief}" for each in self.mistakes[:1])]
+        )
 
     def _repr_html_(self) -> str:
+        said = [f"<p>{escape(str(self.verdict))}</p>"]
+        said += [f"<p>{escape(f'{each.severity}: {each}')}</p>" for each in self.findings]
         head = "candidate", "parameters fitted", "squared error on new data, of the robot file's"
         rows = [(n, c.fitted, *c.error_ratio) for n, c in self.candidates.items()]
-        return html_table((*head, "±"), rows)
+        return "".join(said) + html_table((*head, "±"), rows)
 
 
 @checked
@@ -337,8 +365,8 @@ def identify(
     Warns
     -----
     DataWarning
-        Of a delay that was undone, of unidentifiable combinations that the robot file's values are
-        kept for, of weakly identifiable ones, and as ``fit_all``.
+        Of mistakes in the logs, of a delay that was undone, of unidentifiable combinations that the
+        robot file's values are kept for, of weakly identifiable ones, and as ``fit_all``.
 
     Examples
     --------
@@ -359,6 +387,10 @@ def identify(
     training, judging, friction = (
         without_delay(force_model, runs, delay) for runs in (training, judging, friction)
     )
+    runs = *training, *judging, *friction
+    suspected = suspicions_by_log(force_model.mechanism, runs, parted(force_model.joint_terms)[0])
+    for each in (found for one in suspected for found in one.mistakes):
+        each.warn()  # before what a wrong log may end in
     cutoff = choose_cutoff(force_model, training, n_jobs=options.n_jobs)
     if cutoff is not None:
         cutoff.warn()
@@ -399,6 +431,12 @@ def identify(
             cutoff=None if cutoff is None else cutoff.chosen,
             use=use,
             force_model=force_model,
+            mistakes=tuple(
+                str(found)
+                for one in suspected
+                for found in one.mistakes
+                if found.severity == "mistake"
+            ),
         )
         for name, each in fits.items()
     }
@@ -413,11 +451,12 @@ def identify(
         force_model = force_model.with_loads(fits[best].values)
         data, new = force_model.widened(data, training), force_model.widened(new, judging)
         judged = _judged(fits, data, new)
-    runs = tuple(training), tuple(judging), tuple(friction)
+    parts = tuple(training), tuple(judging), tuple(friction)
     return Identification(
-        *(force_model, *runs, data, new, excited, judged, options),
+        *(force_model, *parts, data, new, excited, judged, options),
         cutoff=cutoff,
         delay=delay,
+        suspicions=suspected,
     )
 
 
@@ -554,7 +593,7 @@ def fit_joint_terms(
             degrees_of_freedom=np.array(float(data.problem.rows)),
             quality=fit_quality(data.problem, values),
             weights=equal_weights(data.problem),
-            assumed=force_model.parameters.labels,
+            assumed=force_model.parameters.names,
             standard_parameters=force_model.standard_prior,
         )
     estimator = chosen_estimator(options.estimator)
@@ -572,10 +611,14 @@ def fit_joint_terms(
     values[joints] = not_below(least, left, terms)
     standard[places] += values[joints] - force_model.prior[joints]
     terms = replace(terms, values=values[joints])
+    gain, file = np.zeros((len(standard), len(values))), np.zeros(len(standard))
+    gain[places, joints], file[places] = 1.0, np.inf
+    known = np.zeros(len(standard)), file, np.full(len(standard), np.inf)
     return replace(
         of_all(terms, force_model.parameters, joints, values),
         quality=fit_quality(data.problem, values),
         standard_parameters=standard,
+        uncertainty=RobotUncertainty(force_model.base.parameters, gain, *known),
     )
 
 
@@ -632,5 +675,5 @@ def fit_solid_bodies(
 def with_assumed(found: FitResult, excited: Identifiability) -> FitResult:
     """A fit, with what the data do not excite ``assumed``."""
     assumed = {*found.assumed, *(excited.assumed if excited.unidentifiable else ())}
-    labels = found.parameters.labels
-    return replace(found, assumed=tuple(name for name in labels if name in assumed))
+    names = found.parameters.names
+    return replace(found, assumed=tuple(name for name in names if name in assumed))

@@ -231,7 +231,11 @@ class Estimate:
     value, standard_error : float
     interval : tuple of float
         Of 95 %; infinite where the data determine none.
-    unit, name : str
+    unit : str
+    name : str
+        A combination is ``<leading parameter> + 3 more``.
+    expression : str
+        The whole sum.
     """
 
     value: float
@@ -239,6 +243,7 @@ class Estimate:
     interval: tuple[float, float]
     unit: str
     name: str
+    expression: str = ""
 
     @property
     def relative_std(self) -> float:
@@ -253,9 +258,54 @@ class Estimate:
         )
 
 
+# Part of the variance by the robot file that the data must take away for a value to be told.
+TOLD = 0.5
+
+
+@record
+class RobotUncertainty(OfArrays):
+    """What the covariance of a fit, and the robot file, say of the p standard parameters.
+
+    Attributes
+    ----------
+    parameters : ParameterSet
+        The standard parameters of the bodies, and the joint terms.
+    gain : FloatArray
+        (p, n), changes of these with the n base parameters.
+    beside : FloatArray
+        (p,), variances at known base parameters.
+    file : FloatArray
+        (p,), variances by the robot file alone; 0 for what no force depends on.
+    degrees_of_freedom : FloatArray
+        (p,).
+    """
+
+    parameters: ParameterSet
+    gain: FloatArray
+    beside: FloatArray
+    file: FloatArray
+    degrees_of_freedom: FloatArray
+
+
+@record
+class RobotEstimate(Estimate):
+    """All numbers about one parameter of a body or joint.
+
+    Attributes
+    ----------
+    told : bool
+        Whether the data tell it; otherwise only the robot file does.
+    """
+
+    told: bool = False
+
+
 @record
 class FitResult(OfArrays, Tabular):
-    """Estimated parameters with their uncertainty, found by their names.
+    """Estimated parameters with their uncertainty, found by their names or sums.
+
+    A combination, of which forces determine the sum alone, is called ``<leading parameter> + 3
+    more``; ``parameters.expressions`` are the sums.
 
     Attributes
     ----------
@@ -285,6 +335,8 @@ class FitResult(OfArrays, Tabular):
     standard_parameters : FloatArray or None
         (p,), standard parameters and joint terms whose base parameters the values are, every body
         solid; None for estimators that find base parameters only.
+    uncertainty : RobotUncertainty or None
+        Of the standard parameters.
     deviation : FileDeviation or None
         Of the robot file, where the fit weighs it.
     cutoff : float or None
@@ -296,6 +348,8 @@ class FitResult(OfArrays, Tabular):
     force_model : ForceModel or None
         Whose parameters these are, where ``identify`` fitted them: it may have chosen joint terms
         beside those of the model that it was given.
+    mistakes : tuple of str
+        In the logs that were fitted, one sentence each: no value counts before they are mended.
 
     Examples
     --------
@@ -327,19 +381,21 @@ class FitResult(OfArrays, Tabular):
     assumed: tuple[str, ...] = ()
     robustness: Robustness | None = None
     standard_parameters: FloatArray | None = None
+    uncertainty: RobotUncertainty | None = None
     deviation: FileDeviation | None = None
     cutoff: float | None = None
     term_deviations: TermDeviations | None = None
     use: MotorUse | None = None
     force_model: ForceModel | None = field(default=None, compare=False, repr=False)
+    mistakes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
         freedom = np.broadcast_to(self.degrees_of_freedom, self.values.shape)
         object.__setattr__(self, "degrees_of_freedom", frozen(freedom))
         for name in self.assumed:
-            if name not in self.parameters.labels:
-                raise OptionError.unknown("assumed parameter", name, self.parameters.labels)
+            if name not in self.parameters.names:
+                raise OptionError.unknown("assumed parameter", name, self.parameters.names)
 
     @property
     def standard_errors(self) -> FloatArray:
@@ -363,26 +419,65 @@ class FitResult(OfArrays, Tabular):
             raise OptionError(f"level must be between 0 and 1, not {level}")
         reach = stdtrit(self.degrees_of_freedom, 0.5 + level / 2) * self.standard_errors
         reach[self.degrees_of_freedom < LEAST_FREEDOM] = np.inf
-        reach[[name in self.assumed for name in self.parameters.labels]] = np.inf
+        reach[[name in self.assumed for name in self.parameters.names]] = np.inf
         return np.stack([self.values - reach, self.values + reach], axis=1)
 
     def __getitem__(self, name: str) -> Estimate:
-        labels = self.parameters.labels
-        if name not in labels:
-            raise OptionError.unknown("parameter", name, nearest_first(name, labels))
-        return self.estimates[labels.index(name)]
+        names, sums = self.parameters.names, self.parameters.expressions
+        if name in sums:
+            return self.estimates[sums.index(name)]
+        if name in names:
+            return self.estimates[names.index(name)]
+        with_it = [one.name for one in self.parameters if name in (one.label, *one.others)]
+        if with_it:
+            of_robot = f'; of the robot, it is fit.robot["{name}"]' if name in self.robot else ""
+            raise OptionError(
+                f"the data determine no {name} alone, but in sums: ask for "
+                f"{' or '.join(with_it)}{of_robot}",
+                given=name,
+                valid=tuple(with_it),
+            )
+        near = nearest_first(name, self.parameters.labels)
+        called = dict(zip(self.parameters.labels, names, strict=True))
+        raise OptionError.unknown("parameter", name, [called[label] for label in near])
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self.parameters.labels)
+        return iter(self.parameters.names)
 
     @property
     def estimates(self) -> tuple[Estimate, ...]:
         """All numbers about each parameter."""
         columns = self.values.tolist(), self.standard_errors.tolist(), self.intervals().tolist()
         return tuple(
-            Estimate(value, error, (low, high), parameter.unit, parameter.label)
+            Estimate(
+                value, error, (low, high), parameter.unit, parameter.name, parameter.expression
+            )
             for parameter, value, error, (low, high) in zip(self.parameters, *columns, strict=True)
         )
+
+    @property
+    def robot(self) -> dict[str, RobotEstimate]:
+        """Masses, first moments, inertias and joint terms of the robot, by their labels.
+
+        Empty for fits of base parameters alone. Of what only the robot file tells the interval is
+        by how far off the file is.
+        """
+        from scipy.special import stdtrit  # here, as it takes a while to import
+
+        known, values = self.uncertainty, self.standard_parameters
+        if known is None or values is None:
+            return {}
+        variance = known.beside + ((known.gain @ self.covariance) * known.gain).sum(axis=1)
+        errors = np.sqrt(np.maximum(variance, 0.0))
+        freedom = np.minimum(known.degrees_of_freedom, self.degrees_of_freedom.min())
+        reach = stdtrit(freedom, 0.975) * errors
+        told = variance < (1 - TOLD) * known.file
+        numbers = (values, errors, values - reach, values + reach, told)
+        rows = zip(known.parameters, *(each.tolist() for each in numbers), strict=True)
+        return {
+            p.label: RobotEstimate(value, error, (low, high), p.unit, p.label, told=of_data)
+            for p, value, error, low, high, of_data in rows
+        }
 
     @property
     def rows(self) -> list[dict[str, Any]]:
@@ -390,6 +485,7 @@ class FitResult(OfArrays, Tabular):
         return [
             {"parameter": e.name, "value": e.value, "standard_error": e.standard_error}
             | {"low": e.interval[0], "high": e.interval[1], "unit": e.unit}
+            | {"expression": e.expression or e.name}
             for e in self.estimates
         ]
 
@@ -399,7 +495,7 @@ class FitResult(OfArrays, Tabular):
     def insignificant(self) -> tuple[str, ...]:
         """Names of the parameters whose 95 % interval includes zero."""
         low, high = self.intervals().T
-        return tuple(self.parameters.labels[j] for j in np.flatnonzero((low <= 0) & (high >= 0)))
+        return tuple(self.parameters.names[j] for j in np.flatnonzero((low <= 0) & (high >= 0)))
 
     def predict(self, regressor: FloatArray) -> FloatArray:
         """Forces (..., dof) of a regressor (..., dof, n)."""
@@ -436,11 +532,11 @@ def of_all(
     found: FitResult, parameters: ParameterSet, columns: IntArray, others: FloatArray
 ) -> FitResult:
     """A fit of some columns of all n parameters, the others ``assumed`` at values (n,)."""
-    labels = parameters.labels
-    known = {labels[j] for j in columns} - {*found.assumed}
-    values, covariance = np.array(others), np.zeros((len(labels), len(labels)))
+    names = parameters.names
+    known = {names[j] for j in columns} - {*found.assumed}
+    values, covariance = np.array(others), np.zeros((len(names), len(names)))
     values[columns], covariance[np.ix_(columns, columns)] = found.values, found.covariance
-    freedom = np.full(len(labels), found.degrees_of_freedom.min())
+    freedom = np.full(len(names), found.degrees_of_freedom.min())
     freedom[columns] = found.degrees_of_freedom
     return replace(
         found,
@@ -448,7 +544,7 @@ def of_all(
         values=values,
         covariance=covariance,
         degrees_of_freedom=freedom,
-        assumed=tuple(name for name in labels if name not in known),
+        assumed=tuple(name for name in names if name not in known),
     )
 
 

@@ -33,6 +33,7 @@ from loopid.identification.result import (
     MotorUse,
     NoiseModel,
     Quality,
+    RobotUncertainty,
     Robustness,
     TermDeviations,
 )
@@ -41,7 +42,6 @@ from loopid.kinematics.projection import closed_motion
 from loopid.kinematics.sampling import random_configurations
 from loopid.loading.files import bundled_robots, find_files
 from loopid.loading.load import load_mechanism
-from loopid.motion.joints import JointMotion
 from loopid.parameters import KINDS, Parameter, ParameterSet
 from loopid.regressors.closed_loop import motion_parameters, motion_regressor
 from loopid.regressors.joint_terms import JointTerms, load_places, with_loads
@@ -59,6 +59,10 @@ NO_EFFECT = 1e-10  # of a column, relative to the largest
 
 Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Array = Annotated[FloatArray, PlainValidator(lambda given: frozen(finite(given, "numbers")))]
+Infinite = Annotated[  # where null
+    FloatArray,
+    PlainValidator(lambda given: frozen([math.inf if x is None else x for x in given])),
+]
 Column = Annotated[FloatArray, PlainValidator(lambda given: frozen(given))]  # NaN where null
 
 
@@ -105,15 +109,23 @@ class SavedForceModel(_Section):
 
 
 class SavedStandard(_Section):
-    """A standard parameter or joint term, with its value where the fit has bodies."""
+    """A standard parameter or joint term, with its value where the fit has bodies.
+
+    ``told`` is whether the data tell it, or only the robot file.
+    """
 
     name: str
     unit: str
     value: Finite | None = None
+    standard_error: Number | None = None
+    told: bool | None = None
 
 
 class SavedBase(_Section):
-    """A base parameter: coefficients of standard parameters, 1 of the one that names it."""
+    """A base parameter: coefficients of standard parameters, 1 of the first, which leads it.
+
+    The name of a combination is ``<leading parameter> + 3 more``.
+    """
 
     name: str
     unit: str
@@ -134,6 +146,15 @@ class SavedState(_Section):
     force: Array
 
 
+class SavedUncertainty(_Section):
+    """``RobotUncertainty`` of the standard parameters."""
+
+    gain: Array
+    beside: Array
+    file: Infinite
+    degrees_of_freedom: Infinite
+
+
 class SavedEstimate(_Section):
     """What a ``FitResult`` has beside values, covariance and standard parameters."""
 
@@ -146,10 +167,12 @@ class SavedEstimate(_Section):
     assumed: tuple[str, ...]
     noise: NoiseModel | None = None
     robustness: Robustness | None = None
+    uncertainty: SavedUncertainty | None = None
     deviation: FileDeviation | None = None
     cutoff: Annotated[float, Field(gt=0, le=LARGEST)] | None = None
     term_deviations: TermDeviations | None = None
     use: MotorUse | None = None
+    mistakes: tuple[str, ...] = ()
 
 
 class SavedFit(_Section):
@@ -199,6 +222,8 @@ class SavedFit(_Section):
         robot, base, values = model.mechanism, model.base, _values_of(model, fit)
         bodies = None if estimate is None else estimate.standard_parameters
         standard = [None] * len(base.parameters) if bodies is None else bodies.tolist()
+        rows = () if estimate is None else estimate.robot.values()
+        known = [{"standard_error": x.standard_error, "told": x.told} for x in rows]
         return cls.model_validate(
             {
                 "loopid": version("loopid"),
@@ -216,8 +241,10 @@ class SavedFit(_Section):
                     "joint_terms": model.joint_terms,
                 },
                 "standard_parameters": tuple(
-                    {"name": parameter.label, "unit": parameter.unit, "value": value}
-                    for parameter, value in zip(base.parameters, standard, strict=True)
+                    {"name": parameter.label, "unit": parameter.unit, "value": value, **more}
+                    for parameter, value, more in zip(
+                        base.parameters, standard, known or [{}] * len(standard), strict=True
+                    )
                 ),
                 "base_parameters": tuple(_entries(model, values, estimate)),
                 "covariance": estimate and estimate.covariance,
@@ -247,8 +274,19 @@ class SavedFit(_Section):
 
     @property
     def parameters(self) -> ParameterSet:
-        """The standard parameter that leads each of the r base parameters."""
-        return _parameter_set(self.base_parameters)
+        """The r base parameters, each with its sum."""
+        found = []
+        for base in self.base_parameters:
+            leading, *others = base.terms
+            found.append(
+                replace(
+                    Parameter.parse(leading),
+                    unit=base.unit,
+                    others=tuple(others),
+                    expression=base.expression,
+                )
+            )
+        return ParameterSet(tuple(found))
 
     @property
     def values(self) -> FloatArray:
@@ -274,13 +312,15 @@ class SavedFit(_Section):
         """The fit as it was saved; None where only values were."""
         if self.estimate is None or self.covariance is None:
             return None
-        standard = self.standard_values
+        standard, estimate = self.standard_values, dict(self.estimate)
+        if (known := self.estimate.uncertainty) is not None:
+            estimate["uncertainty"] = RobotUncertainty(self.standard, **dict(known))
         return FitResult(
             parameters=self.parameters,
             values=self.values,
             covariance=self.covariance,
             standard_parameters=None if np.isnan(standard).any() else standard,
-            **dict(self.estimate),
+            **estimate,
         )
 
     def load_robot(self, file: str | Path | None = None) -> Mechanism:
@@ -325,7 +365,7 @@ class SavedFit(_Section):
     @property
     def _leading(self) -> list[int]:
         labels = self.standard.labels
-        return [labels.index(base.name) for base in self.base_parameters]
+        return [labels.index(next(iter(base.terms))) for base in self.base_parameters]
 
     @checked
     def find_force_model(self, mechanism: Mechanism) -> ForceModel:
@@ -443,7 +483,7 @@ def _entries(
     columns = zip(model.parameters, model.base.terms, values.tolist(), strict=True)
     estimates = fit.estimates if fit is not None else ()
     for k, (parameter, terms, value) in enumerate(columns):
-        entry = {"name": parameter.label, "unit": parameter.unit, "value": value}
+        entry = {"name": parameter.name, "unit": parameter.unit, "value": value}
         entry |= {"expression": expression(terms), "terms": dict(terms)}
         for estimate in estimates[k : k + 1]:
             entry["standard_error"] = estimate.standard_error
@@ -457,8 +497,8 @@ def _states(model: ForceModel, values: FloatArray) -> Iterator[dict[str, FloatAr
     q = random_configurations(model.mechanism, STATES, seed=0)
     shape = 2, STATES, len(model.mechanism.independent)
     v, a = np.random.default_rng(0).standard_normal(shape)
-    motion = JointMotion(np.arange(float(STATES)), q, v, a, np.ones(STATES))
-    force = model.with_loads(values).regressor(motion) @ values
+    W = model.base.regressor(model.standard_regressor(q, v, a))
+    force = model.with_loads(values).loaded(W) @ values
     for state in zip(q, v, a, force, strict=True):
         yield dict(zip(SavedState.model_fields, state, strict=True))
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from loopid.arguments import FloatArray
+from loopid.findings import PAGE, Finding, most_important_first
 from loopid.identification.plausibility import absurdities
 from loopid.identification.result import FitResult
 from loopid.records import record
@@ -18,6 +20,9 @@ if TYPE_CHECKING:
 # Error on new data as a part of a motor's force, in the root mean square: what a controller's
 # feedforward can be built on, and what it still profits from.
 GOOD, ROUGH = 0.1, 0.3
+# Part of a force's variance that a fit of all parameters explains in the data that were fitted:
+# below, the force does not follow the motion.
+NOISE = 0.2
 NAMED = 1  # parameters that the sentence names
 
 
@@ -40,9 +45,11 @@ class Verdict:
         Parameters of the recommended fit, and how many of them clearly differ from zero.
     excite : tuple of str
         Parameters that a further motion should excite: ``design_excitation(model,
-        parameters=verdict.excite, after=recordings)``.
+        parameters=verdict.excite, after=recordings)``; none where another motion would not help.
     improvement : str
         What would improve the fit most.
+    mistake : Finding or None
+        In a log, the likeliest: while there is one, no figure counts.
     """
 
     use: str
@@ -53,39 +60,50 @@ class Verdict:
     parameters: int
     excite: tuple[str, ...]
     improvement: str
+    mistake: Finding | None = None
 
     @classmethod
     def of(cls, found: Identification) -> Verdict:
         """Of an identification."""
-        new, quality = found.new, found.recommended.validation
-        squares = np.array(new.problem.force_squares()) / np.maximum(quality.samples, 1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            errors = np.where(squares > 0, quality.residual_rms / np.sqrt(squares), np.nan)
+        errors = _errors(found)
         worst = 0 if np.isnan(errors).all() else int(np.nanargmax(errors))
         count = sum(not grouped(each.kind) for each in found.fit.parameters)
         significant = count - len(_insignificant(found.fit))
-        excite = found.identifiability.leads or _least_known(found)
         judged = [each for each in found.candidates.values() if each is not found.baseline]
         best = found.recommended if found.recommended in judged else judged[-1]
+        mistake, error = next(iter(found.mistakes), None), float(errors[worst])
+        excite, improvement = _improvement(found)
         return cls(
-            _use(found, float(errors[worst])),
-            new.actuators[worst],
-            float(errors[worst]),
+            "Not fit for use" if mistake else _use(found, error),
+            found.new.actuators[worst],
+            error,
             best.error_ratio,
             significant,
             count,
-            excite,
-            f"exciting {_listed(excite)}" if excite else "a longer log",
+            () if mistake else excite,
+            mistake.do if mistake else improvement,
+            mistake,
         )
 
     def __str__(self) -> str:
+        if self.mistake is not None:
+            return self.mistake.veto
         ratio, error = self.ratio
+        more, page = "lower" if ratio < 1 else "higher", f" ({PAGE})" * (not self.error <= ROUGH)
         return (
             f"{self.use}: on new data errors are at most {100 * self.error:.2g} % of a motor's "
-            f"force ({self.motor}), their squares {ratio:.2f} ± {error:.2f} of the robot file's, "
-            f"and {self.significant} of {self.parameters} values differ clearly from zero; "
-            f"{self.improvement} would improve it most."
+            f"force ({self.motor}), squared {abs(100 * (1 - ratio)):.2g} ± {100 * error:.2g} % "
+            f"{more} than the robot file's; {self.significant} of {self.parameters} values are "
+            f"significant. Next: {self.improvement}{page}."
         )
+
+
+def _errors(found: Identification) -> FloatArray:
+    """On new data (dof,), in parts of each motor's force; NaN where there is none."""
+    quality = found.recommended.validation
+    squares = np.array(found.new.problem.force_squares()) / np.maximum(quality.samples, 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(squares > 0, quality.residual_rms / np.sqrt(squares), np.nan)
 
 
 def _use(found: Identification, error: float) -> str:
@@ -103,17 +121,77 @@ def _use(found: Identification, error: float) -> str:
     return f"{use} in motions like these, but not parameter by parameter"
 
 
+def _improvement(found: Identification) -> tuple[tuple[str, ...], str]:
+    """Parameters that a further motion should excite, and what would improve the fit most.
+
+    Another motion does not help where forces are not explained.
+    """
+    if (unexplained := _unexplained(found)) is not None:
+        return (), unexplained.do
+    excite = found.identifiability.leads or _least_known(found)
+    return excite, f"excite {_listed(excite)}" if excite else "record a longer log"
+
+
+def findings_of(found: Identification) -> tuple[Finding, ...]:
+    """What to know beside the numbers, the most important first."""
+    said = [each for one in found.suspicions for each in one.mistakes]
+    told, deviation, unexplained = found.identifiability, found.fit.deviation, _unexplained(found)
+    if unexplained is not None:
+        said.append(unexplained)
+    if deviation is not None and deviation.suspicion:
+        said.append(
+            Finding(
+                "warning",
+                "bodies would be as far off the robot file as they may be",
+                deviation.suspicion,
+                "look for a tool, a payload or a missing joint term",
+            )
+        )
+    if found.delay is not None and found.delay.clear:
+        said.append(found.delay.finding)
+    for broken in absurdities(found.force_model, found.fit, found.data):
+        said.append(
+            Finding("warning", "the fit is not physical", broken, 'try fewer terms, terms="Fc,Fv"')
+        )
+    bounds = () if found.cutoff is None else found.cutoff.findings
+    return most_important_first([*said, *told.findings, *bounds])
+
+
+def _unexplained(found: Identification) -> Finding | None:
+    """Forces that no parameters explain, or that the recommended fit does not."""
+    explained = found["all parameters"].fit.quality.r_squared
+    noise = [name for name, r in zip(found.data.actuators, explained, strict=True) if r < NOISE]
+    if noise:
+        return Finding(
+            "warning",
+            f"the force of {_listed(noise)} does not follow the motion",
+            f"all parameters together explain {100 * max(np.nanmin(explained), 0.0):.2g} % of its "
+            "variance",
+            "look at its column, its time stamps, and whether the motor drives the robot",
+        )
+    errors = _errors(found)
+    if np.isnan(errors).all() or np.nanmax(errors) <= ROUGH:
+        return None
+    return Finding(
+        "warning",
+        f"the force of {found.new.actuators[int(np.nanargmax(errors))]} is not explained",
+        f"errors on new data are {100 * np.nanmax(errors):.2g} % of it",
+        "look for a payload, a spring, a wrong length or a missing joint term",
+    )
+
+
 def _least_known(found: Identification) -> tuple[str, ...]:
     """Parameters whose estimates are not clear from zero, the least known first."""
     alone = found.recommended is found.baseline  # of the bodies it has no estimates
     fit = found["all parameters"].fit if alone else found.fit
     weak, order = set(_insignificant(fit)), np.argsort(-fit.relative_std, kind="stable")
-    return tuple(name for j in order if (name := fit.parameters.labels[j]) in weak)
+    labels, names = fit.parameters.labels, fit.parameters.names
+    return tuple(labels[j] for j in order if names[j] in weak)
 
 
 def _insignificant(fit: FitResult) -> tuple[str, ...]:
     """Names of parameters not clearly different from zero; points of a curve are none."""
-    kinds = {each.label: each.kind for each in fit.parameters}
+    kinds = {each.name: each.kind for each in fit.parameters}
     return tuple(name for name in fit.insignificant() if not grouped(kinds[name]))
 
 

@@ -41,8 +41,9 @@ WITH_JOINT = {
 # or with the number of a motor, from 0 or from 1 on, as in "force_0", "tau1" and "joint 1 torque".
 WITH_NUMBER = {
     "position": (*WITH_JOINT["position"], "joint_position", "joint_angle", "actual_q"),
-    "force": (*WITH_JOINT["force"], "joint_torque", "tau_j", "control_action"),
+    "force": (*WITH_JOINT["force"], "joint_torque", "tau_j", "control_action", "actual_current"),
 }
+CURRENT = "current"  # a word of columns that hold amperes
 NUMBERED = ("{word}_{k}", "joint_{k}_{word}", "{word}_joint_{k}", "axis_{k}_{word}")
 # Relative difference of scales that are the same: how many digits people give.
 SAME_SCALE = 1e-2
@@ -70,20 +71,27 @@ class Channel(NamedTuple):
 
 
 class TimeColumn(NamedTuple):
-    """A column of times; a second one may add whole nanoseconds below one second."""
+    """A column of times; a second one may add whole nanoseconds below one second.
+
+    Without a column, rows are evenly sampled.
+    """
 
     name: str
-    unit: int  # ns
+    unit: float  # ns; between rows, where there is no column
     rest: str | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The one or two columns."""
+        """The one or two columns; none of even rows."""
+        if not self.name:
+            return ()
         return (self.name,) if self.rest is None else (self.name, self.rest)
 
-    def stamps(self, source: str, cells: polars.DataFrame) -> IntArray:
-        """Whole nanoseconds (R,), ``NO_STAMP`` where there is no time."""
-        stamps = stamps_in(source, cells[self.name], self.unit)
+    def stamps(self, source: str, cells: polars.DataFrame, rows: IntArray) -> IntArray:
+        """Whole nanoseconds (R,) of rows by their numbers, ``NO_STAMP`` where there is no time."""
+        if not self.name:
+            return np.asarray(np.round(rows * self.unit), dtype=np.int64)
+        stamps = stamps_in(source, cells[self.name], round(self.unit))
         if self.rest is None:
             return stamps
         rest = stamps_in(source, cells[self.rest], 1)
@@ -111,6 +119,7 @@ class ColumnFinder:
         ]
         of_motors = (self._channels_of(quantity, joints) for quantity in wanted)
         for place, channel in chain(*of_motors, self._wrenches(), self._free()):
+            self._refuse_current(place, channel)
             if place in found:
                 raise self._refused(
                     f"column {place.column!r} is mapped twice: each {channel.quantity} has a "
@@ -131,6 +140,17 @@ class ColumnFinder:
                         column=channel.column,
                     )
         return streams
+
+    def _refuse_current(self, place: Place, channel: Channel) -> None:
+        """Refuse currents as forces without the force of an ampere."""
+        plain = words(heading(place.column).name)
+        if channel.quantity == "force" and CURRENT in plain and self.mapping.force_scale is None:
+            raise self._refused(
+                f"column {place.column!r} is a current, not a force: give the force of one ampere "
+                "(N m or N, by joint) as 'force_scale' in a mapping, or 1 to identify in amperes",
+                quantity="force",
+                column=place.column,
+            )
 
     def _channels_of(
         self, quantity: str, joints: tuple[str, ...]
@@ -219,7 +239,10 @@ class ColumnFinder:
     def time(self, stream: str) -> TimeColumn:
         """The time of a stream; a LogError when it is not found, or there are several."""
         if stream not in self._times:
-            given = self.mapping.time
+            given, period = self.mapping.time, self.mapping.row_period
+            if period is not None:
+                self._times[stream] = TimeColumn("", period * NANOSECONDS["s"])
+                return self._times[stream]
             found = self._found_time(stream) if given is None else self._given_time(given, stream)
             self._times[stream] = found
         return self._times[stream]
@@ -236,8 +259,8 @@ class ColumnFinder:
             return TimeColumn(found[0], self._nanoseconds(found[0]))
         problem = f"several columns for the time ({', '.join(found)})" if found else "no time"
         raise self._refused(
-            f"{stream} has {problem}: call one column time, or name it in a mapping; "
-            f"{self._choices()}",
+            f"{stream} has {problem}: call one column time, or name it in a mapping, or give the "
+            f"'rate' of even rows there, in Hz; {self._choices()}",
             stream=stream,
             columns=tuple(found),
         )

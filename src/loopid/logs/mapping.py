@@ -148,6 +148,7 @@ class LogMapping(Section):
     columns of joints that no motor moves: one, or the seven of a floating base.
     ``delay`` is how much later forces are than positions, in s, of all joints or by joint, or how
     late the time stamps of whole streams are, by their names.
+    Without a column of times, rows are even: ``rate`` in Hz, or ``period`` in s between them.
     ``topic`` chooses among those of a bag, ``group`` among those of an HDF5 file.
     ``unpacked_ratio`` is how many times the bytes of its file a log may stand for.
 
@@ -161,6 +162,8 @@ class LogMapping(Section):
     topic: str | None = None
     group: str | None = None
     time: TimeColumns | None = None
+    rate: Positive | None = None
+    period: Positive | None = None
     position: Columns | None = None
     force: Columns | None = None
     velocity: Columns | None = None
@@ -200,6 +203,18 @@ class LogMapping(Section):
             if 0 in (scale.values() if isinstance(scale, dict) else (scale,)):
                 raise ValueError(f"{name} must not be 0")
         return self
+
+    @model_validator(mode="after")
+    def _one_time(self) -> LogMapping:
+        given = [key for key in ("time", "rate", "period") if getattr(self, key) is not None]
+        if len(given) > 1:
+            raise ValueError(f"give only one of {', '.join(given)}")
+        return self
+
+    @property
+    def row_period(self) -> float | None:
+        """Seconds between rows that have no time of their own; None where they have one."""
+        return self.period if self.rate is None else 1 / self.rate
 
     @model_validator(mode="after")
     def _maps_are_apart(self) -> LogMapping:
@@ -288,11 +303,16 @@ class LogMapping(Section):
         return stream.getvalue()
 
     def by_joint(self, source: str, key: str, joints: Sequence[str]) -> list[Any]:
-        """What is given for all or by joint, in the order of the motors."""
+        """What is given for all or by joint, in the order of the motors.
+
+        Scales and offsets of motors that are not named are those of a mapping without any.
+        """
         given = getattr(self, key)
         if not isinstance(given, Mapping):
             return [given] * len(joints)
-        for name in sorted({*given} ^ {*joints}):
+        usual = getattr(LogMapping(), key)
+        left_out = {*joints} - {*given} if not key.endswith(("_scale", "_offset")) else ()
+        for name in sorted({*given} - {*joints} | {*left_out}):
             raise LogError(
                 f"{source}: {key} of the mapping {'names' if name in given else 'leaves out'} "
                 f"{name!r}: give the motors {', '.join(joints)}",
@@ -300,7 +320,7 @@ class LogMapping(Section):
                 key=key,
                 valid=tuple(joints),
             )
-        return [given[joint] for joint in joints]
+        return [given.get(joint, usual) for joint in joints]
 
 
 def _rounded(value: float) -> float:

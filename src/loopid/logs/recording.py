@@ -129,6 +129,11 @@ class RateHistory:
         (index,) = mechanism.velocity_indices([joint])
         return self.of_motion(mechanism, lambda motion: motion.velocities[:, index])
 
+    def ways(self, rate: FloatArray) -> list[FloatArray]:
+        """Positions along each stretch at a rate (M,), from wherever they start."""
+        parts = zip(self.parts, self.rates, strict=True)
+        return [np.cumsum(rate[part]) / frequency for part, frequency in parts]
+
     def of_motion(
         self, mechanism: Mechanism, signal: Callable[[ClosedMotion], FloatArray]
     ) -> FloatArray:
@@ -231,6 +236,17 @@ class Recording(Tabular):
             f"<Recording {self.name!r}: {len(self)} samples, {filtered}{wrenches}, "
             f"forces used: {used}>"
         )
+
+    def ways(self, joint: str) -> list[FloatArray]:
+        """Positions of a motor along each stretch of the log, from wherever they start."""
+        history = self.history
+        if history is not None and joint in history.joints:
+            return history.ways(history.velocity[:, history.joints.index(joint)])
+        rate, time = self.motion.velocities[:, self.actuators.index(joint)], self.motion.time
+        ends = np.flatnonzero(np.diff(self.stretches))
+        return [
+            np.cumsum(np.append(0.0, steps)) for steps in np.split(rate[1:] * np.diff(time), ends)
+        ]
 
     @property
     def motor_force(self) -> FloatArray:

@@ -126,10 +126,10 @@ def make_stream(
 ) -> Stream:
     """Turn cells into numbers, and leave out rows that are no samples; too many are refused."""
     columns = [c.scale * numbers_in(source, table.cells[c.column]) + c.offset for c in channels]
-    values, stamps = np.stack(columns, axis=1), time.stamps(source, table.cells)
+    values, stamps = np.stack(columns, axis=1), time.stamps(source, table.cells, table.rows)
     lacks = np.column_stack([np.isnan(values), stamps == NO_STAMP])
     fine = ~lacks.any(axis=1)
-    names = np.array([*(channel.column for channel in channels), time.name])
+    names = np.array([*(channel.column for channel in channels), time.name or "no column"])
     named = ", ".join(names[lacks.any(axis=0)])
     reasons = {
         f"no number in {named}": table.rows[~fine],

@@ -34,10 +34,13 @@ from loopid.parameters import KINDS
 from loopid.records import record
 from loopid.regressors.closed_loop import closed_inertia, motion_regressor, standard_values
 from loopid.regressors.joint_terms import JointTerms, load_places, with_loads
+from loopid.regressors.maxwell_slip import slips_at
 from loopid.robot.mechanism import Mechanism
 
 # Samples whose regressor of all standard parameters is in memory at a time.
 CHUNK = 2048
+# Part of the fastest rate of a motion, in rad/s or characteristic lengths a second, that is none.
+STANDS = 1e-9
 # Part of the forces that nothing balances, above which it is no round-off.
 UNBALANCED = 1e-6
 # Inertias below this fraction of the robot's largest are round-off.
@@ -228,11 +231,19 @@ def _motor_forces(
     """Forces of the motors (N, m) that give a motion with all parameters (n,)."""
     dof, motors = len(mechanism.independent), mechanism.velocity_indices(mechanism.actuated)
     driven, parts = dof - len(mechanism.free), []
+    fastest = float(np.abs(motion.velocities).max(initial=0.0))
+    slips = {} if terms is None else terms.slips(mechanism, motion.configurations)
     for rows in row_blocks(len(motion.time), CHUNK):
         state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
-        whole = closed_motion(mechanism, *state)
+        whole = _at_rest(mechanism, closed_motion(mechanism, *state), fastest)
         bodies = values[: len(mechanism.parameters())]
-        K = motion_regressor(mechanism, whole, joint_terms=terms, standard_parameters=bodies)
+        K = motion_regressor(
+            mechanism,
+            whole,
+            joint_terms=terms,
+            standard_parameters=bodies,
+            slips=slips_at(slips, rows),
+        )
         if terms is not None:
             every = mechanism.parameters() + terms.parameters(mechanism)
             places = load_places(every, mechanism.independent)
@@ -253,6 +264,19 @@ def _motor_forces(
             "for forces there: take accelerations from forward_dynamics"
         )
     return np.asarray(force, dtype=np.float64)
+
+
+def _at_rest(mechanism: Mechanism, motion: ClosedMotion, fastest: float) -> ClosedMotion:
+    """The motion with rates that are round-off beside the fastest one at zero.
+
+    The sign of a rounding error is no friction: in a joint that stands the motor carries the load,
+    and nothing is left for stiction to hold.
+    """
+    rates = motion.velocities / mechanism.coordinate_scales
+    scale = max(fastest, float(np.abs(rates).max(initial=0.0)))
+    return replace(
+        motion, velocities=np.where(np.abs(rates) > STANDS * scale, motion.velocities, 0.0)
+    )
 
 
 @checked

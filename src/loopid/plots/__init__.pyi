@@ -5,6 +5,7 @@ from .pictures import (
     filter_chart as filter_chart,
     forces_chart as forces_chart,
     friction_chart as friction_chart,
+    hysteresis_chart as hysteresis_chart,
     motion_chart as motion_chart,
     parameters_chart as parameters_chart,
     robot_chart as robot_chart,

@@ -14,6 +14,7 @@ from loopid.errors import OptionError
 from loopid.excitation.design import ExcitationDesign
 from loopid.identification.cutoff import CutoffChoice
 from loopid.identification.friction import friction_columns, friction_curve, frictional_joints
+from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
 from loopid.identification.information import Identifiability, body_sizes
 from loopid.identification.pipeline import Identification
 from loopid.identification.prediction import Prediction
@@ -237,7 +238,7 @@ def parameters_chart(found: Identification) -> Chart:
         Mark("95 % interval", low[known], place[known], "fit", "span", high[known]),
         Mark("all parameters" if alone else "recommended", middle, place, "fit", "dots"),
     )
-    labels = tuple(fit.parameters.labels[j] for j in bodies)
+    labels = tuple(fit.parameters.names[j] for j in bodies)
     caption = (
         "Parameters of the bodies less those of the robot file, in sizes: a body's mass times its "
         "length, or that squared."
@@ -296,6 +297,30 @@ def friction_chart(found: Identification) -> Chart:
         panels.append(Panel(title, tuple(marks), (-most, most) if most else None))
     caption = "Friction over the rate of each motor (m/s or rad/s), by the recommended fit."
     return Chart("friction", caption, "rate", tuple(panels), columns=min(2, len(panels)) or 1)
+
+
+@checked
+def hysteresis_chart(found: Identification) -> Chart:
+    """Friction of motors whose friction builds up after a reversal, by the recommended fit."""
+    fit, mechanism, panels = found.fit, found.force_model.mechanism, list[Panel]()
+    for joint in hysteretic_joints(fit):
+        loop = hysteresis_loop(fit, joint, joint_terms=found.force_model.joint_terms)
+        low, high = loop.band.T
+        marks = [Mark("friction", 1e3 * loop.displacement, loop.force, "fit")]
+        if np.isfinite(loop.band).all():
+            marks.insert(0, Mark("95 % interval", marks[0].x, low, "fit", "band", high))
+        panels.append(Panel(f"{joint}: friction ({force_unit(mechanism, joint)})", tuple(marks)))
+    caption = (
+        "Friction over the displacement of a slow way to and fro, by the recommended fit: what "
+        "builds up after each reversal."
+    )
+    return Chart(
+        "hysteresis",
+        caption,
+        "displacement (mm or mrad)",
+        tuple(panels),
+        columns=min(2, len(panels)) or 1,
+    )
 
 
 @checked
@@ -370,7 +395,7 @@ def errors_chart(found: ExcitationDesign) -> Chart:
         Mark(before, found.before.standard_errors[worst], place, "faint", "dots"),
         Mark("with this motion", found.standard_errors[worst], place, "fit", "dots"),
     )
-    labels = tuple(found.parameters.labels[j] for j in worst)
+    labels = tuple(found.parameters.names[j] for j in worst)
     panel = Panel("standard error (kg, kg m, kg m², ...)", marks, labels=labels, log="x")
     caption = "Predicted standard errors; one dot alone: unidentifiable without the motion."
     return Chart("errors", caption, "", (panel,))

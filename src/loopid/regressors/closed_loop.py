@@ -31,6 +31,7 @@ from loopid.kinematics.projection import ClosedMotion, completed, partition, vel
 from loopid.parameters import ParameterSet, model_kinds
 from loopid.records import record
 from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.maxwell_slip import Slips
 from loopid.robot.mechanism import Mechanism
 
 # From many samples (N, ...) to the answer, which has no axis of samples where one was asked for.
@@ -344,13 +345,15 @@ def motion_regressor(
     *,
     joint_terms: JointTerms | None = None,
     standard_parameters: FloatArray | None = None,
+    slips: Slips | None = None,
 ) -> FloatArray:
     """Actuator forces (N, dof, n) per unit of the parameters of all bodies, then of joint terms.
 
     The model is ``"full"``, or ``"gravity"`` for what holds the robot at rest in each
     configuration; joint terms are those of the motion in either. ``motion_parameters`` names the
     columns. Loads of joints are those of the bodies of the robot file, or of other
-    ``standard_parameters`` (n,) of the full model.
+    ``standard_parameters`` (n,) of the full model. Hysteresis needs ``JointTerms.slips`` of the
+    whole motion; without, friction is that of steady motion.
     """
     if model_kinds(model) == model_kinds("full"):
         bodies = _full(mechanism, motion)
@@ -359,7 +362,7 @@ def motion_regressor(
         bodies = torque_regressors(mechanism, q, model=model, G=G)
     if joint_terms is None:
         return bodies
-    columns = joint_terms.columns(mechanism, motion, standard_parameters)
+    columns = joint_terms.columns(mechanism, motion, standard_parameters, slips=slips)
     return np.concatenate([bodies, columns], axis=2)
 
 

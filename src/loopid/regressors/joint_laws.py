@@ -8,7 +8,7 @@ anywhere. What is wrong with it is told at registration, or when it first meets 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from math import isfinite, nan
 from typing import Any, NamedTuple
@@ -35,6 +35,12 @@ class JointState(NamedTuple):
     smoothing: float = 0.0
     # Size of the motor's force that moves the bodies, in N or N m; columns are per unit of it
     torque: Any = 1.0
+    # States of elements of Maxwell slip by their displacements; None where nothing is known of them
+    slips: Mapping[float, Any] | None = None
+
+    def slip(self, displacement: float) -> Any:
+        """State of an element of Maxwell slip, from -1 to 1; that of steady motion by default."""
+        return self.sign() if self.slips is None else self.slips[displacement]
 
     def sign(self, width: float = 0.0) -> Any:
         """Sign of the rate, with the dead zone; smoothed over a width, or as the state says."""
@@ -47,7 +53,8 @@ class JointState(NamedTuple):
 ONE_UNIT = r"(?:N|m|rad|s|kg)[²³]?"
 NO_UNIT = "1"
 UNIT = re.compile(rf"|(?:{NO_UNIT}|{ONE_UNIT}(?: {ONE_UNIT})*)(?:/{ONE_UNIT}(?: {ONE_UNIT})*)?")
-NEEDS = "position", "rate", "acceleration", "load", "torque", "sign"
+OF_RATE = {"sign": "rate", "slip": "rate"}  # what the state has it from
+NEEDS = "position", "rate", "acceleration", "load", "torque", "sign", "slip"
 # Relative step of central differences, and the part of the largest slope that they may be off.
 STEP, SAME_SLOPE = 1e-6, 1e-4
 
@@ -90,14 +97,14 @@ class JointTerm:
     law : callable
         What the coefficient multiplies, of a ``JointState`` and the number ``at``.
     needs : tuple of str
-        What it needs of the state: "position", "rate", "acceleration", "load", "torque", "sign".
-        Coordinates of a joint with several have no position. What follows the sign of the rate
-        jumps.
+        What it needs of the state: "position", "rate", "acceleration", "load", "torque", "sign",
+        "slip". Coordinates of a joint with several have no position. What follows the sign of the
+        rate jumps; what follows slip hangs on where the joint came from.
     beside : tuple of str
         Kinds that the law has further coefficients of.
     at : float
         The number in kinds such as ``"Ks@0.2"``, of which the law depends nonlinearly: a position
-        in m or rad, a rate in m/s or rad/s. 0 where the kind has none.
+        or displacement in m or rad, a rate in m/s or rad/s. 0 where the kind has none.
     positive : bool
         Whether the coefficient cannot be negative: friction that would drive, inertia below zero.
     most : float, optional
@@ -173,7 +180,7 @@ class JointTerm:
     @property
     def _used(self) -> tuple[str, ...]:
         """Fields of the state that it needs."""
-        return tuple(dict.fromkeys("rate" if need == "sign" else need for need in self.needs))
+        return tuple(dict.fromkeys(OF_RATE.get(need, need) for need in self.needs))
 
     @property
     def friction(self) -> bool:
@@ -250,6 +257,7 @@ NUGGET = 1e-4  # of a correlation: departures that are not alike, and no round-o
 CURVE = PriorGroup("friction curve", 1.0, lambda at: _alike(at, RATIO * at.max()))
 ASYMMETRY = PriorGroup("friction asymmetry", 1.0, lambda at: _alike(at, at.min() / RATIO))
 LOAD = PriorGroup("load friction", 0.2)
+HYSTERESIS = PriorGroup("hysteresis", 1.0)
 
 
 def _point(name: str, law: Callable[[JointState, float], Any], prior: PriorGroup) -> JointTerm:
@@ -399,7 +407,9 @@ def _require_slope(
 # By their kinds, which label the parameters and are written in files; in place of the words in
 # capitals stands a number. A spring Ks q + Fo = Ks (q - q0) is slack at q0 = -Fo / Ks; a gain of
 # stiffness above a position makes it piecewise linear, or a stop. Stribeck friction is what there
-# is more near standstill [Armstrong1994].
+# is more near standstill [Armstrong1994]. Hysteresis is what friction that builds up over a
+# displacement has less after a reversal than Coulomb friction, which it is a part of: none in
+# steady motion (``maxwell_slip.py``).
 JOINT_TERMS = JointTermRegistry("joint term")
 for _kind, _term in {
     "Ia": JointTerm(
@@ -430,6 +440,14 @@ for _kind, _term in {
         positive=True,
         most=MOST_LOST,
         prior=LOAD,
+    ),
+    "Fh@POSITION": JointTerm(
+        "hysteresis",
+        ("N", "N m"),
+        lambda joint, at: joint.slip(at) - joint.sign(),
+        ("rate", "sign", "slip"),
+        positive=True,
+        prior=HYSTERESIS,
     ),
     "Fl": _load_friction("friction of loaded bearings"),
     "Fl~RATE": _load_friction("smooth friction of loaded bearings"),
@@ -469,8 +487,9 @@ def joint_term(kind: str, others: Iterable[str] = ()) -> JointTerm:
         at = float(number)
     except ValueError:
         at = nan
-    if not isfinite(at) or (mark == "~" and at <= 0):
-        what = "rate above 0" if mark == "~" else "position"
+    slides = "slip" in term.needs
+    if not isfinite(at) or ((mark == "~" or slides) and at <= 0):
+        what = "rate above 0" if mark == "~" else "displacement above 0" if slides else "position"
         raise OptionError(
             f"joint term {kind!r} needs a {what} after {mark}, not {number!r}", given=kind
         )

@@ -33,6 +33,7 @@ from loopid.kinematics.sampling import random_configurations, random_motions
 from loopid.parameters import KINDS, Parameter, ParameterSet
 from loopid.records import record
 from loopid.regressors.joint_laws import JointState, joint_term
+from loopid.regressors.maxwell_slip import Slips, slips_along
 from loopid.robot.mechanism import LeftOut, Mechanism, link_frames, shortened
 
 SAMPLES = 60  # random states that forces of the robot file are compared in
@@ -259,17 +260,20 @@ class JointTerms:
         mechanism: Mechanism,
         motion: ClosedMotion,
         standard_parameters: FloatArray | None = None,
+        *,
+        slips: Slips | None = None,
     ) -> FloatArray:
         """Actuator forces (N, dof, k) per unit of each of ``parameters``.
 
         Loads of joints are those of the bodies of the robot file, or of other
-        ``standard_parameters`` (n,).
+        ``standard_parameters`` (n,). Without ``slips``, friction is that of steady motion.
         """
         G, columns = motion.projection.G, [np.zeros((*motion.projection.G.shape[::2], 0))]
         loads, _ = self.loads(mechanism, motion, standard_parameters)
         for name, kinds in self.of_joints.items():
             index = _index(mechanism, name, kinds)
             state = self.state(joint_state(mechanism, motion, name), loads.get(name))
+            state = state._replace(slips=(slips or {}).get(name))
             for kind in kinds:
                 term = joint_term(kind)
                 signal = term.signal(state, len(G))
@@ -281,8 +285,27 @@ class JointTerms:
 
         ``math`` is NumPy, or CasADi for exported C code.
         """
-        zones = {"dead_zone": self.dead_zone, "smoothing": self.smoothing}
+        zones: dict[str, Any] = {"dead_zone": self.dead_zone, "smoothing": self.smoothing}
         return joint._replace(load=load, math=math, **zones)
+
+    @property
+    def displacements(self) -> dict[str, tuple[float, ...]]:
+        """Of the elements of Maxwell slip of each joint that has any, in the order of its kinds."""
+        found = {
+            joint: tuple(term.at for term in map(joint_term, kinds) if "slip" in term.needs)
+            for joint, kinds in self.of_joints.items()
+        }
+        return {joint: own for joint, own in found.items() if own}
+
+    def slips(self, mechanism: Mechanism, configurations: FloatArray) -> Slips:
+        """States of these elements along configurations (N, nq) that follow each other in time.
+
+        They begin without a force.
+        """
+        return {
+            joint: slips_along([joint_position(mechanism, configurations, joint)], own)
+            for joint, own in self.displacements.items()
+        }
 
     def loads(
         self,
@@ -369,7 +392,7 @@ def _index(mechanism: Mechanism, joint: str, kinds: tuple[str, ...]) -> int:
         )
     if joint not in mechanism.joints:
         for kind in kinds:
-            if "position" in joint_term(kind).needs:
+            if {"position", "slip"} & {*joint_term(kind).needs}:
                 raise OptionError(
                     f"{joint} has a rate but no position: it cannot have {kind}",
                     joint=joint,
@@ -378,15 +401,20 @@ def _index(mechanism: Mechanism, joint: str, kinds: tuple[str, ...]) -> int:
     return int(indices[0])
 
 
+def joint_position(mechanism: Mechanism, configurations: FloatArray, name: str) -> FloatArray:
+    """Positions (N,) of a joint with one coordinate in configurations (N, nq)."""
+    joint = mechanism.joint(name)
+    q = configurations[:, joint.idx_q : joint.idx_q + joint.nq]
+    # A continuous joint is stored as the cosine and sine of its angle.
+    return np.asarray(q[:, 0] if joint.nq == 1 else np.arctan2(q[:, 1], q[:, 0]))
+
+
 def joint_state(mechanism: Mechanism, motion: ClosedMotion, name: str) -> JointState:
     """State (N,) of a coordinate; without position where it is one of several of a joint."""
     (index,) = mechanism.velocity_indices([name])
     position: Any = None
     if name in mechanism.joints:
-        joint = mechanism.joint(name)
-        q = motion.configurations[:, joint.idx_q : joint.idx_q + joint.nq]
-        # A continuous joint is stored as the cosine and sine of its angle.
-        position = q[:, 0] if joint.nq == 1 else np.arctan2(q[:, 1], q[:, 0])
+        position = joint_position(mechanism, motion.configurations, name)
     return JointState(position, motion.velocities[:, index], motion.accelerations[:, index])
 
 
@@ -405,7 +433,7 @@ def terms_of_file(mechanism: Mechanism) -> dict[str, dict[str, float]]:
                 term = joint_term(kind)
             except OptionError as error:
                 raise RobotFileError(f"{place}: {error}", joint=joint, **error.facts) from error
-            if "position" in term.needs and joint not in mechanism.joints:
+            if {"position", "slip"} & {*term.needs} and joint not in mechanism.joints:
                 raise RobotFileError(
                     f"{place}: {kind} needs a joint with one coordinate", joint=joint, given=kind
                 )

@@ -12,12 +12,15 @@ how fast the joint moves. A sign of the rate is an element of no displacement.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
 
 from loopid.arguments import FloatArray
 
+# States (N,) of the elements of joints, by their displacements.
+Slips = Mapping[str, Mapping[float, FloatArray]]
 # Displacements of the elements of a joint: the largest by the range of its motion, and by halves
 # so many in all, so that neighbours follow whatever is between them.
 LARGEST, ELEMENTS = 0.05, 9
@@ -44,3 +47,22 @@ def slip_states(
         moved = (position[rows, None] - position[first]) / displacements
         states[rows] = np.clip(states[first] + moved, -1.0, 1.0)
     return states
+
+
+def slips_along(
+    ways: Sequence[FloatArray], displacements: Sequence[float]
+) -> dict[float, FloatArray]:
+    """States (N,) of elements by their displacements, along positions in stretches, one by one.
+
+    Angles may jump by a whole turn.
+    """
+    states = [slip_states(np.unwrap(way), np.asarray(displacements)) for way in ways]
+    return dict(zip(displacements, np.concatenate(states).T, strict=True))
+
+
+def slips_at(slips: Slips, rows: slice) -> Slips:
+    """The states of some rows."""
+    return {
+        joint: {displacement: states[rows] for displacement, states in own.items()}
+        for joint, own in slips.items()
+    }

@@ -72,7 +72,7 @@ def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
         "duration": found.motion.duration,
         "coordinates": list(found.motion.names),
         "noise": dict(zip(mechanism.actuated, json_value(found.noise), strict=True)),
-        "parameters": list(found.parameters.labels),
+        "parameters": list(found.parameters.names),
         "errors_before": json_value(found.before.standard_errors),
         "checks": json_value(found.checks),
     }
@@ -98,9 +98,9 @@ def _summary(found: ExcitationDesign) -> Table:
 
 def _errors(title: str, found: ExcitationDesign) -> Table:
     before = "of the logs" if found.after_logs else "of the first motion"
-    columns = ("leading parameter", ">± std", f">{before}", "unit")
+    columns = ("parameter", ">± std", f">{before}", "unit")
     errors = zip(found.parameters, found.standard_errors, found.before.standard_errors, strict=True)
-    rows = ((p.label, f"{after:.3g}", f"{earlier:.3g}", p.unit) for p, after, earlier in errors)
+    rows = ((p.name, f"{after:.3g}", f"{earlier:.3g}", p.unit) for p, after, earlier in errors)
     return plain_table(title, columns, rows)
 
 

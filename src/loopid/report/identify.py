@@ -10,28 +10,42 @@ from loopid.arguments import FloatArray, IntArray
 from loopid.diagnosis.selection import PredictionError
 from loopid.diagnosis.study import Study
 from loopid.diagnosis.term_sets import TermComparison
+from loopid.findings import Finding, most_important_first
 from loopid.identification.force_model import parted
 from loopid.identification.friction import friction_findings, friction_summary
+from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
 from loopid.identification.information import WeakDirection
 from loopid.identification.pipeline import Identification
 from loopid.identification.prediction import Candidate, Prediction, prediction_reach
 from loopid.identification.result import Estimate, FitResult
 from loopid.identification.saved import SavedFit
 from loopid.logs.recording import Recording
+from loopid.parameters import KINDS, Parameter
 from loopid.plots.chart import Chart
 from loopid.plots.pictures import (
     filter_chart,
     forces_chart,
     friction_chart,
+    hysteresis_chart,
     parameters_chart,
     robot_chart,
     spectrum_chart,
 )
 from loopid.regressors.joint_laws import grouped
 from loopid.regressors.joint_terms import NO_TERMS
-from loopid.report.look import json_fields, json_value, number, plain_table, table_of, with_error
+from loopid.report.look import (
+    interval,
+    json_fields,
+    json_value,
+    number,
+    plain_table,
+    table_of,
+    with_error,
+)
 from loopid.report.page import Part, Report, Section
 
+# Values that the terminal shows where they do not fit in two columns.
+SHOWN = 14
 # Of the kinds whose size the evidence decides: those that say something alone.
 ALONE = "Fk0", "Ft"
 
@@ -44,6 +58,9 @@ def identification_report(study: Study, command: str = "") -> Report:
     for each in _shown(found.fit):
         value, error = _value_and_error(found.fit, each)
         rows.append((each.name, value, "= file" if error == "-" else f"± {error}", each.unit))
+    if len(rows) > 2 * SHOWN or any(" more" in row[0] for row in rows):
+        left = len(rows) - SHOWN
+        rows[SHOWN:] = [(f"... and {left} more: --verbose", "", "", "")] if left > 0 else []
     return Report(
         name="identification",
         title=f"{model.mechanism.name}, {model.model} model",
@@ -53,6 +70,7 @@ def identification_report(study: Study, command: str = "") -> Report:
         sections=lambda: _sections(study),
         results=lambda: _fits(found),
         advice=command if judged.excite else "",
+        findings=findings(study),
     )
 
 
@@ -61,8 +79,7 @@ def _sections(study: Study) -> list[Section]:
     found = study.identification
     whole, told = found["all parameters"], found.identifiability
     values: list[Part] = [parameters_chart(found), _estimates_table("", found, found.fit)]
-    if found.fit.standard_parameters is not None:
-        values.append(_bodies_table(found))
+    values += _robot_tables(found)
     said: list[Part] = [spectrum_chart(told)]
     rows = [(each.text, "0", "unidentifiable") for each in told.unidentifiable]
     rows += [(each.text, f"{each.effect:.1e}", f"{each.standard_error:.2g}") for each in told.weak]
@@ -75,16 +92,15 @@ def _sections(study: Study) -> list[Section]:
     if found.recommended is not whole:
         title = f"all parameters by {whole.fit.estimator}"
         others.append(_estimates_table(title, found, whole.fit))
-    friction = friction_chart(found)
+    friction = [each for each in (friction_chart(found), hysteresis_chart(found)) if each.panels]
     filtering: list[Part] = [] if found.cutoff is None else [filter_chart(found.cutoff)]
     filtering += _filter_tables(study)
     return [
         Section("Forces on new data", (_forces_chart(found), *_candidates_tables(study))),
         Section(f"Recommended values: {found.recommended.name}", tuple(values)),
-        *([Section("Friction", (friction, _friction_table(found)))] if friction.panels else []),
+        *([Section("Friction", (*friction, _friction_table(found)))] if friction else []),
         Section("What the data tell", tuple(said)),
         Section("Robot", (robot_chart(found.force_model.mechanism),)),
-        Section("In words", tuple(findings(study))),
         Section("Other candidates", tuple(others)),
         Section("Joint terms", (_terms_table(study.term_sets),)),
         Section("Filter and samples", tuple(filtering)),
@@ -136,18 +152,17 @@ def identification_record(study: Study) -> dict[str, Any]:
         "identifiability": {
             **json_fields(told, "structural_rank", "rank"),
             "better_than_robot_file": told.well_determined,
-            "parameters": list(told.parameters.labels),
+            "parameters": list(told.parameters.names),
             "structural_effects": json_value(told.excitation.structural),
             "effects": json_value(told.excitation.effects),
             "unidentifiable": [_direction(direction) for direction in told.unidentifiable],
             "weak": [_direction(direction) for direction in told.weak],
         },
         "essential": json_value(study.essential.values),
-        "essential_parameters": list(reduction.result.parameters.labels),
+        "essential_parameters": list(reduction.result.parameters.names),
         "candidates": [_candidate(candidate) for candidate in _candidates(study)],
         "delay": json_value(found.delay),
-        "suspicions": json_value(study.suspicions),
-        "findings": findings(study),
+        "suspicions": json_value(found.suspicions),
     }
 
 
@@ -212,36 +227,38 @@ def _term_sets(found: TermComparison) -> list[dict[str, Any]]:
     ]
 
 
-def findings(study: Study) -> list[str]:
-    """What a reader should know beside the numbers, one sentence each."""
+def findings(study: Study) -> tuple[Finding, ...]:
+    """What a reader should know beside the numbers, the most important first."""
     found = study.identification
     told, cutoff = found.identifiability, found.training[0].cutoff
     terms, _ = parted(found.force_model.joint_terms)
     choice = NO_TERMS if terms is None else terms.choice(found.force_model.mechanism)
     filtered = "unfiltered" if cutoff is None else f"filtered at {cutoff:.3g} Hz"
     condition = found["all parameters"].fit.condition_number
-    said = [
-        _recommendation(found),
-        f"The data were {filtered}; the condition number of the weighted regressor is "
-        f"{condition:.4g}.",
-        f"The joint terms are {choice}. {_terms_finding(study.term_sets)}",
+    notes = [
+        (f"recommended: {found.recommended.name}", _recommendation(found)),
+        (
+            f"the data were {filtered}",
+            f"the condition number of the weighted regressor is {condition:.4g}",
+        ),
+        (f"the joint terms are {choice}", _terms_finding(study.term_sets)),
     ]
     runs = (*found.training, *found.validation)
     frames = dict.fromkeys(frame for run in runs for frame in run.wrenches)
     if frames:
-        said.append(
-            f"Measured wrenches of the surroundings on {', '.join(frames)} are part of the forces."
-        )
-    said += [f"{sentence}." for sentence in friction_findings(found.fit)]
-    if found.delay is not None and found.delay.clear:
-        said.append(f"{found.delay.sentence.capitalize()}.")
-    said += [f"In {one.recording}, {text}." for one in study.suspicions for text in one.sentences]
+        where = f"on {', '.join(frames)}"
+        notes.append(("measured wrenches are part of the forces", where))
+    notes += [(sentence, "") for sentence in friction_findings(found.fit)]
+    for joint in hysteretic_joints(found.fit):
+        notes.append((hysteresis_loop(found.fit, joint).sentence, ""))
     if told.unidentifiable:
-        said.append(
-            "Unidentifiable combinations are as in the robot file, so the values of "
-            f"{', '.join(told.assumed)} rest on it."
+        notes.append(
+            (
+                "unidentifiable combinations are as in the robot file",
+                f"the values of {', '.join(told.assumed)} rest on it",
+            )
         )
-    return said
+    return most_important_first((*study.findings, *(Finding("note", *note) for note in notes)))
 
 
 def _terms_finding(found: TermComparison) -> str:
@@ -286,10 +303,10 @@ def _value_and_error(fit: FitResult, estimate: Estimate) -> tuple[str, str]:
 
 
 def _estimates_table(title: str, found: Identification, fit: FitResult) -> Table:
-    bodies = {fit.parameters.labels[j] for j in found.force_model.body_columns}
-    known = dict(zip(fit.parameters.labels, found.force_model.prior.tolist(), strict=True))
+    bodies = {fit.parameters.names[j] for j in found.force_model.body_columns}
+    known = dict(zip(fit.parameters.names, found.force_model.prior.tolist(), strict=True))
     columns = {
-        "parameter": "name",
+        "parameter": lambda each: each.expression or each.name,
         ">value": lambda each: _value_and_error(fit, each)[0],
         ">± std": lambda each: _value_and_error(fit, each)[1],
         ">95 % from": lambda each: number(each.interval[0]),
@@ -336,17 +353,25 @@ def _essential_table(study: Study) -> Table:
     return plain_table("essential parameters; the others as in the robot file", columns, rows)
 
 
-def _bodies_table(found: Identification) -> Table:
-    """Mass and centre of each body of the recommended fit, beside the mass of the robot file."""
-    model, fit = found.force_model, found.fit
-    assert fit.standard_parameters is not None
-    names, rows = model.base.parameters, []
-    for j in (j for j, name in enumerate(names) if name.kind == "m"):
-        mass, *first = fit.standard_parameters[j : j + 4].tolist()
-        centre = ", ".join(f"{moment / mass:.4g}" for moment in first) if mass else "-"
-        rows.append((names[j].link, f"{mass:.4g}", f"{model.standard_prior[j]:.4g}", centre))
-    columns = "body", ">mass (kg)", ">robot file", ">centre of mass (m)"
-    return plain_table(f"bodies: {found.recommended.name}", columns, rows)
+def _robot_tables(found: Identification) -> list[Table]:
+    """Masses, moments, rotors and friction of the recommended robot, and who tells them."""
+    file = found.force_model.standard_prior.tolist()
+    known = dict(zip(found.force_model.base.parameters.labels, file, strict=True))
+    columns = {
+        "parameter": "name",
+        ">value": lambda each: with_error(each.value, each.standard_error)[0],
+        ">95 % interval": lambda each: interval(*each.interval),
+        ">file": lambda each: number(known[each.name]) if _of_body(each) else "-",
+        "unit": "unit",
+        "by": lambda each: "log" if each.told else "file",
+    }
+    robot = found.fit.robot.values()
+    return [table_of(f"robot: {found.recommended.name}", columns, robot)] if robot else []
+
+
+def _of_body(estimate: Estimate) -> bool:
+    """Whether it is a parameter of a body."""
+    return Parameter.parse(estimate.name).kind in KINDS
 
 
 def _candidates_tables(study: Study) -> list[Table]:
@@ -402,7 +427,7 @@ def _filter_tables(study: Study) -> list[Table]:
             rows.append((motor, *counts, f"{noise.lag_one[k]:.3f}"))
     gains = (
         (one.recording, g.joint, f"{g.gain:.3g}", "{:.3g} ... {:.3g}".format(*g.interval))
-        for one in study.suspicions
+        for one in found.suspicions
         for g in one.gains
     )
     dropped = (

@@ -17,9 +17,10 @@ from typing import Any
 from lxml.html import HtmlElement, fragment_fromstring, tostring
 from rich.table import Table
 
+from loopid.findings import Finding, most_important_first
 from loopid.plots.chart import Chart, E
 from loopid.records import record
-from loopid.report.look import facts, json_text
+from loopid.report.look import facts, json_text, json_value
 
 LIBRARIES = "loopid", "pin", "numpy", "scipy"
 VERSION = 1  # of the records' forms, which ``schema.py`` tells: a new one where programs notice
@@ -50,7 +51,7 @@ class Formula:
         return E.p(f"{self.name}: ", fragment_fromstring(f"<math>{self.mathml}</math>"))
 
 
-Part = str | Table | Chart | Formula  # a paragraph, a table, a chart, a formula
+Part = str | Table | Chart | Formula | Finding
 
 
 @record
@@ -61,7 +62,8 @@ class Section:
     ----------
     title : str
     parts : tuple
-        Paragraphs (str), tables (``rich.table.Table``), charts (``Chart``) and formulas.
+        Paragraphs (str), tables (``rich.table.Table``), charts (``Chart``), formulas and
+        findings.
     folded : bool
         Whether only the titles of its tables are seen at first.
     """
@@ -84,6 +86,8 @@ class Section:
 def _part(part: Part, folded: bool) -> HtmlElement:
     if isinstance(part, Table):
         return _folded(part) if folded else _table(part)
+    if isinstance(part, Finding):
+        return _finding(part)
     return E.p(part) if isinstance(part, str) else part.html()
 
 
@@ -91,6 +95,13 @@ def _folded(table: Table) -> HtmlElement:
     rows = "row" if table.row_count == 1 else "rows"
     said = E.summary(str(table.title or "table"), E.span(f" {table.row_count} {rows}"))
     return E.details(said, _table(table))
+
+
+def _finding(found: Finding) -> HtmlElement:
+    said = [E.strong(f"{found.severity.capitalize()}: {found.title}")]
+    said += [E.p(found.why)] if found.why else []
+    said += [E.p(f"Do: {found.do}")] if found.do else []
+    return E.div({"class": f"finding {found.severity}"}, *said)
 
 
 def _table(table: Table) -> HtmlElement:
@@ -232,6 +243,8 @@ class Report:
         A command that does what the verdict advises.
     figures : tuple of (str, str)
         Numbers that the page shows first, and what each is.
+    findings : sequence of Finding
+        What to know beside the numbers.
     """
 
     name: str
@@ -243,8 +256,10 @@ class Report:
     results: Callable[[], dict[str, bytes | str]] = dict
     advice: str = ""
     figures: tuple[tuple[str, str], ...] = ()
+    findings: Sequence[Finding] = ()
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "findings", most_important_first(self.findings))
         if self.sections is None:
             shown = Section("Results", tuple(self.brief))
             object.__setattr__(self, "sections", lambda: [shown])
@@ -252,7 +267,11 @@ class Report:
     @property
     def data(self) -> dict[str, Any]:
         """The record with its form and the verdict."""
-        said = {"verdict": self.verdict, "advice": self.advice}
+        said = {
+            "verdict": self.verdict,
+            "advice": self.advice,
+            "findings": [json_value(found) for found in self.findings],
+        }
         return {"schema": f"loopid {self.name} {VERSION}", **said, **self.record}
 
     def tables(self) -> list[Table]:
@@ -261,7 +280,8 @@ class Report:
 
     def page(self, run: Run = NO_RUN) -> Page:
         """The page."""
-        sections = (*self.sections(), *run.sections())
+        said = [Section("Findings", tuple(self.findings))] if self.findings else []
+        sections = (*said, *self.sections(), *run.sections())
         return Page(self.title, sections, self.verdict, self.data, self.advice, self.figures)
 
     def files(self, run: Run = NO_RUN, *, figures: bool = False) -> dict[str, bytes | str]:

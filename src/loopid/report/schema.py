@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from types import NoneType, UnionType
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -20,14 +20,15 @@ from loopid.base_parameters.base import BaseParameters
 from loopid.base_parameters.choice import SearchResult
 from loopid.base_parameters.structure import Structure
 from loopid.diagnosis.gains import GainFit
-from loopid.diagnosis.log_mistakes import Suspicions
 from loopid.diagnosis.payload import MotorMasses
 from loopid.errors import OptionError
 from loopid.excitation.criteria import Criteria
 from loopid.excitation.design import ExcitationDesign
 from loopid.excitation.search import Check
+from loopid.findings import Finding
 from loopid.identification.cutoff import CutoffChoice
 from loopid.identification.delay import Delay
+from loopid.identification.log_mistakes import Suspicions
 from loopid.identification.verdict import Verdict
 from loopid.motion.joints import MotionReview
 from loopid.report.excitation import CRITERIA, FOUND
@@ -50,6 +51,8 @@ def _form(hint: Any) -> Any:
     kind = get_origin(getattr(kind, "__value__", None)) or kind  # NDArray is a type of its own
     if hint is float:
         return Real
+    if kind is Literal:
+        return str
     if isinstance(hint, UnionType):
         forms = [_form(each) for each in inner if each is not NoneType]
         return forms[0] if isinstance(forms[0], tuple | UnionType) else (forms[0], None)
@@ -148,7 +151,7 @@ FORMS: dict[str, dict[Any, Any]] = {
     },
     "identification": {
         **_NAMED,
-        **{key: [str] for key in ("actuators", "expressions", "essential_parameters", "findings")},
+        **{key: [str] for key in ("actuators", "expressions", "essential_parameters")},
         **{key: [_RECORDING] for key in ("training", "validation")},
         **{"robot_file": [float], "essential": [float], "recommended": str},
         **{"fit": FIT, "all_parameters": FIT, "prior_deviation": Real},
@@ -233,7 +236,7 @@ def json_schema(name: str) -> dict[str, Any]:
     """
     if name not in FORMS:
         raise OptionError.unknown("record", name, FORMS)
-    said = {} if name == "export" else {"verdict": str, "advice": str}
+    said = {} if name == "export" else {"verdict": str, "advice": str, "findings": [of(Finding)]}
     schema = _schema(said | FORMS[name])
     schema["required"] = ["schema", *schema["required"]]
     schema["properties"] |= {

@@ -372,7 +372,7 @@ def _choice(base: BaseParameters) -> dict[str, Any]:
         "search": search_record(base.search, base.structure.parameters.labels),
         "base_parameters": [
             {"name": name, "terms": dict(terms), "expression": expression(terms)}
-            for name, terms in zip(base.names, base.terms, strict=True)
+            for name, terms in zip(base.combinations.names, base.terms, strict=True)
         ],
     }
 

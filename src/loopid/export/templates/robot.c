@@ -34,6 +34,11 @@ static int advance(struct @NAME@_state *state, const double *u, double part) {
     if (k < @GUARD@_NEWTON_STEPS) memcpy(next.q, better, sizeof better);
   }
   if (!(length <= longest && next.residual <= @CLOSED@)) return @GUARD@_NOT_REACHED;
+  {
+    const double *ways[] = {state->q, next.q, state->slip};
+    double *slid[] = {next.slip};
+    @NAME@_casadi_slide(ways, slid, 0, 0, 0);
+  }
   *state = next;
   return state->pivots >= @NEAR_SINGULARITY@ ? @GUARD@_OK : @GUARD@_NEAR_SINGULAR;
 }
@@ -55,11 +60,14 @@ int @NAME@_follow(struct @NAME@_state *state, const double *u) {
 
 int @NAME@_start(struct @NAME@_state *state, const double *u) {
   double better[@GUARD@_NQ];
+  int status;
   memset(state, 0, sizeof *state);
   memcpy(state->q, reference_q, sizeof reference_q);
   memcpy(state->u, reference_u, sizeof reference_u);
   linearise(state, better);
-  return @NAME@_follow(state, u);
+  status = @NAME@_follow(state, u);
+  memset(state->slip, 0, sizeof state->slip);
+  return status;
 }
 
 int @NAME@_assemble(struct @NAME@_state *state, const double *u) { return advance(state, u, 1.0); }
@@ -79,13 +87,13 @@ int @NAME@_gravity(const struct @NAME@_state *state, const double *phi, double *
 
 int @NAME@_forces(const struct @NAME@_state *state, const double *du, const double *ddu,
                   const double *phi, double *force) {
-  const double *arguments[] = {state->q, state->G, state->factors, du, ddu, phi};
+  const double *arguments[] = {state->q, state->G, state->factors, du, ddu, phi, state->slip};
   @NAME@_casadi_forces(arguments, &force, 0, 0, 0);
   return check(force, @GUARD@_DOF);
 }
 
 int @NAME@_regressor(const struct @NAME@_state *state, const double *du, const double *ddu, double *K) {
-  const double *arguments[] = {state->q, state->G, state->factors, du, ddu};
+  const double *arguments[] = {state->q, state->G, state->factors, du, ddu, state->slip};
   @NAME@_casadi_regressor(arguments, &K, 0, 0, 0);
   return check(K, @GUARD@_DOF * @GUARD@_PARAMETERS);
 }
@@ -97,7 +105,7 @@ int @NAME@_observe(struct @NAME@_state *state, const double *du, const double *f
                    double bandwidth, double dt, double *external) {
   enum { dof = @GUARD@_DOF };
   double mass[dof * dof], bias[dof], *results[] = {mass, bias}; /* M, and C du + g + friction */
-  const double *arguments[] = {state->q, state->G, state->factors, du, phi};
+  const double *arguments[] = {state->q, state->G, state->factors, du, phi, state->slip};
   int i, j;
   @NAME@_casadi_dynamics(arguments, results, 0, 0, 0);
   for (i = 0; i < dof; ++i) {

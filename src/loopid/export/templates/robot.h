@@ -25,7 +25,7 @@
        return status;
      }
 
-   Before the loop, @NAME@_start at the first u. No memory is allocated, nothing is kept but in the
+   Before the loop, @NAME@_start at the first u; slip begins at 0 there. No memory is allocated, nothing is kept but in the
    state, and all functions but _start and _follow always take the same steps.
 
    How far each motor may go from one _assemble to the next, by the number of Newton steps in it, which
@@ -71,6 +71,7 @@ struct @NAME@_state {
   double factors[@FACTORS@]; /* of the closures' Jacobian */
   double residual; /* of the closures, in m */
   double pivots; /* of that Jacobian, least over largest: 0 at a singularity */
+  double slip[@SLIPS@]; /* from -1 to 1, how far friction has built up since a joint turned back */
   /* Of the last call of the observer; none at first. */
   int observed;
   double mass[@GUARD@_DOF * @GUARD@_DOF], bias[@GUARD@_DOF], du[@GUARD@_DOF], external[@GUARD@_DOF];

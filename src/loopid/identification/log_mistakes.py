@@ -1,30 +1,33 @@
-"""What may be wrong with a log: mistakes that would explain its forces clearly better.
+"""Mistakes in logs: those that would explain the forces clearly better.
 
 Each mistake that is often made is undone in turn, at the size that explains the forces best: forces
 of a motor in other units or with another sign, columns of two motors exchanged, positions of a
 motor times another ratio, a time axis that is a factor off. One that raises the evidence of the
-data clearly (``evidence.py``) is suspected, and undone before the next is looked for. Wrong bodies
-alone do not look like a mistake of one motor: all motors carry them.
+data clearly (``evidence.py``), and after which the robot file explains the shape of the forces, is
+found, called by the cause that people have for such a size, and undone before the next is looked
+for. Wrong bodies alone do not look like a mistake of one motor: all motors carry them. Forces that
+are seconds late are found first, by correlation.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import combinations
+from dataclasses import replace
+from itertools import combinations, pairwise
 from math import inf, log, pi, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
-from loopid.diagnosis.evidence import Evidence, Explanation, SuspicionOptions, Undone
-from loopid.errors import DataWarning, warn
-from loopid.identification.delay import in_motion_band
-from loopid.identification.force_model import parted
-from loopid.identification.pipeline import Identification
+from loopid.findings import Finding
+from loopid.identification.delay import directions, in_motion_band
+from loopid.identification.evidence import TINY, Evidence, Explanation, SuspicionOptions, Undone
+from loopid.kinematics.projection import closed_motion
 from loopid.logs.log import Log
 from loopid.logs.recording import Recording
 from loopid.records import record
+from loopid.regressors.closed_loop import motion_regressor
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import one_blas_thread
@@ -34,6 +37,8 @@ from loopid.workers import one_blas_thread
 TRIED, ZOOMS, STEPS = 7, 2, 2
 CLOSELY = 2  # mistakes of positions that are looked at closely
 INTERVAL = 1.96  # standard deviations
+LOST = 5  # samples that a parameter costs, as neighbours are alike
+RIDGE = 1e-9  # of columns of size 1, so that a column that is none does no harm
 
 
 @record
@@ -63,18 +68,13 @@ class Suspicions:
     recording : str
     gains : tuple of MotorGain
         Of each motor whose gain the log tells, once mistakes of other motors are undone.
-    sentences : tuple of str
-        One a mistake: which motors, how much with its 95 % interval, and how to undo it.
+    mistakes : tuple of Finding
+        The likeliest first: which motors, how sure, and how to undo it.
     """
 
     recording: str
     gains: tuple[MotorGain, ...] = ()
-    sentences: tuple[str, ...] = ()
-
-    def warn(self) -> None:
-        """Tell of each mistake."""
-        for sentence in self.sentences:
-            warn(f"{self.recording}: {sentence}", DataWarning)
+    mistakes: tuple[Finding, ...] = ()
 
 
 @checked
@@ -108,11 +108,14 @@ def suspicions(
         return nothing  # positions that were not measured, or nothing to compare with
     with one_blas_thread():
         recordings = [in_motion_band(mechanism, one) for one in recordings]
+        late = late_by_seconds(mechanism, recordings, options)
+        if late is not None:  # all else would be judged with forces of other positions
+            return replace(nothing, mistakes=(late, *held))
         model = Evidence(mechanism, recordings, joint_terms, options)
         if not model.present:
             return nothing
         found, undone = model.weighed(model.recorded), list[_Find]()
-        sentences = list[str]()
+        mistakes = list[Finding]()
         while True:
             finds = _finds(model, found, assembled=False)
             clear = _clear(model, finds, found, undone)
@@ -121,18 +124,15 @@ def suspicions(
                 clear = _clear(model, finds, found, undone)
             if not clear or len(undone) == options.rounds:
                 break
-            best, *others = clear
-            close = [one for one in others if best.evidence - one.evidence < options.evidence][:1]
-            said = (one.sentence(model.names) for one in (best, *close))
-            sentences.append("; or, nearly as likely, ".join(said))
-            undone.append(best)
-            found = model.weighed(best.after.undone)
+            mistakes.append(_finding(model, clear, found))
+            undone.append(clear[0])
+            found = model.weighed(clear[0].after.undone)
     gains = [find.gain(model.names) for find in finds if find.kind == "gain"]
     told = tuple(one for one in gains if np.ptp(one.interval) < 2 * max(abs(one.gain), 1.0))
-    return Suspicions(recordings[0].name, told, (*held, *sentences))
+    return Suspicions(recordings[0].name, told, (*mistakes, *held))
 
 
-def held_values(log: Log, options: SuspicionOptions = SuspicionOptions()) -> Iterator[str]:
+def held_values(log: Log, options: SuspicionOptions = SuspicionOptions()) -> Iterator[Finding]:
     """Positions or forces that change only every few rows, and then by many encoder steps at once.
 
     Values that change so regularly are held by a slower bus. Those of a coarse encoder change by
@@ -150,47 +150,91 @@ def held_values(log: Log, options: SuspicionOptions = SuspicionOptions()) -> Ite
         jumps = np.median(steps[rows] / least, axis=0).max()
         if count > 1 and (runs == count).mean() > options.held and jumps > options.jump:
             rate = log.rate(part)
-            yield (
-                f"the {what} change only in one of {count} rows, at {rate / count:.4g} Hz in rows "
-                f"of {rate:.4g} Hz: a slower bus holds them, {500 * (count - 1) / rate:.3g} ms on "
-                "average; read them as a stream of their own, with the rows in which they change"
+            yield Finding(
+                "warning",
+                f"a slower bus holds the {what}",
+                f"they change in one of {count} rows, at {rate / count:.4g} Hz in rows of "
+                f"{rate:.4g} Hz, and are {500 * (count - 1) / rate:.3g} ms old on average",
+                "read them as a stream of their own, with the rows in which they change",
             )
 
 
-@checked
-def diagnose(found: Identification) -> tuple[Suspicions, ...]:
-    """Look for mistakes in each log of an identification, its parts taken together.
+def late_by_seconds(
+    mechanism: Mechanism, recordings: Sequence[Recording], options: SuspicionOptions
+) -> Finding | None:
+    """Forces that belong to positions of seconds before or after, by correlation.
 
-    Examples
-    --------
-    A log whose motors' forces are in mN m:
-
-    >>> import loopid, numpy as np
-    >>> robot = loopid.load_mechanism("five_bar")
-    >>> sine, cosine = 0.1 * np.random.default_rng(0).normal(size=(2, 2, 4))
-    >>> series = loopid.FourierSeries(robot.actuated, 0.02, np.array([1.7, 0.7]), sine, cosine)
-    >>> motion = loopid.joint_motion(robot, series.motion(50.0, 5.0))
-    >>> force = 1e3 * loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=0.01)).force
-    >>> run = loopid.logs.Recording.of_motion(motion, force, robot.actuated)
-    >>> found = loopid.identify(loopid.find_force_model(robot, "gravity"), [run])
-    >>> loopid.diagnose(found)[0].sentences[0][:20]
-    'all forces are about'
+    At each shift the forces of each motor are explained by the bodies of the robot file, as a
+    whole, by its friction, inertia and an offset. The shift that explains the forces of all motors
+    best counts where it explains them clearly better than any that a delay has.
     """
-    runs = (*found.training, *found.validation, *found.friction)
-    model = found.force_model
-    return _by_log(model.mechanism, runs, parted(model.joint_terms)[0])
+    one = max(recordings, key=len)
+    lags, errors = _errors_by_lag(mechanism, one, options)
+    near = np.abs(lags) <= options.delay
+    if near.all() or not near.any():
+        return None
+    usual, best = float(errors[near].min()), int(errors.argmin())
+    if usual < options.error or errors[best] > min(options.late * usual, options.shape):
+        return None
+    lag = float(lags[best])
+    how, key = ("late", f"{lag:.2g}") if lag > 0 else ("early", f"{lag:.2g}")
+    return Finding(
+        "mistake",
+        f"the forces are {abs(lag):.2g} s {how}",
+        f"shifted, bodies of the robot file and friction leave {100 * errors[best]:.2g} % of them "
+        f"instead of {100 * usual:.2g} %",
+        f"align the clocks, or set delay: {key} in the mapping",
+    )
+
+
+def _errors_by_lag(
+    mechanism: Mechanism, recording: Recording, options: SuspicionOptions
+) -> tuple[FloatArray, FloatArray]:
+    """Shifts (L,) in s, and what is left of the forces at each, in parts of them."""
+    from scipy.signal import correlate  # slow to import
+
+    motion, force = recording.motion, recording.motor_force
+    steps = np.diff(motion.time)
+    step = float(np.median(steps)) if len(steps) else 1.0
+    breaks = np.flatnonzero(np.append(True, np.append(steps > 1.5 * step, True)))
+    part = max((slice(a, b) for a, b in pairwise(breaks.tolist())), key=lambda p: p.stop - p.start)
+    count = part.stop - part.start
+    most = min(2 * count // 3, round(options.latest / step))
+    lags = np.arange(-most, most + 1)
+    whole = closed_motion(
+        mechanism, motion.configurations[part], motion.velocities[part], motion.accelerations[part]
+    )
+    bodies = motion_regressor(mechanism, whole) @ mechanism.standard_parameters("full")
+    own = directions(recording)[part], motion.velocities[part], motion.accelerations[part]
+    total = np.zeros(len(lags))
+    motors = np.flatnonzero(recording.used[part].sum(axis=0) >= options.least_samples)
+    for k in motors:
+        used = recording.used[part, k].astype(float)
+        X = np.column_stack([bodies[:, k], *(each[:, k] for each in own), np.ones(count)])
+        X = X / np.maximum(np.sqrt((X**2).mean(axis=0)), TINY)
+        y = np.where(recording.used[part, k], force[part, k], 0.0)
+
+        def at_lags(a: FloatArray, b: FloatArray) -> FloatArray:
+            """Sums of a at a time times b a lag before, (L,)."""
+            return np.asarray(correlate(a, b, method="fft")[count - 1 - most : count + most])
+
+        n = X.shape[1]
+        H = np.empty((len(lags), n, n))
+        for i, j in zip(*np.triu_indices(n), strict=True):
+            H[:, i, j] = H[:, j, i] = at_lags(used, X[:, i] * X[:, j])
+        g = np.stack([at_lags(y, X[:, i]) for i in range(n)], axis=1)
+        squares = at_lags(y**2, np.ones(count))
+        samples = at_lags(used, np.ones(count))
+        freedom = np.maximum(samples - LOST * n, 1.0) / np.maximum(samples, 1.0)
+        H += RIDGE * np.maximum(samples, 1.0)[:, None, None] * np.eye(n)
+        left = squares - (g * np.linalg.solve(H, g[:, :, None])[:, :, 0]).sum(axis=1)
+        error = np.maximum(left, 0.0) / (np.maximum(squares, TINY) * freedom)
+        total += np.log(error + options.model_error**2)
+    return np.multiply(lags, step), np.exp(total / max(2 * len(motors), 1))
 
 
 @checked
-def warn_of_suspicions(
-    mechanism: Mechanism, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
-) -> None:
-    """Warn of each mistake in each log, its parts, which have one name, taken together."""
-    for one in _by_log(mechanism, recordings, joint_terms):
-        one.warn()
-
-
-def _by_log(
+def suspicions_by_log(
     mechanism: Mechanism, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
 ) -> tuple[Suspicions, ...]:
     """``suspicions`` of each log, its parts, which have one name, taken together."""
@@ -210,20 +254,33 @@ class _Kind(NamedTuple):
 
     fields: tuple[str, ...]  # of what is undone
     motors: int  # it is of so many; 0 for all
-    sentence: str
+    what: str  # is wrong, with names of motors
     sizes: tuple[float, ...] = ()  # that are tried first, evenly spread
     signs: tuple[float, ...] = (1.0,)
+    causes: tuple[tuple[float, str], ...] = ()  # that people have, by the size
+    key: str = ""  # of the mapping that undoes it
+    slack: float = 0.15  # of the logarithm of a size about that of its cause
 
     def undone(self, undone: Undone, motors: Motors, size: float) -> Undone:
         """With a mistake of some motors undone, too."""
 
         def changed(values: tuple[Any, ...]) -> tuple[Any, ...]:
-            if self.sizes:
+            if self.sizes or size != 1.0:
                 return tuple(v * size if k in motors else v for k, v in enumerate(values))
             order = dict(zip(motors, reversed(motors), strict=True))
             return tuple(values[order.get(k, k)] for k in range(len(values)))
 
         return undone._replace(**{name: changed(getattr(undone, name)) for name in self.fields})
+
+    def cause(self, size: float, reach: float) -> tuple[float, str] | None:
+        """The nearest cause that explains a size with this half of its interval."""
+        near = [
+            (abs(log(size / factor)), factor, words)
+            for factor, words in self.causes
+            if size * factor > 0
+        ]
+        off, factor, words = min(near, default=(inf, 1.0, ""))
+        return (factor, words) if off <= max(self.slack, 1.5 * reach / abs(size)) else None
 
     @property
     def assembled(self) -> bool:
@@ -232,52 +289,48 @@ class _Kind(NamedTuple):
 
     def tried(self, model: Evidence, undone: Undone, motors: Motors) -> FloatArray:
         """Sizes that are tried first, but for impossible ones."""
+        signs = np.array(self.signs)
+        if self.fields in (("ratio",), ("time",)) and model.rates_measured:
+            return np.compress(signs == -1.0, signs)  # velocities of the log prove the size
+        if not self.sizes:
+            return signs
         least, most = 0.0, inf
         if self.fields == ("gain",):
             most = model.largest_gain(undone, motors)
         elif self.fields == ("ratio",):
             least = model.least_ratio(undone, *motors)
-        possible = [size for size in self.sizes or (1.0,) if least <= size <= most]
+        possible = [size for size in self.sizes if least <= size <= most]
         return np.outer(self.signs, possible).ravel()
 
 
 GAINS, BOTH = tuple(np.logspace(-4, 4, 17).tolist()), (1.0, -1.0)
-EXCHANGED = (
-    "the {kind} of {names} look exchanged: the bodies explain the forces much better with each "
-    "other's (exchange the columns in a mapping)"
+WRONG_SIGN = "wrong sign"
+UNITS = ((1e3, "in mN m"), (100.0, "in N cm"), (1e-3, "in kN m"))
+FORCE_CAUSES = ((-1.0, WRONG_SIGN), *UNITS, *((-size, words) for size, words in UNITS))
+DEGREE = pi / 180
+POSITION_CAUSES = (
+    (-1.0, WRONG_SIGN),
+    *((1 / DEGREE, "in degrees"), (DEGREE, "converted from degrees, which they were not")),
+    *((1e3, "in mm"), (0.5 / pi, "in turns")),
 )
-# Those with sizes are called as the option that says which sizes are worth a sentence.
+EXCHANGED = "the {kind} of {names}"
+# Those with sizes are called as the option that says which sizes are worth a finding.
 KINDS = {
-    "gain": _Kind(
-        ("gain",),
-        1,
-        "the force of {names} is {value} times what the bodies and the other motors let expect: "
-        "look for another unit, ratio or sign (force_scale {undo:.3g} in a mapping would undo it)",
-        GAINS,
-        BOTH,
-    ),
+    "gain": _Kind(("gain",), 1, "the force of {names}", GAINS, BOTH, FORCE_CAUSES, "force_scale"),
+    # Of a motor whose bodies hardly tell its gain, by friction that would give energy.
+    "sign": _Kind(("gain",), 1, "the force of {names}", (), (-1.0,), FORCE_CAUSES, "force_scale"),
     "common_gain": _Kind(
-        ("gain",),
-        0,
-        "all forces are about {value} times what the robot file lets expect: look for another unit "
-        "(force_scale {undo:.2g} in a mapping would undo it)",
-        GAINS,
-        BOTH,
+        ("gain",), 0, "the force of all motors", GAINS, BOTH, FORCE_CAUSES, "force_scale", 0.9
     ),
-    "factor": _Kind(
-        ("time",),
-        0,
-        "the time axis is {value} times as long as gravity and inertia of the bodies let expect: "
-        "look for another unit or rate of the time",
-        tuple(np.logspace(-1.25, 1.25, 11).tolist()),
-    ),
+    "factor": _Kind(("time",), 0, "the time axis", tuple(np.logspace(-1.25, 1.25, 11).tolist())),
     "ratio": _Kind(
         ("ratio",),
         1,
-        "the positions of {names} are {value} times what the forces let expect: look for another "
-        "unit, ratio or sign (position_scale {undo:.3g} in a mapping undoes it)",
+        "the positions of {names}",
         tuple(np.logspace(-2, 2, 9).tolist()),
         BOTH,
+        POSITION_CAUSES,
+        "position_scale",
     ),
     "forces": _Kind(("forces", "gain"), 2, EXCHANGED),
     "positions": _Kind(("positions", "ratio"), 2, EXCHANGED),
@@ -295,14 +348,43 @@ class _Find(NamedTuple):
     size: float = 1.0
     reach: float = 0.0  # half of the 95 % interval
 
-    def sentence(self, names: Sequence[str]) -> str:
-        """In words, with motors of these names."""
-        kind, mine = KINDS[self.kind], [names[k] for k in self.motors]
-        return kind.sentence.format(
-            kind=self.kind,
-            names=(", " if kind.sizes else " and ").join(mine),
-            value=f"{self.size:.3g} ± {self.reach:.2g}",
-            undo=1 / self.size,
+    def finding(self, model: Evidence, found: Explanation) -> Finding:
+        """In words, against how the log was explained before."""
+        kind, names = KINDS[self.kind], [model.names[k] for k in self.motors]
+        what = kind.what.format(kind=self.kind, names=" and ".join(names))
+        title, do = self._named(kind, what, None if kind.motors == 0 else names[0])
+        after, before = (
+            100 * float((one.error / model.sizes([one.undone])[0])[list(self.motors)].max())
+            for one in (self.after, found)
+        )
+        size = f"{self.size:.3g} ± {self.reach:.2g} times as much as expected; " * bool(kind.sizes)
+        why = (
+            f"{size}undone, errors are {after:.2g} % of the force instead of {before:.3g} % "
+            f"(evidence e^{self.evidence - found.evidence:.0f})"
+        )
+        return Finding("mistake", title, why, do)
+
+    def _named(self, kind: _Kind, what: str, motor: str | None) -> tuple[str, str]:
+        """What the mistake is called by its likely cause, and what undoes it."""
+        has, is_ = ("have", "are") if what.startswith("the positions") else ("has", "is")
+        if not kind.causes and not kind.sizes:
+            return f"{what} are exchanged", "exchange their columns in the mapping"
+        cause = kind.cause(self.size, self.reach)
+        size, words = cause or (float(f"{self.size:.3g}"), "")
+        undo = f"{1 / size:.6g}" if cause else f"{1 / size:.3g}"
+        if not kind.key:
+            return (
+                f"{what} is {max(size, 1 / size):.3g} times too {'long' if size > 1 else 'short'}",
+                f"look for its unit and rate: times {undo} it would be right",
+            )
+        given = undo if motor is None else f"{{{motor}: {undo}}}"
+        do = f"set {kind.key}: {given} in the mapping, times a scale that it has"
+        if words == WRONG_SIGN:
+            return f"{what} {has} the wrong sign", do
+        if cause:
+            return f"{what} {is_} {words}{' with the wrong sign' if size < 0 else ''}", do
+        return f"{what} {is_} {size:g} times what {'they' if has == 'have' else 'it'} should be", (
+            f"look for a unit, ratio, current or sign; or {do}"
         )
 
     def gain(self, names: Sequence[str]) -> MotorGain:
@@ -326,9 +408,11 @@ def _finds(model: Evidence, found: Explanation, *, assembled: bool) -> list[_Fin
         if kind.assembled != assembled or (name == "common_gain" and count == 1):
             continue
         for motors in combinations(model.present, count):
-            if (kind.sizes and not assembled) or model.strange(found, motors):
+            anyway = kind.fields == ("gain",) or kind.fields == ("time",)
+            if anyway or model.strange(found, motors):
                 sizes = kind.tried(model, found.undone, motors).tolist()
-                tried.append([(name, motors, size) for size in sizes])
+                if sizes:
+                    tried.append([(name, motors, size) for size in sizes])
     evidence = iter(_evidence(first, found, [one for each in tried for one in each]).tolist())
     likely = [max((next(evidence), -k, one) for k, one in enumerate(each)) for each in tried]
     if assembled:
@@ -404,7 +488,7 @@ def _closely(
 def _clear(
     model: Evidence, finds: Sequence[_Find], found: Explanation, undone: Sequence[_Find]
 ) -> list[_Find]:
-    """Mistakes that are worth a sentence and not undone yet, the likeliest first."""
+    """Mistakes that are worth a finding and not undone yet, the likeliest first."""
     options, clear = model.options, []
     for find in finds:
         if KINDS[find.kind].sizes:  # one that is known, and not as good as 1
@@ -415,6 +499,25 @@ def _clear(
             worse = find.after.error > options.better * found.error
             worth = not worse[list(find.motors)].any()
         again = any((find.kind, find.motors) == (one.kind, one.motors) for one in undone)
+        shape = options.shape if _caused(find) else options.factor_shape
+        worth &= model.explains(find.after, find.motors, shape, whole=find.kind == "sign")
         if worth and not again and find.evidence - found.evidence >= options.evidence:
             clear.append(find)
     return sorted(clear, key=lambda find: -find.evidence)
+
+
+def _caused(find: _Find) -> bool:
+    """Whether no missing force looks alike: of a gain, whether people have a cause for its size."""
+    kind = KINDS[find.kind]
+    return kind.fields != ("gain",) or kind.cause(find.size, find.reach) is not None
+
+
+def _finding(model: Evidence, clear: Sequence[_Find], found: Explanation) -> Finding:
+    """The likeliest mistake, with one that is nearly as likely beside it."""
+    best, *others = clear
+    said = best.finding(model, found)
+    for one in others:
+        other = one.finding(model, found)
+        if best.evidence - one.evidence < model.options.evidence and other.title != said.title:
+            return replace(said, why=f"{said.why}; nearly as likely, {other.title}")
+    return said

@@ -2,9 +2,10 @@
 
 In the band of the motion, forces are explained by the bodies of the robot file, whose parameters
 may be off by half, by small offsets, and by friction and inertia of each drive, which are projected
-out. Sizes of the errors and the bodies follow from each other; their evidence [MacKay1992] compares
-what may have been undone. All that is tried at one pose shares one table of columns: forces of
-another size, or motors, and another time axis only weigh or exchange its columns.
+out; friction that would give energy does not count. Sizes of the errors and the bodies follow from
+each other; their evidence [MacKay1992] compares what may have been undone. All that is tried at one
+pose shares one table of columns: forces of another size, or motors, and another time axis only
+weigh or exchange its columns.
 """
 
 from __future__ import annotations
@@ -60,6 +61,14 @@ class SuspicionOptions:
     evidence : float
         Logarithm of the ratio of evidences, less that of the number of motors whose mistake it may
         be, from which a mistake is suspected: 3 is one in twenty.
+    shape : float
+        Part of the forces, less friction, that may be left of a motor once its mistake is undone:
+        a robot file that explains no shape tells no mistake.
+    factor_shape : float
+        The same of a factor that nobody has a cause for: a missing force has any.
+    late, delay, latest : float
+        Forces are late by seconds where errors are this part of those at any shift of up to
+        ``delay`` s; up to ``latest`` s are tried.
     rounds : int
         Mistakes one after the other.
     gain, common_gain : float
@@ -88,6 +97,11 @@ class SuspicionOptions:
     prior: float = 0.5
     model_error: float = 0.003
     evidence: float = 3.0
+    shape: float = 0.4
+    factor_shape: float = 0.15
+    late: float = 0.5
+    delay: float = 0.15
+    latest: float = 30.0
     rounds: int = 3
     gain: float = 1.25
     common_gain: float = 4.0
@@ -123,6 +137,7 @@ class Explanation(NamedTuple):
     evidence: float  # logarithm; -inf where the loops do not close
     values: FloatArray  # (n,), in standard deviations
     error: FloatArray  # (d,), in the root mean square
+    shape: FloatArray  # (d,), of the forces less friction and inertia of the drive
 
 
 class _Table(NamedTuple):
@@ -133,13 +148,22 @@ class _Table(NamedTuple):
 
     columns: FloatArray  # (d, N, 2 n + 3), less what is the drive's own; zero where nothing is used
     counts: IntArray  # (d,), samples that are used
+    friction: FloatArray  # (d, 2, 2 n + 3), the columns along two directions of the friction
+    power: FloatArray  # (d, 2), mean power of these
 
     def at(self, time: FloatArray) -> FloatArray:
         """Columns (d, N, n + 2) with rates on the right time axis: what explains, and the force."""
-        n = self.columns.shape[2] // 2
-        moving = time[:, None, None] ** 2 * self.columns[:, :, n:-1]
-        explained = self.columns[:, :, :n] + moving
-        return np.concatenate([explained, self.columns[:, :, -1:]], axis=2)
+        return _on_axis(self.columns, time)
+
+    def friction_at(self, time: FloatArray) -> FloatArray:
+        """The same of the friction (d, 2, n + 2)."""
+        return _on_axis(self.friction, time)
+
+
+def _on_axis(columns: FloatArray, time: FloatArray) -> FloatArray:
+    n = columns.shape[2] // 2
+    explained = columns[:, :, :n] + time[:, None, None] ** 2 * columns[:, :, n:-1]
+    return np.concatenate([explained, columns[:, :, -1:]], axis=2)
 
 
 class Evidence:
@@ -154,6 +178,8 @@ class Evidence:
     ) -> None:
         self.mechanism, self.joint_terms, self.options = mechanism, joint_terms, options
         self.names, d = recordings[0].actuators, len(recordings[0].actuators)
+        logs = [one.log for one in recordings]
+        self.rates_measured = all(log is not None and log.velocity is not None for log in logs)
         parts = [self._samples(one, options.samples // len(recordings)) for one in recordings]
         self.q, self.rates, self.force, self.used, self.external = map(
             np.concatenate, zip(*parts, strict=True)
@@ -243,8 +269,9 @@ class Evidence:
         offsets = np.tile(np.diag(OFFSET * self.expected), (len(q), 1, 1))
         table = np.concatenate([offsets, rest, 0 * offsets, moving], axis=2)
         parts = np.split(table, len(new)), np.split(closed, len(new))
-        for key, own, force, *part in zip(new, rates, forces.astype(int), *parts, strict=True):
-            self._tables[key] = self._table(own, force, *part)
+        own = rates * np.sign(ratio)[..., None]
+        for key, mine, force, *part in zip(new, own, forces.astype(int), *parts, strict=True):
+            self._tables[key] = self._table(mine, force, *part)
 
     def _table(
         self, own: FloatArray, motors: IntArray, columns: FloatArray, closed: BoolArray
@@ -257,8 +284,10 @@ class Evidence:
             return None
         columns = np.concatenate([columns, self.force[:, motors, None]], axis=2)
         columns, own = ((one * used[:, :, None]).swapaxes(0, 1) for one in (columns, own))
-        Q = np.linalg.qr(own)[0]
-        return _Table(columns - Q @ (Q.swapaxes(1, 2) @ columns), np.maximum(counts, 1))
+        Q = np.linalg.qr(own[:, :, ::-1])[0]  # inertia first: what follows is friction alone
+        parts, counts = Q.swapaxes(1, 2) @ columns, np.maximum(counts, 1)
+        power = (Q[:, :, 1:].swapaxes(1, 2) @ own[:, :, 1:2])[:, :, 0]
+        return _Table(columns - Q @ parts, counts, parts[:, 1:], power)
 
     # What is asked.
 
@@ -275,22 +304,29 @@ class Evidence:
         products = np.stack([self._products(_pose(one), one.time) for one in undone])
         products[:, :, -1] /= gain[:, :, None]
         products[:, :, :, -1] /= gain[:, :, None]
+        shape = np.sqrt(products[:, :, -1, -1])
         flat, gain = products.reshape(*gain.shape, -1), np.abs(gain)
         least = self.options.model_error * self.sizes(undone) + TINY
         error = np.maximum(np.sqrt(products[:, :, -1, -1]), least)
+        friction = [self._friction(_pose(one), one.time) for one in undone]
+        columns, power = (np.stack(one) for one in zip(*friction, strict=True))
+        columns[..., -1] /= np.array([one.gain for one in undone])[:, :, None]
         for _ in range(ITERATIONS):
             total = ((self.independent / error**2)[:, None] @ flat).reshape(-1, n + 2, n + 2)
             H = np.eye(n) + total[:, :n, :n]
             x = np.linalg.solve(H, total[:, :n, -1:] - total[:, :n, -2:-1])[:, :, 0]
             z = np.column_stack([x, np.tile([1.0, -1.0], (len(x), 1))])
             square = ((products @ z[:, None, :, None])[..., 0] * z[:, None]).sum(axis=2)
-            square = np.maximum(square, 0.0)
+            # Friction that gives energy is none: what it would explain is left.
+            given = (columns @ z[:, None, :, None])[..., 0]
+            gives = (given * power).sum(axis=2) > 0
+            square = np.maximum(square, 0.0) + np.where(gives, (given**2).sum(axis=2), 0.0)
             error = np.maximum(np.sqrt(square), least)
         # Of the forces as measured, whatever they were divided by.
         lost = (np.log(error * gain) + square / error**2 / 2) @ self.independent
         lost += ((x**2).sum(axis=1) + np.linalg.slogdet(H)[1]) / 2
         lost[[self._tables[_pose(one)] is None for one in undone]] = inf
-        return list(map(Explanation, undone, (-lost).tolist(), x, error))
+        return list(map(Explanation, undone, (-lost).tolist(), x, error, shape))
 
     def _products(self, pose: Pose, time: tuple[float, ...]) -> FloatArray:
         """Mean products (d, n + 2, n + 2) of the columns at a pose and on a time axis."""
@@ -302,6 +338,14 @@ class Evidence:
                 found = columns.swapaxes(1, 2) @ columns / table.counts[:, None, None]
             self._known_products[pose, time] = found
         return self._known_products[pose, time]
+
+    def _friction(self, pose: Pose, time: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
+        """Columns (d, 2, n + 2) along the friction by the root of the counts, and their power."""
+        table, n = self._tables[pose], len(self.names) + self.columns.shape[1] - 1
+        if table is None:
+            return np.zeros((len(self.names), 2, n + 2)), np.zeros((len(self.names), 2))
+        size = np.sqrt(table.counts)[:, None, None]
+        return table.friction_at(np.array(time)) / size, table.power
 
     def weighed(self, undone: Undone) -> Explanation:
         """Explained with samples that count by how correlated their errors are, from now on."""
@@ -326,6 +370,15 @@ class Evidence:
         large = found.error > self.options.error * self.sizes([found.undone])[0]
         far = float(found.values @ found.values) > self.options.deviation
         return far or bool(large[list(motors)].any())
+
+    def explains(
+        self, found: Explanation, motors: Sequence[int], most: float, *, whole: bool
+    ) -> bool:
+        """Whether at most a part of the shape of the forces is left, or of the whole forces."""
+        sizes, own = self.sizes([found.undone])[0], list(motors)
+        shape = np.ones_like(sizes) if whole else found.shape / sizes
+        left = (found.error / sizes)[own]
+        return bool((left**2).sum() <= most**2 * (shape[own] ** 2).sum())
 
     def largest_gain(self, undone: Undone, motors: Sequence[int]) -> float:
         """With larger ones all bodies would weigh nothing."""

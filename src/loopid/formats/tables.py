@@ -1,0 +1,88 @@
+"""Tables that Polars reads whole: lines of JSON, and the first sheet of a workbook of Excel."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING
+from zipfile import ZipFile, is_zipfile
+
+import numpy as np
+
+from loopid.errors import LogError
+from loopid.logs.formats import LogFormat, Table, optional, refusals, stream_name
+
+if TYPE_CHECKING:
+    import polars
+
+
+class WholeTable(LogFormat):
+    """One table; lists are columns ``x_0``, ``x_1``, ..., and objects ``x.field``."""
+
+    kind = ""
+
+    def columns(self) -> Mapping[str, tuple[str, ...]]:
+        return {stream_name(self.path): tuple(self._cells.columns)}
+
+    def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
+        cells = self._cells.select([*dict.fromkeys((*times, *values))])
+        return [Table(cells, np.arange(1, len(cells) + 1))]
+
+    @cached_property
+    def _cells(self) -> polars.DataFrame:
+        import polars
+
+        with refusals(self.path, self.kind):
+            frame = self._frame()
+            columns = [part for column in frame.get_columns() for part in _parts(column)]
+            if not len(frame):
+                raise LogError(f"{self.path} has no rows", file=self.path)
+            return polars.DataFrame(columns)
+
+    @abstractmethod
+    def _frame(self) -> polars.DataFrame: ...
+
+
+class JsonLinesFormat(WholeTable):
+    """An object a line."""
+
+    endings = (".jsonl", ".ndjson")
+    kind = "table of JSON lines"
+
+    def _frame(self) -> polars.DataFrame:
+        import polars
+
+        self.ceiling().count(self.path.stat().st_size)
+        return polars.read_ndjson(self.path, infer_schema_length=None)
+
+
+class ExcelFormat(WholeTable):
+    """The first sheet, with names in its first row."""
+
+    endings = (".xlsx", ".xls")
+    kind = "workbook of Excel"
+
+    def _frame(self) -> polars.DataFrame:
+        import polars
+
+        with optional("fastexcel"):
+            import fastexcel  # noqa: F401 - Polars asks for it
+        if is_zipfile(self.path):
+            with ZipFile(self.path) as archive:
+                self.ceiling().count(sum(member.file_size for member in archive.infolist()))
+        return polars.read_excel(self.path)
+
+
+def _parts(column: polars.Series) -> Iterator[polars.Series]:
+    """A column, or those of its lists or objects."""
+    import polars
+
+    if isinstance(column.dtype, polars.Struct):
+        for part in column.struct.unnest().get_columns():
+            yield from _parts(part.alias(f"{column.name}.{part.name}"))
+    elif isinstance(column.dtype, polars.List):
+        for k in range(int(column.list.len().max() or 0)):
+            yield from _parts(column.list.get(k, null_on_oob=True).alias(f"{column.name}_{k}"))
+    else:
+        yield column

@@ -1,0 +1,205 @@
+"""Friction that builds up after a reversal, as a fit has it: over which way, and the loop of it.
+
+In steady motion hysteresis adds nothing to the friction of a joint, which a curve over the rate
+shows. After a reversal the elements of Maxwell slip (``maxwell_slip.py``) turn back one by one; the
+force goes from friction one way to friction the other way, as each element k does over 2 x_k.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from loopid.arguments import FloatArray, checked
+from loopid.errors import OptionError
+from loopid.identification.force_model import ForceModel
+from loopid.identification.problem import FitSamples
+from loopid.identification.result import LEAST_FREEDOM, FitResult
+from loopid.logs.recording import Recording
+from loopid.parameters import KINDS
+from loopid.records import Tabular, record
+from loopid.regressors.joint_laws import JointState, joint_term
+from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.maxwell_slip import slip_displacements, slip_states
+from loopid.workers import one_blas_thread
+
+# Prior deviations of elements that are tried, relative to the motor's force, and the logarithm of
+# how much likelier the data are with the best of them for hysteresis to come into question.
+TRIED, POSSIBLE = np.geomspace(1e-3, 1.0, 7), 0.5
+# Part of the force that has changed sides over the way that is told: of a law that falls off
+# exponentially, as Dahl's, its constant. Part of it that has within a loop.
+TOLD, WHOLE = 1 - np.exp(-1), 0.98
+POINTS = 400  # of a loop, each way
+SLOW = 0.01  # of the slowest rate of the samples: a loop is gone through next to standstill
+
+
+@checked
+def possible_hysteresis(
+    force_model: ForceModel,
+    data: FitSamples,
+    recordings: Sequence[Recording],
+    weights: FloatArray,
+    joints: Sequence[str],
+) -> dict[str, tuple[str, ...]]:
+    """Elements of Maxwell slip of those motors whose friction may build up, by their kinds.
+
+    Of each motor beside all that the model has, by the evidence of N(0, σ²) elements at several σ.
+
+    Parameters
+    ----------
+    data : FitSamples
+        Of the recordings, of all parameters of the model.
+    weights : FloatArray
+        (dof,), one over the deviations of the forces.
+    joints : sequence of str
+        Those that are looked at.
+    """
+    kinds = {joint: _elements(recordings, joint) for joint in joints}
+    wide = force_model.with_columns({joint: own for joint, own in kinds.items() if own})
+    with one_blas_thread():
+        R = wide.widened(data, recordings).problem.weighted(weights)
+        width = len(data.parameters)
+        columns, left = R[width:, width:-1], R[width:, -1]
+        links = np.array([each.link for each in list(wide.parameters)[width:]])
+        sizes = dict(zip(data.actuators, data.problem.force_rms.tolist(), strict=True))
+        found = {}
+        for joint, own in kinds.items():
+            U, values, _ = np.linalg.svd(columns[:, links == joint], full_matrices=False)
+            ratios = np.multiply.outer(TRIED * sizes[joint], values) ** 2
+            gains = ratios / (1 + ratios) * (U.T @ left) ** 2 - np.log1p(ratios)
+            if own and gains.sum(axis=1).max() > 2 * POSSIBLE:
+                found[joint] = own
+    return found
+
+
+def _elements(recordings: Sequence[Recording], joint: str) -> tuple[str, ...]:
+    """Kinds of the elements of a motor, by the range of its motion."""
+    span = max(float(np.ptp(way)) for each in recordings for way in each.ways(joint))
+    return tuple(f"Fh@{slip:.3g}" for slip in slip_displacements(span) if slip)
+
+
+@record
+class HysteresisLoop(Tabular):
+    """Friction of a joint over a slow way to and fro, with a 95 % band.
+
+    Attributes
+    ----------
+    joint : str
+    unit : str
+        ``"m"`` or ``"rad"``, of displacements.
+    way : float
+        Displacement after a reversal at which 63 % of the force that builds up have changed sides.
+    displacement : FloatArray
+        (k,), along a closed loop.
+    force : FloatArray
+        (k,), in N or N m.
+    band : FloatArray
+        (k, 2), ends of the 95 % intervals.
+    """
+
+    joint: str
+    unit: str
+    way: float
+    displacement: FloatArray
+    force: FloatArray
+    band: FloatArray
+
+    @property
+    def sentence(self) -> str:
+        """As in "friction of elbow builds up over 1.4 mrad after each reversal"."""
+        way = f"{1e3 * self.way:.2g} m{self.unit}"
+        return f"friction of {self.joint} builds up over {way} after each reversal"
+
+    def _table(self) -> dict[str, FloatArray]:
+        low, high = self.band.T
+        return {"displacement": self.displacement, "friction": self.force, "low": low, "high": high}
+
+
+@checked
+def hysteresis_loop(
+    fit: FitResult, joint: str, *, joint_terms: JointTerms | None = None
+) -> HysteresisLoop:
+    """Friction of a joint that builds up after a reversal, as far as a fit has it.
+
+    Parameters
+    ----------
+    fit : FitResult
+    joint : str
+    joint_terms : JointTerms, optional
+        Those of the force model, where they have a dead zone or are smoothed.
+
+    Raises
+    ------
+    OptionError
+        When friction of the joint does not build up.
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> names = loopid.ParameterSet.from_labels(["elbow.Fc", "elbow.Fh@0.002"])
+    >>> rng = np.random.default_rng(0)
+    >>> W = rng.normal(size=(500, 1, 2))
+    >>> force = W @ [2.0, 1.0] + 0.1 * rng.normal(size=(500, 1))
+    >>> fit = loopid.fit(loopid.identification.FitSamples.of(names, ["elbow"], W, force))
+    >>> print(loopid.identification.hysteresis_loop(fit, "elbow").sentence)
+    friction of elbow builds up over 2.5 mrad after each reversal
+    """
+    from scipy.special import stdtrit  # slow to import
+
+    own = _columns(fit, joint)
+    if not own:
+        raise OptionError.unknown("joint with hysteresis", joint, hysteretic_joints(fit))
+    slips = np.array([joint_term(fit.parameters[j].kind).at for j in own])
+    part = np.maximum(fit.values[own], 0.0)
+    ends = np.sort(2 * slips)
+    done = np.minimum(ends[:, None] / (2 * slips), 1.0) @ part / (part.sum() or 1.0)
+    reach = float(np.interp(WHOLE, done, ends)) / 2
+    half = np.linspace(reach, -reach, POINTS)
+    # Twice round from steady motion forwards; the second time is the loop.
+    way = np.concatenate([half, half[::-1][1:], half[1:], half[::-1][1:]])
+    shown = slice(2 * POINTS - 2, None)
+    states = slip_states(way, slips, np.ones(len(slips)))[shown]
+    rate = np.concatenate([-np.ones(POINTS), np.ones(POINTS - 1)]) * _slow(fit, joint)
+    state = (joint_terms or JointTerms(())).state(JointState(None, rate, None))
+    state = state._replace(slips=dict(zip(slips.tolist(), states.T, strict=True)))
+    names = enumerate(fit.parameters)
+    terms = {j: joint_term(n.kind) for j, n in names if n.link == joint and n.kind not in KINDS}
+    terms = {j: term for j, term in terms.items() if term.friction or j in own}
+    columns = list(terms)
+    laws = np.stack([term.signal(state, len(rate)) for term in terms.values()], axis=1)
+    force, spread = laws @ fit.values[columns], fit.covariance[np.ix_(columns, columns)]
+    error = np.sqrt(np.maximum(((laws @ spread) * laws).sum(axis=1), 0.0))
+    freedom = float(fit.degrees_of_freedom[columns].min())
+    wide = stdtrit(freedom, 0.975) * error if freedom >= LEAST_FREEDOM else np.inf + error
+    return HysteresisLoop(
+        joint,
+        "m" if fit.parameters[own[0]].unit == "N" else "rad",
+        float(np.interp(TOLD, np.append(0.0, done), np.append(0.0, ends))),
+        way[shown],
+        force,
+        np.stack([force - wide, force + wide], axis=1),
+    )
+
+
+def hysteretic_joints(fit: FitResult) -> tuple[str, ...]:
+    """Joints whose friction builds up after a reversal."""
+    names = (name.link for name in fit.parameters if _builds_up(name.kind))
+    joints = dict.fromkeys(names)
+    return tuple(joint for joint in joints if (fit.values[_columns(fit, joint)] > 0).any())
+
+
+def _columns(fit: FitResult, joint: str) -> list[int]:
+    """Columns of the elements of a joint."""
+    names = enumerate(fit.parameters)
+    return [j for j, name in names if name.link == joint and _builds_up(name.kind)]
+
+
+def _builds_up(kind: str) -> bool:
+    return kind not in KINDS and "slip" in joint_term(kind).needs
+
+
+def _slow(fit: FitResult, joint: str) -> float:
+    """A rate at which friction is that next to standstill."""
+    known = fit.use is not None and joint in fit.use.joints
+    return SLOW * float(fit.use.of(joint)[0]) if known and fit.use else np.finfo(float).tiny

@@ -1,0 +1,197 @@
+"""Friction that builds up after reversals: found where it is, and one law for all its users."""
+
+import ctypes
+import shutil
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import loopid
+from compiled_c import CompiledRobot
+from loopid import JointTerms, find_force_model, identify
+from loopid.control import ControlLoop
+from loopid.errors import OptionError
+from loopid.export import c_source, updated_robot_file
+from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
+from loopid.kinematics import measured_coordinates
+from loopid.logs import Log, prepare_recording
+from loopid.motion import scaled_bodies
+from loopid.regressors.joint_laws import joint_term
+from loopid.regressors.maxwell_slip import slip_states
+from made_runs import elastic, quietly, simulated, wander
+
+RATE, NOISE, SLIP = 200.0, 0.001, 5e-3
+TERMS = "Fc,Fv,Fh@0.02,Fh@0.002"
+
+
+@pytest.fixture(scope="module")
+def robot(load_once):
+    return load_once("five_bar")
+
+
+def log_of(robot, seed, slip, noise=NOISE):
+    """A log of friction of 0.1 N m and 0.05 N m s/rad that builds up over a slip."""
+    terms = JointTerms(robot.actuated, ("Fc", "Fv"))
+    motion = wander(robot, seed, 20.0, RATE, size=(0.4, 0.4))
+    given = terms, np.tile((0.1, 0.05), 2)
+    run = simulated(robot, motion, None, standard=scaled_bodies(robot, 0.2), terms=given)
+    log = Log.from_arrays(run.time, run.position, run.exact_force, robot.actuated)
+    log = elastic(log, slip) if slip else log
+    error = noise * np.random.default_rng(seed).normal(size=log.force.shape)
+    return Log.from_arrays(log.time, log.position, log.force + error, log.joints)
+
+
+@pytest.fixture(scope="module")
+def found(robot):
+    """Of friction that builds up over 2 mrad, and of friction that jumps."""
+    model = find_force_model(robot, "full")
+    return {
+        slip: quietly(identify, model, [prepare_recording(robot, log_of(robot, 2, slip))])
+        for slip in (0.0, SLIP)
+    }
+
+
+def error_on(model, values, run):
+    """Parts of the forces that values leave on another motion."""
+    left = np.where(run.used, model.samples(run).residual(values), 0.0)
+    return np.linalg.norm(left, axis=0) / np.linalg.norm(np.where(run.used, run.force, 0.0), axis=0)
+
+
+def test_it_is_found_with_its_way_and_predicts_another_motion(robot, found):
+    fit = found[SLIP]["consistent"].fit
+    assert hysteretic_joints(fit) == robot.actuated
+    for joint in robot.actuated:
+        loop = hysteresis_loop(fit, joint)
+        assert loop.way == pytest.approx(SLIP, rel=0.5)
+        assert f"friction of {joint} builds up over " in loop.sentence
+        assert fit[f"{joint}.Fc"].value == pytest.approx(0.1, rel=0.03)
+        assert loop.force.max() == pytest.approx(0.1, rel=0.05)
+    other = prepare_recording(robot, log_of(robot, 5, SLIP))
+    jumps = np.where(["Fh" in label for label in fit.parameters.labels], 0.0, fit.values)
+    model = found[SLIP].force_model
+    with_slip, without = (error_on(model, values, other) for values in (fit.values, jumps))
+    assert (with_slip < 0.3 * without).all()
+
+
+def test_friction_that_jumps_has_none(found):
+    fit = found[0.0]["consistent"].fit
+    assert hysteretic_joints(fit) == ()
+    with pytest.raises(OptionError, match="joint with hysteresis"):
+        hysteresis_loop(fit, "left_crank_joint")
+
+
+def test_elements_are_a_part_of_the_friction_that_takes_energy(found):
+    fit = found[SLIP]["consistent"].fit
+    for joint in hysteretic_joints(fit):
+        own = [each for each in fit.estimates if each.name.startswith(f"{joint}.Fh@")]
+        values = np.array([each.value for each in own])
+        assert (values >= 0).all()
+        assert values.sum() <= fit[f"{joint}.Fc"].value * (1 + 1e-6)
+
+
+def test_it_is_nothing_in_steady_motion_and_the_law_after_a_reversal(robot):
+    law = joint_term("Fh@0.01")
+    way = np.concatenate([np.linspace(0, 0.05, 51), np.linspace(0.049, 0, 50)])
+    rate = np.gradient(way)
+    state = loopid.regressors.JointState(None, rate, None, math=np)
+    state = state._replace(slips={0.01: slip_states(way, np.array([0.01]))[:, 0]})
+    found = law.signal(state, len(way))
+    assert np.abs(found[15:50]).max() < 1e-12
+    np.testing.assert_allclose(found[52:70], np.maximum(2 - 0.1 * np.arange(2, 20), 0), atol=1e-9)
+    with pytest.raises(OptionError, match="displacement above 0"):
+        joint_term("Fh@0")
+
+
+def moved(robot, model):
+    """Values, and forces along a small motion to and fro."""
+    values = np.array(model.prior)
+    values[model.joint_columns] = np.linspace(0.3, 0.9, len(model.joint_columns))
+    motion = wander(robot, 1, 5.0, RATE, size=(0.05, 0.05))
+    return values, motion, model.regressor(motion) @ values
+
+
+def test_a_motor_model_has_it_along_its_way(robot):
+    model = find_force_model(robot, "full", TERMS)
+    values, motion, expected = moved(robot, model)
+    own = loopid.MotorModel(model, values)
+    u = np.array(measured_coordinates(robot).read(motion.configurations), order="C")
+    own.assemble(u[0])
+    own.slips = np.zeros(4)
+    force = []
+    for k in range(len(u)):
+        if k == 400:
+            saved = own.slips
+        force.append(own.forces(u[k], motion.velocities[k], motion.accelerations[k]))
+    np.testing.assert_allclose(force, expected, atol=1e-9)
+    own.assemble(u[399])
+    own.slips = saved
+    again = own.forces(u[400], motion.velocities[400], motion.accelerations[400])
+    np.testing.assert_allclose(again, expected[400], atol=1e-9)
+    with pytest.raises(loopid.errors.DataError, match="from -1 to 1"):
+        own.slips = np.full(4, 2.0)
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler called cc")
+def test_c_code_has_it_along_its_way(robot, tmp_path):
+    pytest.importorskip("casadi")
+    smooth = replace(JointTerms.of(robot, TERMS), smoothing=0.01)
+    model = find_force_model(robot, "full", smooth)
+    values, motion, expected = moved(robot, model)
+    compiled = CompiledRobot(model, c_source(model), tmp_path, ("-O1",))
+    u = np.array(measured_coordinates(robot).read(motion.configurations), order="C")
+    assert compiled.call("start", u[0]) == 0
+    assert not any(compiled.state.slip)
+    force = []
+    for k in range(len(u)):
+        if k == 400:
+            saved = type(compiled.state).from_buffer_copy(compiled.state)
+        assert compiled.call("assemble", u[k]) == 0
+        force.append(compiled.regressor(motion.velocities[k], motion.accelerations[k]) @ values)
+    np.testing.assert_allclose(force, expected, atol=1e-9)
+    ctypes.memmove(ctypes.byref(compiled.state), ctypes.byref(saved), ctypes.sizeof(saved))
+    assert compiled.call("assemble", u[400]) == 0
+    again = compiled.regressor(motion.velocities[400], motion.accelerations[400]) @ values
+    np.testing.assert_allclose(again, expected[400], atol=1e-9)
+
+
+def test_a_simulated_controller_meets_it(robot):
+    """A force below friction moves a motor by what its springs give; then it comes back."""
+    model = find_force_model(robot, "full", TERMS)
+    values = np.array(model.prior)
+    labels = model.parameters.labels
+    for joint in robot.actuated:
+        for kind, value in {"Fc": 1.0, "Fv": 20.0, "Fh@0.02": 0.6, "Fh@0.002": 0.4}.items():
+            values[labels.index(f"{joint}.{kind}")] = value
+    own = loopid.MotorModel(model, values)
+    push = [np.zeros(2)]
+    law = SimpleNamespace(force=lambda signals, wanted: own.gravity(signals.position) + push[0])
+    loop = ControlLoop(loopid.MotorModel(model, values), law)
+    home, still = loop.position, np.zeros((300, 2))
+    way = {}
+    for size in (0.3, 0.0, 0.6, 0.0):
+        push[0] = np.full(2, size)
+        loop.run(still, still, still)
+        way[size] = loop.position - home
+    k = 0.6 / 0.02, 0.4 / 0.002
+    np.testing.assert_allclose(way[0.3], 0.3 / sum(k), rtol=0.05)
+    np.testing.assert_allclose(way[0.6], 0.2 / k[0], rtol=0.05)  # the short one slips at 0.4
+    assert (np.abs(way[0.0]) < 0.8 * way[0.6]).all()
+
+
+def test_a_urdf_says_that_it_is_left_out(robot):
+    model = find_force_model(robot, "full", TERMS)
+    values = np.append(robot.standard_parameters(), np.tile([1.0, 0.5, 0.6, 0.4], 2))
+    with pytest.warns(loopid.errors.ModelWarning, match="left_crank_joint builds up .* left out"):
+        updated_robot_file(robot, values, parameters=model.base.parameters)
+
+
+def test_a_simulated_log_has_it(robot):
+    model = find_force_model(robot, "full", TERMS)
+    values, motion, expected = moved(robot, model)
+    terms = model.joint_terms
+    labels = [each.label for each in terms.parameters(robot)]
+    of_terms = np.array([values[model.parameters.labels.index(label)] for label in labels])
+    run = simulated(robot, motion, None, terms=(terms, of_terms))
+    np.testing.assert_allclose(run.exact_force, expected, atol=1e-9)

@@ -1,0 +1,95 @@
+"""No combination goes by one of its members; and the robot that stands beside the sums."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import loopid
+from loopid.identification import SavedFit
+from loopid.parameters import Parameter
+
+
+@pytest.fixture(scope="module")
+def found():
+    robot = loopid.load_mechanism("five_bar")
+    run = loopid.prepare_recording(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
+    model = loopid.find_force_model(robot, "full", "Fc,Fv,Ia")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return loopid.identify(model, [run])
+
+
+def test_names_are_unique_and_say_how_many_more(found):
+    fit, base = found.fit, found.force_model.base
+    assert len(set(fit.parameters.names)) == len(fit.values)
+    for name, label, terms in zip(fit, fit.parameters.labels, base.terms, strict=True):
+        more = len(terms) - 1
+        assert name == (f"{label} + {more} more" if more else label)
+    assert any(" more" in name for name in fit)
+
+
+def test_an_estimate_is_found_by_its_name_or_its_sum_and_no_member(found):
+    fit, base = found.fit, found.force_model.base
+    for k, (name, sum_) in enumerate(zip(fit, base.expressions, strict=True)):
+        assert fit[name].value == fit[sum_].value == fit.values[k]
+        assert fit[name].expression == sum_
+    with pytest.raises(
+        loopid.LoopidError, match=r"no left_crank_joint\.Ia alone, but in sums: ask"
+    ):
+        fit["left_crank_joint.Ia"]
+    member = next(iter(base["left_crank_joint.Ia"].factors))
+    with pytest.raises(loopid.LoopidError, match=r"ask for .*left_crank_joint.Ia \+ 3 more"):
+        fit[member]
+    with pytest.raises(loopid.LoopidError, match=r"unknown parameter .left_crank_joint\.Fx."):
+        fit["left_crank_joint.Fx"]
+
+
+def test_tables_prints_and_files_name_sums(found):
+    fit, leads = found.fit, []
+    for parameter in fit.parameters:
+        leads += [f"{parameter.label}:"] if parameter.others else []
+    assert leads
+    assert not any(lead in f"{fit}\n{fit!r}" for lead in leads)
+    table = fit.to_polars()
+    assert table["parameter"].to_list() == [*fit]
+    assert table["expression"].to_list() == list(found.force_model.base.expressions)
+    saved = SavedFit.of(found.force_model, fit)
+    assert [each.name for each in saved.base_parameters] == [*fit]
+    assert saved.parameters.names == fit.parameters.names
+    assert saved.result.parameters.expressions == fit.parameters.expressions
+
+
+def test_the_robot_beside_the_sums_has_their_uncertainty(found):
+    """M Σ Mᵀ is the covariance of M π, and the intervals of what stands alone are the same."""
+    fit, base = found["consistent"].fit, found.force_model.base
+    known = fit.uncertainty
+    np.testing.assert_allclose(base.matrix @ known.gain, np.eye(len(base)), atol=1e-6)
+    assert list(fit.robot) == list(base.parameters.labels)
+    for name in ("left_crank.my", "right_crank_joint.Fv"):
+        assert fit.robot[name].told
+        assert fit.robot[name].standard_error == pytest.approx(fit[name].standard_error, rel=1e-6)
+
+
+def test_what_only_the_file_tells_is_said(found):
+    """No force of a planar robot depends on anything out of its plane."""
+    robot = found["consistent"].fit.robot
+    for name, estimate in robot.items():
+        if Parameter.parse(name).kind in ("mz", "Ixz", "Iyz"):
+            assert not estimate.told, name
+    assert not robot["left_crank.Ixx"].told
+    assert not found["robot file"].fit.robot["left_crank.m"].told
+    assert found["robot file"].fit.robot["left_crank_joint.Fc"].told
+
+
+def test_a_saved_robot_is_the_same(found):
+    fit = found["consistent"].fit
+    again = SavedFit.of(found.force_model, fit).result.robot
+    for name, estimate in fit.robot.items():
+        other = again[name]
+        assert (other.value, other.told, other.unit) == (
+            estimate.value,
+            estimate.told,
+            estimate.unit,
+        )
+        np.testing.assert_allclose(other.interval, estimate.interval, rtol=1e-9)
