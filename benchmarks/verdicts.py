@@ -56,10 +56,10 @@ SAID = {
     "sign of positions": "the positions of {1} have the wrong sign",
     "a position in degrees": "deg to rad",
     "positions in degrees": "deg to rad",
-    "time times 2": "the time axis is ",
-    "time over 10": "the time axis is 0.",
+    "time times 2": "times too long",
+    "time over 10": "times too short",
     "forces 7 s late": "the forces are 7",
-    "forces 0.5 s late": "the forces are 0.5",
+    "forces 0.5 s late": "s late",
 }
 # Motors that are alike may be exchanged: that is another way of counting them. Forces of motors
 # that are exchanged are as good as positions that are.

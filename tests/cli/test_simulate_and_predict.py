@@ -75,10 +75,13 @@ def test_scaled_bodies_stay_bodies(five_bar):
 
 
 def test_the_log_of_the_repository_is_what_the_command_writes(run, tmp_path):
-    """The options are those that docs/identification.md names."""
-    options = "--terms Fc=0.1,Fv=0.05 --noise 0.02 --encoder-step 4.8e-5 --cad-error 0.2"
+    """The command is the one on the page."""
+    page = (ROOT / "docs" / "identification.md").read_text(encoding="utf-8")
+    command = next(
+        line for line in page.splitlines() if line.startswith("loopid simulate five_bar")
+    )
     path = tmp_path / "run.csv"
-    assert run("simulate", "five_bar", *options.split(), "--out", str(path)).code == 0
+    assert run(*command.split()[1:-1], str(path)).code == 0
     here, there = (np.genfromtxt(file, delimiter=",", skip_header=1) for file in (path, LOG))
     np.testing.assert_allclose(here, there, atol=1e-6)
     assert path.read_text().splitlines()[0] == LOG.read_text().splitlines()[0]
@@ -154,7 +157,7 @@ def test_predict_compares_a_log_with_a_fit(saved, run, tmp_path):
     found = run("predict", str(saved), str(LOG), "--out", str(out), "--json")
     assert found.code == 0
     (record,) = json.loads(found.out)["recordings"]
-    assert min(record["moving"]["r_squared"]) > 0.9  # bodies 20 % off, no friction
+    assert max(record["moving"]["r_squared"]) < 0.9  # bodies some 20 % off, no friction
     names = {"report.html", "prediction.json", "prediction_five_bar.csv"}
     assert {file.name for file in out.iterdir()} == names
     (part,) = json.loads(run("predict", str(saved), str(LOG), "--rows=1:300", "--json").out)[

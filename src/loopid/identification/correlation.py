@@ -24,7 +24,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.errors import DataWarning, warn
 from loopid.identification.estimator import WorkingFit
-from loopid.identification.problem import ROUND_OFF
+from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import FitResult, NoiseModel
 from loopid.records import record
 from loopid.workers import one_blas_thread
@@ -266,6 +266,32 @@ def within_runs(fit: WorkingFit, corrections: int = CORRECTIONS) -> WorkingFit:
     freedom = np.array(min([rows, *known]))
     found = replace(result, covariance=covariance, degrees_of_freedom=freedom, noise=noise)
     return replace(fit, result=found)
+
+
+def residual_noise(samples: FitSamples, values: FloatArray, fitted: float) -> NoiseModel:
+    """Errors of each actuator by the residuals at values (n,) alone, of so many fitted parameters.
+
+    What a fit takes up of slow errors is not added back, as ``within_runs`` does.
+    """
+    residual, problem, dof = samples.residual(values), samples.problem, len(samples.actuators)
+    deviation, innovation, lag_one = np.full((3, dof), np.nan)
+    effective, models = np.zeros(dof), dict[int, Autoregression]()
+    for i in map(int, np.flatnonzero(problem.samples)):
+        used, count = samples.used[:, i], int(problem.samples[i])
+        part = max(1.0 - fitted / problem.rows, 1.0 / count)
+        covariances = burg_covariances(residual[:, i], run_lengths(used, samples.pieces)) / part
+        covariances[0] = max(covariances[0], samples.least_errors[i] ** 2)
+        models[i] = Autoregression.of_covariances(covariances)
+        lags, spread = models[i].covariances, models[i].sum_variance(used, samples.pieces)
+        deviation[i], innovation[i] = np.sqrt(lags[0]), np.sqrt(models[i].variance)
+        lag_one[i] = lags[1] / lags[0] if len(lags) > 1 and lags[0] > 0 else 0.0
+        exact = models[i].order == 0 or not spread > 0
+        effective[i] = count if exact else min(count**2 * lags[0] / spread, float(count))
+    coefficients = np.zeros((dof, max((m.order for m in models.values()), default=0)))
+    for i, model in models.items():
+        coefficients[i, : model.order] = model.coefficients
+    numbers = innovation, deviation, lag_one, problem.samples, effective
+    return NoiseModel(samples.actuators, coefficients, *numbers)
 
 
 def _error_models(fit: WorkingFit, inverse: FloatArray) -> dict[int, ErrorModel]:

@@ -69,6 +69,8 @@ class SuspicionOptions:
     late, delay, latest : float
         Forces are late by seconds where errors are this part of those at any shift of up to
         ``delay`` s; up to ``latest`` s are tried.
+    unexplained : float
+        Part of the forces that must be left at any shift of up to ``delay`` s.
     rounds : int
         Mistakes one after the other.
     gain, common_gain : float
@@ -102,6 +104,7 @@ class SuspicionOptions:
     late: float = 0.5
     delay: float = 0.15
     latest: float = 30.0
+    unexplained: float = 0.15
     rounds: int = 3
     gain: float = 1.25
     common_gain: float = 4.0

@@ -478,6 +478,7 @@ def find_force_model(
 
 def chosen_terms(mechanism: Mechanism, model: str, choice: str) -> tuple[JointTerms | None, bool]:
     """The joint terms of a choice, and whether it has ``auto`` among its words."""
+    model_kinds(model)  # refuses an unknown one
     words = re.split(r"([,;:])", choice)
     automatic = [word.strip() == AUTOMATIC for word in words]
     usual = [

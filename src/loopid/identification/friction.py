@@ -15,7 +15,7 @@ stays as it is there; above, it goes on as the line; in both its band widens.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -30,6 +30,8 @@ from loopid.identification.consistent import (
     quiet_consistent_fit,
     warn_of_bodies,
 )
+from loopid.identification.correlation import residual_noise
+from loopid.identification.estimator import LEAST_EXCITATION
 from loopid.identification.force_model import ForceModel
 from loopid.identification.hysteresis import possible_hysteresis
 from loopid.identification.problem import FitSamples
@@ -55,6 +57,7 @@ from loopid.regressors.joint_laws import (
     joint_term,
 )
 from loopid.regressors.joint_terms import JointTerms, together
+from loopid.workers import one_blas_thread
 
 # Percentile of the rates of a motor's samples that is its slowest informative one, and most rates
 # of a curve, from the fastest down.
@@ -173,7 +176,7 @@ def with_friction(
         Of these, by ``consistent_fit``.
     """
     noise = whole.noise
-    if noise is None:
+    if whole.noise is None or noise is None:
         raise DataError("the fit has no model of its errors that friction could be weighed by")
     values = consistent_values(force_model, data, noise, options=options)
     use, loads = motor_use(force_model, data, recordings), force_model.loads(data.regressor)
@@ -182,23 +185,50 @@ def with_friction(
     slips = possible_hysteresis(force_model, data, recordings, weights, list(kinds))
     kinds = together(kinds, slips)
     plain, known = data, dict(zip(force_model.parameters.labels, values.tolist(), strict=True))
-    left = ROUNDS
+    left, honest = ROUNDS, False
     while True:
         wide = force_model.with_columns(kinds)
         wide = wide.with_loads(np.array([known.get(p.label, 0.0) for p in wide.parameters]))
         data = wide.widened(plain, recordings)
+        if left == ROUNDS:
+            # What plain terms leave of friction is no error.
+            every, rank = _all_told(data, whole.weights)
+            noise = residual_noise(data, every, rank)
         if left and kinds:
             left -= 1
             values = consistent_values(wide, data, noise, options=options)
+            noise = residual_noise(data, values, rank)
         else:
+            noise = _of_motors(kinds, noise, whole.noise)
             fit = quiet_consistent_fit(wide, data, noise, options=options).result
             asked = {} if fit.term_deviations is None else _asked(kinds, fit.term_deviations)
-            if asked == kinds:
+            if asked == kinds and honest:
                 warn_of_bodies(wide, fit)
                 return wide, data, fit
-            kinds, values = asked, fit.values
-        noise = less_noise(whole, data, values)
+            assert fit.noise is not None
+            # With what the fit took up of slow errors added back.
+            kinds, values, noise, honest = asked, fit.values, fit.noise, True
         known = dict(zip(wide.parameters.labels, values.tolist(), strict=True))
+
+
+def _of_motors(motors: Iterable[str], noise: NoiseModel, others: NoiseModel) -> NoiseModel:
+    """Errors with the sizes of one model for some motors, and of another for the others."""
+    own = np.isin(others.actuators, list(motors))
+    return replace(
+        others,
+        deviation=np.where(own, noise.deviation, others.deviation),
+        effective_samples=np.where(own, noise.effective_samples, others.effective_samples),
+    )
+
+
+def _all_told(data: FitSamples, weights: FloatArray) -> tuple[FloatArray, int]:
+    """Least squares (n,) of all columns that the data excite, and how many these are."""
+    with one_blas_thread():
+        R = data.problem.weighted(weights)
+        lengths = np.linalg.norm(R[:-1, :-1], axis=0)
+        lengths = np.where(lengths > 0, lengths, 1.0)
+        x, _, rank, _ = np.linalg.lstsq(R[:-1, :-1] / lengths, R[:-1, -1], rcond=LEAST_EXCITATION)
+    return np.asarray(x / lengths, dtype=np.float64), int(rank)
 
 
 def _asked(

@@ -174,9 +174,17 @@ def late_by_seconds(
     if near.all() or not near.any():
         return None
     usual, best = float(errors[near].min()), int(errors.argmin())
-    if usual < options.error or errors[best] > min(options.late * usual, options.shape):
-        return None
     lag = float(lags[best])
+    # The fewer samples a shift leaves, the easier they are explained.
+    left = 1 - abs(lag) / float(np.ptp(one.motion.time))
+    if usual < options.unexplained or errors[best] > min(
+        options.late * left * usual, options.shape
+    ):
+        return None
+    if 0 < best < len(lags) - 1:  # between shifts: mean squares are a parabola
+        before, here, after = errors[best - 1 : best + 2] ** 2
+        bend = before - 2 * here + after
+        lag += (lags[1] - lags[0]) * float((before - after) / (2 * bend)) if bend > 0 else 0.0
     how, key = ("late", f"{lag:.2g}") if lag > 0 else ("early", f"{lag:.2g}")
     return Finding(
         "mistake",

@@ -195,6 +195,7 @@ def _open_robot(file: Path, tree: TreeSource, description: Description) -> Mecha
         closure_rank_tolerance=description.closure_rank_tolerance or RANK_TOLERANCE,
         margin=description.margin,
         left_out=tree.left_out,
+        locked=tree.locked,
     )
     lengths = [name for name in description.lengths if name not in tree.description.reference]
     return replace(drawn, reference=with_lengths(drawn, lengths)) if lengths else drawn

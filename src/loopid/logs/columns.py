@@ -351,6 +351,15 @@ class ColumnFinder:
         ]
         return self._matching(names, (joint,) if quantity == "position" else ())
 
+    def own_position(self, joint: str) -> tuple[Place, float] | None:
+        """The column with the position of a joint by its name, and its unit; None without one."""
+        found = self._of_joint(joint, "position")
+        if len(found) != 1:
+            return None
+        scale = self.mapping.position_scale
+        given = scale.get(joint) if isinstance(scale, Mapping) else scale
+        return found[0], self._unit("position", found[0].column, given, "position_scale").scale
+
     def _only(self, joint: str, quantity: str, found: Sequence[Place]) -> Place:
         if not found:
             raise self._refused(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from loopid.arguments import FloatArray, checked
 from loopid.errors import DataWarning, FileError, LogError, OptionError, warn
 from loopid.files import require_name, why_no_file
 from loopid.logs.columns import ColumnFinder
-from loopid.logs.formats import LogFormat, stream_name
+from loopid.logs.formats import LogFormat, numbers_in, stream_name
 from loopid.logs.free import POSE, continued, require_known_motion
 from loopid.logs.log import Log
 from loopid.logs.mapping import QUANTITIES, LogMapping, read_mapping
@@ -91,7 +91,9 @@ def read_log(
         raise LogError(f"log {place} {reason}", file=place)
     for wrench in mapping.wrenches:
         frame_index(robot, wrench.frame)
-    found = read_streams(place, robot.actuated, mapping, rows=rows, tolerances=tolerances)
+    found = read_streams(
+        place, robot.actuated, mapping, rows=rows, tolerances=tolerances, locked=robot.locked
+    )
     streams = [check_stream(robot, stream, tolerances) for stream in found]
     check_moving(streams)
     name = stream_name(place.resolve())
@@ -107,8 +109,12 @@ def read_streams(
     *,
     rows: tuple[int, int | None] | None = None,
     tolerances: LogTolerances = LogTolerances(),
+    locked: Mapping[str, float | None] | None = None,
 ) -> list[Stream]:
-    """The streams of the motors, that of the first position first; of it, only some ``rows``."""
+    """The streams of the motors, that of the first position first; of it, only some ``rows``.
+
+    Positions of joints that are locked, at some value, must be those of the log.
+    """
     if rows is not None and (rows[0] < 1 or (rows[1] is not None and rows[1] < rows[0])):
         raise OptionError(
             f"rows must be counted from 1, the first before the last, not {rows}", given=rows
@@ -116,6 +122,7 @@ def read_streams(
     log = open_log(path, mapping)
     source = str(path)
     finder = ColumnFinder(source, log.columns(), mapping, log.ordered, log.choice)
+    refuse_moved(source, log, finder, locked or {})
     streams: list[Stream] = []
     channels_of = finder.channels(mapping.measured(source, joints))
     delays = mapping.stream_delays(source, joints, [*channels_of])
@@ -132,6 +139,39 @@ def read_streams(
             stream = stream.earlier(delays.get(name, 0.0))
             streams.append(on_joints(stream, mapping.joint_maps))
     return streams
+
+
+def refuse_moved(
+    source: str, log: LogFormat, finder: ColumnFinder, locked: Mapping[str, float | None]
+) -> None:
+    """Refuse a log in which a joint that is locked stands elsewhere, or moves."""
+    for joint, value in locked.items():
+        column = finder.own_position(joint)
+        if value is None or column is None:
+            continue
+        place, scale = column
+        times = finder.time(place.stream).names
+        (table, *_) = log.tables(place.stream, times, [place.column])
+        positions = scale * numbers_in(source, table.cells[place.column])
+        low, high = np.nanpercentile(positions, (1, 99)) if len(positions) else (value, value)
+        if high - low > LOCKED:
+            raise LogError(
+                f"{source}: {joint} is locked, but moves from {low:.4g} to {high:.4g} in column "
+                f"{place.column!r}: load the robot without that lock",
+                source=source,
+                joint=joint,
+            )
+        middle = float(np.nanmedian(positions))
+        if abs(middle - value) > LOCKED:
+            raise LogError(
+                f"{source}: {joint} is locked at {value:.6g}, but column {place.column!r} has it "
+                f"at {middle:.6g}: a YAML beside the robot's file locks it there: reference: "
+                f"{{{joint}: {middle:.6g}}}",
+                source=source,
+                joint=joint,
+                given=middle,
+                tolerance=LOCKED,
+            )
 
 
 def open_log(path: Path, mapping: LogMapping) -> LogFormat:
@@ -160,6 +200,8 @@ def open_log(path: Path, mapping: LogMapping) -> LogFormat:
     return kind(path, chosen, mapping.unpacked_ratio)
 
 
+# How far a locked joint may be from its lock, in rad or m.
+LOCKED = 2e-3
 # ---- what a robot lets expect ------------------------------------------------------------------
 
 # Factors that would make a unit of another one.

@@ -141,6 +141,8 @@ class Mechanism:
         may.
     left_out : tuple of LeftOut
         Forces of the file that no model has.
+    locked : mapping
+        Joints that are locked, with the value of those that have one coordinate.
     undeclared : tuple of str
         Sentences about loops that the file shows but does not declare.
     options : mapping
@@ -177,6 +179,7 @@ class Mechanism:
     joint_values: Mapping[str, Mapping[str, Number]] = field(default_factory=dict)
     left_out: tuple[LeftOut, ...] = ()
     undeclared: tuple[str, ...] = ()
+    locked: Mapping[str, float | None] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
