@@ -73,11 +73,12 @@ class Friction(Case):
         start = process_time()
         found = identify(model, [recording])
         seconds = process_time() - start
-        base, fit, covered = found.force_model.base, found.fit, []
+        base, fit = found.force_model.base, found.fit
+        covered = dict[str, bool]()
         truth = base.values(np.array([self.values.get(n, 0.0) for n in base.parameters.labels]))
         for name, true, (low, high) in zip(fit.parameters, truth, fit.intervals(), strict=True):
             if not grouped(name.kind):
-                covered.append(low <= true <= high)
+                covered[name.label] = bool(low <= true <= high)
         curves, errors = [], []
         for joint, Fc, Fv, most in zip(
             self.robot.actuated, self.coulomb, self.viscous, self.fastest, strict=True
@@ -97,7 +98,9 @@ class Friction(Case):
 def figures(case: Friction, terms: str, bits: int, runs: int) -> dict[str, Any]:
     """Of so many logs."""
     found = [case.judged(terms, case.log(bits, seed)) for seed in range(runs)]
-    rates = 100 * np.mean([each["covered"] for each in found], axis=0)
+    names = dict.fromkeys(name for each in found for name in each["covered"])
+    every = ([each["covered"].get(name) for each in found] for name in names)
+    rates = 100 * np.array([np.mean([flag for flag in own if flag is not None]) for own in every])
     return {
         "terms": terms,
         "more shape": sum(each["shaped"] for each in found),

@@ -86,4 +86,4 @@ def test_defaults_of_options_are_those_of_the_functions():
         return inspect.signature(function).parameters[name].default
 
     assert default(cli.motions, "margin").default == default(loopid.review_motion, "margin")
-    assert default(cli.identify, "fraction").default == default(loopid.split_recordings, "fraction")
+    assert default(cli.identify, "fraction").default == loopid.FitOptions().fraction

@@ -1,5 +1,7 @@
 """Regrouping loses no force, whichever valid parameters are made dependent."""
 
+import warnings
+
 import numpy as np
 import pytest
 from choice_problems import BASES, brute_force, parameters, structures
@@ -8,6 +10,7 @@ from hypothesis import given, settings, strategies as st
 from loopid.base_parameters import ChoiceProblem, find_base_parameters
 from loopid.base_parameters.choice import condition_numbers
 from loopid.base_parameters.structure import base_columns, regrouping_matrix
+from loopid.errors import AccuracyWarning
 from loopid.observation import Observation
 
 SEEDS = st.integers(0, 10**6)
@@ -91,3 +94,18 @@ def test_a_singular_matrix_has_no_condition_number():
     assert condition_numbers(np.diag([4.0, 0.0])[None])[0] == np.inf
     assert condition_numbers(np.diag([4.0, 0.5])[None])[0] == 8.0
     assert condition_numbers(np.empty((0, 3))[None])[0] == 1.0
+
+
+def test_coefficients_between_columns_of_any_size_rebuild_each_column():
+    """Small coefficients of large columns are no zeros: columns are up to 2^40 apart."""
+    attacks = pytest.importorskip("attacks", reason="needs python-flint")
+    for seed in range(60):
+        W, rank = attacks.attack(seed)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", AccuracyWarning)
+            base = find_base_parameters(
+                Observation.from_matrix(W, parameters(W.shape[1])), "qr", criterion="regressor"
+            )
+        if len(base) == rank and not base.doubtful:
+            errors = np.linalg.norm(base.regressor(W) @ base.matrix - W, axis=0)
+            assert (errors < 1e-8 * np.linalg.norm(W, axis=0)).all()

@@ -61,7 +61,7 @@ def test_friction_and_gravity_are_found(record, friction_values):
         assert found[name]["value"] == pytest.approx(value, rel=0.1)
     assert record["mechanism"] == "3ups_rpu"
     assert [part["name"] for part in record["training"]] == ["run"]
-    assert 0.4 < record["training"][0]["samples"] / record["validation"][0]["samples"] < 2.5
+    assert record["validation"] == []  # each stretch is judged by fits to the others
 
 
 def test_the_terminal_shows_the_verdict_first_and_the_place_last(written, record):
@@ -152,16 +152,15 @@ def test_the_split_is_an_option(arm):
         for record in (whole, little)
     ]
     assert sum(counts[0]) == sum(counts[1])
-    assert counts[0][0] / sum(counts[0]) == pytest.approx(0.6, abs=0.02)
+    assert counts[0][1] == 0
     assert counts[1][0] / sum(counts[1]) == pytest.approx(0.3, abs=0.02)
 
 
 def test_a_validation_log_takes_the_place_of_the_split(arm, arm_files):
-    split, found = arm(), arm("--validate", arm_files[2])
+    whole, found = arm(), arm("--validate", arm_files[2])
     assert [part["name"] for part in found["training"]] == ["run"]
     assert [part["name"] for part in found["validation"]] == ["other"]
-    whole = split["training"][0]["samples"] + split["validation"][0]["samples"]
-    assert found["training"][0]["samples"] == whole
+    assert found["training"][0]["samples"] == whole["training"][0]["samples"]
 
 
 def test_friction_comes_from_its_own_log(arm, arm_files, tmp_path):
@@ -263,7 +262,7 @@ def test_a_log_of_another_robot_is_refused(run, arm_files):
 
 def test_a_log_too_short_for_the_parameters_is_refused(run, log_texts, tmp_path):
     path = tmp_path / "brief.csv"
-    path.write_text("\n".join(log_texts["run.csv"].splitlines()[:90]) + "\n")
+    path.write_text("\n".join(log_texts["run.csv"].splitlines()[:50]) + "\n")
     assert_refused(run("identify", "3ups_rpu", path, "--unidentifiable", "error"), [])
 
 

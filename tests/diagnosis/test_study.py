@@ -1,6 +1,7 @@
 """A study is one composition of functions that can be called alone, and a value."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -31,11 +32,12 @@ def test_a_study_is_a_value(study):
 
 def test_a_fit_that_is_not_saved_predicts_with_its_force_model(study):
     found = study.identification
-    (recording,) = found.validation
+    (recording,) = found.training
     predicted = predict(found.fit, found.force_model, recording)
-    np.testing.assert_array_equal(predicted.predicted, found.new.predicted(found.fit.values))
+    np.testing.assert_array_equal(predicted.predicted, found.data.predicted(found.fit.values))
+    alone = replace(found.fit, force_model=None)
     with pytest.raises(OptionError, match="force_model"):
-        predict(found.fit, found.force_model.mechanism, recording)
+        predict(alone, found.force_model.mechanism, recording)
 
 
 def test_joint_terms_that_a_robot_cannot_have_are_refused_before_any_work(knee):

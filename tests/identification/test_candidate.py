@@ -55,12 +55,27 @@ def test_the_baseline_is_as_good_as_itself():
     assert not found.beats_baseline
 
 
-def test_the_ratio_is_that_of_mean_squares_with_motors_weighted_alike():
+def test_the_ratio_is_the_geometric_mean_of_those_of_the_motors():
     values, baseline = off(0.3), off(lever=0.5)
     validation = made(2)
     squares = [(validation.residual(phi) ** 2).mean(axis=0) for phi in (values, baseline)]
     found = judged(validation, values, baseline)
-    assert found.error_ratio[0] == pytest.approx((squares[0] / squares[1]).mean(), rel=1e-12)
+    np.testing.assert_allclose(found.motor_ratios, squares[0] / squares[1], rtol=1e-12)
+    assert found.error_ratio[0] == pytest.approx(np.sqrt(np.prod(found.motor_ratios)), rel=1e-12)
+
+
+def test_one_motor_that_gains_much_counts_for_much():
+    """From 46 to 4 % of a force in one of two motors, and no change in the other."""
+    values, baseline = TRUTH, TRUTH + np.array([0.0, 0.0, 12.0])
+    validation = made(2)
+    W = np.array(validation.regressor)
+    W[:, 1, 2] = 0.0  # the second motor has no such friction
+    validation = replace(validation, regressor=W, force=validation.force)
+    found = judged(validation, values, baseline)
+    assert found.motor_ratios[0] < 0.02
+    assert found.motor_ratios[1] == pytest.approx(1.0)
+    assert found.error_ratio[0] < 0.15
+    assert found.beats_baseline
 
 
 def test_unused_samples_do_not_count():
@@ -107,7 +122,9 @@ def test_its_standard_error_is_the_spread_over_draws_of_the_errors(values, basel
 )
 def test_two_standard_errors_make_a_candidate_better(ratio, error, better):
     nothing = Quality(np.zeros(2), np.zeros(2), np.zeros(2, dtype=int))
-    found = Candidate("any", fit_of(TRUTH, made(0)), nothing, (SIGMA, SIGMA), (ratio, error))
+    ratios = {"error_ratio": (ratio, error), "motor_ratios": np.full(2, ratio)}
+    fit, forces = fit_of(TRUTH, made(0)), np.zeros((ROWS, 2))
+    found = Candidate("any", fit, nothing, forces, (SIGMA, SIGMA), **ratios)
     assert found.beats_baseline is better
 
 

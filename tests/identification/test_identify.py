@@ -430,9 +430,10 @@ def logged(mechanism, real_recording, once):
     return once(f"identified {mechanism.name}", identified)
 
 
-def test_the_first_part_predicts_the_rest_better_than_the_robot_file(logged):
+def test_stretches_are_predicted_better_than_by_the_robot_file(logged):
+    assert logged.recommended.beats_baseline
     essential = judge_essential(logged, eliminate(logged))
-    assert essential.beats_baseline
+    assert essential.error_ratio[0] < 1
     assert (essential.validation.r_squared > 0.7).all()
 
 

@@ -146,8 +146,7 @@ def marks(panel, name):
 
 def test_forces_are_the_recommended_ones_on_new_data_with_what_is_left(study, report):
     found, chart = study.identification, charts(report)["forces"]
-    run = found.validation[0]
-    W = found.force_model.samples(run).regressor
+    (run,) = found.training
     fits = {"robot file": found.baseline, "predicted": found.recommended}
     assert len(chart.panels) == 2 * len(run.actuators)
     for k, motor in enumerate(run.actuators):
@@ -156,7 +155,7 @@ def test_forces_are_the_recommended_ones_on_new_data_with_what_is_left(study, re
         (mark,) = marks(panel, "measured")
         np.testing.assert_array_equal(mark.y, run.force[:, k])
         for name, fit in fits.items():
-            force = np.where(run.used[:, k], (W @ fit.values)[:, k], np.nan)
+            force = np.where(run.used[:, k], fit.predicted[:, k], np.nan)
             (drawn,), (rest,) = marks(panel, name), marks(left, f"measured less {name}")
             assert np.isnan(drawn.y).any()  # where the motor stands
             np.testing.assert_allclose(drawn.y, force, atol=1e-9)
@@ -166,9 +165,8 @@ def test_forces_are_the_recommended_ones_on_new_data_with_what_is_left(study, re
 def test_parameters_are_shown_against_the_robot_file_with_their_intervals(study, report):
     found, (panel,) = study.identification, charts(report)["parameters"].panels
     model, bodies = found.force_model, found.force_model.body_columns
-    fit = found["all parameters"].fit  # as the robot file's bodies are recommended
-    assert found.recommended is found.baseline
-    (dots,), (spans,) = marks(panel, "all parameters"), marks(panel, "95 % interval")
+    fit = found.fit
+    (dots,), (spans,) = marks(panel, "recommended"), marks(panel, "95 % interval")
     np.testing.assert_allclose(spans.x + spans.to, 2 * dots.x, atol=1e-9)
     reach = np.ptp(fit.intervals()[bodies], axis=1) / np.abs(fit.values - model.prior)[bodies]
     np.testing.assert_allclose((spans.to - spans.x) / np.abs(dots.x), reach, rtol=1e-9)
@@ -256,8 +254,6 @@ def test_verdicts_take_two_standard_errors(study, ratio, grade):
 
 
 def test_the_recommended_fit_is_said_listed_and_saved(study):
-    found = study.identification
-    assert found.recommended is found["robot file"]  # which is true: nothing is better
     study = judged(study, informed={"error_ratio": (0.5, 0.1)})
     found, files = study.identification, identification_report(study).files()
     assert found.recommended is found["consistent"]
@@ -279,7 +275,7 @@ def test_the_recommended_fit_is_said_listed_and_saved(study):
     other = worse.identification
     assert other.recommended is other["robot file"]
     (said,) = [each for each in findings(worse) if "recommended" in each.title]
-    assert "robot file with fitted joint terms, as nothing is clearly better" in said.why
+    assert "robot file with fitted joint terms, as fitted bodies are clearly worse" in said.why
     bodies = [found.fit.parameters.names[j] for j in found.force_model.body_columns]
     assert other.fit.assumed == tuple(bodies)
 
@@ -321,15 +317,12 @@ def test_an_identification_is_recorded_whole(study):
 
 def test_recordings_are_recorded_with_what_was_left_out(study):
     record = identification_record(study)
-    for part, recordings in (
-        (record["training"], study.identification.training),
-        (record["validation"], study.identification.validation),
-    ):
-        (entry,), (recording,) = part, recordings
-        assert (entry["name"], entry["samples"]) == ("run", len(recording))
-        assert entry["used"] == recording.used.sum(axis=0).tolist()
-        assert entry["cutoff"] == recording.cutoff
-        assert any("stands still" in reason for reason in entry["dropped"])
+    (entry,), (recording,) = record["training"], study.identification.training
+    assert record["validation"] == []
+    assert (entry["name"], entry["samples"]) == ("run", len(recording))
+    assert entry["used"] == recording.used.sum(axis=0).tolist()
+    assert entry["cutoff"] == recording.cutoff
+    assert any("stands still" in reason for reason in entry["dropped"])
 
 
 def test_candidates_are_recorded_with_their_errors(study):

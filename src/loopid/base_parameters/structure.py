@@ -217,7 +217,7 @@ def regrouping_matrix(
     dependent : IntArray
         (d,), or (c, d) for c choices at once.
     zero : float
-        Coefficients below this fraction of the largest, or of 1, are none.
+        Coefficients below this fraction of the lengths of both rows of the null basis are none.
 
     Returns
     -------
@@ -230,6 +230,9 @@ def regrouping_matrix(
     V21, V22 = null_basis[base], null_basis[choices]
     solution = -np.linalg.solve(V22.transpose(0, 2, 1), V21.transpose(0, 2, 1))
     beta = solution.transpose(0, 2, 1)
-    largest = np.abs(beta).max(axis=(1, 2), initial=0.0)
-    beta[np.abs(beta) <= zero * np.maximum(largest, 1.0)[:, None, None]] = 0.0
+    # Between columns of very different length coefficients are as different.
+    lengths = np.linalg.norm(null_basis, axis=1)
+    sizes = np.abs(beta) * lengths[choices][:, None, :]
+    bounds = zero * lengths[base][:, :, None]
+    beta[sizes <= bounds] = 0.0
     return beta if np.ndim(dependent) == 2 else beta[0]

@@ -55,8 +55,8 @@ def identify(
         None, metavar="LOG", help="For iv: commanded positions, one for each LOG, in order."
     ),
     cutoff: float | None = CUTOFF,
-    fraction: float = Option(
-        0.6, "--train", help="Part of each log that is fitted; the rest validates."
+    fraction: float | None = Option(
+        None, "--train", help="Part of each log that is fitted; the rest validates."
     ),
     validate: list[str] | None = Option(None, metavar="LOG", help="Validate on this log instead."),
     start: float = Option(

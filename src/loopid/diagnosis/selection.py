@@ -127,12 +127,13 @@ def eliminate(found: Identification) -> Reduction:
     model, estimator = found.force_model, chosen_estimator(found.options.estimator)
     plain, prior = model.plain_columns, np.array(model.prior)
     prior[model.grouped_columns] = found.fit.values[model.grouped_columns]
-    whole_data = found.data.reduced(plain, prior)
+    data, new = found.parts
+    whole_data = data.reduced(plain, prior)
     held = plain[Excitation.of(model, whole_data.problem).held]
     free = np.setdiff1d(plain, held)
     if len(free) == len(prior):
-        return eliminate_parameters(found.data, found.new, estimator=estimator, reference=prior)
-    parts = (part.reduced(free, prior) for part in (found.data, found.new))
+        return eliminate_parameters(data, new, estimator=estimator, reference=prior)
+    parts = (part.reduced(free, prior) for part in (data, new))
     reduction = eliminate_parameters(*parts, estimator=estimator, reference=prior[free])
 
     def whole(values: FloatArray) -> FloatArray:
@@ -154,8 +155,13 @@ def eliminate(found: Identification) -> Reduction:
 @checked
 def judge_essential(found: Identification, reduction: Reduction) -> Candidate:
     """The essential parameters as one more candidate of an identification."""
-    data = found.data, found.new
-    return judge(reduction.fit, *data, name="essential parameters", against=found.baseline.fit)
+    data, new = found.parts
+    return judge(
+        *(reduction.fit, data, new),
+        name="essential parameters",
+        against=found.baseline.fit,
+        predicted=(new.predicted(reduction.fit.values), found.baseline.predicted),
+    )
 
 
 @checked

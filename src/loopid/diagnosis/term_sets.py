@@ -12,7 +12,7 @@ from loopid.diagnosis.selection import PredictionError, prediction_errors
 from loopid.errors import DataError
 from loopid.identification.force_model import ForceModel, parted, samples_of
 from loopid.identification.information import body_sizes
-from loopid.identification.pipeline import Identification
+from loopid.identification.pipeline import Identification, split_recordings
 from loopid.parameters import KINDS
 from loopid.records import record
 from loopid.regressors.joint_laws import grouped
@@ -139,6 +139,8 @@ def compare_terms(found: Identification, *, choices: Sequence[str] = ()) -> Term
     if noise is None:
         raise DataError("the fit has no model of its errors that sets could be weighted by")
     training, validation = found.training, found.validation
+    if not validation:
+        training, validation = split_recordings(training)
     prior_deviation, n_jobs = found.prior_deviation, found.options.n_jobs
     mechanism, (own, _) = force_model.mechanism, parted(force_model.joint_terms)
     asked = [JointTerms.of(mechanism, choice) for choice in choices]

@@ -193,7 +193,8 @@ def quiet_consistent_fit(
         last = len(found.result.values) - (program.terms.group >= 0).sum()  # those of groups
         groups = _groups(program, state, found.result.covariance[last:, last:])
     far = FileDeviation(
-        common, program.names, state.deviations, options.deviations[1], options.farthest
+        *(common, program.names, state.deviations, options.deviations[1], options.farthest),
+        least=options.deviations[0],
     )
     return replace(found, result=replace(found.result, deviation=far, term_deviations=groups))
 
@@ -205,11 +206,28 @@ def consistent_values(
     noise: NoiseModel,
     *,
     options: ConsistentOptions = ConsistentOptions(),
+    like: FitResult | None = None,
 ) -> FloatArray:
-    """The values (n,) of ``consistent_fit``, without their uncertainty."""
+    """The values (n,) of ``consistent_fit``, without their uncertainty.
+
+    Parameters
+    ----------
+    like : FitResult, optional
+        A consistent fit of more data, whose deviations of the robot file and of groups of joint
+        terms are taken; without it, those that are most likely.
+    """
     _, program = _posed(force_model, data, noise, None, None)
     with one_blas_thread():
-        state, _ = _most_likely(program, options)
+        if like is None or like.deviation is None:
+            state, _ = _most_likely(program, options)
+        else:
+            groups = like.term_deviations
+            state = replace(
+                program.first(like.deviation.common),
+                deviations=like.deviation.own,
+                **({} if groups is None else {"groups": groups.own}),
+            )
+            state = _minimised(program, _approached(program, state))
         return force_model.base.values(program.standard(state))
 
 

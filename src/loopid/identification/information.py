@@ -191,6 +191,20 @@ def fit_excited(
     )
 
 
+def told_values(
+    samples: FitSamples, prior: FloatArray, excitation: Excitation, estimator: Estimator
+) -> FloatArray:
+    """Values (n,) of ``fit_excited`` without uncertainty; the prior where nothing is told."""
+    for rank in range(excitation.rank, 0, -1):
+        part = replace(excitation, rank=rank)
+        try:
+            found = estimator.fit_samples(excited_samples(samples, prior, part)).result
+        except (DataError, RankError):
+            continue
+        return np.asarray(prior + part.excited @ found.values)
+    return np.array(prior)
+
+
 # Standard error, in sizes by the robot file, above which a combination is weakly identifiable.
 WEAK = 1.0
 # Coefficients below this part of the largest, in sizes, are round-off in an unidentifiable

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from html import escape
 
@@ -18,6 +18,7 @@ from loopid.identification.consistent import (
     CONSISTENT,
     ConsistentOptions,
     consistent_fit,
+    consistent_values,
     fit_terms,
 )
 from loopid.identification.cutoff import CutoffChoice, choose_cutoff, prepared_at
@@ -31,9 +32,11 @@ from loopid.identification.information import (
     Identifiability,
     fit_excited,
     identifiability,
+    told_values,
 )
+from loopid.identification.leaving_out import LeftOut
 from loopid.identification.log_mistakes import Suspicions, suspicions_by_log
-from loopid.identification.prediction import Candidate, judge
+from loopid.identification.prediction import Candidate, error_ratio, judge
 from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import (
     FitResult,
@@ -73,9 +76,10 @@ class FitOptions:
     unidentifiable : str
         Where no force of the training data depends on a combination of parameters: ``"prior"``: fit
         the others, and keep the robot file's values there; or ``"error"``.
-    fraction : float
+    fraction : float, optional
         Of the samples of each recording in which a motor moves, between 0 and 1: the first ones
-        are fitted, the rest judges.
+        are fitted, the rest judges. By default all are fitted, and each stretch is judged by fits
+        to the others.
     consistent : ConsistentOptions
         Of the fit that weighs the robot file.
     undo_delay : bool
@@ -100,7 +104,7 @@ class FitOptions:
 
     estimator: str | Estimator = "wls"
     unidentifiable: str = "prior"
-    fraction: float = 0.6
+    fraction: float | None = None
     consistent: ConsistentOptions = ConsistentOptions()
     undo_delay: bool = True
     terms: TermOptions = TermOptions()
@@ -111,7 +115,7 @@ class FitOptions:
             raise OptionError.unknown("estimator", self.estimator, ESTIMATORS)
         if self.unidentifiable not in UNIDENTIFIABLE:
             raise OptionError.unknown("unidentifiable", self.unidentifiable, UNIDENTIFIABLE)
-        if not 0 < self.fraction < 1:
+        if self.fraction is not None and not 0 < self.fraction < 1:
             raise OptionError(
                 f"fraction must be between 0 and 1, not {self.fraction}", given=self.fraction
             )
@@ -133,6 +137,9 @@ class FitOptions:
         return self.estimator if isinstance(self.estimator, str) else self.estimator.name
 
 
+# Of the moving samples that are fitted where many models are compared.
+FRACTION = 0.6
+CLEARLY_BETTER = 1.25  # ratio of errors above which another candidate is worth a word
 # Names of the candidates.
 ROBOT_FILE, ALL = "robot file", "all parameters"
 
@@ -146,8 +153,9 @@ class Identification:
     force_model : ForceModel
     training, validation, friction : tuple of Recording
         What was fitted, what judged, and what the joint terms alone were identified from, if any.
+        Without validation each stretch of the training was predicted by fits to the others.
     data, new : FitSamples
-        Training and validation as samples of a fit.
+        Training, and what judges, as samples of a fit.
     identifiability : Identifiability
         What the training data tell of the parameters that were fitted to them.
     candidates : dict of Candidate
@@ -192,12 +200,36 @@ class Identification:
     def recommended(self) -> Candidate:
         """What to predict and to export with.
 
-        Consistent parameters where they are better on new data than the baseline, and the baseline
-        where that is not clear; where an estimator was asked for, all parameters by that.
+        Consistent parameters, unless they are clearly worse on new data than the baseline; where
+        an estimator was asked for, all parameters by that.
         """
         if CONSISTENT not in self.candidates:
             return self[ALL]
-        return self[CONSISTENT] if self[CONSISTENT].beats_baseline else self.baseline
+        return self.baseline if self[CONSISTENT].loses_to_baseline else self[CONSISTENT]
+
+    @property
+    def advantage(self) -> float | None:
+        """How much smaller errors of all parameters are on new data than the recommended ones.
+
+        The ratio of these, the geometric mean over the motors; None where it is not clearly more
+        than 1.25.
+        """
+        ratio, error = error_ratio(self.new, self[ALL].predicted, self.recommended.predicted)[0]
+        clear = ratio + 2 * error < CLEARLY_BETTER**-2
+        return float(ratio**-0.5) if clear else None
+
+    @property
+    def parts(self) -> tuple[FitSamples, FitSamples]:
+        """Samples to fit and others to judge, for comparisons of many models.
+
+        Without validation the first and the last part of the training, both with all rows.
+        """
+        if self.validation:
+            return self.data, self.new
+        moving = np.cumsum(self.data.used.any(axis=1))
+        first = (moving <= FRACTION * moving[-1])[:, None]
+        used = self.data.used
+        return replace(self.data, used=used & first), replace(self.data, used=used & ~first)
 
     @property
     def fit(self) -> FitResult:
@@ -255,7 +287,7 @@ class Identification:
 
 @checked
 def split_recordings(
-    recordings: Sequence[Recording], fraction: float = 0.6
+    recordings: Sequence[Recording], fraction: float = FRACTION
 ) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
     """The first part of each recording's moving samples for training, the rest for validation.
 
@@ -345,7 +377,8 @@ def identify(
     ----------
     recordings : sequence of Recording
     validation : sequence of Recording, optional
-        Judge on these; by default on the last part of each recording (``split_recordings``).
+        Judge on these. By default all recordings are fitted, and each stretch is judged by fits to
+        the others (``FitOptions.fraction``).
     friction : sequence of Recording, optional
         Recordings of an experiment of their own that the joint terms are identified from first;
         without them all parameters are fitted together.
@@ -381,8 +414,9 @@ def identify(
     options.require_references(len(references))
     require_forces(force_model.mechanism, recordings)
     delay = find_delay(force_model, recordings) if options.undo_delay else None
-    training, judging = recordings, validation
-    if judging is None:
+    training, judging = recordings, validation or ()
+    left_out = validation is None and options.fraction is None
+    if validation is None and options.fraction is not None:
         training, judging = split_recordings(recordings, options.fraction)
     training, judging, friction = (
         without_delay(force_model, runs, delay) for runs in (training, judging, friction)
@@ -406,7 +440,7 @@ def identify(
     fitted = plain if first is None else np.setdiff1d(plain, force_model.joint_columns)
     excited = identifiability(force_model, data.select(fitted))
     whole = fit_all(force_model, data, excited, first=first, options=options)
-    solid = None
+    solid, known = None, None
     if options.name == "wls":
         if force_model.automatic and first is None:
             force_model, data, solid = with_friction(
@@ -419,11 +453,13 @@ def identify(
                 data = force_model.widened(data, training)
             solid = fit_solid_bodies(force_model, data, whole.noise, known=known, options=options)
         solid = with_assumed(solid, excited)
-    new = samples_of(force_model, judging, n_jobs=options.n_jobs)
     start = fit_joint_terms(force_model, data, options=options)
     fits = {ROBOT_FILE: start, ALL: widened(whole, force_model.parameters)}
     if solid is not None:
         fits[CONSISTENT] = solid
+    refits = _refits(force_model, fits, excited, first=first, known=known, options=options)
+    left = LeftOut.of(data, training, refits) if left_out else None
+    new = data if left_out else samples_of(force_model, judging, n_jobs=options.n_jobs)
     use = motor_use(force_model, data, training)
     fits = {
         name: replace(
@@ -444,13 +480,14 @@ def identify(
         delay.warn()
     excited.warn()
     warn_of_fitted(training, judging)
-    judged = _judged(fits, data, new)
+    judged = _judged(fits, data, new, left)
     if CONSISTENT in fits:
         # The gears carry the bodies that are recommended.
-        best = CONSISTENT if judged[CONSISTENT].beats_baseline else ROBOT_FILE
+        best = ROBOT_FILE if judged[CONSISTENT].loses_to_baseline else CONSISTENT
         force_model = force_model.with_loads(fits[best].values)
-        data, new = force_model.widened(data, training), force_model.widened(new, judging)
-        judged = _judged(fits, data, new)
+        data = force_model.widened(data, training)
+        new = data if left_out else force_model.widened(new, judging)
+        judged = _judged(fits, data, new, left)
     parts = tuple(training), tuple(judging), tuple(friction)
     return Identification(
         *(force_model, *parts, data, new, excited, judged, options),
@@ -458,6 +495,43 @@ def identify(
         delay=delay,
         suspicions=suspected,
     )
+
+
+def _refits(
+    force_model: ForceModel,
+    fits: Mapping[str, FitResult],
+    excited: Identifiability,
+    *,
+    first: FitSamples | None,
+    known: FitResult | None,
+    options: FitOptions,
+) -> dict[str, Callable[[FitSamples], FloatArray]]:
+    """For each candidate, values (n,) from a part of the samples; the errors are those of all."""
+
+    def terms(part: FitSamples) -> FloatArray:
+        noise = fits[ROBOT_FILE].noise
+        if noise is None or options.name != "wls":
+            return fit_joint_terms(force_model, part, options=options).values
+        return fit_terms(force_model, part, noise).values
+
+    def every(part: FitSamples) -> FloatArray:
+        if first is not None:
+            return fit_all(force_model, part, excited, first=first, options=options).values
+        values, columns = np.zeros(len(part.parameters)), force_model.plain_columns
+        prior, estimator = force_model.prior[columns], chosen_estimator(options.estimator)
+        values[columns] = told_values(part.select(columns), prior, excited.excitation, estimator)
+        return values
+
+    def solid(part: FitSamples) -> FloatArray:
+        if known is None and noise is not None:
+            return consistent_values(
+                force_model, part, noise, options=options.consistent, like=fits[CONSISTENT]
+            )
+        return fit_solid_bodies(force_model, part, noise, known=known, options=options).values
+
+    noise = fits[ALL].noise
+    found = {ROBOT_FILE: terms, ALL: every, CONSISTENT: solid}
+    return {name: found[name] for name in fits}
 
 
 def _friction_alone(
@@ -473,15 +547,26 @@ def _friction_alone(
 
 
 def _judged(
-    fits: Mapping[str, FitResult], data: FitSamples, new: FitSamples
+    fits: Mapping[str, FitResult], data: FitSamples, new: FitSamples, left: LeftOut | None
 ) -> dict[str, Candidate]:
     """Candidates beside the first one, their quality that of the samples."""
     fits = {
         name: replace(fit, quality=fit_quality(data.problem, fit.values))
         for name, fit in fits.items()
     }
-    against = fits[ROBOT_FILE]
-    return {name: judge(fit, data, new, name=name, against=against) for name, fit in fits.items()}
+    forces = {
+        name: left.predicted(name, new) if left else new.predicted(fit.values)
+        for name, fit in fits.items()
+    }
+    return {
+        name: judge(
+            *(fit, data, new),
+            name=name,
+            against=fits[ROBOT_FILE],
+            predicted=(forces[name], forces[ROBOT_FILE]),
+        )
+        for name, fit in fits.items()
+    }
 
 
 @checked

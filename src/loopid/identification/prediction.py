@@ -11,8 +11,8 @@ from loopid.errors import DataError, OptionError
 from loopid.files import csv_text
 from loopid.identification.cutoff import prepared_at
 from loopid.identification.force_model import ForceModel
-from loopid.identification.problem import FitSamples
-from loopid.identification.result import FitResult, Quality, fit_quality
+from loopid.identification.problem import ROUND_OFF, FitSamples
+from loopid.identification.result import CONSTANT_FORCE, FitResult, Quality
 from loopid.identification.saved import SavedFit, model_of
 from loopid.logs.recording import Recording
 from loopid.records import Tabular, columns_of, record
@@ -149,6 +149,7 @@ def force_model_of(fit: SavedFit | FitResult, robot: Mechanism | ForceModel) -> 
 # are autocorrelated over seconds.
 BATCHES = 8
 INTERVAL = 1.96  # standard deviations of a normal 95 % interval
+MUCH_WORSE = 2.0  # ratio of errors of a motor
 NO_DIFFERENCE = 1e-9  # of mean squared errors: smaller ones are round-off
 
 
@@ -163,18 +164,24 @@ class Candidate:
         All n values, with their uncertainty.
     validation : Quality
         On data that were not fitted.
+    predicted : FloatArray
+        (N, dof) forces on these data, by fits that have not seen them.
     rms_errors : tuple of FloatArray
         Standard errors (dof,) of the rms on training and on validation data, in N or N m.
     error_ratio : tuple of float
-        Mean squared validation error, actuators weighted alike, over that of the baseline; and its
-        standard error.
+        Mean squared validation error over that of the baseline, the geometric mean over the motors;
+        and its standard error.
+    motor_ratios : FloatArray
+        (dof,), that of each motor; NaN without samples.
     """
 
     name: str
     fit: FitResult
     validation: Quality
+    predicted: FloatArray
     rms_errors: tuple[FloatArray, FloatArray]
     error_ratio: tuple[float, float]
+    motor_ratios: FloatArray
 
     @property
     def fitted(self) -> int:
@@ -199,9 +206,13 @@ class Candidate:
 
     @property
     def loses_to_baseline(self) -> bool:
-        """Whether the validation error is larger by more than two standard errors."""
+        """Whether the validation error is larger by more than two standard errors.
+
+        Or larger, and more than twice that of the baseline in some motor.
+        """
         ratio, error = self.error_ratio
-        return ratio - 1.0 > 2 * error + NO_DIFFERENCE
+        far = float(np.nanmax(self.motor_ratios, initial=0.0)) > MUCH_WORSE**2
+        return ratio - 1.0 > (0.0 if far else 2 * error) + NO_DIFFERENCE
 
     @property
     def verdict(self) -> str:
@@ -212,14 +223,21 @@ class Candidate:
         ratio, error = self.error_ratio
         name = self.name if self.name.endswith("parameters") else f"{self.name} parameters"
         return (
-            f"With {name} the mean squared error on new data is {ratio:.2f} "
-            f"± {error:.2f} times that of the robot file with fitted joint terms: {verdict} it."
+            f"With {name} the mean squared error on new data is {ratio:.2f} ± {error:.2f} times "
+            "that of the robot file with fitted joint terms (geometric mean over the motors, "
+            f"{np.nanmax(self.motor_ratios, initial=0.0):.2f} for the worst): {verdict} it."
         )
 
 
 @checked
 def judge(
-    fit: FitResult, data: FitSamples, new: FitSamples, *, name: str, against: FitResult
+    fit: FitResult,
+    data: FitSamples,
+    new: FitSamples,
+    *,
+    name: str,
+    against: FitResult,
+    predicted: tuple[FloatArray, FloatArray] | None = None,
 ) -> Candidate:
     """Judge a fit of data on new data, beside a baseline.
 
@@ -229,15 +247,40 @@ def judge(
         Of all parameters: what was fitted, and what was not.
     against : FitResult
         The baseline.
+    predicted : tuple of FloatArray, optional
+        Forces (N, dof) on the new data, of the fit and of the baseline, where those were not
+        predicted by these values but by fits that have not seen them.
     """
-    errors = _rms_errors(data, fit.values), _rms_errors(new, fit.values)
-    ratio = _error_ratio(new, fit.values, against.values)
-    return Candidate(name, fit, fit_quality(new.problem, fit.values), errors, ratio)
+    own, other = predicted or (new.predicted(fit.values), new.predicted(against.values))
+    errors = tuple(
+        _rms_errors(samples, samples.force - forces)
+        for samples, forces in ((data, data.predicted(fit.values)), (new, own))
+    )
+    return Candidate(
+        name,
+        fit,
+        quality_of(new, own),
+        own,
+        (errors[0], errors[1]),
+        *error_ratio(new, own, other),
+    )
 
 
-def _rms_errors(samples: FitSamples, values: FloatArray) -> FloatArray:
-    """Standard errors (dof,) of the rms of residuals, to first order; NaN without samples."""
-    residual, errors = samples.residual(values), np.full(len(samples.actuators), np.nan)
+def quality_of(samples: FitSamples, predicted: FloatArray) -> Quality:
+    """Errors of predicted forces (N, dof) where these are used."""
+    problem, used = samples.problem, samples.used
+    squares = (np.where(used, samples.force - predicted, 0.0) ** 2).sum(axis=0)
+    force = problem.force_squares()
+    total = force - problem.samples * problem.mean_force**2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rms = np.sqrt(np.where(problem.samples > 0, squares / problem.samples, np.nan))
+        shares = np.where(total > CONSTANT_FORCE * force, 1.0 - squares / total, np.nan)
+    return Quality(rms, shares, problem.samples)
+
+
+def _rms_errors(samples: FitSamples, residual: FloatArray) -> FloatArray:
+    """Standard errors (dof,) of the rms of residuals (N, dof), to first order; NaN for none."""
+    errors = np.full(len(samples.actuators), np.nan)
     for k in np.flatnonzero(samples.problem.samples):
         squares = residual[:, k][samples.used[:, k]] ** 2
         if squares.any():
@@ -245,21 +288,43 @@ def _rms_errors(samples: FitSamples, values: FloatArray) -> FloatArray:
     return errors
 
 
-def _error_ratio(
-    samples: FitSamples, values: FloatArray, baseline: FloatArray
-) -> tuple[float, float]:
-    """Ratio of mean squared errors, and its standard error to first order, from paired squares."""
-    rms = fit_quality(samples.problem, baseline).residual_rms
-    scale, present = np.maximum(rms, samples.least_errors), samples.problem.samples > 0
+@checked
+def error_ratio(
+    samples: FitSamples, own: FloatArray, other: FloatArray
+) -> tuple[tuple[float, float], FloatArray]:
+    """Mean squared error of predicted forces (N, dof) over that of other ones.
 
-    def squares(phi: FloatArray) -> FloatArray:
-        """Squared errors (N,), each actuator in units of its baseline error."""
-        residual = np.where(samples.used, samples.residual(phi), 0.0)[:, present]
-        return np.asarray(((residual / scale[present]) ** 2).sum(axis=1))
+    Returns
+    -------
+    ratio : tuple of float
+        The geometric mean over the motors with samples, and its standard error by the jackknife
+        over stretches of time [Efron1982].
+    motors : FloatArray
+        (dof,), of each; NaN without samples.
+    """
+    problem, rows = samples.problem, np.arange(len(samples))
+    least = np.maximum(samples.least_errors, ROUND_OFF * problem.force_rms) ** 2
+    batches = np.array_split(rows, min(BATCHES, len(rows)))
 
-    own, other = squares(values), squares(baseline)
-    ratio = float(own.mean() / other.mean())
-    return ratio, _mean_error(own - ratio * other) / float(other.mean())
+    def sums(predicted: FloatArray) -> FloatArray:
+        """Of squares (B, dof), which are never less than round-off."""
+        squares = np.where(samples.used, (samples.force - predicted) ** 2 + least, 0.0)
+        return np.array([squares[batch].sum(axis=0) for batch in batches])
+
+    def logarithm(parts: tuple[FloatArray, FloatArray]) -> FloatArray:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.log(parts[0]) - np.log(parts[1])
+
+    A, B = sums(own), sums(other)
+    motors = logarithm((A.sum(axis=0), B.sum(axis=0)))
+    present = np.isfinite(motors)
+    ratio = float(np.exp(motors[present].mean())) if present.any() else np.nan
+    without = logarithm((A.sum(axis=0) - A, B.sum(axis=0) - B))[:, present]
+    count = len(batches)
+    if count < 2 or not np.isfinite(without).all():
+        return (ratio, np.nan), np.exp(motors)
+    spread = np.std(without.mean(axis=1)) * np.sqrt(count - 1)
+    return (ratio, ratio * float(spread)), np.exp(motors)
 
 
 def _mean_error(series: FloatArray) -> float:

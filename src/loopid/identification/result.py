@@ -138,8 +138,8 @@ class FileDeviation(OfArrays):
         Those with a mass.
     own : FloatArray
         (bodies,), of each: larger for one that is far off while the others are right.
-    largest, farthest : float
-        That the common one, and that of a body, may be.
+    largest, farthest, least : float
+        That the common one, and that of a body, may be; and the least common one.
     """
 
     common: float
@@ -147,6 +147,18 @@ class FileDeviation(OfArrays):
     own: FloatArray
     largest: float
     farthest: float
+    least: float = 0.0
+
+    @property
+    def sentence(self) -> str:
+        """How far the file is trusted; at a bound that is no finding of the data."""
+        bound = self.common <= self.least or self.common >= self.largest
+        off = (f"{name} {100 * own:.2g} %" for name, own in self.rows if own > self.common)
+        also = ", ".join(off)
+        return (
+            f"the bodies of the robot file {'are assumed' if bound else 'count as'} right to "
+            f"{100 * self.common:.2g} %{f', but {also}' if also else ''}"
+        )
 
     @property
     def far(self) -> tuple[str, ...]:

@@ -39,8 +39,13 @@ class Verdict:
     error : float
         Of that motor on new data, in parts of its force, in the root mean square.
     ratio : tuple of float
-        Mean squared error on new data over that with the robot file's bodies, and its standard
-        error; of the best fit where the robot file's bodies are recommended.
+        Mean squared error of the recommended fit on new data over that of the robot file with
+        fitted joint terms, the geometric mean over the motors, and its standard error.
+    judged : str
+        On what: ``"stretches"`` that were left out one by one, ``"logs"`` left out, or
+        ``"validation"`` data.
+    band : float or None
+        In Hz, below which forces were fitted and judged; None without a filter.
     significant, parameters : int
         Parameters of the recommended fit, and how many of them clearly differ from zero.
     excite : tuple of str
@@ -56,6 +61,8 @@ class Verdict:
     motor: str
     error: float
     ratio: tuple[float, float]
+    judged: str
+    band: float | None
     significant: int
     parameters: int
     excite: tuple[str, ...]
@@ -69,15 +76,16 @@ class Verdict:
         worst = 0 if np.isnan(errors).all() else int(np.nanargmax(errors))
         count = sum(not grouped(each.kind) for each in found.fit.parameters)
         significant = count - len(_insignificant(found.fit))
-        judged = [each for each in found.candidates.values() if each is not found.baseline]
-        best = found.recommended if found.recommended in judged else judged[-1]
         mistake, error = next(iter(found.mistakes), None), float(errors[worst])
         excite, improvement = _improvement(found)
+        left_out = "logs" if len(found.training) > 1 else "stretches"
         return cls(
             "Not fit for use" if mistake else _use(found, error),
             found.new.actuators[worst],
             error,
-            best.error_ratio,
+            found.recommended.error_ratio,
+            "validation" if found.validation else left_out,
+            found.training[0].cutoff,
             significant,
             count,
             () if mistake else excite,
@@ -88,14 +96,47 @@ class Verdict:
     def __str__(self) -> str:
         if self.mistake is not None:
             return self.mistake.veto
-        ratio, error = self.ratio
-        more, page = "lower" if ratio < 1 else "higher", f" ({PAGE})" * (not self.error <= ROUGH)
+        page = "" if self.error <= ROUGH else f" ({PAGE})"
+        band = "" if self.band is None else f" below {self.band:.3g} Hz"
         return (
-            f"{self.use}: on new data errors are at most {100 * self.error:.2g} % of a motor's "
-            f"force ({self.motor}), squared {abs(100 * (1 - ratio)):.2g} ± {100 * error:.2g} % "
-            f"{more} than the robot file's; {self.significant} of {self.parameters} values are "
-            f"significant. Next: {self.improvement}{page}."
+            f"{self.use}: {JUDGED[self.judged]}{band} errors are at most {100 * self.error:.2g} % "
+            f"of a motor's force ({self.motor}){self._beside_file}; {self.significant} of "
+            f"{self.parameters} values are significant. Next: {self.improvement}{page}."
         )
+
+    @property
+    def _beside_file(self) -> str:
+        """Errors beside those of the robot file, to first order; empty for the robot file's."""
+        ratio, error = self.ratio
+        if ratio == 1 or not np.isfinite(ratio):
+            return ""
+        below, root = ratio < 1, np.sqrt(ratio)
+        size = 100 * abs(1 - root)
+        spread = f" ± {50 * error / root:.1g}" if np.isfinite(error) else ""
+        side = "below" if below else "above"
+        return f", over all motors {size:.0f}{spread} % {side} those with the file's bodies"
+
+
+# What judged, in words.
+JUDGED = {
+    "stretches": "on stretches left out of the fit",
+    "logs": "on logs left out of the fit",
+    "validation": "on new data",
+}
+
+
+def _better(found: Identification) -> Finding | None:
+    """Of all parameters, where they predict clearly better than the recommended ones."""
+    times = found.advantage
+    if times is None:
+        return None
+    return Finding(
+        "warning",
+        f"all parameters predict {times:.2g} times better than any robot with solid bodies",
+        "and friction that dissipates, on data left out",
+        "look for a sign, a zero or a length of the file that is wrong, as all parameters predict "
+        f"{times:.2g} times better than any robot with solid bodies",
+    )
 
 
 def _errors(found: Identification) -> FloatArray:
@@ -114,9 +155,10 @@ def _use(found: Identification, error: float) -> str:
         return "Not fit for use"
     use = "Fit for predicting forces" if error <= GOOD else "Fit for rough predictions of forces"
     if found.recommended is found.baseline:
-        return f"{use} with the robot file's bodies, as fitted ones are not clearly better"
-    told = found.identifiability
-    if error <= GOOD and told.well_determined == told.structural_rank:
+        return f"{use} with the robot file's bodies, as fitted ones are clearly worse"
+    told, deviation = found.identifiability, found.fit.deviation
+    doubtful = found.advantage is not None or (deviation is not None and deviation.suspicion)
+    if error <= GOOD and told.well_determined == told.structural_rank and not doubtful:
         return f"{use} and as parameters of the robot"
     return f"{use} in motions like these, but not parameter by parameter"
 
@@ -126,6 +168,8 @@ def _improvement(found: Identification) -> tuple[tuple[str, ...], str]:
 
     Another motion does not help where forces are not explained.
     """
+    if (better := _better(found)) is not None:
+        return (), better.do
     if (unexplained := _unexplained(found)) is not None:
         return (), unexplained.do
     excite = found.identifiability.leads or _least_known(found)
@@ -136,8 +180,7 @@ def findings_of(found: Identification) -> tuple[Finding, ...]:
     """What to know beside the numbers, the most important first."""
     said = [each for one in found.suspicions for each in one.mistakes]
     told, deviation, unexplained = found.identifiability, found.fit.deviation, _unexplained(found)
-    if unexplained is not None:
-        said.append(unexplained)
+    said += [each for each in (_better(found), unexplained) if each is not None]
     if deviation is not None and deviation.suspicion:
         said.append(
             Finding(

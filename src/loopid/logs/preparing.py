@@ -103,7 +103,7 @@ def prepare_recording(
     >>> robot = loopid.load_mechanism("five_bar")
     >>> log = loopid.read_log(bundled_directory() / "logs" / "five_bar.csv", robot)
     >>> loopid.prepare_recording(robot, log)
-    <Recording 'five_bar': 550 samples, filtered at 4.82 Hz, forces used: ...>
+    <Recording 'five_bar': 735 samples, filtered at 5.36 Hz, forces used: ...>
     """
     require_known_motion(robot, log.free)
     if log.joints != robot.actuated:
@@ -624,7 +624,7 @@ def on_independent(
 # The band ends where this part of the power of the velocities is left in so many times its width:
 # noise, whatever its colour, has little power near the motion, and much far above. Slow motions
 # that start and stop quickly have no end with a hundredth left.
-LEFT, WIDTHS = 0.03, 5.0
+LEFT, WIDTHS = 0.02, 5.0
 # A cut-off before anything is fitted: so many bands, and samples a period of it, at least.
 PROVISIONAL, LEAST_PERIOD = 6.0, 5.0
 # Samples that tell a band; of fewer, the cut-off is this part of the rate.

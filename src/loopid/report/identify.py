@@ -108,14 +108,15 @@ def _sections(study: Study) -> list[Section]:
 
 
 def _forces_chart(found: Identification) -> Chart:
-    """On the first validation recording."""
-    run = found.validation[0]
+    """On the first recording that judges, by fits that have not seen it."""
+    run = (found.validation or found.training)[0]
     W = found.new.regressor[: len(run)]
 
     def reach(rows: IntArray) -> FloatArray:
         return prediction_reach(W[rows], found.fit.covariance)
 
-    prediction, file = Prediction(run, W @ found.fit.values), W @ found.baseline.values
+    own, file = (each.predicted[: len(run)] for each in (found.recommended, found.baseline))
+    prediction = Prediction(run, own)
     return forces_chart(found.force_model.mechanism, prediction, file=file, reach=reach)
 
 
@@ -284,16 +285,11 @@ def _error_text(error: PredictionError) -> str:
 def _recommendation(found: Identification) -> str:
     said = f"Recommended, and written to parameters.yaml: {found.recommended.name}"
     if found.recommended is found.baseline:
-        return f"{said} with fitted joint terms, as nothing is clearly better on new data."
+        return f"{said} with fitted joint terms, as fitted bodies are clearly worse on new data."
     deviation = found.fit.deviation
     if deviation is None:
         return f"{said} by {found.fit.estimator}."
-    off = (f"{name} {100 * own:.2g} %" for name, own in deviation.rows if own > deviation.common)
-    also = ", ".join(off)
-    return (
-        f"{said} parameters, every body solid; the bodies of the robot file count as right to "
-        f"{100 * deviation.common:.2g} %{f', but {also}' if also else ''}."
-    )
+    return f"{said} parameters, every body solid; {deviation.sentence}."
 
 
 def _value_and_error(fit: FitResult, estimate: Estimate) -> tuple[str, str]:

@@ -1,0 +1,90 @@
+"""Forces of each stretch of some data, predicted by fits to the others.
+
+All data can then be fitted, and all judge. What is fitted keeps apart from a stretch by as much as
+the filter spreads; of several logs each is a stretch of its own.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from loopid.arguments import BoolArray, FloatArray, IntArray
+from loopid.identification.problem import FitSamples
+from loopid.logs.recording import Recording
+from loopid.records import record
+
+FOLDS = 5  # stretches: each fit has four fifths of the data
+PERIODS = 1.0  # of the cut-off, over which a filter spreads what happens in one sample
+
+
+@record
+class LeftOut:
+    """Fits to all stretches of some data but one.
+
+    Attributes
+    ----------
+    stretches : IntArray
+        (N,), the stretch of each sample, of K.
+    values : dict of FloatArray
+        (K, n), for each candidate its values without each stretch.
+    """
+
+    stretches: IntArray
+    values: Mapping[str, FloatArray]
+
+    @classmethod
+    def of(
+        cls,
+        data: FitSamples,
+        recordings: Sequence[Recording],
+        refits: Mapping[str, Callable[[FitSamples], FloatArray]],
+    ) -> LeftOut:
+        """Fit again without each stretch.
+
+        Parameters
+        ----------
+        data : FitSamples
+            Of the recordings.
+        refits : dict of callable
+            For each candidate: values (n,) from samples, some of which are not used.
+        """
+        stretches = stretches_of(data, recordings)
+        values: dict[str, list[FloatArray]] = {name: [] for name in refits}
+        with warnings.catch_warnings():  # the same as of all data
+            warnings.simplefilter("ignore")
+            for kept in kept_without(stretches, data, recordings):
+                part = replace(data, used=data.used & kept[:, None])
+                for name, refit in refits.items():
+                    values[name].append(refit(part))
+        return cls(stretches, {name: np.array(each) for name, each in values.items()})
+
+    def predicted(self, name: str, data: FitSamples) -> FloatArray:
+        """Forces (N, dof) of a candidate, of each stretch by the fit without it."""
+        values = self.values[name][self.stretches]
+        return np.asarray((data.regressor @ values[:, :, None])[:, :, 0])
+
+
+def stretches_of(data: FitSamples, recordings: Sequence[Recording]) -> IntArray:
+    """The stretch (N,) of each sample: whole logs, or equal parts of the time that motors move."""
+    if len(recordings) > 1:
+        return np.asarray(data.runs % FOLDS)
+    moving = np.cumsum(data.used.any(axis=1))
+    return np.asarray(np.minimum(moving * FOLDS // (moving[-1] + 1), FOLDS - 1))
+
+
+def kept_without(
+    stretches: IntArray, data: FitSamples, recordings: Sequence[Recording]
+) -> Iterator[BoolArray]:
+    """For each stretch the samples (N,) that are beyond the filter's reach of it."""
+    time = np.concatenate([run.motion.time for run in recordings])
+    gaps = [PERIODS / run.cutoff if run.cutoff else 0.0 for run in recordings]
+    for k in range(int(stretches.max()) + 1):
+        kept = stretches != k
+        if len(recordings) == 1:
+            first, last = time[~kept][[0, -1]]
+            kept &= (time < first - gaps[0]) | (time > last + gaps[0])
+        yield kept

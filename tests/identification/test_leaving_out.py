@@ -1,0 +1,94 @@
+"""All data are fitted, and each stretch is judged by fits that have not seen it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from loopid import FitOptions, find_force_model, identify
+from loopid.identification import samples_of
+from loopid.identification.leaving_out import FOLDS, kept_without, stretches_of
+from loopid.motion import scaled_bodies
+from made_runs import modelled, quietly, wander
+
+NOISE = 0.02  # N m
+
+
+@pytest.fixture(scope="module")
+def model(load_once):
+    return find_force_model(load_once("five_bar"), "full", "Fc,Fv")
+
+
+@pytest.fixture(scope="module")
+def runs(model):
+    """A run of a robot whose bodies are some 20 % off the file, and another motion of it."""
+    robot = model.mechanism
+    bodies = scaled_bodies(robot, 0.2, seed=3)
+    truth = model.base.values(np.concatenate([bodies, [0.1, 0.05, 0.1, 0.05]]))
+    return [
+        modelled(model, wander(robot, seed, 12.0, 50.0, size=(0.4, 0.4)), truth, noise=NOISE)
+        for seed in (1, 2)
+    ]
+
+
+def test_stretches_take_no_part_in_the_fits_that_judge_them(model, runs):
+    run = replace(runs[0], cutoff=2.0)
+    data = model.samples(run)
+    stretches, time = stretches_of(data, [run]), np.asarray(run.motion.time)
+    kept = list(kept_without(stretches, data, [run]))
+    assert len(kept) == FOLDS
+    assert np.ptp(np.bincount(stretches)) <= 1
+    for k, each in enumerate(kept):
+        apart = np.abs(time[each][:, None] - time[stretches == k]).min()
+        assert apart > 1 / 2.0
+
+
+def test_whole_logs_are_left_out_where_there_are_several(model, runs):
+    data = samples_of(model, runs)
+    stretches = stretches_of(data, runs)
+    np.testing.assert_array_equal(stretches, data.runs)
+    assert [int(kept.sum()) for kept in kept_without(stretches, data, runs)] == [601, 601]
+
+
+def test_all_is_fitted_and_judged_as_honestly_as_by_new_data(model, runs):
+    found = quietly(identify, model, [runs[0]])
+    assert found.validation == ()
+    assert len(found.data) == len(found.new) == len(runs[0])
+    # As with all of it given for training ...
+    other = quietly(identify, model, [runs[0]], validation=[runs[1]])
+    np.testing.assert_allclose(found.fit.values, other.fit.values, rtol=1e-9)
+    # ... and no row was predicted by values that have seen it.
+    own = found.new.predicted(found.fit.values)
+    for each, there in zip(found.candidates.values(), other.candidates.values(), strict=True):
+        assert (np.abs(each.predicted - own) > 0).any()
+        claim, truth = each.validation.residual_rms, there.validation.residual_rms
+        assert (claim > 0.7 * truth).all()
+        assert (claim < 1.5 * truth).all()
+    assert "left out of the fit" in str(found.verdict)
+
+
+def test_a_spoilt_stretch_does_not_predict_itself(model, runs):
+    """Forces of the last fifth that no robot has: their own fit would follow them."""
+    run, late = runs[0], np.arange(len(runs[0])) >= 0.8 * len(runs[0])
+    force = run.force + late[:, None] * (5.0 * np.asarray(run.motion.accelerations))
+    found = quietly(identify, model, [replace(run, force=force)])
+    clean = quietly(identify, model, [run])
+    last = found["all parameters"].predicted[late], clean["all parameters"].predicted[late]
+    np.testing.assert_allclose(*last, atol=5 * NOISE)
+
+
+def test_with_few_rows_left_to_judge_the_file_does_not_win(model, runs):
+    found = quietly(identify, model, [runs[0]], options=FitOptions(fraction=0.97))
+    assert found.recommended is found["consistent"]
+
+
+def test_where_all_parameters_predict_better_than_any_robot_it_is_said(model, runs):
+    """Friction that drives: the sign of a force or of a position is wrong."""
+    rate = np.asarray(runs[0].motion.velocities)
+    force = runs[0].force - 2.0 * np.sign(rate) * [1.0, 0.0]
+    found = quietly(identify, model, [replace(runs[0], force=force)])
+    assert found.advantage > 2
+    assert "times better than any robot with solid bodies" in str(found.verdict)
+    assert any("times better" in each.title for each in found.findings)
+    assert "as parameters of the robot" not in str(found.verdict)
+    assert quietly(identify, model, [runs[0]]).advantage is None
