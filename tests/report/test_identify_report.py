@@ -100,7 +100,7 @@ def test_the_terminal_shows_the_recommended_values(report, study):
     shown = names[:-1] if names[-1].startswith("... and ") else names
     assert shown == list(fit.parameters.names)[: len(shown)]
     left = len(fit.values) - len(shown)
-    assert names[len(shown) :] == ([f"... and {left} more: --verbose"] if left else [])
+    assert names[len(shown) :] == ([f"... and {left} more in the report"] if left else [])
     for value, error, estimate in zip(values, errors, fit.estimates[: len(shown)], strict=False):
         assert float(value) == pytest.approx(estimate.value, rel=5e-4, abs=estimate.standard_error)
         assert (error == "= file") == (estimate.name in fit.assumed)

@@ -20,8 +20,10 @@ from loopid.workers import progress_bar
 
 if TYPE_CHECKING:
     from loopid.cli.shell import Answer
+    from loopid.diagnosis.gains import GainFit
     from loopid.identification.log_mistakes import Suspicions
     from loopid.identification.pipeline import Identification
+    from loopid.logs.recording import Recording
     from loopid.report.page import Report
     from loopid.robot.mechanism import Mechanism
 
@@ -196,31 +198,45 @@ def payload(
     from loopid.diagnosis.payload import identify_payload
     from loopid.identification.force_model import find_force_model
     from loopid.identification.log_mistakes import suspicions_by_log
-    from loopid.logs.mapping import read_mapping
     from loopid.report.forces import gains_report, payload_report
 
     inputs = [name for name in (robot.path, mapping, *unloaded, *loaded_log) if name is not None]
     answer.require(*inputs)
-    if known_mass is None and (centre or write_mapping):
-        given = "--centre" if centre else "--write-mapping"
-        raise OptionError(f"{given} is for gains: say the mass of the payload, --known-mass KG")
-    if write_mapping is not None:
-        require_other_file(write_mapping, *inputs)
+    _require_gains(known_mass, centre, write_mapping, inputs)
     force_model = find_force_model(robot, model, terms)
     light = recordings(robot, unloaded, mapping, cutoff, rows)
     heavy = recordings(robot, loaded_log, mapping, cutoff, rows)
-    suspected = suspicions_by_log(robot, light, force_model.joint_terms)
     runs: dict[str, Any] = {"unloaded": light, "loaded": heavy, "estimator": estimator}
     if known_mass is None:
-        found = identify_payload(force_model, link, **runs)
-        answer.show(_vetoed(payload_report(found), suspected))
+        report = payload_report(identify_payload(force_model, link, **runs))
     else:
-        place = None if centre is None else numbers(centre, "--centre", 3)
-        gains = drive_gains(force_model, link, KnownLoad(known_mass, place), **runs)
-        if write_mapping is not None:
-            own = None if mapping is None else read_mapping(mapping)
-            write_file(write_mapping, gains.mapping([*light, *heavy], own).content)
-        answer.show(_vetoed(gains_report(gains), suspected))
+        load = KnownLoad(known_mass, None if centre is None else numbers(centre, "--centre", 3))
+        gains = drive_gains(force_model, link, load, **runs)
+        _write_gains(write_mapping, gains, [*light, *heavy], mapping)
+        report = gains_report(gains)
+    answer.show(_vetoed(report, suspicions_by_log(robot, light, force_model.joint_terms)))
+
+
+def _require_gains(
+    known_mass: float | None, centre: str | None, mapping: str | None, inputs: Sequence[Path | str]
+) -> None:
+    """Refuse options of gains without a mass, and a mapping in the place of an input."""
+    if known_mass is None and (centre or mapping):
+        given = "--centre" if centre else "--write-mapping"
+        raise OptionError(f"{given} is for gains: say the mass of the payload, --known-mass KG")
+    if mapping is not None:
+        require_other_file(mapping, *inputs)
+
+
+def _write_gains(
+    path: str | None, gains: GainFit, runs: Sequence[Recording], mapping: str | None
+) -> None:
+    """Write a mapping that has the gains, if asked for."""
+    from loopid.logs.mapping import read_mapping
+
+    if path is not None:
+        own = None if mapping is None else read_mapping(mapping)
+        write_file(path, gains.mapping(runs, own).content)
 
 
 def _vetoed(report: Report, suspected: Sequence[Suspicions]) -> Report:

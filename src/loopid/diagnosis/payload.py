@@ -114,8 +114,8 @@ class MotorMasses:
         return (
             f"motors disagree on the mass: {self.values[low]:.3g} kg by {self.actuators[low]}, "
             f"{self.values[high]:.3g} kg by {self.actuators[high]}; gains of drives are off, or "
-            "the model lacks a force: a load of known mass tells the gains (drive_gains in Python, "
-            "--known-mass KG of the command)"
+            "the model lacks a force: drive_gains finds the gains by a load of known mass, as by "
+            f"known_mass={np.median(self.values):.3g}"
         )
 
 

@@ -581,6 +581,8 @@ def _beside_slip(
     width, forces = samples.regressor.shape[2], samples.problem.force_rms
     tables, deviations = list[FloatArray](), list[float]()
     for i, joint in enumerate(samples.actuators):
+        if any(one.history and joint not in one.history.joints for one in recordings):
+            continue  # a coordinate that no motor moves
         ways = [one.ways(joint) for one in recordings]
         slips = slip_displacements(max(float(np.ptp(way)) for each in ways for way in each))
         if not (forces[i] and slips[0]):

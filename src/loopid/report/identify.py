@@ -60,7 +60,7 @@ def identification_report(study: Study, command: str = "") -> Report:
         rows.append((each.name, value, "= file" if error == "-" else f"± {error}", each.unit))
     if len(rows) > 2 * SHOWN or any(" more" in row[0] for row in rows):
         left = len(rows) - SHOWN
-        rows[SHOWN:] = [(f"... and {left} more: --verbose", "", "", "")] if left > 0 else []
+        rows[SHOWN:] = [(f"... and {left} more in the report", "", "", "")] if left > 0 else []
     return Report(
         name="identification",
         title=f"{model.mechanism.name}, {model.model} model",
