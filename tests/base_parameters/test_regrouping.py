@@ -7,6 +7,7 @@ import pytest
 from choice_problems import BASES, brute_force, parameters, structures
 from hypothesis import given, settings, strategies as st
 
+from loopid import find_force_model, load_mechanism
 from loopid.base_parameters import ChoiceProblem, find_base_parameters
 from loopid.base_parameters.choice import condition_numbers
 from loopid.base_parameters.structure import base_columns, regrouping_matrix
@@ -109,3 +110,11 @@ def test_coefficients_between_columns_of_any_size_rebuild_each_column():
         if len(base) == rank and not base.doubtful:
             errors = np.linalg.norm(base.regressor(W) @ base.matrix - W, axis=0)
             assert (errors < 1e-8 * np.linalg.norm(W, axis=0)).all()
+
+
+@pytest.mark.parametrize("name", ["five_bar", "3ups_rpu", "delta", "6ups"])
+@pytest.mark.parametrize("model", ["gravity", "full"])
+def test_no_coefficient_is_round_off(name, model):
+    """Those of exact files are products of lengths: none is small."""
+    matrix = np.abs(find_force_model(load_mechanism(name), model).base.matrix)
+    assert matrix[matrix > 0].min() > 1e-4

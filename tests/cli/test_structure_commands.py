@@ -53,7 +53,7 @@ def test_base_json_has_the_promised_keys_and_counts(base):
     assert record["search"]["certified"] is True
     assert len(record["base_parameters"]) == record["rank"]
     for parameter in record["base_parameters"]:
-        assert parameter["terms"][parameter["name"]] == 1.0
+        assert next(iter(parameter["terms"].values())) == 1.0
 
 
 @pytest.mark.parametrize(
@@ -79,7 +79,7 @@ def test_a_seed_gives_the_same_answer_again(run_json):
 def test_base_works_from_any_folder(run, base, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert "platform.mx - 0.3 leg1_stem.m + 0.1928 leg2_stem.m" in run("base", "3ups_rpu").out
-    (row,) = [row for row in base["base_parameters"] if row["name"] == "platform.my"]
+    (row,) = [row for row in base["base_parameters"] if row["name"].startswith("platform.my + ")]
     assert row["expression"] == "platform.my + 0.2298 leg2_stem.m - 0.3 leg3_stem.m"
 
 

@@ -125,8 +125,8 @@ def test_what_the_motors_alone_feel_stands_beside_all_that_is_felt(tmp_path):
     assert_strict(record)
     assert record["undetermined"] == list(robot.free)
     assert record["motors_alone"]["rank"] == len(alone)
-    names = [row["name"] for row in record["motors_alone"]["base_parameters"]]
-    assert names == list(alone.names)
+    sums = [row["expression"] for row in record["motors_alone"]["base_parameters"]]
+    assert sums == list(alone.expressions)
     titles = [str(table.title) for table in base_tables(record)]
     assert "what the motors alone feel" in titles
     findings = [str(cell) for cell in base_tables(record)[-1].columns[0].cells]

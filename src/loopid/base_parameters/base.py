@@ -305,7 +305,7 @@ def base_of_choice(
         structure=structure,
         base=structure.columns[base],
         dependent=structure.columns[dependent],
-        regrouping=regrouping_matrix(structure.null_basis, dependent, structure.precision),
+        regrouping=regrouping_matrix(structure.null_basis, dependent, structure.zero),
         search=search,
     )
 

@@ -26,6 +26,7 @@ ROUND_OFF_COLUMN = 1e-13
 UNCLEAR_RANK = "unclear rank"  # a reason why nothing is certified
 UNIT_ROUND_OFF = 2.0**-53
 CERTAIN = 1e-2  # relative error of a vector that is not zero
+TERM = 1e-9  # of the largest coefficient, or of 1: smaller ones do not make a choice harder to read
 EQUAL_COEFFICIENTS = 1e-6  # sums of coefficients that differ by less are equal
 BATCH = 1 << 22  # numbers in the regrouping matrices that are in memory together
 
@@ -398,6 +399,8 @@ def readabilities(
     for start in range(0, len(choices), size):
         part = slice(start, start + size)
         beta = np.abs(regrouping_matrix(null_basis, choices[part]))
-        terms, totals = (beta > 0).sum(axis=(1, 2)).tolist(), beta.sum(axis=(1, 2)).tolist()
+        # Small coefficients are terms, but none that a choice among ties may hang on.
+        counted = beta > TERM * np.maximum(beta.max(axis=(1, 2), initial=0.0), 1.0)[:, None, None]
+        terms, totals = counted.sum(axis=(1, 2)).tolist(), beta.sum(axis=(1, 2)).tolist()
         for count, total, own in zip(terms, totals, names[part].tolist(), strict=True):
             yield Readability(count, total, tuple(sorted(own)))

@@ -21,7 +21,8 @@ from loopid.parameters import ParameterSet
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
-ZERO = 4.0  # times the round-off of null vectors: shorter rows are zero
+ZERO = 100.0  # times the round-off of null vectors: shorter rows are zero
+NOISE = 10.0  # times the error of a null vector's row: smaller coefficients are none
 ROUND_OFF = 1e-9  # that inversions leave of zeros, in a null space and in coefficients
 COARSE = 1e-6  # of the last value that counts, of columns of equal length: more is no round-off
 COARSEST = 1e-2  # precision of null vectors that doubtful values leave at least
@@ -72,6 +73,12 @@ class Structure:
     def precision(self) -> float:
         """Of null vectors: round-off, or what doubtful values leave of it."""
         return _precision(self.rank_gap) if self.doubtful else ROUND_OFF
+
+    @property
+    def zero(self) -> FloatArray:
+        """Parts of its null vectors (n,) below which a parameter's coefficients are none."""
+        errors = 0.0 if self.null_errors is None else NOISE * self.null_errors
+        return np.asarray(np.maximum(errors, np.full(len(self.null_basis), self.precision)))
 
     def permuted(self, order: IntArray) -> Structure:
         """The same with its parameters in another order (n,)."""
@@ -124,8 +131,10 @@ def analyse(observation: Observation, tolerances: RankTolerances = RankTolerance
         # Rows of round-off are zeros: enough of them would make a V22 with an excellent condition
         # number and no meaning.
         zero = _precision(found.gap) if coarse else ZERO * error
-        basis[np.linalg.norm(basis, axis=1) < zero] = 0.0
+        none = np.linalg.norm(basis, axis=1) < zero
+        basis[none] = 0.0
         basis = np.linalg.qr(basis)[0]
+        basis[none] = 0.0  # again: the factorisation leaves its own round-off there
         error = np.finfo(float).eps * values[0] / values[rank - 1] if coarse else error
         sizes = np.linalg.norm(basis, axis=1)
         null_errors = np.divide(error, sizes, out=np.zeros(len(sizes)), where=sizes > 0)
@@ -206,7 +215,7 @@ def base_columns(size: int, dependent: IntArray) -> IntArray:
 
 
 def regrouping_matrix(
-    null_basis: FloatArray, dependent: IntArray, zero: float = ROUND_OFF
+    null_basis: FloatArray, dependent: IntArray, zero: float | FloatArray = ROUND_OFF
 ) -> FloatArray:
     """Coefficients β = -V21 V22⁻¹ of Φ_base = Φ_B + β Φ_D.
 
@@ -216,8 +225,9 @@ def regrouping_matrix(
         (n, d).
     dependent : IntArray
         (d,), or (c, d) for c choices at once.
-    zero : float
-        Coefficients below this fraction of the lengths of both rows of the null basis are none.
+    zero : float or FloatArray
+        Coefficients below this fraction of the lengths of both rows of the null basis are none; of
+        all rows, or (n,) of each (``Structure.zero``).
 
     Returns
     -------
@@ -233,6 +243,6 @@ def regrouping_matrix(
     # Between columns of very different length coefficients are as different.
     lengths = np.linalg.norm(null_basis, axis=1)
     sizes = np.abs(beta) * lengths[choices][:, None, :]
-    bounds = zero * lengths[base][:, :, None]
+    bounds = (zero * lengths)[base][:, :, None]
     beta[sizes <= bounds] = 0.0
     return beta if np.ndim(dependent) == 2 else beta[0]
