@@ -1,7 +1,8 @@
 """Many logs on a cluster, by Dask: recordings are reduced where they lie, only factors travel.
 
 Here the cluster is four threads of this machine; on a real one ``Client("scheduler:8786")`` of
-``dask.distributed`` comes first, and logs are read by the workers.
+``dask.distributed`` comes first, and logs are read by the workers. Intervals are those of
+independent errors: errors of filtered forces are not, and true intervals are 1.8 times as wide.
 """
 
 from dask import delayed

@@ -9,6 +9,7 @@ import pytest
 from bank_robots import few_of
 from loopid import (
     FilterOptions,
+    FitOptions,
     FourierSeries,
     JointTerms,
     find_force_model,
@@ -126,15 +127,18 @@ def test_a_cut_off_that_is_given_is_kept_and_a_known_motion_has_none():
     assert {run.cutoff for run in (*found.training, *found.validation)} == {7.0}
 
 
-def test_identify_prepares_all_recordings_at_the_choice():
+@pytest.mark.parametrize("fraction", [None, 0.6])
+def test_identify_prepares_all_recordings_at_the_choice(fraction):
     model, _, log = coarse(17, 100.0)
     recording = quietly(prepare_recording, model.mechanism, log)
-    found = quietly(identify, model, [recording], friction=[recording])
+    options = FitOptions(fraction=fraction)
+    found = quietly(identify, model, [recording], friction=[recording], options=options)
+    assert bool(found.validation) == bool(fraction)
     runs = (*found.training, *found.validation, *found.friction)
     assert {run.cutoff for run in runs} == {found.cutoff.chosen}
-    # New data have no say.
-    training, _ = split_recordings([recording])
-    assert choose_cutoff(model, training) == found.cutoff
+    # All that is fitted chooses; new data have no say.
+    fitted = split_recordings([recording], fraction)[0] if fraction else [recording]
+    assert choose_cutoff(model, fitted) == found.cutoff
 
 
 def test_a_choice_at_a_bound_is_told():

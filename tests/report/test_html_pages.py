@@ -131,7 +131,11 @@ def longer(study, count):
     force = repeated(data.force)
     runs = (Recording.of_motion(motion, force, data.actuators),)
     samples = FitSamples.of(data.parameters, data.actuators, repeated(data.regressor), force)
-    more = {"training": runs, "validation": runs, "data": samples, "new": samples}
+    candidates = {
+        name: replace(each, predicted=repeated(each.predicted))
+        for name, each in found.candidates.items()
+    }
+    more = {"training": runs, "data": samples, "new": samples, "candidates": candidates}
     return replace(study, identification=replace(found, **more))
 
 

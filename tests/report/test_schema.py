@@ -66,7 +66,7 @@ def design(robot):
 
 def prediction(study):
     found = study.identification
-    run = found.validation[0]
+    (run,) = found.training
     return Prediction(run, found.force_model.samples(run).predicted(found.fit.values))
 
 

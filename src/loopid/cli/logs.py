@@ -32,7 +32,9 @@ LOGS = Argument(
     metavar="LOG...",
     help="CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream.",
 )
-CUTOFF = Option(None, help="Cut-off of the low-pass filter in Hz; by default what predicts best.")
+CUTOFF = Option(
+    None, help="Cut-off of the low-pass filter in Hz; by default where estimates change least."
+)
 AUTOMATIC_TERMS = Option("auto", help=f"{TERMS[:-1]}; auto: the usual ones, and what LOG asks for.")
 ROWS = Option(None, metavar="M:N", help="Rows of each LOG to use, counted from 1.")
 

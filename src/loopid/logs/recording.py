@@ -35,7 +35,7 @@ class FilterOptions:
     ----------
     cutoff : float, "auto" or None
         Of the low-pass filter in Hz; None for no filter. "auto" is six times the band of the
-        motion, until ``identify`` chooses what predicts best.
+        motion, until ``identify`` finds where estimates change least.
     order : int
         Of each of the filter's two passes.
     decimate : bool
