@@ -69,7 +69,7 @@ class RankTolerances:
     >>> coarse = loopid.RankTolerances(least=0.1)  # what forces hardly depend on does not count
     >>> base = loopid.find_base_parameters(observation, tolerances=coarse)
     >>> len(base), len(base.doubtful), base.structure.tolerances.least
-    (5, 1, 0.1)
+    (4, 2, 0.1)
     """
 
     least: float = 1e-7
