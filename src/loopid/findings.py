@@ -73,7 +73,8 @@ class Finding:
 
 
 def most_important_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Findings by severity, each once; equal ones keep their order."""
-    return tuple(
-        sorted(dict.fromkeys(findings), key=lambda found: SEVERITIES.index(found.severity))
-    )
+    """Findings by severity, each once, as of the first log that has it; equal ones keep order."""
+    once = dict[tuple[str, ...], Finding]()
+    for found in findings:
+        once.setdefault((found.severity, found.title, found.do), found)
+    return tuple(sorted(once.values(), key=lambda found: SEVERITIES.index(found.severity)))
