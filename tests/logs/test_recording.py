@@ -149,28 +149,43 @@ def test_the_ends_are_left_out(recording):
     assert recording.motion.time[0] == pytest.approx(0.2)
 
 
-def stands(recording, speed):
-    """At or below a speed, or within a period of 0.2 s of 0.1 s or more of that, at 100 Hz."""
-    history = recording.history
-    idle = np.abs(history.velocity) <= speed
+def stands(knee, recording, speed):
+    """At or below a speed, or within 0.2 s of half a provisional period or more of that."""
+    idle = np.abs(recording.history.velocity) <= speed
+    half = int(100.0 / provisional_cutoff(knee, recording.log) / 4)
     found = idle.copy()
     for k, column in enumerate(idle.T):
-        ends = np.flatnonzero(np.diff(np.r_[0, column, 0]))
-        for start, stop in ends.reshape(-1, 2):
-            if stop - start >= 11:
+        ends = np.flatnonzero(np.diff(np.r_[0, np.pad(column, half, "edge"), 0]))
+        for start, stop in ends.reshape(-1, 2) - half:
+            if stop - start > 2 * half:
                 found[max(start - 20, 0) : stop + 20, k] = True
-    return found[history.rows]
+    return found[recording.history.rows]
 
 
 def test_idle_speeds_come_from_the_mapping_or_the_motion(knee, log, recording):
     own = 0.05 * np.percentile(np.abs(recording.motion.velocities), 99, axis=0)
-    np.testing.assert_array_equal(recording.used, ~stands(recording, own))
+    np.testing.assert_array_equal(recording.used, ~stands(knee, recording, own))
     found = prepared(knee, replace(log, idle_speed=0.004))
-    idle = stands(recording, 0.004)
+    idle = stands(knee, recording, 0.004)
     np.testing.assert_array_equal(found.used, ~idle)
     counts = {part.reason: part.count for part in found.dropped}
     for k, joint in enumerate(knee.actuated):
         assert counts.get(f"{joint} stands still", 0) == idle[:, k].sum()
+
+
+def test_a_motor_that_turns_back_stands_for_as_long_as_it_is_slow(knee, log):
+    swing = np.sin(np.pi * np.arange(len(log)) / 100.0)  # 0.5 Hz, slow for 32 ms at each end
+    rest = np.repeat(swing, np.where(np.arange(len(log)) == 250, 150, 1))[: len(log)]
+    turning, resting = (
+        prepared(knee, altered(log, position=log.position[:1] + 0.005 * way[:, None]))
+        for way in (swing, rest)
+    )
+    phase = turning.motion.time - log.time[0] - 0.5
+    near = np.abs(phase - np.round(phase)) < 0.05
+    assert turning.used[~near].all()
+    assert not turning.used[np.abs(phase - np.round(phase)) < 0.01].any()
+    still = np.abs(resting.motion.time - log.time[0] - 3.25) < 0.9
+    assert not resting.used[still].any()
 
 
 def test_saturated_samples_are_masked_with_their_neighbours(knee, log, truth):

@@ -9,8 +9,8 @@ import numpy as np
 
 from loopid.arguments import FloatArray, row_blocks
 from loopid.errors import DataError, OptionError
-from loopid.identification.cutoff import choose_cutoff, prepared_at
-from loopid.identification.delay import find_delay, without_delay
+from loopid.identification.cutoff import prepared_at
+from loopid.identification.delay import in_time
 from loopid.identification.force_model import ForceModel
 from loopid.identification.friction import less_noise, with_friction
 from loopid.identification.information import Excitation, fit_excited
@@ -66,14 +66,12 @@ class LoadedRuns:
         if not unloaded or not loaded:
             raise DataError("a load takes recordings without it, and others with it")
         _columns(force_model, link)
-        delay = find_delay(force_model, unloaded)
-        runs = [without_delay(force_model, each, delay) for each in (unloaded, loaded)]
-        choice = choose_cutoff(force_model, runs[0])
+        runs, delay, choice = in_time(force_model, (unloaded, loaded))
         if delay is not None:
             delay.warn()
         if choice is not None:
             choice.warn()
-            runs = [prepared_at(force_model, each, choice.chosen) for each in runs]
+            runs = tuple(prepared_at(force_model, each, choice.chosen) for each in runs)
         force_model = choose_terms(force_model, runs[0])
         light = FitSamples.combined([force_model.samples(run) for run in runs[0]])
         whole = _plain_fit(force_model, light, estimator)

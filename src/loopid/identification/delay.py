@@ -3,16 +3,18 @@
 Forces that come d late belong to a motion d earlier: τ(t + d) = W(t) φ. Where the shift s of the
 forces is not d, the best fit leaves residuals, whatever the base parameters φ: all of them are
 fitted at each shift, beside friction, an offset and the inertia of each drive, lest what a force
-model lacks looks like a delay. One orthonormal basis of W serves all shifts, whose forces are
-right-hand sides of it. From the best of them Newton's method goes on with derivatives of the
-predicted forces by time, in a column a motor; their estimates have intervals that allow for
+model lacks looks like a delay. Friction that builds up after a reversal does, beside the sign of
+the velocity: so W has elements of Maxwell slip of each motor, too (``maxwell_slip.py``).
+
+One orthonormal basis of W serves all shifts, whose forces are right-hand sides of it. From the best
+of them Newton's method goes on to where residuals are orthogonal to derivatives of the predicted
+forces by time, in a column a motor. Noise of positions is in these columns, too: they are
+instruments for the derivatives of the measured forces [Janot2014]. Intervals allow for
 autocorrelated errors as all others do (``correlation.py``).
 
-Friction that builds up after a reversal looks like a delay beside the sign of the velocity. So the
-delay is found twice: beside that, which is sharp, and beside Maxwell slip (``maxwell_slip.py``) of
-each motor, which is robust. Where both agree, the sharp one counts. They differ where their
-difference is too large for the difference of their variances [Hausman1978]; there, and where the
-robust one does not confirm what is clear, it counts.
+What tells most of a delay is where friction changes sides, in a wide band, where there is most
+noise of positions, too. The widest band that is looked at is that around which estimates change
+least (``cutoff.py``); narrower ones follow for as long as the interval shrinks.
 """
 
 from __future__ import annotations
@@ -34,6 +36,12 @@ from loopid.identification.correlation import (
     with_scatter,
     within_runs,
 )
+from loopid.identification.cutoff import (
+    CutoffChoice,
+    choose_cutoff,
+    leaves_cutoff_open,
+    prepared_at,
+)
 from loopid.identification.estimator import WorkingFit, require_rows, result_of, scaled_svd
 from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import FitSamples
@@ -54,7 +62,7 @@ DEGREE = 5  # of splines between samples: off by 5e-4 of a signal at a fifth of 
 LONGEST, PART, TRIED = 0.25, 0.05, 51
 # Rounds in which weights follow from residuals: more change them by a few per cent. Newton's
 # method: iterations at most, and the change in steps of the log that ends them.
-ROUNDS, ITERATIONS, SETTLED = 4, 15, 1e-3
+ROUNDS, ITERATIONS, SETTLED = 2, 15, 1e-3
 # Singular value of the scaled regressor, relative to the largest, below which a combination of its
 # columns counts for nothing; the same of what a delay does beside them. Least error of the forces.
 KNOWN, PRECISION = 1e-6, 1e-8
@@ -62,6 +70,9 @@ KNOWN, PRECISION = 1e-6, 1e-8
 # gather where the motion turns back and friction jumps, which tells most of a delay: estimates
 # scatter between parts more than their autocorrelation lets expect.
 BLOCKS = 20
+# Forces at most that are looked at in a band wider than the motion's: so many take a second. The
+# narrowest band, relative to that.
+MOST, LOWEST = 12_000, 0.7
 # Deviation of the force of an element of Maxwell slip, relative to that of its motor.
 SLIP = 0.1
 # A delay is clear from so many steps of the log on, and so many times half of its 95 % interval;
@@ -69,8 +80,8 @@ SLIP = 0.1
 LEAST, CLEAR, ALONE = 0.2, 2.0, 6.0
 # Half of an interval in s from which on it tells no delay that there could be: slow motions.
 VAGUE = 0.05
-# Probability that delays of motors that agree seem to differ, or those of both searches; the
-# interval of the common one is then wider by as much as those of motors do.
+# Probability that delays of motors that agree seem to differ; the interval of the common one is
+# then wider by as much as they do.
 CHANCE = 0.01
 # Deviation in s of delays, or a step of the log where that is less: so much is held for possible
 # where the data do not tell.
@@ -152,7 +163,9 @@ def _late(whose: str, delay: float, interval: FloatArray | tuple[float, float]) 
 
 
 @checked
-def find_delay(force_model: ForceModel, recordings: Sequence[Recording]) -> Delay | None:
+def find_delay(
+    force_model: ForceModel, recordings: Sequence[Recording], *, cutoff: float | None = None
+) -> Delay | None:
     """How much later than the motion the forces are, of all motors and of each.
 
     Parameters
@@ -160,6 +173,8 @@ def find_delay(force_model: ForceModel, recordings: Sequence[Recording]) -> Dela
     force_model : ForceModel
     recordings : sequence of Recording
         From ``prepare_recording``, of one robot and one way of logging.
+    cutoff : float, optional
+        The widest band in Hz that is looked at; by default that of ``choose_cutoff``.
 
     Returns
     -------
@@ -178,20 +193,43 @@ def find_delay(force_model: ForceModel, recordings: Sequence[Recording]) -> Dela
     >>> round(found.common, 2)
     0.02
     """
-    robot = force_model.mechanism
+    logged = [one for one in recordings if one.log is not None]
+    best, least = None, np.inf
     with one_blas_thread():
-        try:
-            runs = [in_motion_band(robot, one) for one in recordings if one.log is not None]
-            if not runs:
-                return None
-            forces = _Forces(force_model, runs)
-            sharp = _Search(forces, forces.samples).result()
-            robust = _Search(forces, *_beside_slip(forces.samples, runs)).result()
-            return robust if _contradicted(sharp, robust) else sharp
-        except (DataError, RankError):  # too few samples, or a motion without any change
-            return None
+        for band in _bands(force_model, logged, cutoff):
+            found = _found(force_model, prepared_at(force_model, logged, band))
+            width = np.inf if found is None else float(np.ptp(found.interval))
+            if least < width:
+                break
+            best, least = found or best, width
+    return best
 
 
+def _bands(
+    force_model: ForceModel, recordings: Sequence[Recording], widest: float | None
+) -> list[float]:
+    """Cut-offs in Hz, by halves from the widest to that which hangs on the motion alone."""
+    own = [one.cutoff or 0.0 for one in recordings if leaves_cutoff_open(one)]
+    if not own:
+        return [0.0] if recordings else []  # as they are
+    if widest is None:
+        choice = choose_cutoff(force_model, recordings)
+        widest = max(own) if choice is None else choice.chosen
+    spans = sum(float(np.ptp(one.motion.time)) * len(one.actuators) for one in recordings)
+    widest = min(widest, max(max(own), MOST / (FilterOptions().oversampling * spans)))
+    count = 1 + max(int(np.log2(widest / (LOWEST * max(own)))), 0)
+    return [widest / 2**k for k in range(count)]
+
+
+def _found(force_model: ForceModel, recordings: Sequence[Recording]) -> Delay | None:
+    """The delay in the band of recordings; None of too few samples, or a motion without change."""
+    try:
+        return _Search(_Forces(force_model, recordings)).result()
+    except (DataError, RankError):
+        return None
+
+
+@checked
 def without_delay(
     force_model: ForceModel, recordings: Sequence[Recording], delay: Delay | None
 ) -> tuple[Recording, ...]:
@@ -200,6 +238,25 @@ def without_delay(
         return tuple(recordings)
     robot = force_model.mechanism
     return tuple(_moved(robot, one, delay.undone) for one in recordings)
+
+
+def in_time(
+    force_model: ForceModel,
+    groups: Sequence[Sequence[Recording]],
+    *,
+    undo: bool = True,
+    n_jobs: int = 1,
+) -> tuple[tuple[tuple[Recording, ...], ...], Delay | None, CutoffChoice | None]:
+    """Groups of recordings without the delay of the first one, that delay, and its cut-off."""
+    kept = tuple(map(tuple, groups))
+    choice = choose_cutoff(force_model, kept[0], n_jobs=n_jobs)
+    if not undo:
+        return kept, None, choice
+    delay = find_delay(force_model, kept[0], cutoff=choice.chosen if choice else None)
+    if delay is None or not delay.clear:
+        return kept, delay, choice
+    moved = tuple(without_delay(force_model, each, delay) for each in kept)
+    return moved, delay, choose_cutoff(force_model, moved[0], n_jobs=n_jobs)
 
 
 def _moved(robot: Mechanism, recording: Recording, shifts: FloatArray) -> Recording:
@@ -367,15 +424,16 @@ class _Forces:
 
 
 class _Search:
-    """The delay of forces beside columns of samples, with rows (k, n) of a prior of these."""
+    """The delay of forces beside Maxwell slip, with rows (k, n) of a prior of the columns."""
 
-    def __init__(
-        self, forces: _Forces, samples: FitSamples, prior: FloatArray | None = None
-    ) -> None:
+    def __init__(self, forces: _Forces) -> None:
+        recordings = [run.recording for run in forces.runs]
+        samples, self.prior = _beside_slip(forces.samples, recordings)
         self.forces, self.samples = forces, samples
-        width = samples.regressor.shape[2]
-        self.prior = np.zeros((0, width)) if prior is None else prior
         self.size = samples.problem.force_rms
+        # Factors of each motor, for any weights of them.
+        used = samples.regressor * samples.used[:, :, None]
+        self.Q, self.R = np.linalg.qr(used.transpose(1, 0, 2))
         self._use(np.divide(1.0, self.size, out=np.zeros_like(self.size), where=self.size > 0))
         for _ in range(ROUNDS):
             self._use(self._weighed())
@@ -383,27 +441,36 @@ class _Search:
     def _use(self, weights: FloatArray) -> None:
         """Take weights (dof,), and with them the shift of all forces that leaves the least."""
         self.weights = weights
-        rows = self._rows(self.samples.regressor)
-        self.Q, self.R = np.linalg.qr(np.concatenate([rows, self.prior]))
-        left = np.linalg.norm(self._left_of(self._rows(self.forces.tried)), axis=0)
+        rows = (weights[:, None, None] * self.R).reshape(-1, self.R.shape[2])
+        self.basis, self.factor = np.linalg.qr(np.concatenate([rows, self.prior]))
+        left = np.linalg.norm(self._left_of(self.forces.tried), axis=0)
         self.best = np.full(1, self.forces.shifts[int(left.argmin())])
 
     def _rows(self, table: FloatArray) -> FloatArray:
-        """Weighted rows (N dof, k) of a table (N, dof, k)."""
-        weighted = table * (self.samples.used * self.weights)[:, :, None]
-        return np.asarray(weighted.reshape(-1, table.shape[2]))
+        """Weighted rows (dof, N, k) of a table (N, dof, k)."""
+        return np.asarray((table * (self.samples.used * self.weights)[:, :, None]).swapaxes(0, 1))
 
-    def _left_of(self, rows: FloatArray) -> FloatArray:
-        """What the columns do not explain of rows (N dof, k), in rows of the data and the prior."""
-        rows = np.pad(rows, ((0, len(self.prior)), (0, 0)))
-        return np.asarray(rows - self.Q @ (self.Q.T @ rows))
+    def _seen(self, rows: FloatArray) -> FloatArray:
+        """What the columns, and the prior, could explain of rows (dof, N, k), in their bases."""
+        seen = (self.Q.swapaxes(1, 2) @ rows).reshape(-1, rows.shape[2])
+        return np.pad(seen, ((0, len(self.prior)), (0, 0)))
+
+    def _left_of(self, table: FloatArray) -> FloatArray:
+        """What the columns leave of a table (N, dof, k), in rows of the data and the prior."""
+        rows = self._rows(table)
+        seen = self._seen(rows)
+        left = seen - self.basis @ (self.basis.T @ seen)
+        own = (left - seen)[: len(left) - len(self.prior)].reshape(len(rows), -1, rows.shape[2])
+        data = (rows + self.Q @ own).reshape(-1, rows.shape[2])
+        return np.concatenate([data, left[len(left) - len(self.prior) :]])
 
     def _weighed(self) -> FloatArray:
         """Weights (dof,) by the residuals at the best shift, as of so many independent errors."""
         samples, counts = self.samples, np.maximum(self.samples.used.sum(axis=0), 1)
         _, left = self._newton(np.repeat(self.best, self.forces.count))
-        errors = left[: samples.force.size].reshape(samples.force.shape)
-        leverage = (self.Q[: errors.size] ** 2).reshape(*errors.shape, -1).sum(axis=(0, 2))
+        errors = left[: samples.force.size].reshape(samples.force.T.shape).T
+        own = self.basis[: len(self.basis) - len(self.prior)].reshape(len(counts), -1)
+        leverage = (own**2).sum(axis=1)
         freedom, weights = np.maximum(counts - leverage, 1.0), np.zeros_like(self.weights)
         for i in np.flatnonzero(self.weights):
             error, used = errors[:, i] / self.weights[i], samples.used[:, i]
@@ -419,17 +486,23 @@ class _Search:
     def _newton(self, shifts: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Change of delays (k,) from shifts on, and the weighted residuals after it."""
         force, _ = self.forces.at(shifts)
-        slopes = self._rows(self.slopes(force, len(shifts)))
-        sizes = np.linalg.norm(slopes, axis=0)
+        slopes = self.slopes(force, len(shifts))
+        sizes = np.linalg.norm(self._rows(slopes), axis=(0, 1))
         sizes = np.where(sizes > 0, sizes, 1.0)
         columns = self._left_of(slopes / sizes)
-        left = self._left_of(self._rows(force[:, :, None]))[:, 0]
-        change = np.linalg.lstsq(columns, left, rcond=KNOWN)[0]
-        return change / sizes, left - columns @ change
+        measured = self._measured(force, len(shifts)) / sizes
+        left = self._left_of(force[:, :, None])[:, 0]
+        change = np.linalg.lstsq(columns.T @ measured, columns.T @ left, rcond=KNOWN)[0]
+        return change / sizes, left - measured @ change
+
+    def _measured(self, force: FloatArray, count: int) -> FloatArray:
+        """Rows of what a delay of all motors, or of each, does to the forces as they are."""
+        return self._left_of(self.forces.slopes(force, count))
 
     def slopes(self, force: FloatArray, count: int) -> FloatArray:
         """What a delay of all motors, or of each, does to the forces: (N, dof, count)."""
-        values = solve_triangular(self.R, self.Q[: force.size].T @ self._rows(force[:, :, None]))
+        seen = self._seen(self._rows(force[:, :, None]))
+        values = solve_triangular(self.factor, self.basis.T @ seen)
         return self.forces.slopes(self.samples.predicted(values[:, 0]), count)
 
     def settled(self, shifts: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -454,26 +527,31 @@ class _Search:
         """
         force, _ = self.forces.at(shifts)
         columns = self.slopes(force, len(shifts))
-        rows = self._rows(columns)
-        left, sizes = self._left_of(rows), np.linalg.norm(rows, axis=0)
+        sizes = np.linalg.norm(self._rows(columns), axis=(0, 1))
+        left = self._left_of(columns)
         told = np.linalg.norm(left, axis=0) > KNOWN * sizes
         errors = np.full(len(shifts), np.inf)
         if not told.any():
             return errors, np.inf
-        width = len(self.R)
+        width = len(self.factor)
         samples = _beside(self.samples.with_force(force), "delay", columns[:, :, told])
         prior = np.pad(self.prior, ((0, 0), (0, 1 + int(told.sum()))))
         R = samples.problem.weighted(self.weights, prior)
         values = solve_triangular(R[:-1, :-1], R[:-1, -1])
         plain = result_of("wls", samples.problem, values, R[:-1, :-1], self.weights, 1.0)
         found = with_scatter(within_runs(WorkingFit(plain, samples, prior if len(prior) else None)))
-        result = found.result
-        errors[told] = np.ptp(result.intervals()[width:], axis=1) / 2 / NORMAL
-        # The common delay is a mean of those of the motors, by what they tell.
-        shares = left[:, told].T @ left[:, told]
-        shares = shares.sum(axis=0) / shares.sum()
+        result, left = found.result, left[:, told]
         C = result.covariance[width:, width:]
-        scale = errors[told] / np.sqrt(np.diag(C))
+        scale = np.ptp(result.intervals()[width:], axis=1) / 2 / NORMAL / np.sqrt(np.diag(C))
+        # What is measured of a column alone counts: its noise of positions tells nothing.
+        counts = left.T @ self._measured(force, len(shifts))[:, told]
+        if np.linalg.cond(counts / np.outer(sizes[told], sizes[told])) > 1 / KNOWN:
+            return errors, np.inf
+        change = np.linalg.solve(counts, left.T @ left)
+        C = change @ C @ change.T
+        errors[told] = scale * np.sqrt(np.diag(C))
+        # The common delay is a mean of those of the motors, by what they tell.
+        shares = counts.sum(axis=0) / counts.sum()
         return errors, float(np.sqrt(shares @ C @ shares) * scale.max())
 
     def result(self) -> Delay:
@@ -549,29 +627,6 @@ def _disagreement(delays: FloatArray, errors: FloatArray) -> float:
     mean = np.average(delays, weights=errors**-2)
     square = float((((delays - mean) / errors) ** 2).sum())
     return float(np.sqrt(square / freedom)) if square > chdtri(freedom, CHANCE) else 1.0
-
-
-def _contradicted(sharp: Delay, robust: Delay) -> bool:
-    """Whether a delay beside the signs of the velocities is not that beside Maxwell slip.
-
-    They differ, of all motors or of one, by more than their errors let expect; or what is clear is
-    not confirmed, as the robust one is not told, may be none, or is nearer to none than to it.
-    """
-    from scipy.special import chdtri  # slow to import
-
-    one, other = (np.append(found.each, found.common) for found in (sharp, robust))
-    error, wide = (
-        np.ptp([*found.intervals, found.interval], axis=1) / 2 / NORMAL for found in (sharp, robust)
-    )
-    # The variance of the difference is the difference of the variances, where both are right.
-    with np.errstate(invalid="ignore"):
-        variance = np.where(wide > error, wide**2 - error**2, wide**2)
-    known = np.isfinite(error) & np.isfinite(wide)
-    differ = (other - one) ** 2 > chdtri(1, CHANCE / len(sharp.each)) * variance
-    alone = slice(-1) if np.ptp(sharp.undone) > 0 else slice(-1, None)
-    found, half = np.abs(other[alone]), NORMAL * wide[alone]
-    confirmed = (np.abs(other[alone] - sharp.undone) < found) & (half < np.minimum(found, VAGUE))
-    return bool((differ & known).any() or (~confirmed & (sharp.undone != 0)).any())
 
 
 def _beside_slip(

@@ -21,8 +21,8 @@ from loopid.identification.consistent import (
     consistent_values,
     fit_terms,
 )
-from loopid.identification.cutoff import CutoffChoice, choose_cutoff, prepared_at
-from loopid.identification.delay import Delay, find_delay, with_delay_errors, without_delay
+from loopid.identification.cutoff import CutoffChoice, prepared_at
+from loopid.identification.delay import Delay, in_time, with_delay_errors
 from loopid.identification.estimator import ESTIMATORS, Estimator, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
 from loopid.identification.force_model import ForceModel, parted, samples_of
@@ -413,19 +413,19 @@ def identify(
     """
     options.require_references(len(references))
     require_forces(force_model.mechanism, recordings)
-    delay = find_delay(force_model, recordings) if options.undo_delay else None
     training, judging = recordings, validation or ()
     left_out = validation is None and options.fraction is None
     if validation is None and options.fraction is not None:
         training, judging = split_recordings(recordings, options.fraction)
-    training, judging, friction = (
-        without_delay(force_model, runs, delay) for runs in (training, judging, friction)
+    (training, judging, friction), delay, cutoff = in_time(
+        *(force_model, (training, judging, friction)),
+        undo=options.undo_delay,
+        n_jobs=options.n_jobs,
     )
     runs = *training, *judging, *friction
     suspected = suspicions_by_log(force_model.mechanism, runs, parted(force_model.joint_terms)[0])
     for each in (found for one in suspected for found in one.mistakes):
         each.warn()  # before what a wrong log may end in
-    cutoff = choose_cutoff(force_model, training, n_jobs=options.n_jobs)
     if cutoff is not None:
         cutoff.warn()
         training, judging, friction = (

@@ -512,7 +512,8 @@ def standing(
 ) -> BoolArray:
     """Where each motor is at or near a standstill (K, m), of some rows (K,).
 
-    Friction can be anything while a motor stands, and the filter spreads it.
+    Friction can be anything while a motor stands, and the filter spreads it. A motor that turns
+    back is slow for less long: there friction tells how it builds up.
     """
     from scipy.ndimage import maximum_filter1d, minimum_filter1d  # slow to import
 
@@ -520,12 +521,10 @@ def standing(
         speeds = idle_speeds(robot, velocity[rows], masks)
     else:  # at a speed of zero no motor counts as standing
         speeds = np.full(len(log.joints), log.idle_speed or -np.inf)
-    idle = np.abs(velocity) <= speeds
-    if lowpass is None:
-        return idle[rows]
+    idle, cutoff = np.abs(velocity) <= speeds, provisional_cutoff(robot, log)
     for part in log.parts():
         rate = log.rate(part)
-        length = 1 + 2 * int(masks.standstill * rate / (2 * lowpass.cutoff))
+        length = 1 + 2 * int(masks.standstill * rate / (2 * cutoff))
         width = length + 2 * reach_of(lowpass, rate)
         slow = idle[part].view(np.uint8)
         long = minimum_filter1d(slow, length, axis=0, mode="nearest")

@@ -97,7 +97,7 @@ class MaskOptions:
     idle: NotNegative = 0.05
     # ... or of that of the fastest motor of its kind: its encoder only dithers.
     dither: NotNegative = 0.01
-    # Periods of the cut-off that it must be slow for to stand, not to pass through zero.
+    # Periods of six times the motion's band that it must be slow for to stand, not to turn back.
     standstill: NotNegative = 0.5
     near_saturation: NotNegative = 0.01  # forces within this part of the saturation are saturated
     other_limit: NotNegative = 0.1  # a limit that more than this part of the forces exceeds is none
