@@ -11,7 +11,7 @@ import warnings
 from ast import literal_eval
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
@@ -30,9 +30,10 @@ if TYPE_CHECKING:
 
 MOST_SAID = 5  # findings that are shown without being asked for
 WIDTH = 80  # columns of a table where the terminal tells none, as by COLUMNS=0
-# Advice in Python's words, between spaces: keyword=value, a list, text, a number or a flag.
+# Advice in Python's words, between spaces: keyword=value, a list, text, a number or a flag; of a
+# motion with the function that designs it.
 ADVICE = re.compile(
-    r"""(?<![^\s(])(?P<name>[a-z]\w*)="""
+    r"""(?<![^\s(])(?P<caller>design_excitation with )?(?P<name>[a-z]\w*)="""
     r"""(?P<value>\[[^]]*\]|"[^"]*"|'[^']*'|-?\d+(?:\.\d+)?(?:e[-+]?\d+)?|True|False)"""
     r"""(?=[,;:.)]*(?:\s|$))"""
 )
@@ -81,7 +82,8 @@ def in_options(text: str, context: typer.Context) -> str:
     """Text whose advice to use a parameter of a command names the command's option.
 
     ``lock=["x", "y"]`` becomes ``--lock x --lock y`` where the command has that option, and
-    ``loopid base --lock x --lock y`` where only others have it; all other text stays as it is.
+    ``loopid base --lock x --lock y`` where only others have it; ``design_excitation with`` becomes
+    ``loopid excite`` with the robot. All other text stays as it is.
     """
     others = getattr(context.find_root().command, "commands", {}).values()
 
@@ -91,10 +93,15 @@ def in_options(text: str, context: typer.Context) -> str:
                 if known.name == found["name"] and known.param_type_name == "option":
                     words = _in_words(known, found["value"]) or found[0]
                     elsewhere = words != found[0] and command.name != context.command.name
-                    return f"loopid {command.name} {words}" if elsewhere else words
+                    called = f"loopid {command.name} {words}" if elsewhere else words
+                    return called if found["caller"] is None else _excite(words, context)
         return found[0]
 
     return ADVICE.sub(option, text)
+
+
+def _excite(words: str, context: typer.Context) -> str:
+    return f"loopid excite {shlex.quote(str(context.params.get('file', 'ROBOT')))} {words}"
 
 
 def _in_words(known: Any, value: str) -> str:
@@ -161,9 +168,13 @@ class Answer:
         from loopid.report.look import json_text
         from loopid.report.page import Run
 
-        found = {in_options(str(each), self.context) for each in report.findings}
+        said = {
+            each: replace(each, why=self._typed(each.why), do=self._typed(each.do))
+            for each in report.findings
+        }
+        report = replace(report, verdict=self._typed(report.verdict), findings=tuple(said.values()))
         told = self.context.obj  # what is a finding is said once
-        told[:] = [text for text in told if not any(text in each for each in found)]
+        told[:] = [text for text in told if not any(text in str(each) for each in said.values())]
         run = Run(command=shlex.join(["loopid", *sys.argv[1:]]), warnings=tuple(told))
         written: list[Path] = []
         if self.folder is not None:
@@ -179,6 +190,9 @@ class Answer:
             return
         typer.echo(one_line(f"Report: {written[0]}"))
 
+    def _typed(self, text: str) -> str:
+        return in_options(text, self.context)
+
     def _print(self, report: Report) -> None:
         from rich.console import Console
 
@@ -186,10 +200,9 @@ class Answer:
 
         console = Console(highlight=False)
         console.width = console.width or WIDTH
-        verdict = in_options(report.verdict, self.context)
-        console.print(Words(f"{report.title}: {verdict}"))
+        console.print(Words(f"{report.title}: {report.verdict}"))
         for line in in_words(report.findings, self.verbose):
-            console.print(Words(in_options(line, self.context)))
+            console.print(Words(line))
         if report.advice:
             typer.echo(in_lines(report.advice, console.width))
         for table in report.tables() if self.verbose else report.brief:
