@@ -15,6 +15,7 @@ GROUND = (
     "findings",
     "workers",
     "files",
+    "sections",
     "yaml_files",
     "parameters",
     "inertia",

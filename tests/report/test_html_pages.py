@@ -298,8 +298,9 @@ function measure(view) {
   page.querySelectorAll("details").forEach(each => { each.open = true; });
   if (wide > view.innerWidth) found.push(`the page is ${wide} wide`);
   const all = [...page.querySelectorAll("body *")];
-  const seen = all.filter(each => !each.closest("svg, script, math") && [...each.childNodes].some(node => node.nodeType === 3 && node.data.trim())
-    && each.getClientRects().length);
+  const text = node => node.nodeType === 3 && node.data.trim();
+  const seen = all.filter(each => !each.closest("svg, script, math")
+    && [...each.childNodes].some(text) && each.getClientRects().length);
   const lines = element => { // of its own text
     const range = page.createRange(), own = [...element.childNodes];
     return own.filter(node => node.nodeType === 3).flatMap(node => {
