@@ -168,13 +168,10 @@ class Answer:
         from loopid.report.look import json_text
         from loopid.report.page import Run
 
-        said = {
-            each: replace(each, why=self._typed(each.why), do=self._typed(each.do))
-            for each in report.findings
-        }
-        report = replace(report, verdict=self._typed(report.verdict), findings=tuple(said.values()))
+        report = self._in_options(report)
+        found = {str(each) for each in report.findings}
         told = self.context.obj  # what is a finding is said once
-        told[:] = [text for text in told if not any(text in str(each) for each in said.values())]
+        told[:] = [text for text in told if not any(text in each for each in found)]
         run = Run(command=shlex.join(["loopid", *sys.argv[1:]]), warnings=tuple(told))
         written: list[Path] = []
         if self.folder is not None:
@@ -190,8 +187,15 @@ class Answer:
             return
         typer.echo(one_line(f"Report: {written[0]}"))
 
-    def _typed(self, text: str) -> str:
-        return in_options(text, self.context)
+    def _in_options(self, report: Report) -> Report:
+        """The report with advice in the command's options."""
+
+        def said(text: str) -> str:
+            return in_options(text, self.context)
+
+        findings = [replace(f, why=said(f.why), do=said(f.do)) for f in report.findings]
+        card = replace(report.card, use=said(report.card.use), next=said(report.card.next))
+        return replace(report, verdict=said(report.verdict), findings=findings, card=card)
 
     def _print(self, report: Report) -> None:
         from rich.console import Console
@@ -201,7 +205,10 @@ class Answer:
         console = Console(highlight=False)
         console.width = console.width or WIDTH
         console.print(Words(f"{report.title}: {report.verdict}"))
-        for line in in_words(report.findings, self.verbose):
+        own = [
+            f for f in report.findings if f.severity == "mistake" or f.title not in report.verdict
+        ]
+        for line in in_words(own, self.verbose):
             console.print(Words(line))
         if report.advice:
             typer.echo(in_lines(report.advice, console.width))
