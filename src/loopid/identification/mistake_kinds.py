@@ -162,11 +162,13 @@ def _zero(one: _Mistaken) -> Called:
 
 
 def _time(one: _Mistaken) -> Called:
-    size, undo = one.factor, 1 / one.factor
-    how = f"{max(size, undo):.3g} times too {'long' if size > 1 else 'short'}"
-    do = f"multiply its times by {undo:.3g}"
+    size, least, most = one.factor, "", ""
+    if one.reach > abs(one.size) / 2:  # forces tell only that inertia is not felt
+        size, least, most = one.size + one.reach, "at least ", " or less"
+    how = f"{least}{max(size, 1 / size):.3g} times too {'long' if size > 1 else 'short'}"
+    do = f"multiply its times by {1 / size:.3g}{' or more' * bool(most)}"
     if one.rate is not None:
-        do = f"set rate: {one.rate * size:.6g} in the mapping, or {do}"
+        do = f"set rate: {one.rate * size:.6g} in the mapping{most}, or {do}"
     return Called(f"the time axis is {how}", one.sized, do)
 
 
@@ -207,6 +209,8 @@ KINDS = {
     "common_gain": MistakeKind(("gain",), 0, _force, GAINS, BOTH, FORCE_CAUSES, 0.9),
     "factor": MistakeKind(("time",), 0, _time, TIMES, (1.0,), TIME_CAUSES),
     "ratio": MistakeKind(("ratio",), 1, _position, RATIOS, BOTH, POSITION_CAUSES),
+    # A sign alone, where the size hardly matters.
+    "turned": MistakeKind(("ratio",), 1, _position, (), (-1.0,), POSITION_CAUSES),
     "zero": MistakeKind(("zero",), 1, _zero, ZEROS, BOTH, ZERO_CAUSES, 0.02),
     "forces": MistakeKind(("forces", "gain"), 2, _exchanged("forces")),
     "positions": MistakeKind(PLACES, 2, _exchanged("positions")),
