@@ -24,6 +24,7 @@ from loopid.arguments import FloatArray, IntArray, NotNegative, checked, finite
 from loopid.errors import DataError, MobilityError, OptionError
 from loopid.identification.force_model import ForceModel
 from loopid.identification.friction import nearest_line
+from loopid.identification.plausibility import require_sane
 from loopid.identification.prediction import force_model_of
 from loopid.identification.result import FitResult
 from loopid.identification.saved import SavedFit
@@ -117,6 +118,8 @@ class MotorModel:
         (nq,), a closed configuration on the branch; by default the reference.
     options : AssemblyOptions
         How loops are closed.
+    anyway : bool
+        Whether a fit is taken that breaks a law of sane ones (``absurdities``).
 
     Attributes
     ----------
@@ -130,8 +133,8 @@ class MotorModel:
     Raises
     ------
     OptionError
-        When a fit that is not saved comes without its force model, or its joints have friction that
-        depends on loads.
+        When a fit that is not saved comes without its force model, its joints have friction that
+        depends on what bearings carry, or it breaks a law.
     MobilityError
         When the robot has independent coordinates that no joint position gives.
 
@@ -155,8 +158,9 @@ class MotorModel:
         smoothing: NotNegative | None = None,
         start: FloatArray | None = None,
         options: AssemblyOptions = USUAL,
+        anyway: bool = False,
     ) -> None:
-        self.force_model, self.values, self.covariance = _values_of(robot, fit)
+        self.force_model, self.values, self.covariance = _values_of(robot, fit, anyway)
         self.mechanism, self.near, self.options = self.force_model.mechanism, near, options
         if held := self.mechanism.held:
             raise MobilityError(
@@ -459,12 +463,13 @@ def _numbers(given: FloatArray, width: int, name: str) -> FloatArray:
 
 
 def _values_of(
-    robot: Mechanism | ForceModel, fit: SavedFit | FitResult | FloatArray | None
+    robot: Mechanism | ForceModel, fit: SavedFit | FitResult | FloatArray | None, anyway: bool
 ) -> tuple[ForceModel, FloatArray, FloatArray]:
     """The force model of a fit, its values (n,) and their covariance (n, n)."""
     if isinstance(fit, SavedFit | FitResult):
         model = force_model_of(fit, robot)
         result = fit.result if isinstance(fit, SavedFit) else fit
+        require_sane(result, model.joint_terms, anyway)
         values, covariance = fit.values, None if result is None else result.covariance
     elif isinstance(robot, Mechanism):
         raise OptionError(
@@ -508,7 +513,10 @@ def _laws_of(model: ForceModel) -> Iterator[_Law]:
 
 @checked
 def pinocchio_model(
-    robot: Mechanism | ForceModel, fit: SavedFit | FitResult | None = None
+    robot: Mechanism | ForceModel,
+    fit: SavedFit | FitResult | None = None,
+    *,
+    anyway: bool = False,
 ) -> pin.Model:
     """Pinocchio's model of the open tree with the bodies of a fit.
 
@@ -522,9 +530,13 @@ def pinocchio_model(
         The robot of a saved fit; the force model of a fit that is not saved.
     fit : SavedFit or FitResult, optional
         With bodies: the recommended one. By default the tree of the robot file.
+    anyway : bool
+        Whether a fit is taken that breaks a law of sane ones (``absurdities``).
 
     Raises
     ------
+    OptionError
+        When the fit breaks a law.
     DataError
         When the fit has base parameters only, or is of another robot.
 
@@ -542,6 +554,8 @@ def pinocchio_model(
     if fit is None:
         return tree
     model = force_model_of(fit, robot)
+    result = fit.result if isinstance(fit, SavedFit) else fit
+    require_sane(result, model.joint_terms, anyway)
     values = fit.require_bodies() if isinstance(fit, SavedFit) else fit.standard_parameters
     if values is None:
         raise DataError(
@@ -561,7 +575,6 @@ def pinocchio_model(
     terms: dict[str, dict[str, float]] = {}
     for parameter, value in zip(list(model.base.parameters)[count:], values[count:], strict=True):
         terms.setdefault(parameter.link, {})[parameter.kind] = float(value)
-    result = fit.result if isinstance(fit, SavedFit) else fit
     fields = {"Ia": tree.armature, "Fv": tree.damping, "Fc": tree.friction}
     for joint, kinds in terms.items():
         if any(map(grouped, kinds)):

@@ -36,6 +36,7 @@ from loopid.identification.information import (
 )
 from loopid.identification.leaving_out import LeftOut
 from loopid.identification.log_mistakes import Suspicions, suspicions_by_log
+from loopid.identification.plausibility import absurdities
 from loopid.identification.prediction import Candidate, error_ratio, judge
 from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import (
@@ -480,14 +481,14 @@ def identify(
         delay.warn()
     excited.warn()
     warn_of_fitted(training, judging)
-    judged = _judged(fits, data, new, left)
+    judged = _judged(force_model, fits, data, new, left)
     if CONSISTENT in fits:
         # The gears carry the bodies that are recommended.
         best = ROBOT_FILE if judged[CONSISTENT].loses_to_baseline else CONSISTENT
         force_model = force_model.with_loads(fits[best].values)
         data = force_model.widened(data, training)
         new = data if left_out else force_model.widened(new, judging)
-        judged = _judged(fits, data, new, left)
+        judged = _judged(force_model, fits, data, new, left)
     parts = tuple(training), tuple(judging), tuple(friction)
     return Identification(
         *(force_model, *parts, data, new, excited, judged, options),
@@ -547,11 +548,19 @@ def _friction_alone(
 
 
 def _judged(
-    fits: Mapping[str, FitResult], data: FitSamples, new: FitSamples, left: LeftOut | None
+    force_model: ForceModel,
+    fits: Mapping[str, FitResult],
+    data: FitSamples,
+    new: FitSamples,
+    left: LeftOut | None,
 ) -> dict[str, Candidate]:
-    """Candidates beside the first one, their quality that of the samples."""
+    """Candidates beside the first one: their quality on the samples, and laws that they break."""
     fits = {
-        name: replace(fit, quality=fit_quality(data.problem, fit.values))
+        name: replace(
+            fit,
+            quality=fit_quality(data.problem, fit.values),
+            broken=absurdities(force_model, fit, data),
+        )
         for name, fit in fits.items()
     }
     forces = {

@@ -27,6 +27,7 @@ from loopid.base_parameters.structure import analyse
 from loopid.errors import DataError, FileError, OptionError
 from loopid.files import require_other_file, why_no_file, write_file
 from loopid.identification.force_model import ForceModel
+from loopid.identification.plausibility import require_sane
 from loopid.identification.result import (
     FileDeviation,
     FitResult,
@@ -173,6 +174,7 @@ class SavedEstimate(_Section):
     term_deviations: TermDeviations | None = None
     use: MotorUse | None = None
     mistakes: tuple[str, ...] = ()
+    broken: tuple[str, ...] = ()
 
 
 class SavedFit(_Section):
@@ -423,14 +425,27 @@ class SavedFit(_Section):
         record: dict[str, Any] = _plain(self.model_dump(exclude={"digest"}))
         return record | {"digest": _digest(record)}
 
-    def content(self, path: str | Path) -> str:
-        """The content of a file of that name: JSON, which is YAML, but read 16 times faster."""
+    def require_sane(self, *, anyway: bool = False) -> None:
+        """Refuse a fit that breaks a law of sane ones (``absurdities``), unless asked for anyway.
+
+        Raises
+        ------
+        OptionError
+        """
+        require_sane(self.result, self.force_model.joint_terms, anyway)
+
+    def content(self, path: str | Path, *, anyway: bool = False) -> str:
+        """The content of a file of that name: JSON, which is YAML, but read 16 times faster.
+
+        Refused as by ``require_sane``.
+        """
         _ending(path)
+        self.require_sane(anyway=anyway)
         return json.dumps(self.record(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
-    def save(self, path: str | Path) -> Path:
+    def save(self, path: str | Path, *, anyway: bool = False) -> Path:
         """Write to a file, whole or not at all; see ``save_fit``."""
-        write_file(path, self.content(path))
+        write_file(path, self.content(path, anyway=anyway))
         return Path(path)
 
     def _refusal(self, mechanism: Mechanism, difference: str) -> DataError:
@@ -504,7 +519,9 @@ def _states(model: ForceModel, values: FloatArray) -> Iterator[dict[str, FloatAr
 
 
 @checked
-def save_fit(path: str | Path, model: ForceModel, fit: FitResult | FloatArray) -> Path:
+def save_fit(
+    path: str | Path, model: ForceModel, fit: FitResult | FloatArray, *, anyway: bool = False
+) -> Path:
     """Save a fit with all that it takes to use it: for ``read_fit`` and ``loopid export``.
 
     Parameters
@@ -515,13 +532,15 @@ def save_fit(path: str | Path, model: ForceModel, fit: FitResult | FloatArray) -
         Whose parameters were fitted, or that ``identify`` was given.
     fit : FitResult or FloatArray
         Or values (r,) of the base parameters.
+    anyway : bool
+        Whether a fit that breaks a law of sane ones (``absurdities``) is written.
 
     Raises
     ------
     DataError
         When the fit is not one of the parameters of the force model.
     OptionError
-        When the name ends otherwise.
+        When the name ends otherwise, or the fit breaks a law.
     FileError
         When the file cannot be written, or is one of the robot's.
 
@@ -534,7 +553,7 @@ def save_fit(path: str | Path, model: ForceModel, fit: FitResult | FloatArray) -
     'fit.json'
     """
     require_other_file(path, *robot_files(model.mechanism))
-    return SavedFit.of(model, fit).save(path)
+    return SavedFit.of(model, fit).save(path, anyway=anyway)
 
 
 @checked

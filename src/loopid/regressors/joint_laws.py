@@ -74,13 +74,13 @@ class PriorGroup:
         Largest prior deviation: of a coefficient without unit as it is, else relative to the rms
         force of the motor.
     correlation : callable, optional
-        Prior correlation (k, k) of the k terms of a joint, of their numbers ``at`` (k,); by
-        default they are independent.
+        Prior correlation (k, k) of the law at numbers (k,), of a joint whose terms have numbers
+        ``at``; by default its terms are independent.
     """
 
     name: str
     largest: float = 1.0
-    correlation: Callable[[FloatArray], FloatArray] | None = None
+    correlation: Callable[[FloatArray, FloatArray], FloatArray] | None = None
 
 
 @record(checked=True)
@@ -254,8 +254,8 @@ def _alike(rates: FloatArray, none: float) -> FloatArray:
 
 
 NUGGET = 1e-4  # of a correlation: departures that are not alike, and no round-off
-CURVE = PriorGroup("friction curve", 1.0, lambda at: _alike(at, RATIO * at.max()))
-ASYMMETRY = PriorGroup("friction asymmetry", 1.0, lambda at: _alike(at, at.min() / RATIO))
+CURVE = PriorGroup("friction curve", 1.0, lambda rates, at: _alike(rates, RATIO * at.max()))
+ASYMMETRY = PriorGroup("friction asymmetry", 1.0, lambda rates, at: _alike(rates, at.min() / RATIO))
 LOAD = PriorGroup("load friction", 0.2)
 HYSTERESIS = PriorGroup("hysteresis", 1.0)
 

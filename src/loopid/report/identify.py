@@ -50,8 +50,11 @@ SHOWN = 14
 ALONE = "Fk0", "Ft"
 
 
-def identification_report(study: Study, command: str = "") -> Report:
-    """What a study of logs found; the command designs the motion that its verdict asks for."""
+def identification_report(study: Study, command: str = "", *, anyway: bool = False) -> Report:
+    """What a study of logs found; the command designs the motion that its verdict asks for.
+
+    Its files are refused where the recommended fit breaks a law, unless asked for anyway.
+    """
     found, judged = study.identification, study.verdict
     model = found.force_model
     rows = list[tuple[str, ...]]()
@@ -68,7 +71,7 @@ def identification_report(study: Study, command: str = "") -> Report:
         record=identification_record(study),
         brief=[plain_table("", ("", ">", "", ""), rows)],
         sections=lambda: _sections(study),
-        results=lambda: _fits(found),
+        results=lambda: _fits(found, anyway),
         advice=command if judged.excite else "",
         findings=findings(study),
     )
@@ -120,12 +123,19 @@ def _forces_chart(found: Identification) -> Chart:
     return forces_chart(found.force_model.mechanism, prediction, file=file, reach=reach)
 
 
-def _fits(found: Identification) -> dict[str, bytes | str]:
-    """The recommended fit, and that of all parameters where it is another."""
-    fits = {"parameters.yaml": found.fit}
-    if found.recommended is not found["all parameters"]:
-        fits["all_parameters.yaml"] = found["all parameters"].fit
-    return {n: SavedFit.of(found.force_model, fit).content(n) for n, fit in fits.items()}
+def _fits(found: Identification, anyway: bool) -> dict[str, bytes | str]:
+    """The recommended fit, and that of all parameters where it is another.
+
+    That one may break laws: its file says which, and controllers refuse it.
+    """
+    model, whole = found.force_model, found["all parameters"]
+    name, other = "parameters.yaml", "all_parameters.yaml"
+    files: dict[str, bytes | str] = {
+        name: SavedFit.of(model, found.fit).content(name, anyway=anyway)
+    }
+    if found.recommended is not whole:
+        files[other] = SavedFit.of(model, whole.fit).content(other, anyway=True)
+    return files
 
 
 def identification_record(study: Study) -> dict[str, Any]:
