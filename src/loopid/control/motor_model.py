@@ -478,9 +478,9 @@ def _values_of(
         )
     else:
         model, covariance = robot, None
-        values = model.prior if fit is None else fit
+        values = model.prior if fit is None else _numbers(fit, len(model.parameters), "values")
+        model = model if fit is None else model.with_loads(values)
     phi = _numbers(values, len(model.parameters), "values")
-    model = model.with_loads(phi)
     return model, phi, np.zeros(2 * phi.shape) if covariance is None else np.array(covariance)
 
 

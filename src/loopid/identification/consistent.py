@@ -200,7 +200,7 @@ def quiet_consistent_fit(
 
 
 @checked
-def consistent_values(
+def consistent_parameters(
     force_model: ForceModel,
     data: FitSamples,
     noise: NoiseModel,
@@ -208,7 +208,7 @@ def consistent_values(
     options: ConsistentOptions = ConsistentOptions(),
     like: FitResult | None = None,
 ) -> FloatArray:
-    """The values (n,) of ``consistent_fit``, without their uncertainty.
+    """The standard parameters (p,) of ``consistent_fit``, without their uncertainty.
 
     Parameters
     ----------
@@ -228,7 +228,7 @@ def consistent_values(
                 **({} if groups is None else {"groups": groups.own}),
             )
             state = _minimised(program, _approached(program, state))
-        return force_model.base.values(program.standard(state))
+        return program.standard(state)
 
 
 @checked

@@ -25,7 +25,7 @@ from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, OptionError
 from loopid.identification.consistent import (
     ConsistentOptions,
-    consistent_values,
+    consistent_parameters,
     error_weights,
     quiet_consistent_fit,
     warn_of_bodies,
@@ -180,17 +180,16 @@ def with_friction(
     noise = whole.noise
     if whole.noise is None or noise is None:
         raise DataError("the fit has no model of its errors that friction could be weighed by")
-    values = consistent_values(force_model, data, noise, options=options)
+    standard = consistent_parameters(force_model, data, noise, options=options)
     use, loads = motor_use(force_model, data, recordings), force_model.loads(data.regressor)
     kinds = friction_kinds(force_model, data, use, loads)
     weights = error_weights(data.problem, noise)
     slips = possible_hysteresis(force_model, data, recordings, weights, list(kinds))
     kinds = together(kinds, slips)
-    plain, known = data, dict(zip(force_model.parameters.labels, values.tolist(), strict=True))
-    left, honest = ROUNDS, False
+    plain, left, honest = data, ROUNDS, False
     while True:
         wide = force_model.with_columns(kinds)
-        wide = wide.with_loads(np.array([known.get(p.label, 0.0) for p in wide.parameters]))
+        wide = wide.with_loads(wide.prior, standard)
         data = wide.widened(plain, recordings)
         if left == ROUNDS:
             # What plain terms leave of friction is no error.
@@ -198,8 +197,8 @@ def with_friction(
             noise = residual_noise(data, every, rank)
         if left and kinds:
             left -= 1
-            values = consistent_values(wide, data, noise, options=options)
-            noise = residual_noise(data, values, rank)
+            standard = consistent_parameters(wide, data, noise, options=options)
+            noise = residual_noise(data, wide.base.values(standard), rank)
         else:
             noise = _of_motors(kinds, noise, whole.noise)
             fit = quiet_consistent_fit(wide, data, noise, options=options).result
@@ -208,9 +207,9 @@ def with_friction(
                 warn_of_bodies(wide, fit)
                 return wide, data, fit
             assert fit.noise is not None
+            assert fit.standard_parameters is not None
             # With what the fit took up of slow errors added back.
-            kinds, values, noise, honest = asked, fit.values, fit.noise, True
-        known = dict(zip(wide.parameters.labels, values.tolist(), strict=True))
+            kinds, standard, noise, honest = asked, fit.standard_parameters, fit.noise, True
 
 
 def _of_motors(motors: Iterable[str], noise: NoiseModel, others: NoiseModel) -> NoiseModel:
@@ -460,7 +459,8 @@ def _doubt(fit: FitResult, joint: str, rates: FloatArray, sizes: FloatArray) -> 
 def _between(laws: Sequence[JointTerm], speeds: FloatArray) -> FloatArray:
     """Prior variance (k,) of a curve's departure from what its points make of it."""
     at, prior = np.array([law.at for law in laws]), laws[0].prior
-    assert prior is not None and prior.correlation is not None
+    assert prior is not None
+    assert prior.correlation is not None
     alike = prior.correlation(np.append(at, speeds), at)
     state = JointState(None, speeds, None, math=np)
     hats = np.stack([law.signal(state, len(speeds)) for law in laws], axis=1)

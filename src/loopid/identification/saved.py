@@ -250,7 +250,7 @@ class SavedFit(_Section):
                 ),
                 "base_parameters": tuple(_entries(model, values, estimate)),
                 "covariance": estimate and estimate.covariance,
-                "check": tuple(_states(model, values)),
+                "check": tuple(_states(model.with_loads(values, bodies), values)),
                 "estimate": estimate,
             }
         )
@@ -401,7 +401,9 @@ class SavedFit(_Section):
             regrouping=frozen(M[:, dependent]),
             search=SearchResult("saved", "nullspace", chosen, math.nan, False, 1, 0),
         )
-        return ForceModel(mechanism, kind, terms, found).with_loads(self.values)
+        standard = self.standard_values
+        known = None if np.isnan(standard).any() else standard
+        return ForceModel(mechanism, kind, terms, found).with_loads(self.values, known)
 
     def require_bodies(self) -> FloatArray:
         """Standard parameters and joint terms (p,), which a robot file can be made of.
@@ -462,7 +464,7 @@ def model_of(fit: FitResult, model: ForceModel) -> ForceModel:
     own = fit.force_model
     if own is None or fit.parameters == model.parameters or own.mechanism != model.mechanism:
         return model
-    return own.with_loads(fit.values)
+    return own.with_loads(fit.values, fit.standard_parameters)
 
 
 def _values_of(model: ForceModel, fit: FitResult | FloatArray) -> FloatArray:
@@ -513,7 +515,7 @@ def _states(model: ForceModel, values: FloatArray) -> Iterator[dict[str, FloatAr
     shape = 2, STATES, len(model.mechanism.independent)
     v, a = np.random.default_rng(0).standard_normal(shape)
     W = model.base.regressor(model.standard_regressor(q, v, a))
-    force = model.with_loads(values).loaded(W) @ values
+    force = model.loaded(W) @ values
     for state in zip(q, v, a, force, strict=True):
         yield dict(zip(SavedState.model_fields, state, strict=True))
 
@@ -678,9 +680,11 @@ def _differences(saved: SavedFit, mechanism: Mechanism) -> Iterator[str]:
         yield f"closure {mechanism.row_names[k]} has a residual of {residual[k]:.3g} there"
     W = motion_regressor(mechanism, closed_motion(mechanism, q, v, a), kind, joint_terms=terms)
     values, places = saved.values, load_places(saved.parameters, mechanism.independent)
-    bodies = [k for k, each in enumerate(saved.parameters) if each.kind in KINDS]
-    K = W[..., saved._leading]
-    K = with_loads(K, places, K[:, :, bodies] @ values[bodies])
+    K, standard = W[..., saved._leading], saved.standard_values
+    own = np.array([each.kind in KINDS for each in saved.parameters])
+    bodies = np.array([each.kind in KINDS for each in saved.standard])
+    loads = K @ (own * values) if np.isnan(standard).any() else W @ (bodies * standard)
+    K = with_loads(K, places, loads)
     apart = np.abs(K @ values - force).max(axis=0)
     k = int(apart.argmax())
     if apart[k] > SAME_ROBOT * np.abs(force).max():
