@@ -63,6 +63,7 @@ def test_what_breaks_a_law_is_fit_for_nothing(found, values, said):
         return
     assert said in broken[0]
     name = found.recommended.name
+    fit = replace(fit, broken=broken)
     candidates = {**found.candidates, name: replace(found.recommended, fit=fit)}
     verdict = replace(found, candidates=candidates).verdict
     assert verdict.use == f"Not fit for use, as {broken[0]}"

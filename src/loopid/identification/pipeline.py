@@ -481,14 +481,18 @@ def identify(
         delay.warn()
     excited.warn()
     warn_of_fitted(training, judging)
-    judged = _judged(force_model, fits, data, new, left)
+    judged = _judged(fits, data, new, left)
     if CONSISTENT in fits:
         # The gears carry the bodies that are recommended.
         best = ROBOT_FILE if judged[CONSISTENT].loses_to_baseline else CONSISTENT
         force_model = force_model.with_loads(fits[best].values, fits[best].standard_parameters)
         data = force_model.widened(data, training)
         new = data if left_out else force_model.widened(new, judging)
-        judged = _judged(force_model, fits, data, new, left)
+        judged = _judged(fits, data, new, left)
+    judged = {
+        name: replace(each, fit=replace(each.fit, broken=absurdities(force_model, each.fit, data)))
+        for name, each in judged.items()
+    }
     parts = tuple(training), tuple(judging), tuple(friction)
     return Identification(
         *(force_model, *parts, data, new, excited, judged, options),
@@ -549,19 +553,11 @@ def _friction_alone(
 
 
 def _judged(
-    force_model: ForceModel,
-    fits: Mapping[str, FitResult],
-    data: FitSamples,
-    new: FitSamples,
-    left: LeftOut | None,
+    fits: Mapping[str, FitResult], data: FitSamples, new: FitSamples, left: LeftOut | None
 ) -> dict[str, Candidate]:
-    """Candidates beside the first one: their quality on the samples, and laws that they break."""
+    """Candidates beside the first one, their quality that of the samples."""
     fits = {
-        name: replace(
-            fit,
-            quality=fit_quality(data.problem, fit.values),
-            broken=absurdities(force_model, fit, data),
-        )
+        name: replace(fit, quality=fit_quality(data.problem, fit.values))
         for name, fit in fits.items()
     }
     forces = {

@@ -9,7 +9,6 @@ import numpy as np
 
 from loopid.arguments import FloatArray
 from loopid.findings import PAGE, Finding, most_important_first
-from loopid.identification.plausibility import absurdities
 from loopid.identification.result import FitResult
 from loopid.records import record
 from loopid.regressors.joint_laws import grouped
@@ -148,9 +147,8 @@ def _errors(found: Identification) -> FloatArray:
 
 
 def _use(found: Identification, error: float) -> str:
-    broken = absurdities(found.force_model, found.fit, found.data)
-    if broken:
-        return f"Not fit for use, as {broken[0]}"
+    if found.fit.broken:
+        return f"Not fit for use, as {found.fit.broken[0]}"
     if not error <= ROUGH:
         return "Not fit for use"
     use = "Fit for predicting forces" if error <= GOOD else "Fit for rough predictions of forces"
@@ -192,7 +190,7 @@ def findings_of(found: Identification) -> tuple[Finding, ...]:
         )
     if found.delay is not None and found.delay.clear:
         said.append(found.delay.finding)
-    for broken in absurdities(found.force_model, found.fit, found.data):
+    for broken in found.fit.broken:
         said.append(
             Finding("warning", "the fit is not physical", broken, 'try fewer terms, terms="Fc,Fv"')
         )
