@@ -14,8 +14,8 @@ from loopid import (
     read_fit,
     read_log,
     save_fit,
+    to_pinocchio,
 )
-from loopid.control import pinocchio_model
 from loopid.errors import OptionError
 from loopid.export import export_fit
 from loopid.identification import SavedFit, absurdities
@@ -116,7 +116,7 @@ ROUTES = {
     "MotorModel of a saved fit": lambda model, fit, _, **kw: MotorModel(
         model.mechanism, SavedFit.of(model, fit), **kw
     ),
-    "pinocchio_model": lambda model, fit, _, **kw: pinocchio_model(model, fit, **kw),
+    "to_pinocchio": lambda model, fit, _, **kw: to_pinocchio(model, fit, **kw),
 }
 
 
@@ -142,14 +142,3 @@ def test_what_terms_break_on_a_log_is_kept_by_the_fit(found, tmp_path):
     assert read_fit(place).result.broken == (said,)
     with pytest.raises(OptionError, match=said):
         MotorModel(found.force_model.mechanism, read_fit(place))
-
-
-def test_friction_at_the_limits_of_the_robot_file_is_looked_at(found):
-    """No motor reaches a rate at which its friction is more than it can give."""
-    model = found.force_model.mechanism.model
-    assert np.isfinite([*model.velocityLimit[:1], *model.effortLimit[:1]]).all()
-    use = replace(found.fit.use, fastest=found.fit.use.fastest * 1e-3)
-    fit = replace(changed(found, Fv=8.0), use=use)
-    said = absurdities(found.force_model, fit, found.data)
-    assert said[0].startswith(f"friction of {LEFT} would be 8.")
-    assert "N m at its limit of 1 rad/s, for a largest force of 6 N m" in said[0]

@@ -36,17 +36,16 @@ def absurdities(force_model: ForceModel, fit: FitResult, data: FitSamples) -> tu
     """Laws that a fit breaks, a sentence each; none for a sane one.
 
     Friction of a motor does not drive, clear of its band, nor is it more than the largest force
-    that the motor showed, at any rate up to the fastest of the log; from there to the limit of the
-    joint's rate, more than the limit of its force. No two joint terms, nor one and the bodies,
-    cancel to less than a hundredth of their size. No joint term is more than all of the motor's
-    force.
+    that the motor showed, at any rate up to the fastest of the log. No two joint terms, nor one and
+    the bodies, cancel to less than a hundredth of their size. No joint term is more than all of the
+    motor's force.
 
     Parameters
     ----------
     data : FitSamples
         That was fitted.
     """
-    found = [*_of_friction(fit, force_model.joint_terms), *_at_limits(force_model, fit)]
+    found = [*_of_friction(fit, force_model.joint_terms)]
     for row in range(len(data.actuators)):
         if np.abs(data.force[data.used[:, row], row]).max(initial=0.0) > 0:
             found += _of_terms(force_model, fit, data, row)
@@ -99,28 +98,6 @@ def _of_friction(fit: FitResult, joint_terms: JointTerms | None) -> Iterator[str
                     f"{rates[k]:.2g} {rate}"
                 )
                 break
-
-
-def _at_limits(force_model: ForceModel, fit: FitResult) -> Iterator[str]:
-    """Of joints whose rate and force the robot file limits: no motor reaches such a rate."""
-    model, use = force_model.mechanism.model, fit.use
-    if use is None:
-        return
-    for joint in (each for each in frictional_joints(fit) if each in use.joints):
-        place = force_model.mechanism.velocity_indices([joint])[0]
-        rate, effort = float(model.velocityLimit[place]), float(model.effortLimit[place])
-        most = max(effort, float(use.largest[use.joints.index(joint)]))
-        if not (0 < effort < np.inf and use.of(joint)[1] < rate < np.inf):
-            continue
-        ends = np.array([rate, -rate])
-        curve = friction_curve(fit, joint, ends, joint_terms=force_model.joint_terms)
-        size = float((np.sign(ends) * curve.values).max())
-        if size > most:
-            force, unit = _units(fit, joint)
-            yield (
-                f"friction of {joint} would be {size:.3g} {force} at its limit of {rate:.3g} "
-                f"{unit}, for a largest force of {most:.3g} {force}"
-            )
 
 
 def _units(fit: FitResult, joint: str) -> tuple[str, str]:
