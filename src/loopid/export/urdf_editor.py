@@ -7,20 +7,13 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
 from lxml import etree
 
 from loopid.arguments import FloatArray, number
 from loopid.inertia import Inertial, written
 from loopid.loading.urdf import COEFFICIENTS, ROTORS, read_urdf
-from loopid.loading.urdf_tree import (
-    MOMENTS,
-    Element,
-    inner_tags,
-    local_name,
-    read_urdf_file,
-    read_xml,
-)
+from loopid.loading.urdf_tree import MOMENTS, read_urdf_file
+from loopid.loading.xml_elements import Element, inner_tags, local_name, read_xml
 
 # Attributes of <dynamics> that every URDF has a place for.
 DYNAMICS = {"Fv": "damping", "Fc": "friction"}
@@ -31,11 +24,13 @@ class UrdfEditor:
 
     def __init__(self, path: Path) -> None:
         self.path, found = path, dict[str, Inertial]()
-        for link in read_urdf_file(path).robot.links:
+        for link in read_urdf_file(path).links:
             own = link.inertial
-            if own is not None and (own.mass or own.inertia.any()):
-                T = np.eye(4) if own.origin is None else own.origin
-                found[link.name] = Inertial(own.mass, T[:3, 3], T[:3, :3], own.inertia)
+            if own is not None and not own.is_zero:
+                place = own.origin
+                found[link.name] = Inertial(
+                    own.mass, place.translation, place.rotation, own.inertia
+                )
         self.inertials = found
 
     def joint_terms(self, content: bytes) -> Mapping[str, Mapping[str, float]]:
