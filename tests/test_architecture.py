@@ -13,6 +13,7 @@ GROUND = (
     "records",
     "findings",
     "workers",
+    "progress",
     "files",
     "sections",
     "yaml_files",

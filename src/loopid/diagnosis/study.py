@@ -14,10 +14,10 @@ from loopid.identification.prediction import Candidate
 from loopid.identification.verdict import Verdict
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
+from loopid.progress import Progress
 from loopid.records import record
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.mechanism import Mechanism
-from loopid.workers import Progress
 
 
 @record(kw_only=True, checked=True)

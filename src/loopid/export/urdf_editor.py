@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
 from lxml import etree
 
 from loopid.arguments import FloatArray, number
@@ -24,13 +25,11 @@ class UrdfEditor:
 
     def __init__(self, path: Path) -> None:
         self.path, found = path, dict[str, Inertial]()
-        for link in read_urdf_file(path).links:
+        for link in read_urdf_file(path).robot.links:
             own = link.inertial
-            if own is not None and not own.is_zero:
-                place = own.origin
-                found[link.name] = Inertial(
-                    own.mass, place.translation, place.rotation, own.inertia
-                )
+            if own is not None and (own.mass or own.inertia.any()):
+                T = np.eye(4) if own.origin is None else own.origin
+                found[link.name] = Inertial(own.mass, T[:3, 3], T[:3, :3], own.inertia)
         self.inertials = found
 
     def joint_terms(self, content: bytes) -> Mapping[str, Mapping[str, float]]:

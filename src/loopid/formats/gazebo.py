@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
+import numpy as np
 import pinocchio as pin
 from lxml import etree
 
@@ -32,8 +33,8 @@ SLOWING = ("dampingFactor", "velocity_decay")
 def read_gazebo(urdf: UrdfFile, model: pin.Model) -> Dialect:
     """What ``<gazebo>`` tags say of closures, forces and plugins."""
     terms, left_out = dict[str, dict[str, float]](), list[LeftOut]()
-    joints = {joint.name for joint in urdf.joints}
-    heavy = {link.name: link.inertial for link in urdf.links if link.inertial is not None}
+    joints = {joint.name for joint in urdf.robot.joints}
+    heavy = {link.name: link.inertial for link in urdf.robot.links if link.inertial is not None}
     for extension in urdf.root.findall("gazebo"):
         name = (extension.get("reference") or "").strip()
         if name in joints:
@@ -41,7 +42,8 @@ def read_gazebo(urdf: UrdfFile, model: pin.Model) -> Dialect:
         for tag, words in WEIGHTLESS.items() if name in heavy else ():
             if said(extension, tag).lower() in words:
                 inertial = heavy[name]
-                weight = inertial.mass, *map(float, inertial.origin.translation)
+                centre = np.zeros(3) if inertial.origin is None else inertial.origin[:3, 3]
+                weight = float(inertial.mass), *map(float, centre)
                 left_out.append(LeftOut(f"<{tag}>: {name} has no weight", {name: weight}))
         left_out += [LeftOut(f"<{local_name(tag)}>") for tag in inner_tags(extension, SLOWING)]
     closures, notes = [*_loops(urdf, model), *_attached(urdf, model)], _unread_plugins(urdf)
@@ -62,7 +64,7 @@ def _attached(urdf: UrdfFile, model: pin.Model) -> Iterator[ClosureDescription]:
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     for _, parent, owner, link in detachable_joints(urdf.root):
-        if owner not in ("", "__model__", urdf.name):
+        if owner not in ("", "__model__", urdf.robot.name):
             continue
         joint = etree.Element("joint", name=f"{parent}_{link}", type="fixed")
         for side, name in (("parent", parent), ("child", link)):
@@ -81,7 +83,7 @@ def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     for element in urdf.root.findall("gazebo/joint"):
         parent = (child(element, "parent").text or "").strip()
-        if parent == "world" and all(link.name != "world" for link in urdf.links):
+        if parent == "world" and all(link.name != "world" for link in urdf.robot.links):
             continue  # a mount, which a URDF has anyway
         with naming(label(element)):
             links = linked(urdf, element)
@@ -96,7 +98,7 @@ def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
 
 def _unread_plugins(urdf: UrdfFile) -> tuple[str, ...]:
     """Sentences about plugins that couple joints, or close loops, which no tag tells."""
-    followers = {j.name for j in urdf.joints if j.mimic is not None}
+    followers = {j.name for j in urdf.robot.joints if j.mimic is not None}
     mimicking, closing = dict[str, list[str]](), dict[str, None]()
     for plugin in urdf.root.iterfind("gazebo//plugin"):
         file, follower = plugin.get("filename", ""), (plugin.findtext("mimicJoint") or "").strip()
@@ -105,7 +107,7 @@ def _unread_plugins(urdf: UrdfFile) -> tuple[str, ...]:
         elif CLOSING_PLUGIN.search(file):
             closing[file] = None
     others = [owner for _, _, owner, _ in detachable_joints(urdf.root)
-              if owner not in ("", "__model__", urdf.name)]  # fmt: skip
+              if owner not in ("", "__model__", urdf.robot.name)]  # fmt: skip
     return (
         *(
             f"a DetachableJoint holds another model, {owner!r:.60}: it is not read"

@@ -1,14 +1,16 @@
 """The tree of a URDF: its links and joints, whose names and numbers are sound.
 
-Damage passes silently elsewhere: Pinocchio leaves out an ``<inertial>`` with a number that it
-cannot read. So it gets a copy of what the tree is made of, in which names and numbers are sound.
+Damage passes silently elsewhere: yourdfpy reads a file that is cut off as a smaller robot and a
+missing moment as 0 or 1; Pinocchio leaves out an ``<inertial>`` with a number that it cannot read.
+So both get a copy of what the tree is made of, in which names and numbers are sound.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -21,13 +23,15 @@ from loopid.loading.xml_elements import (
     Element,
     child,
     numbers,
-    placement,
     read_xml,
     refuse_repetition,
     required,
     single,
 )
 from loopid.robot.mechanism import shortened
+
+if TYPE_CHECKING:
+    from yourdfpy.urdf import Joint, Robot
 
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -53,117 +57,23 @@ ROOT_JOINT = "root_joint"
 
 
 @dataclass(frozen=True)
-class UrdfInertial:
-    """The inertia (3, 3) about the centre of mass, in the axes of its origin."""
-
-    mass: float
-    inertia: FloatArray
-    origin: pin.SE3
-
-    @classmethod
-    def of(cls, element: Element) -> UrdfInertial:
-        """That of a sound ``<inertial>``."""
-        xx, xy, xz, yy, yz, zz = (numbers(child(element, "inertia"), key)[0] for key in MOMENTS)
-        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        (mass,) = numbers(child(element, "mass"), "value")
-        if mass < 0:
-            raise RobotFileError(f"mass must not be negative: {mass:g} kg")
-        return cls(mass, inertia, placement(element.find("origin")))
-
-    @property
-    def is_zero(self) -> bool:
-        """Whether it counts as none."""
-        return not (self.mass or self.inertia.any())
-
-
-@dataclass(frozen=True)
-class UrdfLink:
-    """A link, whose inertial may be left out."""
-
-    name: str
-    inertial: UrdfInertial | None
-
-
-@dataclass(frozen=True)
-class UrdfMimic:
-    """What a joint mimics: multiplier · joint + offset."""
-
-    joint: str
-    multiplier: float
-    offset: float
-
-
-@dataclass(frozen=True)
-class UrdfJoint:
-    """A joint between two links."""
-
-    name: str
-    type: str
-    parent: str
-    child: str
-    origin: pin.SE3
-    axis: FloatArray  # (3,)
-    mimic: UrdfMimic | None
-
-    @classmethod
-    def of(cls, element: Element) -> UrdfJoint:
-        """That of a sound ``<joint>``; a RobotFileError says what no joint has."""
-        kind, axis, mimic = element.get("type", ""), element.find("axis"), element.find("mimic")
-        if kind not in JOINT_TYPES:
-            listed = ", ".join(JOINT_TYPES)
-            raise RobotFileError(f"unknown type {kind!r}: choose among {listed}")
-        direction = np.array([1.0, 0.0, 0.0] if axis is None else numbers(axis, "xyz", 3))
-        if np.abs(direction).max() < LEAST_AXIS:
-            raise RobotFileError("<axis> is zero")
-        _check_limit(kind, element.find("limit"))
-        return cls(
-            name=required(element, "name"),
-            type=kind,
-            parent=required(child(element, "parent"), "link"),
-            child=required(child(element, "child"), "link"),
-            origin=placement(element.find("origin")),
-            axis=direction,
-            mimic=None if mimic is None else _mimic(mimic),
-        )
-
-
-def _mimic(element: Element) -> UrdfMimic:
-    (multiplier,), (offset,) = (numbers(element, key) for key in NUMBERS["mimic"])
-    return UrdfMimic(required(element, "joint"), multiplier, offset)
-
-
-def _check_limit(kind: str, limit: Element | None) -> None:
-    """Refuse a limit that is missing, negative, or above the other one."""
-    if limit is None:
-        if kind in ("revolute", "prismatic"):
-            raise RobotFileError(f"a {kind} joint needs a <limit>")
-        return
-    values = {key: numbers(limit, key)[0] for key in NUMBERS["limit"]}
-    if values["lower"] > values["upper"]:
-        raise RobotFileError(f"<limit> lower {values['lower']} exceeds upper {values['upper']}")
-    for key in ("effort", "velocity"):
-        if values[key] < 0:
-            raise RobotFileError(f"<limit> {key} must not be negative: {values[key]}")
-
-
-@dataclass(frozen=True)
 class UrdfFile:
     """A URDF whose names, numbers and tree are sound."""
 
-    name: str  # of the robot
     root: Element  # the whole file
     tree: str  # XML of links and joints only, for Pinocchio
-    links: tuple[UrdfLink, ...]  # in the order of the file, as are joints
-    joints: tuple[UrdfJoint, ...]
+    robot: Robot  # links and joints in the order of the file
     # Joints that give a link a second parent: they are no part of the tree
     second: tuple[Element, ...] = ()
 
 
 def read_urdf_file(path: Path, root: Element | None = None) -> UrdfFile:
-    """Read a URDF; errors name the file, the element and the offending value.
+    """Read a URDF with yourdfpy; errors name the file, the element and the offending value.
 
     ``root`` is what the file says, where that is no URDF itself.
     """
+    from yourdfpy import URDF  # here, as it takes 0.3 s to import
+
     with naming(path):
         root = urdf_root(path) if root is None else root
         # Numbers as Python writes them: Pinocchio's parser knows fewer spellings.
@@ -171,29 +81,32 @@ def read_urdf_file(path: Path, root: Element | None = None) -> UrdfFile:
         if not name.isprintable():
             raise RobotFileError(f"the name of <robot> must be printable, not {name!r:.60}")
         _warn_of_repetition(path, root)
-        copy, second = etree.Element("robot", {"name": name}), list[Element]()
-        links, joints = list[UrdfLink](), list[UrdfJoint]()
+        copy = etree.Element("robot", {"name": name})
+        second, carried = list[Element](), set[str]()
         for element in root.iterchildren("link", "joint"):
-            own = required(element, "name")
-            with naming(f"{element.tag!s} {own}"):
+            with naming(f"{element.tag!s} {required(element, 'name')}"):
                 sound = _sound(element)
-                if element.tag == "link":
-                    inertial = sound.find("inertial")
-                    body = None if inertial is None else UrdfInertial.of(inertial)
-                    links.append(UrdfLink(own, body))
-                elif required(child(sound, "child"), "link") in {j.child for j in joints}:
-                    second.append(element)
-                    continue
-                else:
-                    joints.append(UrdfJoint.of(sound))
-            copy.append(sound)
-        if not links:
+            link = "" if element.tag == "link" else required(child(sound, "child"), "link")
+            if link in carried:
+                second.append(element)
+            else:
+                copy.append(sound)
+            carried |= {link} - {""}
+        tree = etree.tostring(copy)
+        robot = URDF.load(BytesIO(tree), build_scene_graph=False, load_meshes=False).robot
+        if not robot.links:
             raise RobotFileError("not a valid URDF: it has no <link>")
-        refuse_repetition("link", (link.name for link in links))
-        refuse_repetition("joint", (joint.name for joint in joints))
-        _check_tree({link.name for link in links}, joints)
-    text = etree.tostring(copy).decode()
-    return UrdfFile(name, root, text, tuple(links), tuple(joints), tuple(second))
+        refuse_repetition("link", (link.name for link in robot.links))
+        refuse_repetition("joint", (joint.name for joint in robot.joints))
+        for joint in robot.joints:
+            with naming(f"joint {joint.name}"):
+                _check_joint(joint)
+        for link in robot.links:
+            if link.inertial is not None and link.inertial.mass < 0:
+                mass = f"{link.inertial.mass:g} kg"
+                raise RobotFileError(f"link {link.name}: mass must not be negative: {mass}")
+        _check_tree(robot)
+    return UrdfFile(root, tree.decode(), robot, tuple(second))
 
 
 def urdf_root(path: Path) -> Element:
@@ -237,13 +150,32 @@ def _sound(element: Element) -> Element:
     return copy
 
 
-def _check_tree(links: set[str], joints: Iterable[UrdfJoint]) -> None:
+def _check_joint(joint: Joint) -> None:
+    if joint.type not in JOINT_TYPES:
+        listed = ", ".join(JOINT_TYPES)
+        raise RobotFileError(f"unknown type {joint.type!r}: choose among {listed}")
+    if np.abs(joint.axis).max() < LEAST_AXIS:
+        raise RobotFileError("<axis> is zero")
+    limit = joint.limit
+    if limit is None:
+        if joint.type in ("revolute", "prismatic"):
+            raise RobotFileError(f"a {joint.type} joint needs a <limit>")
+        return
+    if limit.lower > limit.upper:
+        raise RobotFileError(f"<limit> lower {limit.lower} exceeds upper {limit.upper}")
+    for key in ("effort", "velocity"):
+        if getattr(limit, key) < 0:
+            raise RobotFileError(f"<limit> {key} must not be negative: {getattr(limit, key)}")
+
+
+def _check_tree(robot: Robot) -> None:
     """Refuse joints between links that are not there, and links that do not form one tree."""
-    for joint in joints:
+    links = {link.name for link in robot.links}
+    for joint in robot.joints:
         for end in (joint.parent, joint.child):
             if end not in links:
                 raise RobotFileError(f"joint {joint.name} names link {end!r}, which is not there")
-    carriers = {joint.child for joint in joints}
+    carriers = {joint.child for joint in robot.joints}
     roots = sorted(links - carriers)
     if len(roots) != 1:
         listed = ", ".join(roots) or "none"
@@ -255,7 +187,7 @@ def _check_tree(links: set[str], joints: Iterable[UrdfJoint]) -> None:
         )
     reached, more = set(roots), set(roots)
     while more:
-        more = {joint.child for joint in joints if joint.parent in more}
+        more = {joint.child for joint in robot.joints if joint.parent in more}
         reached |= more
     if reached != links:
         lost = ", ".join(sorted(links - reached))
@@ -267,7 +199,7 @@ def build_model(urdf: UrdfFile, floating_base: bool) -> pin.Model:
     taken = {"universe": "the ground"}
     if floating_base:
         taken[ROOT_JOINT] = "the joint of the floating base"
-    for joint in urdf.joints:
+    for joint in urdf.robot.joints:
         if joint.name in taken:
             what = f"joint {joint.name} must not be called like {taken[joint.name]}"
             raise RobotFileError(f"{what}: rename it")
@@ -277,7 +209,7 @@ def build_model(urdf: UrdfFile, floating_base: bool) -> pin.Model:
     except (ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split())
         raise RobotFileError(f"Pinocchio refuses it: {reason}") from error
-    for joint in urdf.joints:
+    for joint in urdf.robot.joints:
         if joint.type == "planar" and (joint.axis != [0, 0, 1]).any():
             _turn_plane(model, model.getJointId(joint.name), joint.axis)
     return model

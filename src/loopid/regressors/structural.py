@@ -15,12 +15,13 @@ from loopid.kinematics.rounding import Accuracy, geometry_accuracy, within_accur
 from loopid.kinematics.sampling import SamplingOptions, configuration_batches
 from loopid.observation import Draws, Observation, StackedRows
 from loopid.parameters import ParameterSet
+from loopid.progress import Progress
 from loopid.records import record
 from loopid.regressors.closed_loop import motion_parameters, motion_regressor
 from loopid.regressors.joint_laws import joint_term
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.mechanism import Mechanism
-from loopid.workers import Progress, one_blas_thread
+from loopid.workers import one_blas_thread
 
 LEAST_SAMPLES = 100
 ROWS_PER_COLUMN = 4
