@@ -9,6 +9,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray
 from loopid.findings import PAGE, Finding, most_important_first
+from loopid.identification.consistent import UNSETTLED
 from loopid.identification.plausibility import absurdities
 from loopid.identification.result import FitResult
 from loopid.records import record
@@ -169,7 +170,8 @@ def _use(found: Identification, error: float) -> str:
     if found.recommended is found.baseline:
         return f"{use} with the robot file's bodies, as fitted ones are clearly worse"
     told, deviation = found.identifiability, found.fit.deviation
-    doubtful = found.advantage is not None or (deviation is not None and deviation.suspicion)
+    doubtful = found.advantage is not None or not found.fit.settled
+    doubtful |= deviation is not None and bool(deviation.suspicion)
     if error <= GOOD and told.well_determined == told.structural_rank and not doubtful:
         return use + PARAMETERS
     return f"{use} in motions like these, but not parameter by parameter"
@@ -202,6 +204,8 @@ def findings_of(found: Identification) -> tuple[Finding, ...]:
                 "look for a tool, a payload or a missing joint term",
             )
         )
+    if not found.fit.settled:
+        said.append(UNSETTLED)
     if found.delay is not None and found.delay.clear:
         said.append(found.delay.finding)
     for broken in absurdities(found.force_model, found.fit, found.data):
