@@ -16,7 +16,7 @@ from loopid.cli.robots import FILE, MAPPING, MODEL, TERMS, numbers, of_robot, re
 from loopid.cli.shell import answering, with_options
 from loopid.errors import LoopidError, OptionError
 from loopid.files import require_other_file, write_file
-from loopid.workers import progress_bar
+from loopid.progress import progress_bar
 
 if TYPE_CHECKING:
     from loopid.cli.shell import Answer

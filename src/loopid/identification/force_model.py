@@ -21,6 +21,7 @@ from loopid.kinematics.sampling import random_configurations, random_motions
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.parameters import KINDS, ParameterSet, model_kinds
+from loopid.progress import Progress
 from loopid.records import record
 from loopid.regressors.closed_loop import motion_regressor
 from loopid.regressors.joint_laws import JointState, grouped, joint_term
@@ -34,7 +35,7 @@ from loopid.regressors.joint_terms import (
 from loopid.regressors.maxwell_slip import Slips, slips_along, slips_at
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
-from loopid.workers import Progress, ordered_map
+from loopid.workers import ordered_map
 
 # Steps of the reference, before its start and after its end, that the log may reach.
 OVERHANG = 1.0
