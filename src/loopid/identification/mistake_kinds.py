@@ -199,7 +199,7 @@ RATIOS = tuple(np.logspace(-2, 2, 9).tolist())
 TIME_CAUSES = tuple((factor, "") for factor in (2.0, 0.5, 5.0, 0.2, 10.0, 0.1))
 TIMES = tuple(np.logspace(-1.25, 1.25, 11).tolist())
 ZERO_CAUSES = tuple((turn * pi, "") for turn in (0.5, -0.5, 1.0, -1.0))
-ZEROS = tuple(np.geomspace(0.03, 4.0, 9).tolist())
+ZEROS = tuple(np.geomspace(0.05, 4.0, 7).tolist())
 PLACES = ("positions", "ratio", "zero")  # of what belongs to positions
 # Those with sizes are called as the option that says which sizes are worth a finding.
 KINDS = {
