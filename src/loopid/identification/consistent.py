@@ -204,7 +204,7 @@ def quiet_consistent_fit(
 
 
 @checked
-def consistent_values(
+def consistent_parameters(
     force_model: ForceModel,
     data: FitSamples,
     noise: NoiseModel,
@@ -212,7 +212,7 @@ def consistent_values(
     options: ConsistentOptions = ConsistentOptions(),
     like: FitResult | None = None,
 ) -> FloatArray:
-    """The values (n,) of ``consistent_fit``, without their uncertainty.
+    """The standard parameters (p,) of ``consistent_fit``, without their uncertainty.
 
     Parameters
     ----------
@@ -229,7 +229,7 @@ def consistent_values(
             if like.term_deviations is not None:
                 state = replace(state, groups=like.term_deviations.own)
             state = _minimised(program, _approached(program, state))
-        return force_model.base.values(program.standard(state))
+        return program.standard(state)
 
 
 @checked
