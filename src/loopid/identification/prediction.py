@@ -173,6 +173,9 @@ class Candidate:
         and its standard error.
     motor_ratios : FloatArray
         (dof,), that of each motor; NaN without samples.
+    regions : FloatArray or None
+        (dof,), root mean square errors on regions of states that were left out; None where these
+        were not.
     """
 
     name: str
@@ -182,6 +185,7 @@ class Candidate:
     rms_errors: tuple[FloatArray, FloatArray]
     error_ratio: tuple[float, float]
     motor_ratios: FloatArray
+    regions: FloatArray | None = None
 
     @property
     def fitted(self) -> int:

@@ -362,6 +362,8 @@ class FitResult(OfArrays, Tabular):
         beside those of the model that it was given.
     mistakes : tuple of str
         In the logs that were fitted, one sentence each: no value counts before they are mended.
+    unseen_rms : FloatArray or None
+        (dof,), root mean square errors on data that were not fitted, in N or N m; NaN without any.
 
     Examples
     --------
@@ -400,6 +402,7 @@ class FitResult(OfArrays, Tabular):
     use: MotorUse | None = None
     force_model: ForceModel | None = field(default=None, compare=False, repr=False)
     mistakes: tuple[str, ...] = ()
+    unseen_rms: FloatArray | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -173,6 +173,7 @@ class SavedEstimate(_Section):
     term_deviations: TermDeviations | None = None
     use: MotorUse | None = None
     mistakes: tuple[str, ...] = ()
+    unseen_rms: Column | None = None
 
 
 class SavedFit(_Section):
