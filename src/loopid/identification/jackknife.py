@@ -26,9 +26,11 @@ from loopid.workers import one_blas_thread
 LEAST_GROUPS = 3  # whose scatter counts
 MOST_SHARE = 1.0 - 1e-6  # of a combination of parameters that one group may tell
 FALSE_ALARM = 0.01  # probability that a user is warned of a scatter that is chance
-# Probability of as much scatter by chance, from which on it is: without, intervals of right models
-# are a third too wide.
-LIKELY = 0.25
+# Probability of as much scatter of regions by chance, from which on it is chance. Groups that tell
+# much scatter too much; by the root of that more is asked for. So intervals of right models are a
+# fifth wider than errors within recordings make them, not a third, and hold as often where forces
+# are missing.
+LIKELY = 0.4
 
 
 @record
@@ -45,6 +47,8 @@ class Jackknife:
         (n, k), changes of the estimates by unit errors of the rows of a prior.
     freedom : FloatArray
         (n,), degrees of freedom of the scatter [Satterthwaite1946].
+    excess : FloatArray
+        (n,), variance by the scatter over the true one, of errors that are independent.
     present : int
         Groups that have samples in the fit.
     """
@@ -53,6 +57,7 @@ class Jackknife:
     changes: FloatArray
     prior: FloatArray
     freedom: FloatArray
+    excess: FloatArray
     present: int
 
     @classmethod
@@ -82,13 +87,18 @@ class Jackknife:
         freedom = np.divide(parts.sum(axis=0) ** 2, squares, out=np.ones(n), where=squares > 0)
         known = np.zeros((0, n)) if fit.prior is None else fit.prior[:, :n]
         pull = np.asarray(inverse @ (known @ inverse).T)
-        return cls(
-            groups,
-            changes,
-            pull,
-            np.minimum(freedom, max(present.sum() - 1, 1)),
-            int(present.sum()),
-        )
+        count = int(present.sum())
+        expected = (1 - 1 / max(count, 1)) * parts.sum(axis=0) + (pull**2).sum(axis=1)
+        excess = np.maximum(expected / (inverse**2).sum(axis=1), 1.0)
+        return cls(groups, changes, pull, np.minimum(freedom, max(count - 1, 1)), excess, count)
+
+    @property
+    def by_chance(self) -> FloatArray:
+        """Ratios (n,) of variances, by the scatter over the true ones, up to which it is chance."""
+        from scipy.special import chdtri  # slow to import
+
+        ratio = chdtri(self.freedom, LIKELY) / self.freedom
+        return np.asarray(np.maximum(np.sqrt(self.excess) * ratio, 1.0))
 
     @property
     def variance(self) -> FloatArray:
@@ -108,25 +118,27 @@ def with_scatter(found: WorkingFit, *, quiet: bool = True) -> WorkingFit:
     """Of a fit ``within_runs``, what its estimates scatter between recordings and regions included.
 
     Variances of estimates that scatter more are those of the scatter, with its degrees of freedom.
+    Of regions more than chance is asked for: they may all be alike, while recordings differ.
     """
     samples = found.samples
     with one_blas_thread():
-        between = _at_least(found, samples.runs)
+        between = found
+        if samples.runs.any():
+            scatter, every = Jackknife.of(found, samples.runs), np.ones(len(found.result.values))
+            scatter = replace(scatter, freedom=max(scatter.present - 1, 1) * every)
+            between = _at_least(found, scatter, every)
         if not quiet:
             _warn_of_runs(between.result, found.result)
-        return _at_least(between, samples.regions)
+        if not samples.regions.any():
+            return between
+        scatter = Jackknife.of(between, samples.regions)
+        return _at_least(between, scatter, scatter.by_chance)
 
 
-def _at_least(found: WorkingFit, groups: IntArray) -> WorkingFit:
-    """The fit with variances of the scatter between groups (N,), where that is more than chance."""
-    from scipy.special import chdtri  # slow to import
-
-    if not groups.any():
-        return found
-    scatter, result = Jackknife.of(found, groups), found.result
-    within = np.diag(result.covariance)
-    by_chance = chdtri(scatter.freedom, LIKELY) / scatter.freedom
-    varied = (within > 0) & (scatter.variance > by_chance * within)
+def _at_least(found: WorkingFit, scatter: Jackknife, ratio: FloatArray) -> WorkingFit:
+    """The fit with variances of a scatter, where that is more than ratios (n,) of its own."""
+    result, within = found.result, np.diag(found.result.covariance)
+    varied = (within > 0) & (scatter.variance > ratio * within)
     scale = np.sqrt(np.divide(scatter.variance, within, out=np.ones(len(within)), where=varied))
     freedom = np.where(varied, scatter.freedom, np.inf)
     result = replace(

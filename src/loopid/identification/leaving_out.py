@@ -19,6 +19,7 @@ from loopid.records import record
 
 FOLDS = 5  # stretches: each fit has four fifths of the data
 REGIONS, ROWS = 16, 10  # of states, at most, and samples of each at least
+DIGITS = 6  # of states in their deviations, that tell them apart
 ROUND_OFF = 1e-9  # of the widest coordinate: others do not move
 SAME = 0.05  # of the deviations of states: such ones are the same
 PERIODS = 1.0  # of the cut-off, over which a filter spreads what happens in one sample
@@ -84,8 +85,8 @@ def regions_of(recordings: Sequence[Recording]) -> IntArray:
     from scipy.cluster.vq import kmeans2  # slow to import
 
     states = _states(recordings)
-    count = min(REGIONS, len(states) // ROWS)
-    if count < 2 or not states.shape[1]:
+    count = min(REGIONS, len(states) // ROWS, len(np.unique(states.round(DIGITS), axis=0)))
+    if count < 2:
         return np.zeros(len(states), dtype=np.int64)
     found = kmeans2(states, count, seed=0, minit="++")[1]
     return np.asarray(found, dtype=np.int64)

@@ -331,14 +331,15 @@ class FitSamples:
             shifted = [part + k for part, k in zip(each, offsets, strict=True)]
             return np.concatenate(shifted)
 
+        runs, regions = numbered([part.runs for part in parts]), [part.regions for part in parts]
         return replace(
             first,
             regressor=np.concatenate([part.regressor for part in parts]),
             force=np.concatenate([part.force for part in parts]),
             used=np.concatenate([part.used for part in parts]),
             stretches=numbered([part.stretches for part in parts]),
-            runs=numbered([part.runs for part in parts]),
-            regions=numbered([part.regions for part in parts]),
+            runs=runs,
+            regions=numbered(regions) if any(each.any() for each in regions) else 0 * runs,
             least_errors=np.max([part.least_errors for part in parts], axis=0),
             instruments=np.concatenate(instruments) if instruments else None,
         )

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, checked, spread_rows
+from loopid.arguments import BoolArray, FloatArray, checked, spread_rows
 from loopid.base_parameters.account import SubgroupAccount
 from loopid.base_parameters.choice import SearchResult
 from loopid.errors import OptionError
@@ -163,7 +163,6 @@ def forces_chart(
     *,
     motors: Sequence[str] | None = None,
     file: FloatArray | None = None,
-    reach: Callable[[IntArray], FloatArray] | None = None,
     name: str = "forces",
 ) -> Chart:
     """Measured and predicted forces of each motor over time, and below them what is left.
@@ -174,8 +173,6 @@ def forces_chart(
         Some of the motors.
     file : FloatArray, optional
         (N, dof), the forces that the robot file predicts.
-    reach : callable, optional
-        Gives half the width (k, dof) of 95 % intervals at rows (k,).
 
     Examples
     --------
@@ -193,7 +190,7 @@ def forces_chart(
     """
     run, time = found.recording, found.recording.motion.time
     some, panels = spread_rows(len(run), MOST_DOTS), list[Panel]()
-    half = None if reach is None else reach(some)
+    half = None if found.reach is None else found.reach[some]
     for motor in run.actuators if motors is None else motors:
         if motor not in run.actuators:
             raise OptionError.unknown("motor", motor, run.actuators)
@@ -203,7 +200,7 @@ def forces_chart(
         marks, left = [Mark("measured", time, force, "measured")], list[Mark]()
         if half is not None:
             low, high = fit[some] - half[:, k], fit[some] + half[:, k]
-            marks.append(Mark("95 % interval", time[some], low, "fit", "band", high))
+            marks.append(Mark("95 % of new forces", time[some], low, "fit", "band", high))
         if file is None:
             standing = np.where(used, np.nan, found.residual[:, k])
             left.append(Mark("standing or saturated", time, standing, "faint"))

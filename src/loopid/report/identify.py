@@ -6,7 +6,6 @@ from typing import Any
 
 from rich.table import Table
 
-from loopid.arguments import FloatArray, IntArray
 from loopid.diagnosis.selection import PredictionError
 from loopid.diagnosis.study import Study
 from loopid.diagnosis.term_sets import TermComparison
@@ -110,14 +109,11 @@ def _sections(study: Study) -> list[Section]:
 def _forces_chart(found: Identification) -> Chart:
     """On the first recording that judges, by fits that have not seen it."""
     run = (found.validation or found.training)[0]
-    W = found.new.regressor[: len(run)]
-
-    def reach(rows: IntArray) -> FloatArray:
-        return prediction_reach(W[rows], found.fit.covariance)
-
+    fit, W = found.fit, found.new.regressor[: len(run)]
+    reach = prediction_reach(W, fit.covariance, fit.unseen_rms)
     own, file = (each.predicted[: len(run)] for each in (found.recommended, found.baseline))
-    prediction = Prediction(run, own)
-    return forces_chart(found.force_model.mechanism, prediction, file=file, reach=reach)
+    prediction = Prediction(run, own, reach)
+    return forces_chart(found.force_model.mechanism, prediction, file=file)
 
 
 def _fits(found: Identification) -> dict[str, bytes | str]:
