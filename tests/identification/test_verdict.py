@@ -49,23 +49,32 @@ def test_a_wrong_model_is_never_praised(robot, models, wrong):
     assert PRAISE not in str(found.verdict)
 
 
-@pytest.mark.parametrize("wrong", ["a rotor", "a length", "nothing"])
-def test_an_arm_is_praised_if_its_model_is_right(tmp_path, wrong):
-    """One that lacks its rotors, and one whose upper link is 2 % longer in the file."""
+@pytest.mark.parametrize("terms", ["Fc,Fv,Fo", "Fc,Fv,Fo,Ia"])
+def test_an_arm_whose_rotors_are_missing_is_not(tmp_path, terms):
     path = tmp_path / "arm.urdf"
     path.write_text(ARM)
     arm = load_mechanism(path)
-    motion = wander(arm, 4, 12.0, 100.0, size=(0.8, 0.8))
-    terms = JointTerms.with_values(arm, "Fc=0.5,Fv=0.5,Ia=0.3")
-    read = simulated(arm, motion, Noise(gaussian=0.03), 0, scaled_bodies(arm, 0.2), terms)
-    log = Log.from_arrays(read.time, read.position, read.force, arm.actuated)
-    if wrong == "a length":
-        path.write_text(ARM.replace('xyz="0 0 0.4"', 'xyz="0 0 0.408"'))
-        arm = load_mechanism(path)
-    run = quietly(prepare_recording, arm, log)
-    model = find_force_model(arm, "full", "Fc,Fv,Fo" if wrong == "a rotor" else "auto")
-    found = quietly(identify, model, [run])
-    assert (PRAISE in str(found.verdict)) == (wrong == "nothing"), found.verdict
+    motion = wander(arm, 4, 12.0, 50.0, size=(0.8, 0.8))
+    truth = JointTerms.with_values(arm, "Fc=0.5,Fv=0.5,Ia=0.3")
+    run = record(arm, motion, truth, scaled_bodies(arm, 0.2), 0.02)
+    found = quietly(identify, find_force_model(arm, "full", terms), [run])
+    assert (PRAISE in str(found.verdict)) == ("Ia" in terms)
+
+
+@pytest.mark.parametrize("length", ["0.24", "0.2448"])
+def test_a_robot_whose_length_is_off_by_two_percent_is_not(tmp_path, robot, length):
+    """Its errors are above the noise of the sensors, as the log has it."""
+    for path in (robot.path, robot.path.with_suffix(".urdf")):
+        text = path.read_text().replace('xyz="0.24 0 0"', f'xyz="{length} 0 0"')
+        (tmp_path / path.name).write_text(text)
+    motion = wander(robot, 4, 12.0, 200.0, size=(0.5, 0.5))
+    terms = JointTerms.with_values(robot, "Fc=0.1,Fv=0.05")
+    read = simulated(robot, motion, Noise(gaussian=0.01), 0, scaled_bodies(robot, 0.2), terms)
+    log = Log.from_arrays(read.time, read.position, read.force, robot.actuated)
+    other = load_mechanism(tmp_path / robot.path.name)
+    run = quietly(prepare_recording, other, log)
+    found = quietly(identify, find_force_model(other, "full"), [run])
+    assert (PRAISE in str(found.verdict)) == (length == "0.24")
 
 
 def test_a_right_one_is(robot, models):

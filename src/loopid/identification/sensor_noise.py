@@ -15,8 +15,10 @@ from loopid.arguments import FloatArray
 from loopid.logs.recording import Recording
 
 LEAST_SAMPLES = 256  # of a stretch: some 30 frequencies in each band
-BANDS = 0.5, 0.75, 1.0  # of the Nyquist frequency
-FALLS = 0.7  # part of the power in the lower band that the upper one has at least of white noise
+BANDS = 0.25, 0.5, 0.75, 1.0  # of the Nyquist frequency
+# Part of the power in the middle band that the upper one has at least of white noise, and in the
+# lower band: there some of the motion may be left, and jumps of friction fall by more.
+FALLS, JUMPS = 0.7, 0.4
 
 
 def sensor_noise(recording: Recording) -> FloatArray:
@@ -32,10 +34,11 @@ def sensor_noise(recording: Recording) -> FloatArray:
         return found
     powers = [_powers(log.force[part], log.rate(part)) for part in parts]
     counts = [len(log.time[part]) for part in parts]
-    low, high = np.average(powers, axis=0, weights=counts)
+    low, middle, high = np.average(powers, axis=0, weights=counts)
     passed = np.mean([_passed(recording, log.rate(part)) for part in parts])
     with np.errstate(divide="ignore", invalid="ignore"):
-        size = np.where(high >= FALLS * low, np.sqrt((low + high) / 2 * passed), np.nan)
+        white = (high >= FALLS * middle) & (high >= JUMPS * low)
+        size = np.where(white, np.sqrt((middle + high) / 2 * passed), np.nan)
     for k, motor in enumerate(recording.actuators):
         if motor in log.joints:
             found[k] = size[log.joints.index(motor)]
@@ -43,7 +46,7 @@ def sensor_noise(recording: Recording) -> FloatArray:
 
 
 def _powers(force: FloatArray, rate: float) -> FloatArray:
-    """Power per Hz (2, m) of forces (N, m) in the two bands.
+    """Power per Hz (3, m) of forces (N, m) in the bands.
 
     Medians, which lines such as of a mains hum do not move, as means of normal noise.
     """
