@@ -8,12 +8,14 @@ import pytest
 SOURCE = Path(__file__).parents[1] / "src" / "loopid"
 GROUND = (
     "errors",
+    "numbers",
     "registry",
     "arguments",
     "records",
     "findings",
     "workers",
     "files",
+    "sections",
     "yaml_files",
     "parameters",
     "inertia",

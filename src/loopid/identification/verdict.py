@@ -27,6 +27,9 @@ NAMED = 1  # parameters that the sentence names
 # Errors over the sensors' noise, from which on the model lacks something: values follow that.
 NOISY = 3.0
 REPEATED = 0.5  # part of the states that come back, from which on a motion repeats itself
+# What a fit is fit for, in words.
+NOT_FIT, ROUGHLY = "Not fit for use", "Fit for rough predictions of forces"
+PARAMETERS = " and as parameters of the robot"
 
 
 @record
@@ -81,12 +84,12 @@ class Verdict:
         """Of an identification."""
         where, worst, error = found.unseen.worst
         count = sum(not grouped(each.kind) for each in found.fit.parameters)
-        significant = count - len(_insignificant(found.fit))
+        significant = count - len(insignificant(found.fit))
         mistake = next(iter(found.mistakes), None)
         excite, improvement = _improvement(found)
         left_out = "logs" if len(found.training) > 1 else "stretches"
         return cls(
-            "Not fit for use" if mistake else _use(found, error),
+            NOT_FIT if mistake else _use(found, error),
             found.new.actuators[worst],
             error,
             found.recommended.error_ratio,
@@ -112,6 +115,18 @@ class Verdict:
             f"{self.significant} of "
             f"{self.parameters} values are significant. Next: {self.improvement}{page}."
         )
+
+    @property
+    def forces(self) -> str:
+        """Whether forces are predicted well enough: yes, roughly, or no."""
+        if self.use.startswith(NOT_FIT):
+            return "no"
+        return "roughly" if self.use.startswith(ROUGHLY) else "yes"
+
+    @property
+    def single_parameters(self) -> bool:
+        """Whether each parameter can be used by itself."""
+        return self.use.endswith(PARAMETERS)
 
     @property
     def _beside_file(self) -> str:
@@ -153,15 +168,15 @@ def _better(found: Identification) -> Finding | None:
 def _use(found: Identification, error: float) -> str:
     broken = absurdities(found.force_model, found.fit, found.data)
     if broken:
-        return f"Not fit for use, as {broken[0]}"
+        return f"{NOT_FIT}, as {broken[0]}"
     if not error <= ROUGH:
-        return "Not fit for use"
-    use = "Fit for predicting forces" if error <= GOOD else "Fit for rough predictions of forces"
+        return NOT_FIT
+    use = "Fit for predicting forces" if error <= GOOD else ROUGHLY
     if found.recommended is found.baseline:
         return f"{use} with the robot file's bodies, as fitted ones are clearly worse"
     told = found.identifiability
     if error <= GOOD and told.well_determined == told.structural_rank and not _doubtful(found):
-        return f"{use} and as parameters of the robot"
+        return use + PARAMETERS
     return f"{use} in motions like these, but not parameter by parameter"
 
 
@@ -272,12 +287,12 @@ def _least_known(found: Identification) -> tuple[str, ...]:
     """Parameters whose estimates are not clear from zero, the least known first."""
     alone = found.recommended is found.baseline  # of the bodies it has no estimates
     fit = found["all parameters"].fit if alone else found.fit
-    weak, order = set(_insignificant(fit)), np.argsort(-fit.relative_std, kind="stable")
+    weak, order = set(insignificant(fit)), np.argsort(-fit.relative_std, kind="stable")
     labels, names = fit.parameters.labels, fit.parameters.names
     return tuple(labels[j] for j in order if names[j] in weak)
 
 
-def _insignificant(fit: FitResult) -> tuple[str, ...]:
+def insignificant(fit: FitResult) -> tuple[str, ...]:
     """Names of parameters not clearly different from zero; points of a curve are none."""
     kinds = {each.name: each.kind for each in fit.parameters}
     return tuple(name for name in fit.insignificant() if not grouped(kinds[name]))
