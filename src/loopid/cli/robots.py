@@ -238,7 +238,7 @@ def excite(
         None, metavar="LOG", help="A log that you already have; repeatable."
     ),
     mapping: str | None = MAPPING,
-    wanted: list[str] | None = Option(
+    parameters: list[str] | None = Option(
         None, "--for", metavar="PARAMETER", help="One that the motion should excite; repeatable."
     ),
     payload: str | None = Option(
@@ -294,7 +294,7 @@ def excite(
             limits=limits,
             options=options,
             after=recordings(robot, after, mapping),
-            parameters=wanted or (),
+            parameters=parameters or (),
             payload=payload,
             progress=watch,
         )

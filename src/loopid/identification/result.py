@@ -360,6 +360,8 @@ class FitResult(OfArrays, Tabular):
     force_model : ForceModel or None
         Whose parameters these are, where ``identify`` fitted them: it may have chosen joint terms
         beside those of the model that it was given.
+    settled : bool
+        Whether the solver reached the best values, where it takes steps.
     mistakes : tuple of str
         In the logs that were fitted, one sentence each: no value counts before they are mended.
     unseen_rms : FloatArray or None
@@ -401,6 +403,7 @@ class FitResult(OfArrays, Tabular):
     term_deviations: TermDeviations | None = None
     use: MotorUse | None = None
     force_model: ForceModel | None = field(default=None, compare=False, repr=False)
+    settled: bool = True
     mistakes: tuple[str, ...] = ()
     unseen_rms: FloatArray | None = None
 

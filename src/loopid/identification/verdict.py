@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from loopid.findings import PAGE, Finding, most_important_first
+from loopid.identification.consistent import UNSETTLED
 from loopid.identification.missing import missing_findings
 from loopid.identification.plausibility import absurdities
 from loopid.identification.result import FitResult
@@ -184,7 +185,8 @@ def _doubtful(found: Identification) -> bool:
     """Whether anything says that the model is wrong, so that intervals may not hold."""
     deviation = found.fit.deviation
     far = deviation is not None and bool(deviation.suspicion)
-    return bool(found.missing) or found.advantage is not None or far or _noisy(found) is not None
+    doubtful = bool(found.missing) or far or not found.fit.settled
+    return doubtful or found.advantage is not None or _noisy(found) is not None
 
 
 def _noisy(found: Identification) -> tuple[str, float] | None:
@@ -247,6 +249,8 @@ def findings_of(found: Identification) -> tuple[Finding, ...]:
                 "look for a tool, a payload or a missing joint term",
             )
         )
+    if not found.fit.settled:
+        said.append(UNSETTLED)
     if found.delay is not None and found.delay.clear:
         said.append(found.delay.finding)
     for broken in absurdities(found.force_model, found.fit, found.data):
