@@ -205,7 +205,7 @@ def quiet_consistent_fit(
 
 
 @checked
-def consistent_values(
+def consistent_parameters(
     force_model: ForceModel,
     data: FitSamples,
     noise: NoiseModel,
@@ -213,7 +213,7 @@ def consistent_values(
     options: ConsistentOptions = ConsistentOptions(),
     like: FitResult | None = None,
 ) -> FloatArray:
-    """The values (n,) of ``consistent_fit``, without their uncertainty.
+    """The standard parameters (p,) of ``consistent_fit``, without their uncertainty.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def consistent_values(
             if like.term_deviations is not None:
                 state = replace(state, groups=like.term_deviations.own)
             state = _minimised(program, _approached(program, state))
-        return force_model.base.values(program.standard(state))
+        return program.standard(state)
 
 
 @checked

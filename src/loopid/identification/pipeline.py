@@ -18,7 +18,7 @@ from loopid.findings import Finding
 from loopid.identification.consistent import (
     CONSISTENT,
     ConsistentOptions,
-    consistent_values,
+    consistent_parameters,
     fit_terms,
     quiet_consistent_fit,
     warn_of_bodies,
@@ -46,6 +46,7 @@ from loopid.identification.jackknife import Jackknife
 from loopid.identification.leaving_out import LeftOut, repeated_share
 from loopid.identification.log_mistakes import Suspicions, suspicions_by_log
 from loopid.identification.missing import MissingForce, missing_forces, with_missing
+from loopid.identification.plausibility import absurdities
 from loopid.identification.prediction import Candidate, error_ratio, judge, quality_of
 from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import (
@@ -530,10 +531,14 @@ def identify(
     if CONSISTENT in fits:
         # The gears carry the bodies that are recommended.
         best = ROBOT_FILE if judged[CONSISTENT].loses_to_baseline else CONSISTENT
-        force_model = force_model.with_loads(fits[best].values)
+        force_model = force_model.with_loads(fits[best].values, fits[best].standard_parameters)
         data = force_model.widened(data, training)
         new = data if left_out else force_model.widened(new, judging)
         judged = _judged(fits, data, new, left, regions)
+    judged = {
+        name: replace(each, fit=replace(each.fit, broken=absurdities(force_model, each.fit, data)))
+        for name, each in judged.items()
+    }
     parts = tuple(training), tuple(judging), tuple(friction)
     return Identification(
         *(force_model, *parts, data, new, excited, judged, options),
@@ -577,9 +582,10 @@ def _refits(
 
     def solid(part: FitSamples) -> FloatArray:
         if known is None and noise is not None:
-            return consistent_values(
+            standard = consistent_parameters(
                 force_model, part, noise, options=options.consistent, like=fits[CONSISTENT]
             )
+            return force_model.base.values(standard)
         return fit_solid_bodies(
             force_model, part, noise, known=known, options=options
         ).result.values

@@ -10,7 +10,6 @@ import numpy as np
 from loopid.findings import PAGE, Finding, most_important_first
 from loopid.identification.consistent import UNSETTLED
 from loopid.identification.missing import missing_findings
-from loopid.identification.plausibility import absurdities
 from loopid.identification.result import FitResult
 from loopid.records import record
 from loopid.regressors.joint_laws import grouped
@@ -167,9 +166,8 @@ def _better(found: Identification) -> Finding | None:
 
 
 def _use(found: Identification, error: float) -> str:
-    broken = absurdities(found.force_model, found.fit, found.data)
-    if broken:
-        return f"{NOT_FIT}, as {broken[0]}"
+    if found.fit.broken:
+        return f"{NOT_FIT}, as {found.fit.broken[0]}"
     if not error <= ROUGH:
         return NOT_FIT
     use = "Fit for predicting forces" if error <= GOOD else ROUGHLY
@@ -253,7 +251,7 @@ def findings_of(found: Identification) -> tuple[Finding, ...]:
         said.append(UNSETTLED)
     if found.delay is not None and found.delay.clear:
         said.append(found.delay.finding)
-    for broken in absurdities(found.force_model, found.fit, found.data):
+    for broken in found.fit.broken:
         said.append(
             Finding("warning", "the fit is not physical", broken, 'try fewer terms, terms="Fc,Fv"')
         )
