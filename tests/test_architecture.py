@@ -8,12 +8,15 @@ import pytest
 SOURCE = Path(__file__).parents[1] / "src" / "loopid"
 GROUND = (
     "errors",
+    "numbers",
     "registry",
     "arguments",
     "records",
     "findings",
     "workers",
+    "progress",
     "files",
+    "sections",
     "yaml_files",
     "parameters",
     "inertia",

@@ -12,7 +12,7 @@ from typer import Argument, Option
 from loopid.cli.shell import answering, with_options
 from loopid.errors import OptionError
 from loopid.files import require_name, require_other_file, require_own_kind, write_file, write_files
-from loopid.workers import progress_bar
+from loopid.progress import progress_bar
 
 if TYPE_CHECKING:
     from loopid.cli.shell import Answer
@@ -108,7 +108,7 @@ def base(
 ) -> None:
     """Find base parameters, and prove how to write them best."""
     from loopid.base_parameters.base import find_felt_parameters
-    from loopid.base_parameters.choice import SearchEffort
+    from loopid.base_parameters.choice import SearchOptions
     from loopid.regressors.joint_terms import JointTerms, warn_of_omitted
     from loopid.regressors.structural import structural_observation
     from loopid.report.structure import base_report
@@ -121,8 +121,8 @@ def base(
         observation = structural_observation(
             robot, model, samples=samples, seed=seed, progress=report, joint_terms=joint_terms
         )
-    effort = None if time_limit is None else SearchEffort(time_limit=time_limit)
-    found = find_felt_parameters(observation, strategy, criterion=criterion, effort=effort)
+    options = None if time_limit is None else SearchOptions(time_limit=time_limit)
+    found = find_felt_parameters(observation, strategy, criterion=criterion, options=options)
     answer.show(base_report(robot, model, *found))
 
 
@@ -238,7 +238,7 @@ def excite(
         None, metavar="LOG", help="A log that you already have; repeatable."
     ),
     mapping: str | None = MAPPING,
-    wanted: list[str] | None = Option(
+    parameters: list[str] | None = Option(
         None, "--for", metavar="PARAMETER", help="One that the motion should excite; repeatable."
     ),
     payload: str | None = Option(
@@ -294,7 +294,7 @@ def excite(
             limits=limits,
             options=options,
             after=recordings(robot, after, mapping),
-            parameters=wanted or (),
+            parameters=parameters or (),
             payload=payload,
             progress=watch,
         )

@@ -13,8 +13,9 @@ from scipy.spatial import ConvexHull, QhullError
 
 from loopid.arguments import FloatArray
 from loopid.errors import ModelWarning, RobotFileError, warn
-from loopid.loading.files import find_files
-from loopid.loading.urdf_tree import Element, child, label, numbers, placement, required, urdf_root
+from loopid.loading.files import files_of
+from loopid.loading.urdf_tree import urdf_root
+from loopid.loading.xml_elements import Element, child, label, numbers, placement, required
 from loopid.robot.mechanism import Mechanism
 
 # Pairs of links that stay this part of the robot's length apart in random poses are not looked at.
@@ -87,8 +88,8 @@ class Collisions:
 
 def _geometry(mechanism: Mechanism) -> pin.GeometryModel:
     """Collision geometry of the URDF, as convex hulls; none where there is none, or no mesh."""
-    tree = find_files(mechanism.path).tree
-    if tree.suffix != ".urdf":
+    tree = None if mechanism.path is None else files_of(mechanism).tree
+    if tree is None or tree.suffix != ".urdf":
         return pin.GeometryModel()
     folders = [str(folder) for folder in tree.absolute().parents]
     urdf, unread = _sound_collisions(tree)

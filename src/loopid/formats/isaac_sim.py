@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pinocchio as pin
 
-from loopid.loading.files import naming
+from loopid.errors import naming
 from loopid.loading.urdf import Dialect, closure_of, linked
-from loopid.loading.urdf_tree import UrdfFile, label, named_tags, placement
+from loopid.loading.urdf_tree import UrdfFile
+from loopid.loading.xml_elements import label, named_tags, placement
 
 ENDS = ("link1", "link2")
 

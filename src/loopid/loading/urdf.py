@@ -17,16 +17,12 @@ from lxml import etree
 from pydantic import ValidationError
 
 from loopid.arguments import number
-from loopid.errors import RobotFileError
+from loopid.errors import RobotFileError, naming
 from loopid.loading.description import ClosureDescription, Description, warn_of_size
-from loopid.loading.files import naming
 from loopid.loading.tree import TreeSource, add_frame
-from loopid.loading.urdf_tree import (
-    LEAST_AXIS,
-    ROOT_JOINT,
+from loopid.loading.urdf_tree import LEAST_AXIS, ROOT_JOINT, UrdfFile, build_model, read_urdf_file
+from loopid.loading.xml_elements import (
     Element,
-    UrdfFile,
-    build_model,
     child,
     inner_tags,
     label,
@@ -34,14 +30,13 @@ from loopid.loading.urdf_tree import (
     numbers,
     numbers_in,
     placement,
-    read_urdf_file,
     required,
     said,
     single,
 )
 from loopid.registry import urdf_dialects
 from loopid.robot.mechanism import LeftOut, shortened
-from loopid.yaml_files import first_problem
+from loopid.sections import first_problem
 
 if TYPE_CHECKING:
     from yourdfpy.urdf import Joint
