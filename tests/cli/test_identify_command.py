@@ -32,7 +32,7 @@ def written(run, logs, once, tmp_path):
 
     def identified():
         out = tmp_path / "new" / "results"
-        terms = "--terms", "Fc,Fv,file"
+        terms = "--model", "gravity", "--terms", "Fc,Fv,file"
         done = run("identify", "3ups_rpu", logs["run.csv"], *terms, "--out", out)
         assert done.code == 0, done.err
         return done.out, done.err, {path.name: path.read_bytes() for path in out.iterdir()}
@@ -178,7 +178,7 @@ def test_friction_comes_from_its_own_log(arm, arm_files, tmp_path):
 
 
 def test_without_terms_only_bodies_are_fitted(arm):
-    found = arm("--terms", "none")
+    found = arm("--model", "gravity", "--terms", "none")
     leading = {name.partition(" + ")[0] for name in fitted(found)}
     assert leading == {"upper.mx", "upper.mz", "lower.mx", "lower.mz"}
     assert found["candidates"][0]["fitted"] == 0

@@ -9,6 +9,7 @@ from loopid.diagnosis.selection import Reduction, eliminate, judge_essential
 from loopid.diagnosis.term_sets import TermComparison, compare_terms
 from loopid.findings import Finding, most_important_first
 from loopid.identification.force_model import AUTOMATIC, chosen_terms, find_force_model
+from loopid.identification.model_choice import chosen_model, require_model
 from loopid.identification.pipeline import FitOptions, Identification, identify
 from loopid.identification.prediction import Candidate
 from loopid.identification.verdict import Verdict
@@ -27,7 +28,8 @@ class StudyOptions:
     Attributes
     ----------
     model : str
-        ``"gravity"`` or ``"full"``.
+        ``"gravity"``, ``"full"``, or ``"auto"`` for the one that the recordings ask for
+        (``choose_model``).
     terms : str
         Joint terms, a choice as of ``JointTerms.of``; by default those of ``find_force_model``.
     compared : tuple of str
@@ -36,7 +38,7 @@ class StudyOptions:
         Of the identification.
     """
 
-    model: str = "gravity"
+    model: str = AUTOMATIC
     terms: str = AUTOMATIC
     compared: tuple[str, ...] = ()
     fit: FitOptions = FitOptions()
@@ -49,7 +51,8 @@ class StudyOptions:
         OptionError
             Naming the joint or the word.
         """
-        chosen_terms(mechanism, self.model, self.terms)
+        model = require_model(self.model)
+        chosen_terms(mechanism, "full" if model == AUTOMATIC else model, self.terms)
         for choice in self.compared:
             JointTerms.of(mechanism, choice)
 
@@ -141,9 +144,9 @@ def study_logs(
     """
     options.require_terms(mechanism)
 
-    force_model = find_force_model(mechanism, options.model, options.terms, progress=progress)
+    model = chosen_model(mechanism, options.model, recordings)
     found = identify(
-        force_model,
+        find_force_model(mechanism, model, options.terms, progress=progress),
         recordings,
         validation=validation,
         friction=friction,

@@ -139,6 +139,12 @@ def _better(found: Identification) -> Finding | None:
     )
 
 
+def _of_model(found: Identification) -> Finding | None:
+    """What to know of a gravity model: that inertia does not show, or is missing."""
+    gravity = found.force_model.model == "gravity"
+    return found.choice.finding if gravity and found.choice is not None else None
+
+
 def _errors(found: Identification) -> FloatArray:
     """On new data (dof,), in parts of each motor's force; NaN where there is none."""
     quality = found.recommended.validation
@@ -154,10 +160,14 @@ def _use(found: Identification, error: float) -> str:
     if not error <= ROUGH:
         return "Not fit for use"
     use = "Fit for predicting forces" if error <= GOOD else "Fit for rough predictions of forces"
+    model = _of_model(found)
+    if model is not None and model.severity == "note" and found.choice is not None:
+        use += f" of slow motion (inertia is at most {100 * found.choice.share:.2g} % of them)"
     if found.recommended is found.baseline:
         return f"{use} with the robot file's bodies, as fitted ones are clearly worse"
     told, deviation = found.identifiability, found.fit.deviation
     doubtful = found.advantage is not None or (deviation is not None and deviation.suspicion)
+    doubtful = doubtful or (model is not None and model.severity != "note")
     if error <= GOOD and told.well_determined == told.structural_rank and not doubtful:
         return f"{use} and as parameters of the robot"
     return f"{use} in motions like these, but not parameter by parameter"
@@ -168,6 +178,9 @@ def _improvement(found: Identification) -> tuple[tuple[str, ...], str]:
 
     Another motion does not help where forces are not explained.
     """
+    model = _of_model(found)
+    if model is not None and model.do:
+        return (), model.do
     if (better := _better(found)) is not None:
         return (), better.do
     if (unexplained := _unexplained(found)) is not None:
@@ -180,7 +193,7 @@ def findings_of(found: Identification) -> tuple[Finding, ...]:
     """What to know beside the numbers, the most important first."""
     said = [each for one in found.suspicions for each in one.mistakes]
     told, deviation, unexplained = found.identifiability, found.fit.deviation, _unexplained(found)
-    said += [each for each in (_better(found), unexplained) if each is not None]
+    said += [each for each in (_of_model(found), _better(found), unexplained) if each is not None]
     if deviation is not None and deviation.suspicion:
         said.append(
             Finding(
