@@ -79,6 +79,7 @@ def identify(
     """Identify parameters and friction from logs."""
     from loopid.diagnosis.study import StudyOptions, study_logs
     from loopid.identification.pipeline import FitOptions
+    from loopid.logs.reading import locked_as_logged
     from loopid.report.identify import identification_report
 
     options = StudyOptions(
@@ -97,6 +98,7 @@ def identify(
     answer.require(robot.path, mapping, *logs, *(validate or ()))
     if rows is not None and reference:
         raise OptionError("--rows would move LOG against its --reference: use --from and --to")
+    robot = locked_as_logged(robot, logs[0], mapping=mapping)
     runs = recordings(robot, logs, mapping, cutoff, rows)
     judging = recordings(robot, validate, mapping, cutoff)
     commanded = recordings(robot, reference, mapping, cutoff)
@@ -201,12 +203,14 @@ def payload(
     from loopid.identification.force_model import find_force_model
     from loopid.identification.log_mistakes import suspicions_by_log
     from loopid.identification.model_choice import chosen_model, require_model
+    from loopid.logs.reading import locked_as_logged
     from loopid.report.forces import gains_report, payload_report
 
     inputs = [name for name in (robot.path, mapping, *unloaded, *loaded_log) if name is not None]
     answer.require(*inputs)
     _require_gains(known_mass, centre, write_mapping, inputs)
     require_model(model)
+    robot = locked_as_logged(robot, unloaded[0], mapping=mapping)
     light = recordings(robot, unloaded, mapping, cutoff, rows)
     heavy = recordings(robot, loaded_log, mapping, cutoff, rows)
     force_model = find_force_model(robot, chosen_model(robot, model, [*light, *heavy]), terms)

@@ -37,7 +37,9 @@ MAPPING = Option(None, metavar="YAML", help="File that says which columns of LOG
 def loaded(
     file: str = FILE,
     lock: list[str] | None = Option(
-        None, metavar="JOINT", help="Lock a joint, or a turn such as ball.wz; repeatable."
+        None,
+        metavar="JOINT[=VALUE]",
+        help="Lock a joint, or a turn such as ball.wz, at its reference or a value; repeatable.",
     ),
     rounding: float | None = Option(
         None, help="Rounding of the file's numbers in m and rad: loops may be open by it."
@@ -265,6 +267,7 @@ def excite(
     from loopid.excitation.problem import DesignOptions
     from loopid.identification.force_model import find_force_model
     from loopid.identification.model_choice import chosen_model, require_model
+    from loopid.logs.reading import locked_as_logged
     from loopid.regressors.joint_terms import JointTerms
     from loopid.report.excitation import excitation_report
 
@@ -294,6 +297,7 @@ def excite(
         seed=seed,
     )
     require_model(model)
+    robot = locked_as_logged(robot, after[0], mapping=mapping) if after else robot
     logged = recordings(robot, after, mapping)
     force_model = find_force_model(
         robot, chosen_model(robot, model, logged), JointTerms.of(robot, terms)

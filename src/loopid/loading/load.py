@@ -73,8 +73,8 @@ def load_mechanism(
         A YAML with the loop closures (its tree beside it), a URDF or URDF+, an MJCF, an SDF, a
         xacro, or the name of a bundled robot such as ``"3ups_rpu"``.
     lock : sequence of str
-        Joints, or turns of spherical joints such as ``"ball.wz"``, to lock at their reference, in
-        addition to those the YAML fixes.
+        Joints, or turns of spherical joints such as ``"ball.wz"``, to lock at their reference, or
+        with one coordinate at a value, as in ``"hip=0.5"``; in addition to those the YAML fixes.
     floating_base : bool
         Whether the root of a URDF moves freely.
     free_mimics : bool
