@@ -11,17 +11,9 @@ import pinocchio as pin
 import loopid
 
 robot = loopid.load_mechanism("four_bar")
-loop, model = loopid.ClosedLoop(robot), robot.model
-data = model.createData()
-
-constraints, memory = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
-for closure in robot.closures:
-    a, b = (model.frames[k] for k in closure.frame_ids)
-    ends = a.parentJoint, a.placement, b.parentJoint, b.placement
-    constraints.append(
-        pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, model, *ends, pin.LOCAL)
-    )
-    memory.append(constraints[-1].createData())
+loop, (model, constraints) = loopid.ClosedLoop(robot), loopid.to_pinocchio(robot)
+data, memory = model.createData(), pin.StdVec_RigidConstraintData()
+memory.extend(constraint.createData() for constraint in constraints)
 pin.initConstraintDynamics(model, data, constraints, memory)
 
 worst = 0.0

@@ -49,9 +49,14 @@ def test_examples_of_other_names_run(room):
             run_examples(name, thing)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_a_public_name_stands_in_a_document(name):
-    assert any(re.search(rf"\b{name}\b", page.read_text()) for page in PAGES)
+def test_the_page_of_public_names_lists_them_all_and_no_others():
+    page = next(page for page in PAGES if page.name == "api.md").read_text()
+    rows = [line for line in page.splitlines() if line.startswith("| [")]
+    listed = [name for row in rows for name in re.findall(r"`(\w+)`", row.split("|")[2])]
+    own = [name for name in listed if hasattr(loopid, name)]
+    assert sorted(own) == sorted(NAMES)
+    rooms = [getattr(loopid, room) for room in re.findall(r"`loopid\.(\w+)`", page)]
+    assert all(any(hasattr(room, name) for room in rooms) for name in {*listed} - {*own})
 
 
 def imported(*words):

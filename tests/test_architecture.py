@@ -14,6 +14,7 @@ GROUND = (
     "findings",
     "workers",
     "files",
+    "sections",
     "yaml_files",
     "parameters",
     "inertia",

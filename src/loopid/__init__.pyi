@@ -37,7 +37,11 @@ from .excitation import (
     MotionLimits as MotionLimits,
     design_excitation as design_excitation,
 )
-from .export import export_c as export_c, export_robot_file as export_robot_file
+from .export import (
+    export_c as export_c,
+    export_robot_file as export_robot_file,
+    to_pinocchio as to_pinocchio,
+)
 from .findings import Finding as Finding
 from .identification import (
     FitOptions as FitOptions,
@@ -55,7 +59,13 @@ from .identification import (
     split_recordings as split_recordings,
 )
 from .kinematics import assemble as assemble, random_configurations as random_configurations
-from .loading import bundled_robots as bundled_robots, load_mechanism as load_mechanism
+from .loading import (
+    Closure as Closure,
+    Coupling as Coupling,
+    bundled_robots as bundled_robots,
+    from_pinocchio as from_pinocchio,
+    load_mechanism as load_mechanism,
+)
 from .logs import (
     ExternalWrench as ExternalWrench,
     FilterOptions as FilterOptions,

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 
@@ -114,6 +116,16 @@ class RankError(LoopidError, ArithmeticError):
 
 class LogError(LoopidError, ValueError):
     """A log cannot be read, or not as what it is said to be."""
+
+
+@contextmanager
+def naming(what: str | Path) -> Iterator[None]:
+    """Name a file or an element in front of what is refused inside."""
+    try:
+        yield
+    except (RobotFileError, OptionError) as error:
+        place = {"file": str(what)} if isinstance(what, Path) else {"element": what}
+        raise type(error)(f"{what}: {error}", **(place | error.facts)) from error
 
 
 class ModelWarning(UserWarning):

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import io
 import re
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import BaseModel, ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent, ScalarEvent
@@ -17,26 +16,7 @@ from ruamel.yaml.representer import SafeRepresenter
 
 from loopid.errors import FileError, LoopidError, RobotFileError
 from loopid.files import why_no_file
-
-
-class Section(BaseModel):
-    """Part of a file: known keys only, finite numbers only, names that may look like numbers."""
-
-    model_config = ConfigDict(
-        extra="forbid", allow_inf_nan=False, coerce_numbers_to_str=True, frozen=True
-    )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _keys_are_known(cls, content: Any) -> Any:
-        unknown = [] if not isinstance(content, dict) else set(content) - set(cls.model_fields)
-        for key in sorted(unknown, key=str):
-            meant = get_close_matches(str(key), cls.model_fields, n=1)
-            hint = f" (did you mean {meant[0]!r}?)" if meant else ""
-            valid = ", ".join(cls.model_fields)
-            raise ValueError(f"unknown key {key!r}: choose among {valid}{hint}")
-        return content
-
+from loopid.sections import first_problem
 
 # Far more than files that people write have: a few KB of YAML can ask for all the memory, and the
 # parser takes seconds for 100 KB.
@@ -47,7 +27,6 @@ LONGEST_TEXT = 100_000
 LARGE = 4_000_000  # bytes of YAML that programs write
 # YAML takes 1_6 and 0x10 for 16.
 ODD_NUMBER = re.compile(r"[-+]?([0-9.]+_[0-9_.]*([eE][-+]?[0-9_]+)?|0[box][0-9a-fA-F_]+)")
-ALTERNATIVES = ("float", "str", "list[float]", "list[str]")
 Content = TypeVar("Content", bound=BaseModel)
 
 
@@ -184,18 +163,3 @@ def _yaml_problem(error: Exception) -> str:
         mark = error.problem_mark
         return f"{error.problem} (line {mark.line + 1}, column {mark.column + 1})"
     return " ".join(str(error).split())
-
-
-def first_problem(error: ValidationError) -> str:
-    """Where a model's first problem is, what it is, and what was given."""
-    problem = error.errors()[0]
-    # Tags of alternatives, as in "<hold>" or "float", are no keys of the file.
-    parts = [str(part) for part in problem["loc"]]
-    place = ".".join(part for part in parts if part[:1] != "<" and part not in ALTERNATIVES)
-    before = f"{place}: " if place else ""
-    if problem["type"] == "missing":
-        return f"{before}is missing"
-    message = problem["msg"].removeprefix("Value error, ")
-    # Our own sentences name the value themselves.
-    given = "" if problem["type"] == "value_error" else f", not {problem['input']!r:.60}"
-    return f"{before}{message}{given}"

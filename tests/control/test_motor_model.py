@@ -6,7 +6,6 @@ import pytest
 
 import loopid
 from bank_robots import few_of
-from loopid.control import constraint_models, pinocchio_model
 from loopid.errors import AssemblyError, DataError, MobilityError, OptionError
 
 ROBOTS = few_of(loopid.bundled_robots(), "3ups_rpu", "five_bar", "delta", "6ups")
@@ -170,12 +169,6 @@ def test_a_spin_that_no_position_gives_is_refused_with_what_locks_it(linkage):
         loopid.MotorModel(model)
 
 
-def test_closures_that_pinocchio_has_not_are_named(linkage):
-    for name in ("universal loop, skew", "rack and pinion"):
-        with pytest.raises(OptionError, match="no contact for"):
-            constraint_models(linkage(name))
-
-
 def test_what_cannot_be_is_refused(full_model, load_once):
     model = full_model("five_bar")
     robot, u = at(model, None, model.mechanism.reference)
@@ -191,45 +184,3 @@ def test_what_cannot_be_is_refused(full_model, load_once):
     loaded = loopid.find_force_model(load_once("five_bar"), "full", "Fl,Fv")
     with pytest.raises(OptionError, match="identify with terms"):
         loopid.MotorModel(loaded)
-
-
-def test_pinocchio_closes_the_loops_of_its_model(name, full_model):
-    """Constraint dynamics of the exported models give the acceleration of forward dynamics."""
-    robot = full_model(name).mechanism
-    tree, loops = pinocchio_model(robot), constraint_models(robot)
-    data, contacts = tree.createData(), pin.StdVec_RigidConstraintData()
-    contacts.extend(loop.createData() for loop in loops)
-    (q, v, tau), *_ = states(full_model(name))
-    forces = np.zeros(tree.nv)
-    forces[robot.velocity_indices(robot.independent)] = tau
-    pin.initConstraintDynamics(tree, data, loops, contacts)
-    settings = pin.ProximalSettings(1e-12, 1e-12, 100)  # as closures may be redundant
-    rates = loopid.ClosedLoop(robot).velocity_map(q) @ v
-    found = pin.constraintDynamics(tree, data, q, rates, forces, loops, contacts, settings)
-    expected = loopid.forward_dynamics(robot, q, v, forces=tau).accelerations[0]
-    close(np.array(found), expected, 1e-10)
-
-
-@pytest.mark.parametrize("kind", ["full", "gravity"])
-def test_pinocchios_model_has_the_bodies_of_the_fit(kind, load_once, tmp_path):
-    robot = load_once("five_bar")
-    model = loopid.find_force_model(robot, kind, "Fc,Fv" + (",Ia" if kind == "full" else ""))
-    terms = np.arange(1.0, 1.0 + len(model.joint_values))
-    standard = np.concatenate([1.1 * robot.standard_parameters(kind), terms])
-    W = model.standard_regressor(*map(np.array, zip(*states(model, 30), strict=True)))
-    data = loopid.FitSamples.of(
-        model.parameters, robot.independent, model.base.regressor(W), W @ standard
-    )
-    fit = loopid.fit(data)
-    with pytest.raises(DataError, match="recommended"):
-        pinocchio_model(model, fit)
-    solid = loopid.consistent_fit(model, data, fit.noise)
-    tree = pinocchio_model(model, solid)
-    values = dict(zip(model.base.parameters.labels, solid.standard_parameters, strict=True))
-    carrier = {body.link: tree.inertias[body.joint_id] for body in robot.bodies}["left_crank"]
-    assert np.isclose(carrier.mass, values["left_crank.m"], rtol=1e-12)
-    moments = [values[f"left_crank.{kind}"] for kind in ("mx", "my", "mz")]
-    assert np.allclose(carrier.mass * carrier.lever, moments, rtol=1e-12)
-    assert (
-        tree.damping[robot.velocity_indices(["left_crank_joint"])] == values["left_crank_joint.Fv"]
-    )

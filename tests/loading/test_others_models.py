@@ -59,12 +59,6 @@ WARNED = {
 SPINNING = [model for model in FREE if model.startswith("gepetto/")]
 
 
-def test_every_model_is_in_the_table(shared):
-    patterns = ("gepetto/*/*.yaml", "urdf_plus/*.urdf", "mjcf/*.xml")
-    files = [file for pattern in patterns for file in (shared / "models").glob(pattern)]
-    assert {str(file.relative_to(shared / "models")) for file in files} == set(ROWS)
-
-
 @pytest.mark.parametrize("name", each(ROWS))
 def test_mobility_is_as_counted_by_hand(name, shared):
     robot, categories = load(path(shared, name))

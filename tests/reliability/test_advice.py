@@ -24,7 +24,7 @@ from recorded_logs import states, write_ros2
 import loopid
 from loopid import JointTerms
 from loopid.base_parameters import SubgroupSearch
-from loopid.control import RecursiveLeastSquares, WrenchObserver, constraint_models
+from loopid.control import RecursiveLeastSquares, WrenchObserver
 from loopid.diagnosis import eliminate_parameters
 from loopid.errors import LoopidError, MissingExtraError
 from loopid.export import c_source, export_fit
@@ -791,9 +791,9 @@ OF_ANALYSES = {
         lambda _: c_source(loaded("Fc")),
     ),
     "a closure that Pinocchio does not know": (
-        lambda folder: constraint_models(edited("['3d']", "[hinge]")(folder)),
+        lambda folder: loopid.to_pinocchio(edited("['3d']", "[hinge]")(folder)),
         "describe it by closures of the kinds 3d, 6d",
-        lambda folder: constraint_models(yaml("")(folder)),
+        lambda folder: loopid.to_pinocchio(yaml("")(folder)),
     ),
     "a term of a ball": (
         lambda folder: quick(BALL(folder), JointTerms(("ball",), ("Fv",))),

@@ -131,8 +131,8 @@ def excite_command(
     wanted = excite if len(excite) <= MOST_WANTED else ()
     options: dict[str, Any] = {"model": model.model, "terms": terms and terms.choice(robot)}
     options |= {**robot.options, "mapping": mapping, "after": list(logs), "for": wanted}
-    bundled = robot.path.parent == bundled_directory()
-    words = ["loopid", "excite", robot.name if bundled else str(robot.path), "--out", "motion"]
+    bundled = robot.path is not None and robot.path.parent == bundled_directory()
+    words = ["loopid", "excite", robot.name if bundled else robot.source, "--out", "motion"]
     for name, value in options.items():
         option = f"--{name.replace('_', '-')}"
         if isinstance(value, dict):

@@ -10,11 +10,7 @@ from .laws import (
     Signals as Signals,
     SlotineLi as SlotineLi,
 )
-from .motor_model import (
-    MotorModel as MotorModel,
-    constraint_models as constraint_models,
-    pinocchio_model as pinocchio_model,
-)
+from .motor_model import MotorModel as MotorModel
 from .observer import WrenchEstimate as WrenchEstimate, WrenchObserver as WrenchObserver
 from .online import ChangeDetector as ChangeDetector, RecursiveLeastSquares as RecursiveLeastSquares
 from .simulation import (

@@ -18,12 +18,10 @@ from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 from loopid.arguments import FloatArray, IntArray, NotNegative, checked, finite
 from loopid.errors import DataError, MobilityError, OptionError
 from loopid.identification.force_model import ForceModel
-from loopid.identification.friction import nearest_line
 from loopid.identification.prediction import force_model_of
 from loopid.identification.result import FitResult
 from loopid.identification.saved import SavedFit
@@ -38,16 +36,14 @@ from loopid.kinematics.projection import (
     velocity_map,
     velocity_maps,
 )
-from loopid.parameters import KINDS, model_kinds
-from loopid.regressors.joint_laws import HYSTERESIS, JointState, JointTerm, grouped, joint_term
+from loopid.parameters import KINDS
+from loopid.regressors.joint_laws import HYSTERESIS, JointState, JointTerm, joint_term
 from loopid.regressors.joint_terms import JointTerms, with_loads
 from loopid.robot.mechanism import Mechanism, lock_options
 
 # Newton steps this short, in rad or characteristic lengths, leave G and q at one point to round-off
 SHORT = 1e-11
 NOT_DRY = "Fv", "Fh"  # viscous friction, and hysteresis, which is none in steady motion
-# Pinocchio's contacts, by the kinds of closures that they are
-CONTACTS = {"3d": pin.ContactType.CONTACT_3D, "6d": pin.ContactType.CONTACT_6D}
 
 
 @dataclass(eq=False)
@@ -501,105 +497,3 @@ def _laws_of(model: ForceModel) -> Iterator[_Law]:
         slips = np.searchsorted(model.slip_columns, columns) if "slip" in term.needs else None
         own = np.array(columns, dtype=np.int64)
         yield _Law(shared, term, joints, own, read, friction, slips)
-
-
-# For users of Pinocchio.
-
-
-@checked
-def pinocchio_model(
-    robot: Mechanism | ForceModel, fit: SavedFit | FitResult | None = None
-) -> pin.Model:
-    """Pinocchio's model of the open tree with the bodies of a fit.
-
-    Rotor inertias, viscous and Coulomb friction are in ``armature``, ``damping`` and ``friction``,
-    the nearest to a friction curve (``nearest_line``); other joint terms have no place there.
-    ``constraint_models`` closes its loops.
-
-    Parameters
-    ----------
-    robot : Mechanism or ForceModel
-        The robot of a saved fit; the force model of a fit that is not saved.
-    fit : SavedFit or FitResult, optional
-        With bodies: the recommended one. By default the tree of the robot file.
-
-    Raises
-    ------
-    DataError
-        When the fit has base parameters only, or is of another robot.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> from loopid.control import constraint_models, pinocchio_model
-    >>> robot = loopid.load_mechanism("five_bar")
-    >>> tree, loops = pinocchio_model(robot), constraint_models(robot)
-    >>> tree.nv, [loop.type.name for loop in loops]
-    (4, ['CONTACT_3D'])
-    """
-    mechanism = robot if isinstance(robot, Mechanism) else robot.mechanism
-    tree = mechanism.model.copy()
-    if fit is None:
-        return tree
-    model = force_model_of(fit, robot)
-    values = fit.require_bodies() if isinstance(fit, SavedFit) else fit.standard_parameters
-    if values is None:
-        raise DataError(
-            "the fit has base parameters, which are those of many bodies: give the recommended "
-            "one, which has bodies"
-        )
-    width = len(model_kinds(model.model))
-    count = len(mechanism.parameters(model.model))
-    bodies = (mechanism.tie_matrix(width) @ values[:count]).reshape(-1, width)
-    for body, own in zip(mechanism.bodies, bodies, strict=True):
-        old = tree.inertias[body.joint_id]
-        if width == len(KINDS):
-            tree.inertias[body.joint_id] = pin.Inertia.FromDynamicParameters(own)
-        else:  # the inertia about the centre of mass stays
-            centre = own[1:] / own[0] if own[0] else old.lever
-            tree.inertias[body.joint_id] = pin.Inertia(own[0], centre, old.inertia)
-    terms: dict[str, dict[str, float]] = {}
-    for parameter, value in zip(list(model.base.parameters)[count:], values[count:], strict=True):
-        terms.setdefault(parameter.link, {})[parameter.kind] = float(value)
-    result = fit.result if isinstance(fit, SavedFit) else fit
-    fields = {"Ia": tree.armature, "Fv": tree.damping, "Fc": tree.friction}
-    for joint, kinds in terms.items():
-        if any(map(grouped, kinds)):
-            line = nearest_line(joint, kinds, None if result is None else result.use)
-            kinds |= {"Fc": line.coulomb, "Fv": line.viscous}
-        for kind in fields.keys() & kinds.keys():
-            fields[kind][mechanism.velocity_indices([joint])] = kinds[kind]
-    return tree
-
-
-@checked
-def constraint_models(mechanism: Mechanism) -> pin.StdVec_RigidConstraintModel:
-    """The loop closures for Pinocchio's ``constraintDynamics`` and what is built on it.
-
-    Raises
-    ------
-    OptionError
-        Naming a closure or a coupling that Pinocchio has no contact for.
-    """
-    found = pin.StdVec_RigidConstraintModel()
-    if mechanism.couplings:
-        raise OptionError(
-            f"Pinocchio has no contact for {mechanism.couplings[0].name}, a coupling of joints",
-            given=mechanism.couplings[0].name,
-        )
-    for closure in mechanism.closures:
-        if closure.kind not in CONTACTS:
-            raise OptionError(
-                f"Pinocchio has no contact for {closure.name} of kind {closure.kind}: describe it "
-                f"by closures of the kinds {', '.join(CONTACTS)}",
-                given=closure.kind,
-                valid=tuple(CONTACTS),
-            )
-        frames = [mechanism.model.frames[k] for k in closure.frame_ids]
-        ends = [part for frame in frames for part in (frame.parentJoint, frame.placement)]
-        contact = pin.RigidConstraintModel(
-            CONTACTS[closure.kind], mechanism.model, *ends, pin.LOCAL
-        )
-        contact.name = closure.name
-        found.append(contact)
-    return found

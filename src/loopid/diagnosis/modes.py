@@ -65,8 +65,8 @@ def compare_modes(mechanism: Mechanism) -> ModeComparison:
         listed = ", ".join(f"{rank or '?'} in mode {k}" for k, rank in enumerate(found.ranks, 1))
         differ = "may differ" if None in found.ranks else "differ"
         warn(
-            f"{mechanism.path}: the drawn pose leaves {len(found.modes)} assembly modes, mode 1 is "
-            f"used, and their numbers of base parameters {differ} (full model): {listed}; to "
+            f"{mechanism.source}: the drawn pose leaves {len(found.modes)} assembly modes, mode 1 "
+            f"is used, and their numbers of base parameters {differ} (full model): {listed}; to "
             "choose another, put its 'reference' into the YAML",
             ModelWarning,
         )

@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from loopid.arguments import FloatArray
 from loopid.errors import ModelWarning, RobotFileError, warn
-from loopid.loading.files import find_files
+from loopid.loading.files import files_of
 from loopid.loading.urdf_tree import Element, child, label, numbers, placement, required, urdf_root
 from loopid.robot.mechanism import Mechanism
 
@@ -87,8 +87,8 @@ class Collisions:
 
 def _geometry(mechanism: Mechanism) -> pin.GeometryModel:
     """Collision geometry of the URDF, as convex hulls; none where there is none, or no mesh."""
-    tree = find_files(mechanism.path).tree
-    if tree.suffix != ".urdf":
+    tree = None if mechanism.path is None else files_of(mechanism).tree
+    if tree is None or tree.suffix != ".urdf":
         return pin.GeometryModel()
     folders = [str(folder) for folder in tree.absolute().parents]
     urdf, unread = _sound_collisions(tree)

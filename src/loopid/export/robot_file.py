@@ -24,7 +24,7 @@ from loopid.files import write_file
 from loopid.identification.friction import nearest_line
 from loopid.identification.result import MotorUse
 from loopid.inertia import body_defect, central_moments, centre, from_moments, pseudo_inertia
-from loopid.loading.files import find_files
+from loopid.loading.files import files_of
 from loopid.parameters import KINDS, MODELS, ParameterSet
 from loopid.registry import editable_files
 from loopid.regressors.joint_laws import grouped, joint_term
@@ -88,7 +88,7 @@ def updated_robot_file(
         Of joint terms that the new file does not have as the parameters say, and of how near the
         friction that it has is to the curve.
     """
-    files = find_files(mechanism.path)
+    files = files_of(mechanism)
     file = editable_files[files.tree.suffix](files.tree)
     rows = _body_parameters(mechanism, standard_parameters, parameters)
     new: dict[str, FloatArray] = {}
@@ -148,7 +148,7 @@ def export_robot_file(
     ...     loopid.export_robot_file(robot, heavier, f"{folder}/heavier.urdf").name
     'heavier.urdf'
     """
-    place, tree = Path(path), find_files(mechanism.path).tree
+    place, tree = Path(path), files_of(mechanism).tree
     if place.suffix != tree.suffix:
         raise OptionError.unknown("ending", place.suffix or str(path), [tree.suffix])
     if not overwrite and place.exists() and place.samefile(tree):
@@ -180,9 +180,9 @@ def _updated_links(
     difference = np.abs(np.sum(parts, axis=0) - loaded) if parts else np.inf
     if np.max(difference) > AGREEMENT * np.abs(loaded).max():
         raise RobotFileError(
-            f"{mechanism.path}: link {body.link} is not what it was when the robot was loaded: "
+            f"{mechanism.source}: link {body.link} is not what it was when the robot was loaded: "
             "load it again",
-            file=str(mechanism.path),
+            file=mechanism.source,
             link=body.link,
         )
     heaviest = int(np.argmax([P[3, 3] for P in parts]))
@@ -298,7 +298,7 @@ def _warn_of_others(
     mechanism: Mechanism, meant: Terms, there: Known, nearest: Sequence[str]
 ) -> None:
     """Warn of terms that a new file does not have as they were meant."""
-    files = find_files(mechanism.path)
+    files = files_of(mechanism)
     given = _on_coordinates(mechanism, files.given.joint_terms)
     read = {j: there.get(j, {}) | given.get(j, {}) for j in (*there, *given)}
     said: dict[str, list[str]] = {}

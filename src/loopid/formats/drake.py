@@ -6,8 +6,7 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from loopid.errors import RobotFileError
-from loopid.loading.files import naming
+from loopid.errors import RobotFileError, naming
 from loopid.loading.urdf import Dialect, linked, mounted
 from loopid.loading.urdf_tree import UrdfFile, inner_tags, numbers, said
 from loopid.robot.mechanism import LeftOut

@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
+from loopid.errors import naming
 from loopid.loading.description import ClosureDescription
-from loopid.loading.files import naming
 from loopid.loading.urdf import Dialect, closure_of, coefficients, linked
 from loopid.loading.urdf_tree import (
     Element,

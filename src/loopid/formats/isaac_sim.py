@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pinocchio as pin
 
-from loopid.loading.files import naming
+from loopid.errors import naming
 from loopid.loading.urdf import Dialect, closure_of, linked
 from loopid.loading.urdf_tree import UrdfFile, label, named_tags, placement
 

@@ -15,7 +15,7 @@ from numpy.polynomial import Polynomial
 from pydantic import ValidationError
 
 from loopid.arguments import BoolArray
-from loopid.errors import OptionError, RobotFileError
+from loopid.errors import OptionError, RobotFileError, naming
 from loopid.formats.mjcf_scene import (
     DRIVES_JOINT,
     Scene,
@@ -33,10 +33,9 @@ from loopid.formats.mjcf_scene import (
     transmission,
 )
 from loopid.loading.description import ClosureDescription, Description
-from loopid.loading.files import naming
 from loopid.loading.tree import NearCoupling, TreeSource, add_frame
 from loopid.robot.mechanism import shortened
-from loopid.yaml_files import first_problem
+from loopid.sections import first_problem
 
 # Gain, bias and dynamics of an actuator whose force is its control times a constant.
 DIRECT = "fixed", "none", "none"

@@ -14,9 +14,8 @@ import numpy as np
 import pinocchio as pin
 
 from loopid.arguments import BoolArray
-from loopid.errors import FileError, MissingExtraError, RobotFileError
+from loopid.errors import FileError, MissingExtraError, RobotFileError, naming
 from loopid.formats.mjcf_compiler import compile_guarded
-from loopid.loading.files import naming
 from loopid.loading.urdf_tree import Element, label, read_xml
 from loopid.robot.mechanism import LeftOut
 

@@ -18,11 +18,10 @@ import pinocchio as pin
 from lxml import etree
 
 from loopid.arguments import FloatArray, number
-from loopid.errors import OptionError, RobotFileError
+from loopid.errors import OptionError, RobotFileError, naming
 from loopid.formats.gazebo import detachable_joints
 from loopid.inertia import written
 from loopid.loading.description import ClosureDescription
-from loopid.loading.files import naming
 from loopid.loading.tree import Reference, TreeSource, add_frame
 from loopid.loading.urdf import read_urdf
 from loopid.loading.urdf_tree import (

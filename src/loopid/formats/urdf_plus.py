@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import pinocchio as pin
 from pydantic import ValidationError
 
-from loopid.errors import RobotFileError
+from loopid.errors import RobotFileError, naming
 from loopid.loading.description import ClosureDescription
-from loopid.loading.files import naming
 from loopid.loading.urdf import SEVERAL, Dialect, closure_of, linked
 from loopid.loading.urdf_tree import (
     UrdfFile,
@@ -21,7 +20,7 @@ from loopid.loading.urdf_tree import (
     placement,
     required,
 )
-from loopid.yaml_files import first_problem
+from loopid.sections import first_problem
 
 if TYPE_CHECKING:
     from yourdfpy.urdf import Joint

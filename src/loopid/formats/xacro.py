@@ -17,9 +17,8 @@ from types import ModuleType
 from typing import Any
 from unittest.mock import patch
 
-from loopid.errors import MissingExtraError, OptionError, RobotFileError
+from loopid.errors import MissingExtraError, OptionError, RobotFileError, naming
 from loopid.formats.sdf import read_sdf
-from loopid.loading.files import naming
 from loopid.loading.tree import TreeSource
 from loopid.loading.urdf import read_urdf
 from loopid.loading.urdf_tree import Element, parsed_xml

@@ -40,7 +40,8 @@ from loopid.identification.result import (
 from loopid.kinematics.constraint import constraint_residual
 from loopid.kinematics.projection import closed_motion
 from loopid.kinematics.sampling import random_configurations
-from loopid.loading.files import bundled_robots, find_files
+from loopid.loading.closure import Closure, Coupling
+from loopid.loading.files import bundled_robots, files_of
 from loopid.loading.load import load_mechanism
 from loopid.parameters import KINDS, Parameter, ParameterSet
 from loopid.regressors.closed_loop import motion_parameters, motion_regressor
@@ -81,6 +82,9 @@ class _Section(BaseModel):
 class SavedOptions(_Section):
     """Arguments of ``load_mechanism`` beside the path."""
 
+    closures: tuple[Closure | Coupling, ...] = ()
+    motors: tuple[str, ...] | None = None
+    reference: dict[str, float | list[float]] | None = None
     lock: tuple[str, ...] = ()
     floating_base: bool = False
     free_mimics: bool = False
@@ -229,7 +233,7 @@ class SavedFit(_Section):
                 "loopid": version("loopid"),
                 "robot": {
                     "name": robot.name,
-                    "path": str(robot.path),
+                    "path": "" if robot.path is None else str(robot.path),
                     "files": _hashes(robot),
                     "options": dict(robot.options),
                     "coordinates": robot.coordinates,
@@ -334,6 +338,12 @@ class SavedFit(_Section):
         options, own = dict(self.robot.options), self.robot
         if file is not None:
             return load_mechanism(file, **options)
+        if not own.path:
+            raise FileError(
+                f"the robot of the fit, {own.name}, was made in Python: make it again, for "
+                "saved.find_force_model(robot)",
+                robot=own.name,
+            )
         try:
             return load_mechanism(own.path, **options)
         except FileError:
@@ -438,7 +448,7 @@ class SavedFit(_Section):
         other = [name for name, hashed in hashes if self.robot.files.get(name) != hashed]
         files = f" ({', '.join(other)}: not the files of the fit)" if other else ""
         return DataError(
-            f"this is a fit of {self.robot.name}, not of {mechanism.path}{files}: {difference}"
+            f"this is a fit of {self.robot.name}, not of {mechanism.source}{files}: {difference}"
         )
 
 
@@ -675,7 +685,9 @@ def _hashes(mechanism: Mechanism) -> dict[str, str]:
     return {f.name: sha256(f.read_bytes()).hexdigest() for f in robot_files(mechanism)}
 
 
-def robot_files(mechanism: Mechanism) -> tuple[Path, Path]:
+def robot_files(mechanism: Mechanism) -> tuple[Path, ...]:
     """The file that a mechanism was loaded from, and that of its tree, which may be the same."""
-    files = find_files(mechanism.path)
+    if mechanism.path is None:
+        return ()
+    files = files_of(mechanism)
     return files.named, files.tree

@@ -137,7 +137,7 @@ def closed_at(mechanism: Mechanism, q: FloatArray) -> tuple[Mechanism, FloatArra
             facts = {"rounding": rounding_that_closes(tilt, 1.0)}
             hint += f"; if axes are meant to be parallel, rounding={facts['rounding']:g} says so"
         raise MobilityError(
-            f"{mechanism.path}: {error}: {hint}", file=str(mechanism.path), **facts
+            f"{mechanism.source}: {error}: {hint}", file=mechanism.source, **facts
         ) from error
     driven = mechanism.coordinates_of(mechanism.actuated)
     closed = replace(

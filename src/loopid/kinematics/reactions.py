@@ -12,14 +12,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import pinocchio as pin
 
 from loopid.arguments import BoolArray, FloatArray
-from loopid.errors import DataError, OptionError
+from loopid.errors import OptionError
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.poses import blocks, tree_reactions
 from loopid.kinematics.projection import NEAR_SINGULARITY, ClosedMotion, Solver, partition
-from loopid.parameters import KINDS
 from loopid.robot.mechanism import Mechanism, motion_subspace
 
 UNDETERMINED = 1e-6  # part of a reaction along which closures may press without any effect
@@ -61,7 +59,7 @@ def bearing_forces(
         )
     tree = mechanism.model
     if standard_parameters is not None:
-        tree = _with_bodies(mechanism, standard_parameters)
+        tree = mechanism.tree(standard_parameters)
     _, dependent = partition(mechanism)
     units = mechanism.coordinate_scales[dependent]
     supports = mechanism.closure_frames[1]
@@ -88,20 +86,3 @@ def bearing_forces(
             force[:, k] -= np.einsum("nia,nja,nj->ni", along, along, force[:, k])
         forces[rows] = np.linalg.norm(force, axis=2)
     return forces, undetermined
-
-
-def _with_bodies(mechanism: Mechanism, standard_parameters: FloatArray) -> pin.Model:
-    """Pinocchio's tree with other bodies."""
-    tree, values = mechanism.model.copy(), np.asarray(standard_parameters)
-    if mechanism.tied:
-        values = mechanism.tie_matrix(len(KINDS)) @ values
-    for body, own in zip(mechanism.bodies, values.reshape(-1, len(KINDS)), strict=True):
-        if not own[0] and own[1:4].any():
-            message = f"{body.link} has first moments but no mass: what it weighs is open"
-            raise DataError(message, link=body.link)
-        if own[0]:
-            tree.inertias[body.joint_id] = pin.Inertia.FromDynamicParameters(own)
-        else:
-            inertia = own[[4, 5, 7, 5, 6, 8, 7, 8, 9]].reshape(3, 3)
-            tree.inertias[body.joint_id] = pin.Inertia(0.0, np.zeros(3), inertia)
-    return tree

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import pairwise
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -21,7 +20,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from loopid.errors import ModelWarning, RobotFileError, warn
 from loopid.robot.closures import CLOSURE_KINDS, JointCoupling, LoopClosure
 from loopid.robot.mechanism import link_frames
-from loopid.yaml_files import Section
+from loopid.sections import Section
 
 COUPLING = JointCoupling.kind
 Vector = tuple[float, float, float]
@@ -333,11 +332,11 @@ def joint_named(model: pin.Model, name: str, where: str) -> pin.JointModel:
 
 
 def find_closures(
-    file: Path, model: pin.Model, described: Iterable[ClosureDescription]
+    where: object, model: pin.Model, described: Iterable[ClosureDescription]
 ) -> tuple[LoopClosure, ...]:
     """Closures, each between frames of two bodies of the model."""
     found = tuple(
-        _closure(file, model, closure, *closure.frames)
+        _closure(where, model, closure, *closure.frames)
         for closure in described
         if closure.frames is not None
     )
@@ -351,7 +350,7 @@ def find_closures(
 
 
 def _closure(
-    file: Path, model: pin.Model, closure: ClosureDescription, frame_a: str, frame_b: str
+    where: object, model: pin.Model, closure: ClosureDescription, frame_a: str, frame_b: str
 ) -> LoopClosure:
     name, ids = f"{frame_a}-{frame_b}", (frame_named(model, frame_a), frame_named(model, frame_b))
     joints = [model.frames[frame].parentJoint for frame in ids]
@@ -363,7 +362,7 @@ def _closure(
     default = CLOSURE_KINDS[closure.type].axes or ((0.0, 0.0, 1.0),) * 2
     first, second = closure.axes or default
     for axis in dict.fromkeys((first, second)):
-        warn_of_size(f"{file}: closure {name}", axis)
+        warn_of_size(f"{where}: closure {name}", axis)
     axes, indices = (_unit(first), _unit(second)), None
     if closure.joint is not None:
         sliding = joint_named(model, closure.joint, f"in closure {name}")
@@ -399,7 +398,7 @@ def frame_named(model: pin.Model, name: str) -> int:
 
 
 def find_couplings(
-    file: Path,
+    where: object,
     model: pin.Model,
     described: Iterable[ClosureDescription],
     locked: Mapping[str, float | None],
@@ -408,7 +407,7 @@ def find_couplings(
     held = {name: value for name, value in locked.items() if value is not None}
     couplings = (closure for closure in described if closure.joints is not None)
     found = [each for c in couplings if (each := _coupling(model, c, held)) is not None]
-    _refuse_contradictions(file, [each for each in found if not each.powers])
+    _refuse_contradictions(where, [each for each in found if not each.powers])
     return tuple(found)
 
 
@@ -449,7 +448,7 @@ def _single_joint(model: pin.Model, name: str) -> pin.JointModel:
     return joint
 
 
-def _refuse_contradictions(file: Path, couplings: list[JointCoupling]) -> None:
+def _refuse_contradictions(where: object, couplings: list[JointCoupling]) -> None:
     """Refuse linear equations that no coordinates satisfy, and name those that say nothing new."""
     if not couplings:
         return
@@ -470,5 +469,5 @@ def _refuse_contradictions(file: Path, couplings: list[JointCoupling]) -> None:
                 coupling=name,
             )
         if rank == before:
-            warn(f"{file}: coupling {name} follows from the ones before it", ModelWarning)
+            warn(f"{where}: coupling {name} follows from the ones before it", ModelWarning)
         before = rank

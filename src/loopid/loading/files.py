@@ -2,31 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
-from loopid.errors import FileError, OptionError, RobotFileError
+from loopid.errors import FileError, RobotFileError
 from loopid.files import require_name, why_no_file
 from loopid.loading.description import Description
 from loopid.registry import robot_formats
+from loopid.robot.mechanism import Mechanism
 from loopid.yaml_files import read_yaml
 
 YAML = (".yaml", ".yml")
 MOTIONS = "_motions.yaml"
 XACRO = ".xacro"  # macros, which take arguments
-
-
-@contextmanager
-def naming(what: str | Path) -> Iterator[None]:
-    """Name a file or an element in front of what is refused inside."""
-    try:
-        yield
-    except (RobotFileError, OptionError) as error:
-        place = {"file": str(what)} if isinstance(what, Path) else {"element": what}
-        raise type(error)(f"{what}: {error}", **(place | error.facts)) from error
 
 
 class RobotFiles(NamedTuple):
@@ -85,6 +75,15 @@ def _tree(file: Path, given: Description) -> Path:
         file=str(file),
         missing=str(trees[0]),
     )
+
+
+def files_of(mechanism: Mechanism) -> RobotFiles:
+    """The files that a robot was loaded from; a FileError where it was made in Python."""
+    if mechanism.path is None:
+        raise FileError(
+            f"{mechanism.name} was made in Python: no file describes it", robot=mechanism.name
+        )
+    return find_files(mechanism.path)
 
 
 def find_motion_file(path: str | Path) -> Path:

@@ -41,7 +41,9 @@ def why_free(
         cause = cause or (SPUN if _is_spin(mechanism, q, motion) else UNKNOWN)
         causes.setdefault(cause, []).append(name)
         springs |= dict.fromkeys(sprung if cause == SPRUNG else ())
+    file = mechanism.path is not None
     facts = {
+        "closures": "'closures' of a YAML beside the file" if file else "closures=[Closure(...)]",
         "springs": shortened([*springs]),
         "lock": lock_options(mechanism, causes.get(SPUN, ())),
     }
@@ -58,7 +60,7 @@ SPUN = (
 )
 UNKNOWN = (
     ": no force acts there, and rows '= 0' say so; lock what does not move, and write what moves "
-    "with a loop into 'closures' of a YAML beside the file"
+    "with a loop into {closures}"
 )
 
 

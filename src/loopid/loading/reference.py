@@ -103,13 +103,13 @@ def close_reference(
         chosen = _exact(mechanism, found[0], usual)
     if not given and (excluded := _excluded(mechanism)):
         warn(
-            f"{mechanism.path}: the limits of {', '.join(excluded)} exclude the drawn pose (zero): "
-            "the loops were closed from the middle of the limits; give the pose as 'reference'",
+            f"{mechanism.source}: the limits of {', '.join(excluded)} exclude the drawn pose (zero)"
+            ": the loops were closed from the middle of the limits; give the pose as 'reference'",
             ModelWarning,
         )
     outside = _outside(chosen[0])
     if outside:
-        warn(f"{mechanism.path}: the reference is {outside}", ModelWarning)
+        warn(f"{mechanism.source}: the reference is {outside}", ModelWarning)
     return chosen
 
 
@@ -139,7 +139,7 @@ def _exact(file: Mechanism, loose: Mechanism, rounding: float) -> ClosedReferenc
         text = f"joints and closures were moved by up to {shift:.1e} m and {turn:.1e} rad"
         if open_by:
             text += f", and the loops then stay open by up to {open_by:.1e} m"
-        warn(f"{file.path}: its numbers are rounded: {text}", AccuracyWarning)
+        warn(f"{file.source}: its numbers are rounded: {text}", AccuracyWarning)
     return replace(closed, rounding=rounding), around
 
 
@@ -239,7 +239,7 @@ def _in_a_mode(
                 "counts what can be known in each, and another is chosen by its 'reference' in the "
                 "YAML"
             )
-        warn(f"{mechanism.path}: {text}", AccuracyWarning)
+        warn(f"{mechanism.source}: {text}", AccuracyWarning)
     return replace(mechanism, modes=modes), around
 
 
@@ -309,7 +309,7 @@ def _open_loops(mechanism: Mechanism, q: FloatArray, given: Collection[str]) -> 
     """Which closure stays open most, by how much, and by which rounding it would close."""
     residual = np.abs(Constraint(mechanism, q[None]).scaled()[0][0])
     gap, name = float(residual.max()), mechanism.row_names[int(residual.argmax())]
-    facts = {"file": str(mechanism.path), "closure": name, "gap": gap}
+    facts = {"file": mechanism.source, "closure": name, "gap": gap}
     facts["tolerance"] = tolerance = CLOSURE_TOLERANCE * mechanism.length
     origin = "the reference cannot be closed" if given else "no closed configuration was found"
     hint = "" if given else ", give one as 'reference'"
@@ -321,7 +321,7 @@ def _open_loops(mechanism: Mechanism, q: FloatArray, given: Collection[str]) -> 
         facts["rounding"] = needed = rounding_that_closes(gap, mechanism.length)
         hint = f": it closes with rounding={needed:g}, if the numbers of the file are rounded so"
     return RobotFileError(
-        f"{mechanism.path}: {origin}: closure {name} stays open by {gap:.1e} m (tolerance "
+        f"{mechanism.source}: {origin}: closure {name} stays open by {gap:.1e} m (tolerance "
         f"{tolerance:.1g} m){hint}",
         **facts,
     )

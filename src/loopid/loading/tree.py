@@ -39,7 +39,7 @@ class TreeSource:
     """An open tree as read from a file."""
 
     name: str  # of the robot
-    file: Path  # where the tree was read; named in messages
+    file: Path | str  # where the tree was read, or the robot's name; named in messages
     # With a frame of type ``BODY`` for every link, named like it, and ``OP_FRAME`` frames for
     # whatever the description's closures join beyond links
     model: pin.Model

@@ -33,12 +33,16 @@ def undeclared_loops(mechanism: Mechanism, around: FloatArray, tree: TreeSource)
     """
     signs = [*tree.signs] if not mechanism.rows else []
     if pairs := _pairs(mechanism, around, tree):
-        closures = ", ".join(f"{{type: 3d, frames: {json.dumps(pair)}}}" for pair in pairs)
+        if mechanism.path is None:
+            advice = f"closures=[{', '.join(f'Closure{pair}' for pair in pairs)}]"
+        else:
+            closures = ", ".join(f"{{type: 3d, frames: {json.dumps(pair)}}}" for pair in pairs)
+            advice = f"a YAML beside the file says it: closures: [{closures}]"
         (first, how), *more = pairs.items()
         others = f", as {len(more)} more pairs" if more else ""
         signs.append(
-            f"links {first[0]} and {first[1]} {how}{others}, as where a loop closes: if so, a YAML "
-            f"beside the file says it: closures: [{closures}]"
+            f"links {first[0]} and {first[1]} {how}{others}, as where a loop closes: if so, "
+            f"{advice}"
         )
     return tuple(signs)
 

@@ -17,9 +17,8 @@ from lxml import etree
 from pydantic import ValidationError
 
 from loopid.arguments import number
-from loopid.errors import RobotFileError
+from loopid.errors import RobotFileError, naming
 from loopid.loading.description import ClosureDescription, Description, warn_of_size
-from loopid.loading.files import naming
 from loopid.loading.tree import TreeSource, add_frame
 from loopid.loading.urdf_tree import (
     LEAST_AXIS,
@@ -41,7 +40,7 @@ from loopid.loading.urdf_tree import (
 )
 from loopid.registry import urdf_dialects
 from loopid.robot.mechanism import LeftOut, shortened
-from loopid.yaml_files import first_problem
+from loopid.sections import first_problem
 
 if TYPE_CHECKING:
     from yourdfpy.urdf import Joint

@@ -20,8 +20,7 @@ import pinocchio as pin
 from lxml import etree
 
 from loopid.arguments import FloatArray
-from loopid.errors import ModelWarning, RobotFileError, warn
-from loopid.loading.files import naming
+from loopid.errors import ModelWarning, RobotFileError, naming, warn
 from loopid.robot.mechanism import shortened
 
 if TYPE_CHECKING:

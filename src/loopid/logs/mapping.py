@@ -16,7 +16,8 @@ from loopid.files import UNPACKED_RATIO
 from loopid.logs.wrenches import COMPONENTS
 from loopid.records import digest
 from loopid.registry import log_formats
-from loopid.yaml_files import Section, first_problem, read_yaml, yaml_writer
+from loopid.sections import Section, first_problem
+from loopid.yaml_files import read_yaml, yaml_writer
 
 # All that is read, in this order.
 QUANTITIES = ("position", "force", "velocity", "acceleration")

@@ -201,6 +201,7 @@ def locked_as_logged(
     Parameters
     ----------
     robot : Mechanism
+        Of a file; others stay as they are, and ``read_log`` says which ``lock`` would do.
     path, mapping
         As of ``read_log``.
 
@@ -222,7 +223,7 @@ def locked_as_logged(
     log = open_log(_existing(path), mapping)
     finder = ColumnFinder(str(path), log.columns(), mapping, log.ordered, log.choice)
     found = _elsewhere(str(path), log, finder, robot.locked)
-    if not found:
+    if not found or robot.path is None:
         return robot
     places = ", ".join(f"{joint} at {value:.6g}" for joint, value in found.items())
     warn(f"{path}: locked where the log has it: {places}", ModelWarning)

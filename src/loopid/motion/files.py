@@ -28,7 +28,8 @@ from loopid.motion.trajectories import (
     point_to_point,
 )
 from loopid.records import record
-from loopid.yaml_files import Section, read_yaml
+from loopid.sections import Section
+from loopid.yaml_files import read_yaml
 
 # References drawn with straight lines have steps in velocity. At 2 Hz these become accelerations
 # that a drive can follow, and the path cuts a corner by 0.6 mm at 0.02 m/s (1 mrad at 0.035 rad/s).

@@ -428,7 +428,7 @@ def terms_of_file(mechanism: Mechanism) -> dict[str, dict[str, float]]:
     for joint, values in mechanism.joint_values.items():
         found[joint] = dict(values)
         for kind, value in values.items():
-            place = f"{mechanism.path}: joint_terms: {joint}"
+            place = f"{mechanism.source}: joint_terms: {joint}"
             try:
                 term = joint_term(kind)
             except OptionError as error:
@@ -552,7 +552,7 @@ def warn_of_omitted(mechanism: Mechanism, terms: JointTerms | None) -> None:
     said = [] if terms is None else [terms.choice(mechanism)]
     words = ("; " if ":" in "".join(said) else ",").join([*said, OF_FILE])
     warn(
-        f'{mechanism.path} gives {listed}, which this model leaves out: terms="{words}" '
+        f'{mechanism.source} gives {listed}, which this model leaves out: terms="{words}" '
         "includes it",
         ModelWarning,
     )

@@ -17,7 +17,7 @@ from loopid.errors import counted
 from loopid.kinematics import mobility
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.projection import NEAR_SINGULARITY, Factorisation, singularity_measure
-from loopid.loading.load import inertia_defects, odd_masses, unequal_links
+from loopid.loading.checks import inertia_defects, odd_masses, unequal_links
 from loopid.plots.pictures import robot_chart, search_chart
 from loopid.regressors.joint_terms import OF_FILE, FileForce, file_forces
 from loopid.report.look import facts, json_fields, json_value, plain_table, table_of

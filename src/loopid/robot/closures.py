@@ -21,6 +21,7 @@ from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from numpy.polynomial import Polynomial
 from scipy.spatial.transform import Rotation
 
@@ -335,11 +336,16 @@ class ClosureKind:
     same_axes: bool = False  # whether the axis must be the same vector in both frames
     has_length: bool = False  # whether it has the key ``length``
     has_joint: bool = False  # whether it has the key ``joint``
+    contact: pin.ContactType | None = None  # what Pinocchio calls it
 
 
 CLOSURE_KINDS: Registry[ClosureKind] = Registry("kind of closure", {
-    "3d": ClosureKind(lambda c: (Point(),), ("point", "spherical", "ball")),
-    "6d": ClosureKind(lambda c: (Point(), Turn()), ("weld", "fixed")),
+    "3d": ClosureKind(
+        lambda c: (Point(),), ("point", "spherical", "ball"), contact=pin.ContactType.CONTACT_3D
+    ),
+    "6d": ClosureKind(
+        lambda c: (Point(), Turn()), ("weld", "fixed"), contact=pin.ContactType.CONTACT_6D
+    ),
     "hinge": ClosureKind(lambda c: (Point(), Align(*c.axes)), ("revolute",), (Z, Z)),
     "universal": ClosureKind(lambda c: (Point(), Square(*c.axes)), axes=(X, Y)),
     "prismatic": ClosureKind(

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, Number, frozen
-from loopid.errors import OptionError
+from loopid.errors import DataError, OptionError
 from loopid.parameters import KINDS, ParameterSet, html_table, model_kinds
 from loopid.records import record
 from loopid.robot.closures import UNIT, JointCoupling, LoopClosure
@@ -97,8 +97,8 @@ class Mechanism:
     Attributes
     ----------
     name : str
-    path : Path
-        File it was loaded from.
+    path : Path or None
+        File it was loaded from; None where it was made in Python.
     model : pinocchio.Model
         The open tree. Never changed after loading.
     closures : tuple of LoopClosure
@@ -157,7 +157,7 @@ class Mechanism:
     """
 
     name: str
-    path: Path
+    path: Path | None
     model: pin.Model
     closures: tuple[LoopClosure, ...]
     actuated: tuple[str, ...]
@@ -218,6 +218,11 @@ class Mechanism:
         head = "joint (m, rad)", "", "reference", "lower limit", "upper limit"
         return f"<p>{escape(repr(self))}</p>{html_table(head, rows)}"
 
+    @property
+    def source(self) -> str:
+        """What messages call it: its file, or its name where it has none."""
+        return self.name if self.path is None else str(self.path)
+
     # Joints and their coordinates.
 
     @cached_property
@@ -232,14 +237,7 @@ class Mechanism:
 
     def coordinates_of(self, joints: Iterable[str]) -> tuple[str, ...]:
         """Names of the velocity coordinates of some joints."""
-        return tuple(part for name in joints for part in self._parts(name))
-
-    def _parts(self, name: str) -> tuple[str, ...]:
-        joint = self.joint(name)
-        if joint.nv == 1:
-            return (name,)
-        numbered = tuple(f"v{k}" for k in range(joint.nv))
-        return tuple(f"{name}.{part}" for part in COMPONENTS.get(joint.shortname(), numbered))
+        return tuple(part for name in joints for part in coordinate_names(name, self.joint(name)))
 
     def joint(self, name: str) -> pin.JointModel:
         """Pinocchio's joint of a name; an OptionError lists the joints."""
@@ -272,7 +270,9 @@ class Mechanism:
             if joint.nv == 1:
                 sliding.append(joint.shortname().startswith("JointModelP"))
             else:
-                sliding += [part.rpartition(".")[2] in LINEAR for part in self._parts(name)]
+                sliding += [
+                    part.rpartition(".")[2] in LINEAR for part in coordinate_names(name, joint)
+                ]
         return np.flatnonzero(sliding)
 
     def limits(self, name: str) -> tuple[float, float]:
@@ -566,6 +566,35 @@ class Mechanism:
         tied = [values[place == k].mean(axis=0) for k in range(place.max() + 1)]
         return np.concatenate(tied)
 
+    def tree(self, bodies: FloatArray) -> pin.Model:
+        """A copy of Pinocchio's tree with other bodies, given as ``parameters`` (n,).
+
+        Of a gravity model the inertias about the centres of mass stay.
+
+        Raises
+        ------
+        DataError
+            Naming a body that has first moments but no mass.
+        """
+        tree, values = self.model.copy(), np.asarray(bodies, dtype=np.float64)
+        width = len(values) // (int(self.tie_indices.max()) + 1)
+        if self.tied:
+            values = self.tie_matrix(width) @ values
+        for body, own in zip(self.bodies, values.reshape(-1, width), strict=True):
+            old, mass, moment = tree.inertias[body.joint_id], float(own[0]), own[1:4]
+            if not mass and moment.any():
+                message = f"{body.link} has first moments but no mass: what it weighs is open"
+                raise DataError(message, link=body.link)
+            if mass and width == len(KINDS):
+                tree.inertias[body.joint_id] = pin.Inertia.FromDynamicParameters(own)
+                continue
+            if width == len(KINDS):
+                centre, inertia = np.zeros(3), own[[4, 5, 7, 5, 6, 8, 7, 8, 9]].reshape(3, 3)
+            else:
+                centre, inertia = (moment / mass if mass else old.lever), old.inertia
+            tree.inertias[body.joint_id] = pin.Inertia(mass, centre, inertia)
+        return tree
+
     def columns(self, model: str = "full") -> IntArray:
         """Columns of Pinocchio's tree regressor that the bodies occupy; shape (n,)."""
         width = len(model_kinds(model))
@@ -596,6 +625,14 @@ def gear_ratios(slopes: FloatArray, moving: BoolArray) -> FloatArray:
             bodies = own & moving
             ratios[own] /= ratios[bodies if bodies.any() else own].min()
     return ratios
+
+
+def coordinate_names(name: str, joint: pin.JointModel) -> tuple[str, ...]:
+    """Names of a joint's velocity coordinates: its own where it has one, else as ``ball.wx``."""
+    if joint.nv == 1:
+        return (name,)
+    numbered = tuple(f"v{k}" for k in range(joint.nv))
+    return tuple(f"{name}.{part}" for part in COMPONENTS.get(joint.shortname(), numbered))
 
 
 _thread = threading.local()

@@ -13,7 +13,7 @@ import trimesh
 from trimesh import creation
 
 from loopid.arguments import FloatArray
-from loopid.loading.files import find_files
+from loopid.loading.files import files_of
 from loopid.robot.mechanism import Mechanism
 
 Color: TypeAlias = tuple[int, int, int]
@@ -25,9 +25,11 @@ SECTIONS = 12  # of what is round: without a graphics card, triangles take long
 def read_solids(mechanism: Mechanism) -> list[Solid]:
     """What a robot's file draws, in one piece a joint and colour.
 
-    Nothing of other formats than URDF and MJCF, and of URDFs whose meshes are missing.
+    Nothing of robots made in Python, of other formats, and of URDFs whose meshes are missing.
     """
-    tree = find_files(mechanism.path).tree
+    if mechanism.path is None:
+        return []
+    tree = files_of(mechanism).tree
     read = {".urdf": _of_urdf, ".xml": _of_mjcf, ".mjcf": _of_mjcf}.get(tree.suffix)
     pieces = dict[tuple[int, Color], list[trimesh.Trimesh]]()
     for joint, color, mesh in read(mechanism, tree) if read else ():

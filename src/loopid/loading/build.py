@@ -1,0 +1,205 @@
+"""From an open tree, and what is said of it, to a robot whose loops are closed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import nan
+from pathlib import Path
+from typing import Any
+
+import pinocchio as pin
+
+from loopid.errors import MobilityError, ModelWarning, OptionError, RobotFileError, naming, warn
+from loopid.loading.checks import warn_of_findings
+from loopid.loading.description import (
+    LARGEST_ROUNDING,
+    Description,
+    find_closures,
+    find_couplings,
+    frame_named,
+    joint_named,
+    merged,
+)
+from loopid.loading.reference import close_reference, with_lengths
+from loopid.loading.tree import TreeSource, build_tree, written_reference
+from loopid.loading.undeclared import undeclared_loops
+from loopid.robot.mechanism import RANK_TOLERANCE, Body, LinkGroup, Mechanism, Platform, link_frames
+
+# Pinocchio stores derivatives of their third power: 2 GB.
+MOST_COORDINATES = 300
+
+
+def build_robot(
+    source: TreeSource,
+    given: Description,
+    path: Path | None = None,
+    *,
+    lock: Sequence[str] = (),
+    tied: bool = False,
+    rounding: float | None = None,
+    options: Mapping[str, Any] | None = None,
+) -> Mechanism:
+    """The robot of a tree, with its loops closed at the reference; what is odd is warned of.
+
+    ``given`` has the last word over what the tree's own file says. ``path`` is the file that was
+    named, ``options`` are what loads the same robot from it again.
+    """
+    if rounding is not None and not 0 <= rounding <= LARGEST_ROUNDING:
+        least_most = f"from 0 to {LARGEST_ROUNDING:g} m and rad"
+        raise OptionError(f"rounding must be {least_most}, not {rounding:g}", given=rounding)
+    if source.model.nv > MOST_COORDINATES:
+        raise RobotFileError(
+            f"{source.file} has joints of {source.model.nv:,} coordinates: at most "
+            f"{MOST_COORDINATES} are read",
+            given=source.model.nv,
+        )
+    with naming(path or source.name):
+        description = merged(source.description, given)
+        if tied and not description.identical:
+            raise OptionError("it declares no identical links: nothing to tie")
+        tree = build_tree(source, description, lock)
+        drawn = replace(
+            _open_robot(path, tree, description),
+            motors_listed=isinstance(given.name_mot, list),
+            motors_known=description.name_mot is not None,
+            tied=tied,
+            options=options or {},
+        )
+        drawn = replace(drawn, joint_values=_joint_values(drawn, source.model, tree, description))
+    # Without motors that are known, no joint of the reference is held fixed.
+    held = given.reference if drawn.motors_known else ()
+    closed, around = close_reference(
+        drawn,
+        {part for name in held for part in (name, *tree.replaced.get(name, ()))},
+        description.rounding if rounding is None else rounding,
+    )
+    mechanism = replace(closed, undeclared=undeclared_loops(closed, around, tree))
+    warn_of_findings(mechanism, around, tree)
+    return mechanism
+
+
+def _open_robot(path: Path | None, tree: TreeSource, description: Description) -> Mechanism:
+    """The robot at the reference that the file writes, where its loops may be open."""
+    model, bodies, where = tree.model, _bodies(tree), path or tree.name
+    _require_printable_names(tree, description)
+    drawn = Mechanism(
+        name=tree.name,
+        path=path,
+        model=model,
+        closures=find_closures(where, model, description.all_closures),
+        couplings=find_couplings(where, model, description.all_closures, tree.locked),
+        actuated=_motors(where, tree),
+        bodies=bodies,
+        reference=written_reference(model, tree.description.reference),
+        platform=_platform(model, description),
+        identical=_identical(model, description, bodies),
+        closure_rank_tolerance=description.closure_rank_tolerance or RANK_TOLERANCE,
+        margin=description.margin,
+        left_out=tree.left_out,
+        locked=tree.locked,
+    )
+    lengths = [name for name in description.lengths if name not in tree.description.reference]
+    return replace(drawn, reference=with_lengths(drawn, lengths)) if lengths else drawn
+
+
+def _require_printable_names(tree: TreeSource, description: Description) -> None:
+    """Names are printed, drawn, and written into files for others."""
+    frames = (frame.name for frame in tree.model.frames)
+    platform = description.platform.coordinates if description.platform else ()
+    for name in (tree.name, *tree.model.names, *frames, *description.identical, *platform):
+        if not name.isprintable():
+            raise RobotFileError(f"names must be printable and on one line, not {name!r:.60}")
+
+
+def _motors(where: object, tree: TreeSource) -> tuple[str, ...]:
+    """Joints with motors that are not locked; all with one coordinate where no file says."""
+    model, motors = tree.model, tree.description.name_mot
+    joints = list(model.names)[1:]
+    if motors is None:
+        motors = [name for name in joints if model.joints[model.getJointId(name)].nv == 1]
+    elif isinstance(motors, str):
+        motors = [name for name in joints if motors in name]
+    left = (name for name in motors if name not in tree.locked)
+    parts = (part for name in left for part in tree.replaced.get(name, (name,)))
+    motors = [part for part in parts if part not in tree.locked]
+    for name in motors:
+        joint_named(model, name, "among the motors (name_mot)")
+    if not motors:
+        key = "'name_mot'" if isinstance(where, Path) else "motors"
+        raise MobilityError(
+            f"{where}: no joint has a motor, so no force would be known: choose {key} among "
+            f"{', '.join(joints)}",
+            file=str(where),
+            valid=tuple(joints),
+        )
+    return tuple(motors)
+
+
+def _bodies(tree: TreeSource) -> tuple[Body, ...]:
+    """Moving bodies with an inertial, each named by the link that its joint carries."""
+    model, frames = tree.model, link_frames(tree.model)
+    joint_ids = [model.frames[frames[link]].parentJoint for link in tree.inertial_links]
+    moving = [joint for joint in dict.fromkeys(joint_ids) if joint > 0]
+    if not moving:
+        raise RobotFileError(f"no moving link has an <inertial> in {tree.file}: nothing to do")
+    return tuple(Body(tree.child_links[model.names[joint]], int(joint)) for joint in moving)
+
+
+def _platform(model: pin.Model, description: Description) -> Platform | None:
+    platform = description.platform
+    if platform is None:
+        return None
+    names, motions = tuple(platform.coordinates), tuple(platform.coordinates.values())
+    return Platform(platform.frame, frame_named(model, platform.frame), names, motions)
+
+
+def _identical(
+    model: pin.Model, description: Description, bodies: Sequence[Body]
+) -> tuple[LinkGroup, ...]:
+    """Groups of links that the description declares identical."""
+    links = [body.link for body in bodies]
+    frames = {frame.name for frame in model.frames}
+    for name, members in description.identical.items():
+        for link in members:
+            if link not in links:
+                known = "has no parameters of its own" if link in frames else "is unknown"
+                raise RobotFileError(
+                    f"identical: link {link!r} of {name} {known}: choose among {', '.join(links)}",
+                    given=link,
+                    valid=tuple(links),
+                )
+        if name in links and name not in members:
+            raise RobotFileError(f"identical: group {name} is named like another link")
+    return tuple(LinkGroup(name, tuple(group)) for name, group in description.identical.items())
+
+
+def _joint_values(
+    mechanism: Mechanism, whole: pin.Model, tree: TreeSource, description: Description
+) -> dict[str, dict[str, float]]:
+    """What the files give of terms, by coordinate; joints that are locked or replaced have none.
+
+    NaN for what is there with an unknown value.
+    """
+    found: dict[str, dict[str, float]] = {}
+    described = {*description.joint_terms}
+    for name, values in description.joint_terms.items():
+        given = {kind: nan if x is None else x for kind, x in values.items() if x != 0}
+        if name in mechanism.joints:
+            found |= dict.fromkeys(mechanism.coordinates_of([name]) if given else (), given)
+        elif name in mechanism.coordinates:
+            found |= {name: given} if given else {}
+        elif not (name in tree.locked or whole.existJointName(name)):
+            listed = ", ".join(mechanism.coordinates)
+            raise RobotFileError(
+                f"joint_terms: unknown joint {name!r}: choose among {listed}",
+                given=name,
+                valid=mechanism.coordinates,
+            )
+        elif given and name not in tree.locked and not {*tree.replaced.get(name, ())} & described:
+            warn(
+                f"{mechanism.source}: other joints have taken the place of {name}, so its "
+                f"{', '.join(given)} are left out: give theirs in joint_terms",
+                ModelWarning,
+            )
+    return found

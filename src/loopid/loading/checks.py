@@ -1,0 +1,170 @@
+"""What is odd about a robot: features left out, motors, singularities, inertias."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from loopid.arguments import FloatArray, checked
+from loopid.errors import AccuracyWarning, ModelWarning, warn
+from loopid.inertia import body_defect, pseudo_inertia
+from loopid.kinematics import mobility
+from loopid.kinematics.poses import difference
+from loopid.kinematics.rounding import rounding_that_closes
+from loopid.loading.free import why_free
+from loopid.loading.reference import why_singular
+from loopid.loading.tree import TreeSource
+from loopid.parameters import KINDS
+from loopid.records import record
+from loopid.robot.mechanism import Mechanism, shortened
+
+UNCLEAR = 1e-4  # of the largest singular value of the closure Jacobian
+STILL = 1e-3  # rad or characteristic lengths that no random walk leaves
+
+
+def warn_of_findings(mechanism: Mechanism, around: FloatArray, tree: TreeSource) -> None:
+    """Warn of features that are left out, motors, singularities and inertias.
+
+    ``around`` (n, nq) are closed configurations around the reference.
+    """
+    path = mechanism.source
+    for note in tree.notes:
+        warn(f"{tree.file}: {note}", ModelWarning)
+    forces = "; ".join(left.what for left in tree.left_out if left.is_force)
+    if forces:
+        warn(f"{tree.file}: in the file, not in the model: {forces}", ModelWarning)
+    if not mechanism.motors_known and (mechanism.redundant or tree.notes):
+        follow = ", ".join(mechanism.redundant)
+        place = "motors=[...]" if mechanism.path is None else "'name_mot' in a YAML beside it"
+        though = f", though {follow} follow from the others" if follow else ""
+        warn(
+            f"{path} does not say which joints have motors: all count as "
+            f"actuated{though}; list the motors as {place}",
+            ModelWarning,
+        )
+    for sign in mechanism.undeclared:
+        warn(f"{path}: {sign}", ModelWarning)
+    for sentence in why_free(mechanism, around, tree.near_couplings):
+        warn(f"{path}: {sentence}", ModelWarning)
+    if mechanism.rows:
+        _warn_of_closures(mechanism, around)
+    # Structure does not depend on the inertias in the file, forces do: warn, do not refuse.
+    impossible = [defect for defect in inertia_defects(mechanism) if defect.impossible]
+    if impossible:
+        links = shortened([defect.link for defect in impossible])
+        warn(f"{path}: no body has the inertias of {links}: {impossible[0]}", ModelWarning)
+    if odd := odd_masses(mechanism):
+        warn(f"{path}: {'; '.join(odd)}", ModelWarning)
+    for unequal in unequal_links(mechanism):
+        warn(f"{path}: {unequal}", ModelWarning)
+
+
+def _warn_of_closures(mechanism: Mechanism, around: FloatArray) -> None:
+    """Warn of a singular reference, and where the rank of the closures is not clear."""
+    reason = why_singular(mechanism, around)
+    if reason:
+        warn(f"{mechanism.source}: the reference is singular {reason}", AccuracyWarning)
+    walks = difference(mechanism, np.repeat(around[:1], len(around), axis=0), around)
+    if np.abs(walks / mechanism.coordinate_scales).max() < STILL:
+        warn(
+            f"{mechanism.source}: no other closed pose was found near the reference: what seems "
+            "free to move there leads nowhere, as where a closure has the wrong axis",
+            ModelWarning,
+        )
+    found = mobility(mechanism, around=around)
+    if found.held:
+        warn(
+            f"{mechanism.source}: the loops do not let the motors {shortened(found.held)} move: "
+            "look where the frames of their closures are",
+            ModelWarning,
+        )
+    if found.least < UNCLEAR:
+        # Equations that nearly follow from others look independent where numbers are rounded.
+        rounding = rounding_that_closes(found.least * mechanism.length, mechanism.length)
+        warn(
+            f"{mechanism.source}: the rank of the closures is not clear: a singular value of "
+            f"{found.least:.1e} of the largest is counted (unclear below {UNCLEAR:g}): where "
+            f"numbers are rounded, rounding={rounding:g} lets it count as zero",
+            AccuracyWarning,
+        )
+
+
+# Robot files are rounded: part of the largest moment, and of the largest parameter of a group.
+ROUNDED = 1e-6
+ALIKE = 1e-4
+# Masses that only keep a simulator running: part of the heaviest body, and in kg.
+PLACEHOLDER, LEAST_MASS = 1e-6, 1e-7
+
+
+@record
+class InertiaDefect:
+    """What is wrong with a body's inertia."""
+
+    link: str
+    impossible: bool  # no body has it; otherwise a plate, a rod or a point, which fill no volume
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.link}: {self.reason}"
+
+
+@checked
+def inertia_defects(mechanism: Mechanism) -> tuple[InertiaDefect, ...]:
+    """Bodies whose inertia, as the robot file gives it, no solid body has [Wensing2018]."""
+    found = []
+    for body in mechanism.bodies:
+        P = pseudo_inertia(mechanism.model.inertias[body.joint_id].toDynamicParameters())
+        if reason := body_defect(P, tolerance=ROUNDED):
+            impossible = bool(body_defect(P, flat_allowed=True, tolerance=ROUNDED) and P.any())
+            found.append(InertiaDefect(body.link, impossible, reason))
+    return tuple(found)
+
+
+@checked
+def odd_masses(mechanism: Mechanism) -> tuple[str, ...]:
+    """Say which masses look like placeholders, and which joints move nothing that has a mass."""
+    model, found = mechanism.model, []
+    masses = {body.link: float(model.inertias[body.joint_id].mass) for body in mechanism.bodies}
+    least = max(PLACEHOLDER * max(masses.values(), default=0.0), LEAST_MASS)
+    light = [f"{link} ({mass:.3g} kg)" for link, mass in masses.items() if 0 < mass < least]
+    if light:
+        found.append(
+            f"masses that look like placeholders, below {least:.3g} kg where the heaviest body has "
+            f"{max(masses.values()):.3g} kg: {shortened(light)}"
+        )
+    heavy = {
+        body.joint_id
+        for body in mechanism.bodies
+        if model.inertias[body.joint_id].toDynamicParameters().any()
+    }
+    closing = np.any(mechanism.supports(mechanism.closure_frames[0]), axis=0).ravel()
+    closing |= mechanism.moving.any(axis=0)
+    idle = [
+        joint
+        for k, joint in enumerate(mechanism.joints, start=1)
+        if not heavy.intersection(model.subtrees[k]) and not closing[model.joints[k].idx_v]
+    ]
+    if idle:
+        found.append(f"joints that move nothing with mass: {shortened(idle)}")
+    return tuple(found)
+
+
+@checked
+def unequal_links(mechanism: Mechanism) -> tuple[str, ...]:
+    """Say which groups of links declared identical have inertials that differ, and by how much."""
+    joints = {body.link: body.joint_id for body in mechanism.bodies}
+    found = []
+    for group in mechanism.identical:
+        inertias = [mechanism.model.inertias[joints[link]] for link in group.links]
+        values = np.array([inertia.toDynamicParameters() for inertia in inertias])
+        size = np.abs(values)
+        # Relative to the largest of the same unit.
+        units = [size[:, :1].max(), *[size[:, 1:4].max()] * 3, *[size[:, 4:].max()] * 6]
+        spread = np.ptp(values, axis=0) / np.maximum(units, 1e-300)
+        worst = int(spread.argmax())
+        if spread[worst] > ALIKE:
+            found.append(
+                f"links {', '.join(group.links)} are declared identical, but their "
+                f"{KINDS[worst]} differ: {', '.join(f'{x:.4g}' for x in values[:, worst])} "
+                f"(tolerance {ALIKE:g})"
+            )
+    return tuple(found)

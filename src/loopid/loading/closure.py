@@ -1,0 +1,144 @@
+"""Closures, motors and a reference as they are given in Python."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from pydantic import ValidationError
+
+from loopid.errors import OptionError
+from loopid.loading.description import ClosureDescription, Description
+from loopid.loading.tree import Reference
+from loopid.records import record
+from loopid.robot.closures import Axis, JointCoupling
+from loopid.sections import first_problem
+
+
+@record(checked=True)
+class Closure:
+    """Two frames that are joined where a loop was cut open.
+
+    Attributes
+    ----------
+    frame_a, frame_b : str
+        Names of links, or of joints, sites or other frames of the tree.
+    kind : str
+        One of ``CLOSURE_KINDS`` or another name for it: ``"3d"`` is a ball, ``"6d"`` a weld,
+        ``"hinge"`` a pin.
+    axes : tuple, optional
+        The axis in frame a and in frame b; one axis where the kind needs no more.
+    length : float, optional
+        Of the rod of a ``"distance"``, in m.
+    joint : str, optional
+        Whose coordinate is the length of a ``"cable"``.
+
+    Raises
+    ------
+    OptionError
+        Naming the closure, and what does not fit its kind.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.Closure("rod_end", "lever", "hinge", axes=((0, 1, 0), (0, 1, 0))).kind
+    'hinge'
+    """
+
+    frame_a: str
+    frame_b: str
+    kind: str = "3d"
+    axes: tuple[Axis, Axis] | Axis | None = None
+    length: float | None = None
+    joint: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind in (JointCoupling.kind, *JointCoupling.aliases):
+            raise OptionError(
+                f"closure {self.frame_a}-{self.frame_b}: a {self.kind} joins joints, not frames: "
+                "give a Coupling",
+                given=self.kind,
+            )
+        _ = self.description  # or an OptionError
+
+    @property
+    def description(self) -> ClosureDescription:
+        """As a robot file says it."""
+        content: dict[str, Any] = {"type": self.kind, "frames": (self.frame_a, self.frame_b)}
+        if self.axes is not None:
+            content["axes"] = [list(x) if isinstance(x, tuple) else x for x in self.axes]
+        optional = {"length": self.length, "joint": self.joint}
+        content |= {key: value for key, value in optional.items() if value is not None}
+        return _described(f"closure {self.frame_a}-{self.frame_b}", content)
+
+
+@record(checked=True)
+class Coupling:
+    """Joints that move together, as by a gear, a belt, or where one mimics another.
+
+    Attributes
+    ----------
+    joints : mapping
+        Joint to its coefficient c, with Σ c q = offset.
+    offset : float
+        In m or rad.
+
+    Raises
+    ------
+    OptionError
+        Naming a coefficient that is zero or out of range.
+
+    Examples
+    --------
+    A follower that turns twice as far as its leader:
+
+    >>> import loopid
+    >>> loopid.Coupling({"follower": 1.0, "leader": -2.0}).offset
+    0.0
+    """
+
+    joints: Mapping[str, float]
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        _ = self.description  # or an OptionError
+
+    @property
+    def description(self) -> ClosureDescription:
+        """As a robot file says it."""
+        content = {"type": JointCoupling.kind, "joints": dict(self.joints), "offset": self.offset}
+        return _described(f"coupling of {', '.join(self.joints)}", content)
+
+
+def _described(what: str, content: dict[str, Any]) -> ClosureDescription:
+    try:
+        return ClosureDescription.model_validate(content)
+    except ValidationError as error:
+        raise OptionError(
+            f"{what}: {first_problem(error).removeprefix('type: ')}", given=content
+        ) from None
+
+
+def with_more(
+    given: Description,
+    closures: Sequence[Closure | Coupling],
+    motors: Sequence[str] | None,
+    reference: Mapping[str, Reference] | None,
+) -> Description:
+    """A description with what is given in Python: closures are added, the rest has the last word.
+
+    Raises
+    ------
+    OptionError
+        When a motor is listed twice.
+    """
+    update: dict[str, Any] = {
+        "closures": [*given.closures, *(each.description for each in closures)],
+        "reference": given.reference | dict(reference or {}),
+    }
+    if motors is not None:
+        twice = next((name for name in motors if list(motors).count(name) > 1), None)
+        if twice is not None:
+            raise OptionError(f"motors: joint {twice} is listed twice", given=twice)
+        update["name_mot"] = list(motors)
+    return given.model_copy(update=update)
