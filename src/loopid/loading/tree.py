@@ -74,8 +74,8 @@ def build_tree(source: TreeSource, description: Description, locked: Sequence[st
     coordinate also with the value, as in ``hip=0.5``. The reference of the description comes back
     with the values of the joints that are left.
     """
-    locked, at = _named_values(source.model, locked)
-    held = {**description.reference, **at}
+    locked, held_at = _named_values(source.model, locked)
+    held = {**description.reference, **held_at}
     description = description.model_copy(update={"reference": held})
     for name in description.joint_name:
         joint_named(source.model, name, "in joint_name")
