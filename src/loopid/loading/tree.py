@@ -81,6 +81,7 @@ def build_tree(source: TreeSource, description: Description, locked: Sequence[st
         joint_named(source.model, name, "in joint_name")
     source = replace(source, description=description)
     _add_lengths(source.model, description)
+    _add_drives(source.model, description)
     if description.gravity is not None:
         source.model.gravity.linear = np.array(description.gravity)
     source = _replaced(source, _replacements(source.model, description), turned=False)
@@ -115,6 +116,17 @@ def _add_lengths(model: pin.Model, description: Description) -> None:
         model.addJointFrame(index, 0)
 
 
+def _add_drives(model: pin.Model, description: Description) -> None:
+    """Add a turning joint without mass for each motor that turns several joints."""
+    unlimited = np.full(1, np.inf)
+    for name in description.drives:
+        if model.existJointName(name):
+            raise RobotFileError(f"drives: {name} is the name of a joint", joint=name)
+        limits = unlimited, unlimited, -unlimited, unlimited
+        index = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), name, *limits)
+        model.addJointFrame(index, 0)
+
+
 def _locks(source: TreeSource, names: Iterable[str]) -> dict[str, Chain]:
     """What is left of joints that are locked: nothing, or hinges of a ball with locked turns."""
     whole: list[str] = []
@@ -123,6 +135,9 @@ def _locks(source: TreeSource, names: Iterable[str]) -> dict[str, Chain]:
     joints = list(model.names)[1:]  # of texts that Pinocchio could not take, too
     lengths = {closure.joint for closure in source.description.all_closures}
     for name in names:
+        if name in source.description.drives:
+            turned = ", ".join(source.description.drives[name])
+            raise OptionError(f"{name} cannot be locked: lock what it turns, {turned}", given=name)
         if name in (*lengths, *source.description.lengths):
             raise OptionError(
                 f"{name} cannot be locked, as a cable has that length: a rod of one length is a "
