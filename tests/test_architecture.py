@@ -8,6 +8,7 @@ import pytest
 SOURCE = Path(__file__).parents[1] / "src" / "loopid"
 GROUND = (
     "errors",
+    "numbers",
     "registry",
     "arguments",
     "records",

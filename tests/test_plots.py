@@ -22,37 +22,48 @@ def test_lines_are_forces_and_residuals(prediction, knee):
     chart = plots.forces_chart(knee, prediction, motors=["leg2_stroke"])
     axes = Figure().subplots(2)
     chart.draw(axes)
-    measured, predicted = (line.get_ydata() for line in axes[0].lines)
-    used = prediction.recording.used[:, 1]
-    np.testing.assert_array_equal(measured, prediction.recording.force[:, 1])
-    np.testing.assert_array_equal(predicted, np.where(used, prediction.predicted[:, 1], np.nan))
-    standing, moving = (line.get_ydata() for line in axes[1].lines)
-    assert (np.isnan(standing) == used).all()
-    rest = np.where(used, moving, standing)
-    np.testing.assert_allclose(rest, prediction.residual[:, 1], atol=1e-12)
+    run, k = prediction.recording, 1
+    np.testing.assert_array_equal(axes[0].lines[-1].get_ydata(), run.force[:, k])
+    left = axes[1].lines[-1].get_ydata()
+    expected = np.where(run.used[:, k], prediction.residual[:, k], np.nan)
+    np.testing.assert_allclose(left, expected, atol=1e-12)
     with pytest.raises(loopid.LoopidError):
         plots.forces_chart(knee, prediction, motors=["leg9_stroke"])
 
 
 def test_names_are_no_mathematics(knee):
-    axes = Figure().subplots(4)
+    ax = Figure().subplots()
     name = "$\\frac{x"
     chart = plots.robot_chart(knee)
-    panels = [replace(panel, title=name) for panel in chart.panels]
-    replace(chart, panels=tuple(panels)).draw(axes)
-    axes[0].figure.canvas.draw()
-    assert axes[0].get_title(loc="left") == name
+    replace(chart, panels=(replace(chart.panels[0], title=name),)).draw(ax)
+    ax.figure.canvas.draw()
+    assert ax.get_title(loc="left") == name
 
 
 def test_a_robot_is_drawn_where_it_is(knee):
     """Closures meet at the reference; at another configuration the platform's joints have moved."""
     other = loopid.random_configurations(knee, 1, seed=3)[0]
-    here, there = plots.robot_chart(knee), plots.robot_chart(knee, other)
+    here, there = plots.robot_chart(knee), plots.robot_chart(knee, other, worst="leg4_stroke")
     for chart in (here, there):
-        (met,) = [mark for mark in chart.panels[0].marks if mark.name == "closures"]
+        (met,) = [mark for mark in chart.panels[0].marks if mark.kind == "closure"]
         np.testing.assert_allclose(met.x[0::2], met.x[1::2], atol=1e-9)
         np.testing.assert_allclose(met.y[0::2], met.y[1::2], atol=1e-9)
     assert here != there
+    signs = {mark.name: mark.texts for mark in there.panels[0].marks if mark.texts}
+    assert signs == {"sliding motor": ("1", "2", "3"), "largest error": ("4",)}
+
+
+def test_a_flat_robot_is_seen_from_its_front_and_signs_do_not_cover_each_other(load_once):
+    flat = plots.robot_chart(load_once("five_bar"))
+    (motors,) = [mark for mark in flat.panels[0].marks if mark.kind == "motor"]
+    assert np.ptp(motors.x) > 0.1  # the cranks stand beside each other
+    for name in ("six_axis", "3rrr"):
+        if name not in loopid.bundled_robots():
+            continue
+        panel = plots.robot_chart(load_once(name)).panels[0]
+        at = [(x, y) for m in panel.marks if m.texts for x, y in zip(m.x, m.y, strict=True)]
+        least = min(np.hypot(*np.subtract(a, b)) for k, a in enumerate(at) for b in at[:k])
+        assert least > 0.08 * max(np.ptp(at, axis=0))
 
 
 def test_values_are_beside_those_of_the_robot_file(study):

@@ -94,7 +94,7 @@ def test_terminal_page_and_files_say_the_same(written, tmp_path):
 def test_figures_for_papers_are_drawn_where_asked_for(run, arm_files, tmp_path):
     done = run("identify", *arm_files[:2], "--out", tmp_path, "--figures")
     assert done.code == 0, done.err
-    drawn = {"filter", "forces", "friction", "parameters", "robot", "spectrum"}
+    drawn = {"errors", "filter", "forces", "friction", "parameters", "robot", "terms"}
     for name in drawn:
         assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
         assert "<svg" in (tmp_path / f"{name}.svg").read_text()
@@ -338,7 +338,7 @@ def test_values_of_the_robot_file_are_marked_everywhere(
     rows = [[cell.text for cell in row] for row in page.iter("tr")]
     for direction in told["unidentifiable"]:
         assert direction["standard_error"] is None
-        assert [direction["combination"], "0", "unidentifiable"] in rows
+        assert [direction["combination"], "0", "unknown: as in the file"] in rows
     assert record["advice"] in page.text_content()
     for entry in record["all_parameters"]["base_parameters"]:
         unbounded = entry["interval_95_percent"] == [None, None]

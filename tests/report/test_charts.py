@@ -75,7 +75,8 @@ def test_what_is_not_known_is_not_drawn(kind):
     (path,), _ = paths(
         Panel("t", (Mark("a", x if kind == "band" else gap, y, "fit", kind, gap + 1),))
     )
-    assert len(points(path.get("d"))) == (2 if kind == "band" else 3)
+    drawn = path.get("d").count("h1") if kind == "dots" else len(points(path.get("d")))
+    assert drawn == (2 if kind == "band" else 3)
 
 
 def test_bands_spans_and_dots_have_their_ends():
@@ -104,7 +105,48 @@ def test_logarithmic_axes_leave_out_what_has_no_logarithm():
 def test_a_length_is_the_same_both_ways_where_it_is_asked_for():
     panel = Panel("t", (Mark("a", np.array([0.0, 1.0]), np.array([0.0, 5.0])),), equal=True)
     across, high = panel.limits()
-    assert np.ptp(across) == pytest.approx(np.ptp(high))
+    (plot,) = panel.html().find_class("plot")
+    shape = float(plot.get("style").removeprefix("aspect-ratio:"))
+    assert shape == pytest.approx(np.ptp(across) / np.ptp(high), rel=1e-2)
+
+
+def test_rows_of_a_table_have_their_own_marks():
+    """Each row draws what is at its place; what is upright or shaded is in all of them."""
+    x, y = np.array([1.0, 2.0, 3.0]), np.arange(3.0)
+    marks = (
+        Mark("a", x, y, kind="disc"),
+        Mark.upright("b", 2.5),
+        Mark("c", x, y, kind="span", to=x + 1),
+    )
+    columns = {"value": ("one", "two", "three")}
+    panel = Panel("t", marks, labels=("p", "q", "r"), wholes=("p", "q + s", ""), columns=columns)
+    rows = panel.html().xpath(".//tbody/tr")
+    assert [row.xpath("string(td[3])") for row in rows] == list(columns["value"])
+    assert [row.xpath("string(.//summary)") for row in rows] == ["", "q", ""]
+    assert "q + s" in rows[1].text_content()
+    drawn = [[len(points(path.get("d"))) for path in row.iter("path")][1:] for row in rows]
+    assert drawn == [[1, 1, 1]] * 3
+    (left, right), _ = panel.limits()
+    for row, at in zip(rows, x, strict=True):
+        (disc,) = row.find_class("disc")
+        place = left + points(disc.get("d"))[0][0, 0] * (right - left) / WIDE
+        assert place == pytest.approx(at, abs=0.01)
+
+
+def test_many_rows_and_many_motors_unfold():
+    rows, place = 43, np.arange(43.0)
+    panel = Panel("t", (Mark("a", place, place, kind="disc"),), labels=("name",) * rows)
+    (fold,) = panel.html().xpath(".//details[not(@class)]")
+    assert fold.findtext("summary") == "3 more rows"
+    assert len(fold.xpath(".//tbody/tr")) == 3
+    line = (Mark("a", place, place),)
+    lanes = tuple(Panel(f"{k}", line) for k in range(16))
+    figure = Chart("c", "", "time (s)", lanes, columns=2, lanes=2, zoom="run").html()
+    (fold,) = figure.iter("details")
+    assert fold.findtext("summary") == "2 more"
+    assert len(figure.find_class("panel")) == 16
+    assert len(fold.find_class("panel")) == 4
+    assert len(figure.find_class("across")) == 8  # below the last lane of each
 
 
 @pytest.mark.parametrize("ends", [(0.0, 1.0), (-3.7e-5, 2e-5), (1e6, 1.02e6), (13.37, 22.4)])
@@ -118,7 +160,7 @@ def test_ticks_are_few_round_and_between_the_ends(ends):
 
 
 def test_decades_are_ticked_and_parts_of_one():
-    assert [text for _, text in ticks(-3.1, 4.2, log=True)][:2] == ["1e-2", "1e0"]
+    assert [text for _, text in ticks(-3.1, 4.2, log=True)][:2] == ["0.01", "1"]
     assert [text for _, text in ticks(-0.1, 1.1, log=True)] == ["1", "2", "5", "10"]
 
 

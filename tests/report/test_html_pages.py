@@ -20,7 +20,16 @@ from loopid.diagnosis import examine
 from loopid.identification import FitSamples
 from loopid.logs import Recording
 from loopid.plots import Chart, Mark, Panel
-from loopid.report import Page, Run, Section, check_report, identification_report
+from loopid.report import (
+    Card,
+    Page,
+    Run,
+    Section,
+    base_report,
+    check_report,
+    identification_report,
+    prediction_report,
+)
 from loopid.report.look import plain_table
 from made_runs import HINGE, quietly, record, wander
 
@@ -39,8 +48,17 @@ def pages(study, knee):
     return {
         "identification": identification_report(study, "loopid excite").page(run).html(),
         "check": check_report(knee).page(run).html(),
+        "base": base_report(knee, "gravity", study.identification.force_model.base)
+        .page(run)
+        .html(),
+        "prediction": prediction_report(knee, [prediction_of(study)]).page(run).html(),
         "hostile": hostile(),
     }
+
+
+def prediction_of(study):
+    found = study.identification
+    return loopid.predict(found.fit, found.force_model, found.training[0])
 
 
 def hostile():
@@ -57,7 +75,9 @@ def hostile():
         )
         for name in HOSTILE
     )
-    return Page(HOSTILE[2], sections, HOSTILE[0], {name: name for name in HOSTILE}, "").html()
+    data = {name: name for name in HOSTILE}
+    card = Card(word=HOSTILE[0], use=HOSTILE[1], next=HOSTILE[2], command=HOSTILE[3])
+    return Page(HOSTILE[2], sections, HOSTILE[0], card, data=data).html()
 
 
 @pytest.mark.parametrize("name", ["identification", "check", "hostile"])
@@ -233,23 +253,24 @@ def test_no_request_leaves_a_page(pages, tmp_path, proxy, calls):
 
 
 ZOOM = """
-const plot = document.querySelector(".zoom .plot"), box = plot.getBoundingClientRect();
+const plot = document.querySelector("[data-zoom] .plot"), box = plot.getBoundingClientRect();
 const at = (kind, part) => plot.dispatchEvent(new PointerEvent(kind, {
   clientX: box.left + part * box.width, clientY: box.top + 5, pointerId: 1, bubbles: true}));
 plot.setPointerCapture = () => {};
 at("pointerdown", 0.25); at("pointermove", 0.5); at("pointerup", 0.5);
-const views = [...document.querySelectorAll(".zoom svg")].map(svg => svg.getAttribute("viewBox"));
+const drawn = [...document.querySelectorAll("[data-zoom] svg")];
+const views = drawn.map(svg => svg.getAttribute("viewBox"));
 at("pointermove", 0.5);
 document.body.dataset.told = JSON.stringify([views,
-  document.querySelector(".zoom output").textContent,
-  [...document.querySelector(".zoom .across").children].map(tick => tick.textContent)]);
+  document.querySelector("[data-zoom] output").textContent,
+  [...document.querySelector("[data-zoom] .across").children].map(tick => tick.textContent)]);
 """
 
 
 def test_a_chart_zooms_in_all_its_panels_and_tells_its_values(tmp_path):
     time = np.linspace(0.0, 8.0, 801)
     panels = tuple(Panel(f"p{k}", (Mark("twice", time, 2 * time),)) for k in range(2))
-    chart = Chart("c", "caption", "time (s)", panels, zoom=True)
+    chart = Chart("c", "caption", "time (s)", panels, lanes=2, zoom="run")
     page = Page("zoom", (Section("Chart", (chart,)),)).html()
     page = page.replace("</body>", f"<script>{ZOOM}</script></body>")
     shown = fromstring(browse(page, tmp_path, "--dump-dom"))
@@ -264,19 +285,79 @@ def test_a_chart_zooms_in_all_its_panels_and_tells_its_values(tmp_path):
     assert all(ends[0] <= float(tick) <= ends[1] for tick in ticks)
 
 
-PEEK = """<script>
-window.onload = () => {
-  document.body.dataset.wide = JSON.stringify([...document.querySelectorAll("iframe")].map(
-    frame => [frame.contentWindow.innerWidth, frame.contentDocument.documentElement.scrollWidth]));
+# What is wider than its room, what covers what, and text that is hard to read, with all unfolded.
+MEASURE = """<script>
+function luminance(colour) {
+  const parts = colour.match(/[\\d.]+/g).slice(0, 3).map(part => part / 255);
+  const linear = parts.map(c => c <= 0.03928 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);
+  return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2];
+}
+
+function measure(view) {
+  const page = view.document, found = [], wide = page.documentElement.scrollWidth;
+  page.querySelectorAll("details").forEach(each => { each.open = true; });
+  if (wide > view.innerWidth) found.push(`the page is ${wide} wide`);
+  const all = [...page.querySelectorAll("body *")];
+  const text = node => node.nodeType === 3 && node.data.trim();
+  const seen = all.filter(each => !each.closest("svg, script, math")
+    && [...each.childNodes].some(text) && each.getClientRects().length);
+  const lines = element => { // of its own text
+    const range = page.createRange(), own = [...element.childNodes];
+    return own.filter(node => node.nodeType === 3).flatMap(node => {
+      range.selectNode(node);
+      return [...range.getClientRects()];
+    });
+  };
+  const name = element =>
+    `${element.className || element.localName} "${element.textContent.slice(0, 40)}"`;
+  for (const each of seen) {
+    const style = view.getComputedStyle(each);
+    const cut = lines(each).some(line => line.right > view.innerWidth + 0.5 || line.left < -0.5);
+    if (cut && !each.closest("nav, .table"))
+      found.push(`${name(each)} is cut at ${view.innerWidth}`);
+    let ground = each;
+    const behind = element => view.getComputedStyle(element).backgroundColor;
+    while (ground.parentElement && behind(ground) === "rgba(0, 0, 0, 0)")
+      ground = ground.parentElement;
+    const pair = [style.color, behind(ground)].map(luminance);
+    const ratio = (Math.max(...pair) + 0.05) / (Math.min(...pair) + 0.05);
+    if (ratio < 4.8) found.push(`${name(each)} has a contrast of ${ratio.toFixed(2)}`);
+  }
+  for (const room of page.querySelectorAll(".lanes, .card, .forest tr, .checks, .legend, header")) {
+    const inside = seen.filter(each => room.contains(each));
+    const texts = inside.flatMap(each => lines(each).map(line => [each, line]));
+    texts.forEach(([one, a], k) => texts.slice(0, k).forEach(([other, b]) => {
+      const across = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+      const high = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+      if (one !== other && across > 1 && high > 3)
+        found.push(`${name(one)} covers ${name(other)} at ${view.innerWidth}`);
+    }));
+  }
+  return found;
+}
+
+onload = () => {
+  const views = [...document.querySelectorAll("iframe")].map(frame => frame.contentWindow);
+  const dark = views[0].matchMedia("(prefers-color-scheme: dark)").matches;
+  document.body.dataset.told = JSON.stringify([dark, [...new Set(views.flatMap(measure))]]);
 };
 </script>"""
 
 
-def test_a_page_is_no_wider_than_its_screen(pages, tmp_path):
-    widths = 360, 768, 1440
-    page = framed(pages["identification"], pages["check"], widths=widths) + PEEK
-    shown = json.loads(
-        fromstring(browse(page, tmp_path, "--dump-dom")).find("body").get("data-wide")
-    )
-    assert [inner for inner, _ in shown] == [*widths, *widths]
-    assert all(wide <= inner for inner, wide in shown)
+@pytest.mark.parametrize("dark", [False, True])
+def test_nothing_on_a_page_is_cut_covered_or_faint(pages, tmp_path, dark):
+    names = "identification", "check", "base", "prediction"
+    page = framed(*(pages[name] for name in names), widths=(390, 1300)) + MEASURE
+    scheme = f"--blink-settings=preferredColorScheme={0 if dark else 1}"
+    shown = fromstring(browse(page, tmp_path, scheme, "--dump-dom"))
+    assert json.loads(shown.find("body").get("data-told")) == [dark, []]
+
+
+def test_what_is_cut_covered_or_faint_is_seen(tmp_path):
+    wrong = """<!DOCTYPE html><style>body { background: #fff; } b { position: absolute; }</style>
+    <body><p style="width:2000px;color:#999">faint</p><p class="card"><b>one</b><b>two</b></p>"""
+    shown = fromstring(browse(framed(wrong, widths=(390,)) + MEASURE, tmp_path, "--dump-dom"))
+    _, found = json.loads(shown.find("body").get("data-told"))
+    assert 'p "faint" has a contrast of 2.85' in found
+    assert 'b "two" covers b "one" at 390' in found
+    assert any(each.startswith("the page is 20") for each in found)

@@ -8,7 +8,8 @@ import pytest
 from rich.console import Console
 
 from loopid.errors import one_line, short_name
-from loopid.report.look import json_text, number, plain_table, with_error
+from loopid.numbers import number, with_error
+from loopid.report.look import json_text, plain_table
 
 
 def printed(table, width, **options):

@@ -11,7 +11,7 @@ import warnings
 from ast import literal_eval
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
@@ -161,7 +161,8 @@ class Answer:
         from loopid.report.look import json_text
         from loopid.report.page import Run
 
-        found = {in_options(str(each), self.context) for each in report.findings}
+        report = self._in_options(report)
+        found = {str(each) for each in report.findings}
         told = self.context.obj  # what is a finding is said once
         told[:] = [text for text in told if not any(text in each for each in found)]
         run = Run(command=shlex.join(["loopid", *sys.argv[1:]]), warnings=tuple(told))
@@ -179,6 +180,16 @@ class Answer:
             return
         typer.echo(one_line(f"Report: {written[0]}"))
 
+    def _in_options(self, report: Report) -> Report:
+        """The report with advice in the command's options."""
+
+        def said(text: str) -> str:
+            return in_options(text, self.context)
+
+        findings = [replace(f, why=said(f.why), do=said(f.do)) for f in report.findings]
+        card = replace(report.card, use=said(report.card.use), next=said(report.card.next))
+        return replace(report, verdict=said(report.verdict), findings=findings, card=card)
+
     def _print(self, report: Report) -> None:
         from rich.console import Console
 
@@ -186,10 +197,12 @@ class Answer:
 
         console = Console(highlight=False)
         console.width = console.width or WIDTH
-        verdict = in_options(report.verdict, self.context)
-        console.print(Words(f"{report.title}: {verdict}"))
-        for line in in_words(report.findings, self.verbose):
-            console.print(Words(in_options(line, self.context)))
+        console.print(Words(f"{report.title}: {report.verdict}"))
+        own = [
+            f for f in report.findings if f.severity == "mistake" or f.title not in report.verdict
+        ]
+        for line in in_words(own, self.verbose):
+            console.print(Words(line))
         if report.advice:
             typer.echo(in_lines(report.advice, console.width))
         for table in report.tables() if self.verbose else report.brief:

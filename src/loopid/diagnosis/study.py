@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+
+import numpy as np
 
 from loopid.arguments import checked
 from loopid.diagnosis.selection import Reduction, eliminate, judge_essential
 from loopid.diagnosis.term_sets import TermComparison, compare_terms
 from loopid.findings import Finding, most_important_first
-from loopid.identification.force_model import AUTOMATIC, chosen_terms, find_force_model
+from loopid.identification.force_model import AUTOMATIC, chosen_terms, find_force_model, parted
+from loopid.identification.friction import friction_findings
+from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
 from loopid.identification.model_choice import chosen_model, require_model
-from loopid.identification.pipeline import FitOptions, Identification, identify
+from loopid.identification.pipeline import ALL, FitOptions, Identification, identify
 from loopid.identification.prediction import Candidate
-from loopid.identification.verdict import Verdict
+from loopid.identification.verdict import Verdict, insignificant
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.records import record
-from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.joint_terms import NO_TERMS, JointTerms
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import Progress
+
+NAMED = 4  # parameters that a note names
+IDLE = 0.3  # part of a motor's samples left out, above which it is worth a word
 
 
 @record(kw_only=True, checked=True)
@@ -84,19 +91,106 @@ class Study:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """Those of the identification, and joint terms that are missing; the most serious first."""
+        """Those of the identification, joint terms that are missing, and notes."""
+        said, missing = self.identification.findings, self._missing_terms
+        return most_important_first((*said, *([missing] if missing else []), *_notes(self)))
+
+    @property
+    def _missing_terms(self) -> Finding | None:
         own, best = self.term_sets.chosen, self.term_sets.missing
-        said = self.identification.findings
         if best is None:
-            return said
-        missing = Finding(
+            return None
+        times = np.sqrt(own.errors[1].mean / best.errors[1].mean)
+        return Finding(
             "warning",
             f"joint terms {own.choice} are too few",
-            f"with {best.choice} squared errors on new data are {best.errors[1].mean:.3g} instead "
-            f"of {own.errors[1].mean:.3g}, and intervals do not hold what no term models",
+            f"with {best.choice} errors on new data are {times:.3g} times smaller, and intervals "
+            "do not hold what no term models",
             f'use terms="{best.choice}"',
         )
-        return most_important_first((*said, missing))
+
+    @property
+    def checks(self) -> tuple[tuple[bool, str], ...]:
+        """What was checked, and whether it passed."""
+        found, delay = self.identification, self.identification.delay
+        told, cutoff, pay = found.identifiability, found.cutoff, self.term_sets.bodies_pay
+        every, known = told.structural_rank, told.well_determined
+        said = [
+            (not found.mistakes, "signs, units and order of motors", "a mistake is suspected"),
+            (told.rank == every, "all combinations excited", f"{every - told.rank} not excited"),
+            (
+                known == every,
+                "all known better than by the file",
+                f"{every - known} known worse than by the file",
+            ),
+            (pay, "fitted bodies predict better", "fitted bodies do not predict clearly better"),
+        ]
+        if delay is not None:
+            said.insert(1, (not delay.clear, "no clear delay", "a delay, undone"))
+        if cutoff is not None:
+            said.append((not cutoff.bound, "filter within its range", "filter at a bound"))
+        return tuple((bool(good), text if good else other) for good, text, other in said)
+
+
+def _notes(study: Study) -> Iterator[Finding]:
+    """What is good to know, and nothing wrong."""
+    found = study.identification
+    fit, told, cutoff = found.fit, found.identifiability, found.training[0].cutoff
+    runs = (*found.training, *found.validation)
+    filtered = "unfiltered" if cutoff is None else f"filtered at {cutoff:.3g} Hz"
+    terms, _ = parted(found.force_model.joint_terms)
+    choice = NO_TERMS if terms is None else terms.choice(found.force_model.mechanism)
+    unclear = insignificant(fit)
+    idle = [float(1 - run.used.mean(axis=0).min()) for run in runs]
+    notes = [
+        (f"recommended: {found.recommended.name}", _recommendation(found)),
+        (
+            f"the data were {filtered}",
+            "the condition number of the weighted regressor is "
+            f"{found[ALL].fit.condition_number:.4g}",
+        ),
+        (f"the joint terms are {choice}", _terms_note(study.term_sets)),
+    ]
+    if unclear:
+        more = f" and {len(unclear) - NAMED} more" if len(unclear) > NAMED else ""
+        title = f"{len(unclear)} values may as well be zero"
+        notes.append((title, f"{', '.join(unclear[:NAMED])}{more}"))
+    if max(idle) > IDLE:
+        why = f"there, up to {100 * max(idle):.0f} % of a motor's samples are left out"
+        notes.append(("motors stand still for much of the log", why))
+    if frames := dict.fromkeys(frame for run in runs for frame in run.wrenches):
+        notes.append(("measured wrenches are part of the forces", f"on {', '.join(frames)}"))
+    notes += [(sentence, "") for sentence in friction_findings(fit)]
+    notes += [(hysteresis_loop(fit, joint).sentence, "") for joint in hysteretic_joints(fit)]
+    if told.unidentifiable:
+        title = "unidentifiable combinations are as in the robot file"
+        notes.append((title, f"the values of {', '.join(told.assumed)} rest on it"))
+    return (Finding("note", *note) for note in notes)
+
+
+def _terms_note(found: TermComparison) -> str:
+    with_file, fitted = (
+        f"{'these are' if each is found.chosen else f'{each.choice} are'} enough with {bodies}"
+        for each, bodies in zip(
+            found.enough, ("the bodies of the robot file", "fitted bodies"), strict=True
+        )
+    )
+    said = (
+        f"On new data {fitted}, {with_file}: fitted bodies are "
+        f"{'' if found.bodies_pay else 'not '}clearly better."
+    )
+    good = found.chosen.errors[1].as_good
+    return said if good else f'{said} Try terms="{found.enough[1].choice}".'
+
+
+def _recommendation(found: Identification) -> str:
+    said = f"Recommended, and written to parameters.yaml: {found.recommended.name}"
+    if found.recommended is found.baseline:
+        return f"{said} with fitted joint terms, as fitted bodies are clearly worse on new data."
+    deviation = found.fit.deviation
+    if deviation is None:
+        return f"{said} by {found.fit.estimator}."
+    return f"{said} parameters, every body solid; {deviation.sentence}."
 
 
 @checked

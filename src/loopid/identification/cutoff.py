@@ -11,12 +11,12 @@ that of predicted forces, in parts of each motor's error.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked
+from loopid.arguments import FloatArray, IntArray, checked
 from loopid.errors import LoopidError
 from loopid.findings import Finding
 from loopid.identification.estimator import inverse_deviations
@@ -63,12 +63,16 @@ class CutoffChoice:
     bound : str
         What kept a better one from being tried: ``"lowest"`` the band of the motion, ``"length"``
         that of the log, ``"rate"`` its samples per second, ``"alone"`` these two; empty otherwise.
+    equally_good : FloatArray
+        (j,) in Hz, ascending: those around which estimates change as little; the chosen one is in
+        their middle.
     """
 
     cutoffs: FloatArray
     changes: FloatArray
     chosen: float
     bound: str = ""
+    equally_good: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def __repr__(self) -> str:
         return (
@@ -169,21 +173,22 @@ def choose_cutoff(
                 break
     if not tried:
         return None
-    chosen = _chosen(changes, bounded=tried[-1] == limit)
+    ties = _chosen(changes, bounded=tried[-1] == limit)
+    chosen = int(ties[len(ties) // 2])
     lowest = "length" if shortest > first else "lowest"
     still = tried[chosen] == limit and bool(changes) and changes[-1] > CLEAR
     low = chosen <= 1 < len(changes)
     bound = "alone" if not changes else "rate" if still else lowest if low else ""
-    return CutoffChoice(np.array(tried), np.array(changes), tried[chosen], bound)
+    cutoffs = np.array(tried)
+    return CutoffChoice(cutoffs, np.array(changes), tried[chosen], bound, cutoffs[ties])
 
 
-def _chosen(changes: Sequence[float], *, bounded: bool) -> int:
-    """Which of k cut-offs is chosen, of changes (k - 1,) from each to the next.
+def _chosen(changes: Sequence[float], *, bounded: bool) -> IntArray:
+    """Which of k cut-offs are equally good, of changes (k - 1,) from each to the next.
 
     The larger change of the two sides counts. The first is there to compare with, and so is the
     last unless the rate of the log bounds it. From the lowest that is near the least on, changes
-    are followed to where they no longer fall; of neighbours there that are as small, the middle one
-    is chosen.
+    are followed to where they no longer fall; neighbours there that are as small are as good.
     """
     after = changes[-1] if bounded and len(changes) else np.inf
     worse = np.maximum([np.inf, *changes], [*changes, after])
@@ -192,8 +197,7 @@ def _chosen(changes: Sequence[float], *, bounded: bool) -> int:
         least += 1
     small = worse <= TIE * worse[least]
     larger_before = np.cumsum(~small)
-    ties = np.flatnonzero(small & (larger_before == larger_before[least]))
-    return int(ties[len(ties) // 2])
+    return np.flatnonzero(small & (larger_before == larger_before[least]))
 
 
 def _least_cutoff(recordings: Sequence[Recording], rows: float) -> float:

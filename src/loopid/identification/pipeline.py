@@ -240,6 +240,18 @@ class Identification:
         """The recommended values with their uncertainty."""
         return self.recommended.fit
 
+    @checked
+    def relative_errors(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
+        """Errors on new data (dof,) in parts of each motor's force, and their standard errors.
+
+        Root mean squares; NaN without samples.
+        """
+        quality = candidate.validation
+        squares = np.array(self.new.problem.force_squares()) / np.maximum(quality.samples, 1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            force = np.where(squares > 0, np.sqrt(squares), np.nan)
+        return quality.residual_rms / force, candidate.rms_errors[1] / force
+
     @property
     def prior_deviation(self) -> float | None:
         """How far the robot file is off, in parts of its bodies, where it is weighed."""

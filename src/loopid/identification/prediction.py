@@ -49,6 +49,15 @@ class Prediction(Tabular):
         """Errors where each motor moves and is not saturated."""
         return self._quality(self.recording.used)
 
+    @property
+    def relative_errors(self) -> FloatArray:
+        """Errors where each motor moves (dof,), in parts of its force there; NaN without force."""
+        used = self.recording.used
+        squares = np.where(used, self.recording.force, 0.0) ** 2
+        size = np.sqrt(squares.sum(axis=0) / np.maximum(used.sum(axis=0), 1))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(size > 0, self.moving.residual_rms / size, np.nan)
+
     @cached_property
     def standing(self) -> Quality:
         """Errors elsewhere: there, friction is not known, and a model says little."""

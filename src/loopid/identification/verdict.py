@@ -24,6 +24,9 @@ GOOD, ROUGH = 0.1, 0.3
 # below, the force does not follow the motion.
 NOISE = 0.2
 NAMED = 1  # parameters that the sentence names
+# What a fit is fit for, in words.
+NOT_FIT, ROUGHLY = "Not fit for use", "Fit for rough predictions of forces"
+PARAMETERS = " and as parameters of the robot"
 
 
 @record
@@ -75,12 +78,12 @@ class Verdict:
         errors = _errors(found)
         worst = 0 if np.isnan(errors).all() else int(np.nanargmax(errors))
         count = sum(not grouped(each.kind) for each in found.fit.parameters)
-        significant = count - len(_insignificant(found.fit))
+        significant = count - len(insignificant(found.fit))
         mistake, error = next(iter(found.mistakes), None), float(errors[worst])
         excite, improvement = _improvement(found)
         left_out = "logs" if len(found.training) > 1 else "stretches"
         return cls(
-            "Not fit for use" if mistake else _use(found, error),
+            NOT_FIT if mistake else _use(found, error),
             found.new.actuators[worst],
             error,
             found.recommended.error_ratio,
@@ -103,6 +106,18 @@ class Verdict:
             f"of a motor's force ({self.motor}){self._beside_file}; {self.significant} of "
             f"{self.parameters} values are significant. Next: {self.improvement}{page}."
         )
+
+    @property
+    def forces(self) -> str:
+        """Whether forces are predicted well enough: yes, roughly, or no."""
+        if self.use.startswith(NOT_FIT):
+            return "no"
+        return "roughly" if self.use.startswith(ROUGHLY) else "yes"
+
+    @property
+    def single_parameters(self) -> bool:
+        """Whether each parameter can be used by itself."""
+        return self.use.endswith(PARAMETERS)
 
     @property
     def _beside_file(self) -> str:
@@ -147,19 +162,16 @@ def _of_model(found: Identification) -> Finding | None:
 
 def _errors(found: Identification) -> FloatArray:
     """On new data (dof,), in parts of each motor's force; NaN where there is none."""
-    quality = found.recommended.validation
-    squares = np.array(found.new.problem.force_squares()) / np.maximum(quality.samples, 1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(squares > 0, quality.residual_rms / np.sqrt(squares), np.nan)
+    return found.relative_errors(found.recommended)[0]
 
 
 def _use(found: Identification, error: float) -> str:
     broken = absurdities(found.force_model, found.fit, found.data)
     if broken:
-        return f"Not fit for use, as {broken[0]}"
+        return f"{NOT_FIT}, as {broken[0]}"
     if not error <= ROUGH:
-        return "Not fit for use"
-    use = "Fit for predicting forces" if error <= GOOD else "Fit for rough predictions of forces"
+        return NOT_FIT
+    use = "Fit for predicting forces" if error <= GOOD else ROUGHLY
     model = _of_model(found)
     if model is not None and model.severity == "note" and found.choice is not None:
         use += f" of slow motion (inertia is at most {100 * found.choice.share:.2g} % of them)"
@@ -169,7 +181,7 @@ def _use(found: Identification, error: float) -> str:
     doubtful = found.advantage is not None or (deviation is not None and deviation.suspicion)
     doubtful = doubtful or (model is not None and model.severity != "note")
     if error <= GOOD and told.well_determined == told.structural_rank and not doubtful:
-        return f"{use} and as parameters of the robot"
+        return use + PARAMETERS
     return f"{use} in motions like these, but not parameter by parameter"
 
 
@@ -240,12 +252,12 @@ def _least_known(found: Identification) -> tuple[str, ...]:
     """Parameters whose estimates are not clear from zero, the least known first."""
     alone = found.recommended is found.baseline  # of the bodies it has no estimates
     fit = found["all parameters"].fit if alone else found.fit
-    weak, order = set(_insignificant(fit)), np.argsort(-fit.relative_std, kind="stable")
+    weak, order = set(insignificant(fit)), np.argsort(-fit.relative_std, kind="stable")
     labels, names = fit.parameters.labels, fit.parameters.names
     return tuple(labels[j] for j in order if names[j] in weak)
 
 
-def _insignificant(fit: FitResult) -> tuple[str, ...]:
+def insignificant(fit: FitResult) -> tuple[str, ...]:
     """Names of parameters not clearly different from zero; points of a curve are none."""
     kinds = {each.name: each.kind for each in fit.parameters}
     return tuple(name for name in fit.insignificant() if not grouped(kinds[name]))

@@ -5,7 +5,8 @@ In every table here, ± is half the width of a 95 % interval.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,7 @@ from loopid.paper.structure import EXHAUSTIVE, TABLE_I, TABLE_II, TIMES, BaseCom
 from loopid.plots.chart import Chart, Mark, Panel
 from loopid.plots.pictures import robot_chart, search_chart
 from loopid.report.look import json_fields, json_value, plain_table
-from loopid.report.page import Part, Report, Section
+from loopid.report.page import Card, Figure, Part, Report, Section, Tone
 from loopid.report.searches import groups_table, search_record, subgroup_facts
 from loopid.report.structure import base_record, motions_record, motions_table
 
@@ -63,7 +64,9 @@ def paper_report(found: PaperReproduction) -> Report:
         name="paper",
         title="The 3UPS+RPU knee-rehabilitation robot, reproduced",
         verdict=_verdict(found),
-        figures=_figures(found),
+        card=_card(found),
+        pictures=lambda: (robot_chart(found.base.mechanism), share_charts(found.shares)[1]),
+        under="Base parameters, their search, and identification; simulated where no log is given",
         record={
             "geometry": found.geometry,
             "base": base_record(found.base.mechanism, "gravity", found.base.base),
@@ -95,28 +98,43 @@ def _verdict(found: PaperReproduction) -> str:
     )
 
 
-def _figures(found: PaperReproduction) -> tuple[tuple[str, str], ...]:
-    """What the page shows first."""
+def _card(found: PaperReproduction) -> Card:
+    """The result: what is as in the paper, and what is proven beyond it."""
     rows, actual, fits = found.base.rows, found.actual, _fitting(found.simulated)
     search, subgroup = found.base.base.search, found.base.subgroups["gap"]
-    proof = "proven best" if search.certified else "not proven best"
-    robot = "simulated stand-in" if actual.is_stand_in else "robot"
-    worst = _worst_errors(actual)
-    return (
-        (f"{len(rows) - rows.count(None)} of {len(rows)}", "base parameters as in Table II"),
-        (
-            f"{subgroup.condition_number:.4f}",
-            f"least cond(V22) by subgroups, {subgroup.evaluated:,} combinations tried",
+    same, fitting = len(rows) - rows.count(None), fits.count("yes")
+    worst, proof = _worst_errors(actual), "proven" if search.certified else "not proven"
+    alike: Tone = "good" if same == len(rows) else "bad"
+    return Card(
+        tone=alike,
+        word="Reproduced" if alike == "good" else "Not reproduced",
+        use="all base parameters, and with proof" if search.certified else "base parameters",
+        chips=(
+            (alike, f"Table II: {same} of {len(rows)} rows"),
+            (
+                "good" if fitting > len(fits) / 2 else "rough",
+                f"Table IV: {fitting} of {len(fits)} values fit",
+            ),
+            ("rough", "Table V: stand-in robot")
+            if actual.is_stand_in
+            else ("good", "Table V: logs"),
         ),
-        (
-            f"{search.condition_number:.4f}",
-            f"by exact search, {proof} of {search.candidates:,}, in {_time(search.seconds)}",
-        ),
-        (f"{found.symbolic.difference:.0e}", "largest difference to the symbolic model, relative"),
-        (f"{fits.count('yes')} of {len(fits)}", "values of Table IV fit, simulated forces"),
-        (
-            f"{worst['CAD as prior']:.3g} N",
-            f"rms error on new data, {robot}; robot file {worst['robot file']:.3g} N",
+        figures=(
+            Figure(f"{same}", "base parameters as in Table II", f"of {len(rows)}"),
+            Figure(
+                f"{search.condition_number:.4f}",
+                f"least cond(V22), {proof} for all {search.candidates / 1e6:.1f} million choices, "
+                f"in {_time(search.seconds)}",
+            ),
+            Figure(
+                f"{subgroup.condition_number:.4f}",
+                f"by the paper's subgroups, {subgroup.evaluated:,} combinations tried",
+            ),
+            Figure(f"{found.symbolic.difference:.0e}", "largest difference to the symbolic model"),
+            Figure(
+                f"{worst['CAD as prior']:.3g} N",
+                f"largest rms error on new data; by the robot file {worst['robot file']:.3g} N",
+            ),
         ),
     )
 
@@ -215,7 +233,7 @@ def _sections(found: PaperReproduction, subgroups: dict[str, Any]) -> tuple[Sect
     shares = (
         "The nine trajectories are loopid's own, after the laboratory's; the paper does not say "
         "which one it shows. All forces are simulated with the robot file.",
-        *share_charts(found.shares),
+        share_charts(found.shares)[0],
     )
     fits = (
         "± is half the width of a 95 % interval, here and below. A fit of eight parameters is "
@@ -253,15 +271,14 @@ def _sections(found: PaperReproduction, subgroups: dict[str, Any]) -> tuple[Sect
     )
     groups = tuple(groups_table(each, _groups_title(each)) for each in subgroups.values())
     return (
-        Section("What was searched", searches),
-        Section("What each subgroup removed", groups, folded=True),
-        Section("Base parameters", (base_table(comparison), robot_chart(comparison.mechanism))),
-        Section("The symbolic model", model),
-        Section("What the forces are made of", shares),
-        Section("Which base parameters matter", influence),
-        Section("Identification, simulated", fits),
-        Section("Identification of the robot", robot),
-        Section("All other tables", tables, folded=True),
+        Section("What was searched", searches, short="Search"),
+        Section("Base parameters, paper and loopid", (base_table(comparison),), short="Table II"),
+        Section("How many parameters matter", influence, short="How many"),
+        Section("Identification in simulation", fits, short="Simulation"),
+        Section("Identification from logs", robot, short="Logs"),
+        Section("The symbolic model", model, short="Symbolic"),
+        Section("What the forces are made of", shares, short="Forces"),
+        Section("All other tables", (*groups, *tables), folded=True, short="Tables"),
     )
 
 
@@ -490,7 +507,7 @@ def _limb_chart(
             marks.insert(1, Mark("95 %", time, next(ends), "fit", "band", next(ends)))
         panels.append(Panel(f"({letter}) limb {limb}: force (N)", tuple(marks)))
     caption = f"Figure {number}: {what}"
-    return Chart(f"figure_{number}", caption, "time (s)", tuple(panels), zoom=True)
+    return Chart(f"figure_{number}", caption, "time (s)", tuple(panels), 2, zoom=f"figure {number}")
 
 
 def share_charts(shares: ForceShares) -> tuple[Chart, Chart]:
@@ -506,9 +523,14 @@ def share_charts(shares: ForceShares) -> tuple[Chart, Chart]:
     )
     both = ("gravity", shares.gravity, "file"), ("friction", shares.friction, "fit")
     caption = "Figure 2: inertial, Coriolis and centrifugal forces of limbs 1 and 4, simulated."
-    what = "gravitational and friction forces of limbs 1 and 4, simulated."
+    gravity, friction = (np.abs(force).max() for force in (shares.gravity, shares.friction))
+    what = (
+        "gravity and friction of limbs 1 and 4, simulated. In the four limbs they reach "
+        f"{gravity:.3g} and {friction:.3g} N, inertial forces "
+        f"{np.abs(shares.inertial).max():.2g} N: gravity and friction are enough as a model."
+    )
     return (
-        Chart("figure_2", caption, "time (s)", panels, columns=2, zoom=True),
+        Chart("figure_2", caption, "time (s)", panels, columns=2, zoom="figure 3"),
         _limb_chart(3, what, shares.time, *both),
     )
 
@@ -520,12 +542,22 @@ def simulated_chart(simulated: SimulatedFit) -> Chart:
     marks = (
         Mark("single trajectories", alone[:, 0], place, "faint", "span", alone[:, 1]),
         *_interval_marks("loopid ± 95 %", simulated.eight, truth, place, "fit"),
-        Mark("paper", np.array(TABLE_IV) - truth, place, "file", "dots"),
+        Mark("paper", np.array(TABLE_IV) - truth, place, "file", "box"),
     )
-    labels = tuple(f"{k + 1}: {paper_expression(TABLE_II[k])}" for k in EIGHT)
-    panel = Panel("less the true value (kg, kg m)", marks, labels=labels)
+    panel = Panel("Less the true value (kg, kg m)", marks, **_rows(EIGHT))
     caption = "Table IV: eight base parameters fitted to simulated forces, less their true values."
     return Chart("table_4", caption, "", (panel,))
+
+
+def _rows(numbers: Iterable[int]) -> dict[str, Any]:
+    """Rows of Table II, short and whole."""
+    wholes = {k: paper_expression(TABLE_II[k]) for k in numbers}
+    parts = {k: re.split(r" (?=[+-] )", text) for k, text in wholes.items()}
+    labels = (
+        f"{k + 1}: {first}{f' + {len(others)} more' if others else ''}"
+        for k, (first, *others) in parts.items()
+    )
+    return {"labels": tuple(labels), "wholes": tuple(wholes.values())}
 
 
 def _interval_marks(
@@ -534,19 +566,19 @@ def _interval_marks(
     """The first parameters of a fit with their intervals, less other values."""
     low, high = fit.intervals(LEVEL)[: len(place)].T - middle
     values = fit.values[: len(place)] - middle
-    return Mark(name, low, place, look, "span", high), Mark("", values, place, look, "dots")
+    return Mark(name, low, place, look, "span", high), Mark("", values, place, look, "disc")
 
 
 def errors_chart(actual: ActualFit) -> Chart:
     """Errors on new data of each limb, by fit."""
-    looks = "file", "other", "measured", "fit"
+    looks = ("file", "box"), ("other", "ring"), ("measured", "ring"), ("fit", "disc")
     place = np.arange(float(len(actual.new_errors["eight"])))
     marks = tuple(
-        Mark(name, errors, place, look, "dots")
+        Mark(name, errors, place, *look)
         for look, (name, errors) in zip(looks, actual.new_errors.items(), strict=True)
     )
     labels = tuple(f"limb {k + 1}" for k in range(len(place)))
-    panel = Panel("rms error of the force (N)", marks, labels=labels)
+    panel = Panel("Rms error of the force (N)", marks, labels=labels)
     return Chart("errors", "Errors on data that were not fitted.", "", (panel,))
 
 
@@ -558,11 +590,10 @@ def actual_chart(actual: ActualFit) -> Chart:
     marks = (
         *_interval_marks("fifteen ± 95 %", actual.fifteen, middle, place - 0.15, "other"),
         *_interval_marks("CAD as prior ± 95 %", actual.informed, middle, place + 0.15, "fit"),
-        Mark("robot file", actual.cad - middle, place, "file", "dots"),
+        Mark("robot file", actual.cad - middle, place, "file", "box"),
     )
-    labels = tuple(f"{k + 1}: {paper_expression(terms)}" for k, terms in enumerate(TABLE_II))
     what = "true value" if known else "robot file"
-    panel = Panel(f"less the {what} (kg, kg m)", marks, labels=labels)
+    panel = Panel(f"Less the {what} (kg, kg m)", marks, **_rows(range(len(TABLE_II))))
     caption = f"Table V: base parameters from logs, less the {what}."
     return Chart("table_5", caption, "", (panel,))
 
@@ -575,7 +606,7 @@ def influence_chart(simulated: SimulatedFit) -> Chart:
         ("explained: 1 − ‖T − Aᵢ‖ / ‖T‖", simulated.explained, "fit"),
     )
     marks = [Mark(name, place, values, look) for name, values, look in lines]
-    marks += [Mark("", place, values, look, "dots") for _, values, look in lines]
+    marks += [Mark("", place, values, look, "disc") for _, values, look in lines]
     panel = Panel("part of the forces (%)", tuple(marks))
     caption = "Figure 4: influence of the first i base parameters, simulated."
     return Chart("figure_4", caption, "first i base parameters, order of Table II", (panel,))

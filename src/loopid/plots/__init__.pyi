@@ -1,14 +1,22 @@
 from .chart import Chart as Chart, Mark as Mark, Panel as Panel
+from .identified import (
+    delays_chart as delays_chart,
+    filter_chart as filter_chart,
+    friction_chart as friction_chart,
+    gains_chart as gains_chart,
+    hysteresis_chart as hysteresis_chart,
+    joints_chart as joints_chart,
+    masses_chart as masses_chart,
+    model_errors_chart as model_errors_chart,
+    parameters_chart as parameters_chart,
+    terms_chart as terms_chart,
+    used_chart as used_chart,
+)
 from .pictures import (
     comparison_chart as comparison_chart,
     errors_chart as errors_chart,
-    filter_chart as filter_chart,
     forces_chart as forces_chart,
-    friction_chart as friction_chart,
-    hysteresis_chart as hysteresis_chart,
     motion_chart as motion_chart,
-    parameters_chart as parameters_chart,
     robot_chart as robot_chart,
     search_chart as search_chart,
-    spectrum_chart as spectrum_chart,
 )

@@ -10,33 +10,47 @@ import io
 import math
 import warnings
 from collections.abc import Iterable, Sequence
-from typing import Any, Literal
+from dataclasses import field
+from typing import Any
 
 import numpy as np
 from lxml.builder import ElementMaker
 from lxml.html import HtmlElement, html_parser
 
-from loopid.arguments import FloatArray, spread_rows
+from loopid.arguments import FloatArray, IntArray, spread_rows
 from loopid.errors import MissingExtraError, one_line, short_name
 from loopid.records import record
 
-# By what is drawn: colour of the palette of Okabe and Ito, width of a line, and its dashes. The
-# page has the same as classes of its style sheet, there for dark screens, too.
+# By what is drawn: colour, width of a line, and its dashes. The page has the same as classes of its
+# style sheet, there for dark screens, too.
 LOOKS: dict[str, tuple[str, float, str]] = {
-    "measured": ("#666666", 1.4, "-"),
-    "fit": ("#D55E00", 0.9, "-"),
-    "file": ("#0072B2", 0.9, "--"),
-    "residual": ("#0072B2", 0.6, "-"),
-    "other": ("#009E73", 0.9, "-"),
-    "weak": ("#E69F00", 0.9, "-"),
-    "faint": ("#999999", 0.6, "-"),
-    "limit": ("#0072B2", 0.6, ":"),
+    "measured": ("#3b424c", 1.2, "-"),
+    "fit": ("#c74a00", 0.9, "-"),
+    "file": ("#0068a8", 0.9, "-"),
+    "other": ("#0b7349", 0.9, "-"),
+    "weak": ("#8f5f00", 0.9, "-"),
+    "faint": ("#76808d", 0.6, "-"),
+    "limit": ("#59616d", 0.6, ":"),
+    "links": ("#c3cad3", 4.0, "-"),
 }
-STEPS = 1200  # of a line, with its least and largest value in each: more than a screen can show
-MOST_DOTS = 1500
+Ends = tuple[float, float]
+SIGNS = {"motor": "o", "slide": "s", "joint": "o", "closure": "D"}
+UPRIGHT = "upright", "shade"  # kinds that reach over all of y
+POINTS = {"dots": ".", "disc": "o", "ring": "o", "box": "s"}
+# Of a line, with its least and largest value in each: half a column of a page shows no more.
+STEPS = 400
+MOST_DOTS = 300
+MOST_GROUPS, MOST_ROWS = (
+    6,
+    40,
+)  # motors, and rows of a table, that are seen before the others unfold
 WIDE, HIGH = 20_000, 2_000  # of the square that marks are drawn in
+ROW = 100  # height of a row of a table with pictures
 MARGIN = 0.04  # of an axis beyond the marks, on either side
+ROOM = 0.08  # about a robot, in parts of it, for the signs at its ends
+NEAR = 5.0  # % of an axis next to its ends, where numbers stand inwards
 TICKS = 5  # of an axis, about
+PLAIN = 3  # powers of 10 that are written out
 COLUMN, RESOLUTION = 3.5, 220  # inches: a column of a two-column page; dots per inch of a PNG
 LONGEST, LEGEND = 44, 80  # characters of a name that is drawn, and in a line of a legend
 NAMES_STAY_TEXT: Any = {"text.parse_math": False}
@@ -78,37 +92,49 @@ class Mark:
     look : str
         A key of ``LOOKS``.
     kind : str
-        ``"line"``; ``"dots"``; ``"band"`` between y and ``to``; ``"span"``, from x to ``to`` at y.
+        ``"line"``; ``"dots"``, many, or one by one ``"disc"``, ``"ring"``, ``"box"``; ``"band"``
+        between y and ``to``; ``"span"`` from x to ``to`` at y; ``"upright"`` at x over all y;
+        ``"shade"`` between x and ``to``; a key of ``SIGNS``.
     to : FloatArray or None
         (N,).
+    texts : tuple of str
+        (N,), in signs.
     """
 
     name: str
     x: FloatArray
     y: FloatArray
     look: str = "fit"
-    kind: Literal["line", "dots", "band", "span"] = "line"
+    kind: str = "line"
     to: FloatArray | None = None
+    texts: tuple[str, ...] = ()
+
+    @classmethod
+    def upright(cls, name: str, *x: float, look: str = "faint") -> Mark:
+        """Lines across the whole panel at x."""
+        return cls(name, np.array(x), np.zeros(len(x)), look, "upright")
 
     def thinned(self) -> Mark:
         """As much of it as can be seen."""
-        count = len(self.x)
-        if self.kind == "span" or count <= (2 * STEPS if self.kind == "line" else MOST_DOTS):
+        count, many = len(self.x), self.kind in ("dots", "band")
+        if not many and (self.kind != "line" or count <= 2 * STEPS):
             return self
-        rows = self._extremes() if self.kind == "line" else spread_rows(count, MOST_DOTS)
+        if many and count <= MOST_DOTS:
+            return self
+        rows = spread_rows(count, MOST_DOTS) if many else self._extremes()
         to = None if self.to is None else self.to[rows]
         return Mark(self.name, self.x[rows], self.y[rows], self.look, self.kind, to)
 
-    def _extremes(self) -> list[int]:
+    def _extremes(self) -> IntArray:
         """Rows of the least and the largest value of each step of a line; gaps stay gaps."""
-        rows = []
-        for part in np.array_split(np.arange(len(self.x)), STEPS):
-            y = self.y[part]
-            gap = np.isnan(y)
-            chosen = [gap.argmax()] if gap.any() else []
-            chosen += [] if gap.all() else [np.nanargmin(y), np.nanargmax(y)]
-            rows += sorted({int(part[k]) for k in chosen})
-        return rows
+        count, each = len(self.y), -(-len(self.y) // STEPS)
+        y = np.pad(self.y, (0, -count % each), "edge").reshape(-1, each)
+        gap, first = np.isnan(y), each * np.arange(len(y))
+        some, all_ = gap.any(axis=1), gap.all(axis=1)
+        least, most = (np.where(gap, end, y) for end in (np.inf, -np.inf))
+        chosen = (first + gap.argmax(axis=1))[some], first + least.argmin(axis=1)
+        rows = np.concatenate([chosen[0], chosen[1][~all_], (first + most.argmax(axis=1))[~all_]])
+        return np.asarray(np.unique(np.minimum(rows, count - 1)), dtype=np.int64)
 
 
 @record
@@ -120,42 +146,66 @@ class Panel:
     title : str
         With the unit of y.
     marks : tuple of Mark
-    y_limits : tuple of float or None
+    x_limits, y_limits : tuple of float or None
+        By default where the marks are.
     labels : tuple of str
-        Instead of numbers at y = 0, 1, ... from above.
+        Instead of numbers at y = 0, 1, ... from above: the rows of a table with a picture.
+    columns : dict of tuple of str
+        More columns of that table, by their heads.
+    groups : tuple of str
+        Of each row, said where it changes.
+    wholes : tuple of str
+        What the labels are short for, where they are.
     log : str
         Which axes are logarithmic: a part of ``"xy"``.
     small : bool
-        Whether it is half as high, as of residuals.
+        Whether it is half as high.
     equal : bool
-        Whether a length is the same along x and y.
+        Whether a length is the same along x and y; then the page shows no axes.
+    motor : str
+        Whose it is; the first of its lanes says it.
+    number : int
+        Of the motor on the page.
+    worst : bool
+        Whether it is the motor with the largest error.
+    note : str
+        Numbers, below the motor's name.
     """
 
     title: str
     marks: tuple[Mark, ...]
+    x_limits: tuple[float, float] | None = None
     y_limits: tuple[float, float] | None = None
     labels: tuple[str, ...] = ()
+    columns: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    groups: tuple[str, ...] = ()
+    wholes: tuple[str, ...] = ()
     log: str = ""
     small: bool = False
     equal: bool = False
+    motor: str = ""
+    number: int = 0
+    worst: bool = False
+    note: str = ""
 
-    def limits(self) -> tuple[tuple[float, float], tuple[float, float]]:
+    def limits(self) -> tuple[Ends, Ends]:
         """Ends of both axes, logarithms where they are."""
-        x, y = [mark.x for mark in self.marks], [mark.y for mark in self.marks]
+        x, y = list[FloatArray](), list[FloatArray]()
         for mark in self.marks:
+            x.append(mark.x)
+            y += [] if mark.kind in UPRIGHT else [mark.y]
             if mark.to is not None:
-                (x if mark.kind == "span" else y).append(mark.to)
+                (y if mark.kind == "band" else x).append(mark.to)
         across, high = (
             _ends(_scaled(each, axis in self.log) for each in parts)
             for axis, parts in (("x", x), ("y", y))
         )
         if self.labels:
             high = len(self.labels) - 0.5, -0.5
-        if self.y_limits is not None:
-            high = self.y_limits
+        across, high = self.x_limits or across, self.y_limits or high
         if self.equal:
-            half = max(across[1] - across[0], high[1] - high[0]) / 2
-            across, high = ((sum(ends) / 2 - half, sum(ends) / 2 + half) for ends in (across, high))
+            room = ROOM * max(across[1] - across[0], high[1] - high[0])
+            across, high = ((low - room, top + room) for low, top in (across, high))
         return across, high
 
     @property
@@ -163,22 +213,14 @@ class Panel:
         """In inches, for papers."""
         if self.labels:
             return 0.5 + 0.16 * len(self.labels)
-        return 0.7 if self.small else 1.8 if self.equal else 1.4
+        return 0.7 if self.small else 2.4 if self.equal else 1.4
 
     def draw(self, ax: Any) -> None:
         """Draw on axes of matplotlib."""
         for mark in (each.thinned() for each in self.marks):
-            colour, width, dashes = LOOKS[mark.look]
-            look = {"color": colour, "linewidth": width, "label": mark.name or None}
-            if mark.kind == "line":
-                ax.plot(mark.x, mark.y, dashes, **look)
-            elif mark.kind == "dots":
-                ax.plot(mark.x, mark.y, ".", **look, markersize=3, markeredgewidth=0)
-            elif mark.kind == "band":
-                ax.fill_between(mark.x, mark.y, mark.to, **look | {"linewidth": 0}, alpha=0.25)
-            else:
-                ax.hlines(mark.y, mark.x, mark.to, **look)
-        ax.set_title(short_name(self.title, LONGEST), loc="left")
+            _draw(mark, ax)
+        title = f"{self.motor}: {self.title}" if self.motor else self.title
+        ax.set_title(short_name(title, LONGEST), loc="left")
         for axis in self.log:
             from matplotlib.ticker import LogFormatter  # the usual one writes formulas
 
@@ -192,36 +234,101 @@ class Panel:
             ax.set_yticks(range(len(names)), names, fontsize=6)
         if self.labels or self.y_limits is not None:
             ax.set_ylim(*self.limits()[1])
+        if self.x_limits is not None:
+            ax.set_xlim(*(10**end if "x" in self.log else end for end in self.x_limits))
 
-    def html(self) -> HtmlElement:
-        """A part of a figure on a page."""
+    def html(self, *, headed: bool = True, ticked: bool = True) -> HtmlElement:
+        """A part of a figure on a page, with a heading and numbers along x or without."""
         across, high = self.limits()
-        x_ticks = ticks(*across, log="x" in self.log, count=3 if self.equal else TICKS)
-        y_ticks = ticks(*sorted(high), log="y" in self.log, count=3 if self.small else TICKS)
+        panel = E.div(
+            {
+                f"data-{n}": f"{a:.9g} {b:.9g}"
+                for n, (a, b) in zip("xy", (across, high), strict=True)
+            }
+        )
+        panel.set("class", f"panel{' small' * self.small}{' equal' * self.equal}")
+        if self.motor:
+            panel.append(E.h3(*_badge(self.number, self.worst), self.motor))
+        if self.note:
+            panel.append(E.p({"class": "note"}, self.note))
+        small = self.motor or not headed
+        if self.title and not (self.labels and self.motor):
+            panel.append(E.p({"class": "say"}, self.title) if small else E.h3(self.title))
         if self.labels:
-            y_ticks = [(float(k), name) for k, name in enumerate(self.labels)]
-        scales = (across[0], WIDE / (across[1] - across[0])), (high[1], HIGH / (high[0] - high[1]))
-        grid = [f"M{(x - scales[0][0]) * scales[0][1]:.0f} 0v{HIGH}" for x, _ in x_ticks]
-        grid += [f"M0 {(y - scales[1][0]) * scales[1][1]:.0f}h{WIDE}" for y, _ in y_ticks]
-        svg = E.svg({"viewBox": f"0 0 {WIDE} {HIGH}", "preserveAspectRatio": "none"})
-        svg.append(E.path({"class": "grid", "d": "".join(grid)}))
-        for mark in self.marks:
-            path = _path(mark.thinned(), self.log, scales)
+            panel.extend(self._tables(across))
+            return panel
+        panel.append(E.output())
+        x_ticks = ticks(*across, log="x" in self.log, count=TICKS if ticked else 2 * TICKS)
+        y_ticks = ticks(*sorted(high), log="y" in self.log, count=3 if self.small else TICKS)
+        if self.equal:
+            x_ticks = y_ticks = []
+        svg = self._svg(across, high, self.marks, HIGH, [at for at, _ in x_ticks])
+        grid = [f"M0 {_place(y, high[::-1], HIGH):.0f}h{WIDE}" for y, _ in y_ticks]
+        svg.insert(0, E.path({"class": "grid", "d": "".join(grid)}))
+        plot = E.div({"class": "plot"}, svg, *self._signs(across, high))
+        if self.equal:
+            plot.set("style", f"aspect-ratio:{np.ptp(across) / np.ptp(high):.3f}")
+        panel.append(E.div({"class": "up"}, *_ticks_html("bottom", y_ticks, high)))
+        panel.append(plot)
+        if ticked and not self.equal:
+            panel.append(E.div({"class": "across"}, *_ticks_html("left", x_ticks, across)))
+        return panel
+
+    def _svg(
+        self, across: Ends, high: Ends, marks: Iterable[Mark], height: float, grid: list[float]
+    ) -> HtmlElement:
+        """Marks in a square that is so high."""
+        svg = E.svg({"viewBox": f"0 0 {WIDE} {height:g}", "preserveAspectRatio": "none"})
+        lines = "".join(f"M{_place(x, across, WIDE):.0f} 0v{height:g}" for x in grid)
+        svg.append(E.path({"class": "grid", "d": lines}))
+        for mark in (each.thinned() for each in marks if each.kind not in SIGNS):
+            path = _path(mark, self.log, across, high, height)
             drawn = E.path({"class": f"{mark.kind} {mark.look}", "d": path})
-            if mark.name:
+            if mark.name and mark.kind == "line":
                 drawn.append(E.title(mark.name))
             svg.append(drawn)
-        kinds = {"small": self.small, "equal": self.equal, "named": bool(self.labels)}
-        ends = {f"data-{n}": f"{a:.9g} {b:.9g}" for n, (a, b) in (("x", across), ("y", high))}
-        return E.div(
-            {"class": " ".join(["panel", *(kind for kind, given in kinds.items() if given)])},
-            {"style": f"--Rows:{len(self.labels)}", **ends},
-            E.h4(self.title),
-            E.output(),
-            E.div({"class": "up"}, *_ticks_html("bottom", y_ticks, high)),
-            E.div({"class": "plot"}, svg),
-            E.div({"class": "across"}, *_ticks_html("left", x_ticks, across)),
-        )
+            if mark.kind in ("ring", "box"):
+                svg.append(E.path({"class": f"{mark.kind} hole", "d": path}))
+        return svg
+
+    def _signs(self, across: Ends, high: Ends) -> Iterable[HtmlElement]:
+        for mark in self.marks:
+            texts = mark.texts or ("",) * len(mark.x)
+            for x, y, text in zip(mark.x, mark.y, texts, strict=True) if mark.kind in SIGNS else ():
+                left, top = _place(x, across, 100), _place(y, high[::-1], 100)
+                place = {"style": f"left:{left:.2f}%;top:{top:.2f}%"}
+                yield E.i({"class": f"sign {mark.kind} {mark.look}"}, place, text)
+
+    def _tables(self, across: Ends) -> list[HtmlElement]:
+        """Rows with pictures; those beyond ``MOST_ROWS`` unfold."""
+        rows = range(len(self.labels))
+        first, others = rows[:MOST_ROWS], rows[MOST_ROWS:]
+        more = f"{len(others)} more {'row' if len(others) == 1 else 'rows'}"
+        folded = [unfolding(more, self._table(others, across))] if others else []
+        return [self._table(first, across), *folded]
+
+    def _table(self, rows: Iterable[int], across: Ends) -> HtmlElement:
+        places = ticks(*across, log="x" in self.log, count=TICKS if self.columns else 3)
+        scale = E.div({"class": "across"}, *_ticks_html("left", places, across))
+        heads = (E.th({"class": "number", "scope": "col"}, head) for head in self.columns)
+        named = E.th({"scope": "col"}, "")
+        body, group = E.tbody(), ""
+        for k in rows:
+            if self.groups and self.groups[k] != group:
+                group = self.groups[k]
+                above = {"colspan": str(2 + len(self.columns)), "scope": "rowgroup"}
+                body.append(E.tr({"class": "group"}, E.th(above, group)))
+            within = [_within(mark, k) for mark in self.marks]
+            svg = self._svg(across, (k + 0.5, k - 0.5), within, ROW, [at for at, _ in places])
+            name = E.td(
+                {"class": "name"},
+                short_or_whole(self.labels[k], self.wholes[k] if self.wholes else ""),
+            )
+            texts = (E.td({"class": "number"}, column[k]) for column in self.columns.values())
+            body.append(E.tr(name, E.td({"class": "picture"}, svg), *texts))
+        head = E.thead(E.tr(named, E.th({"class": "scale"}, scale), *heads))
+        wide = " wide" if self.columns else ""
+        return E.table({"class": f"forest{wide}"}, head, body)
 
 
 @record
@@ -238,8 +345,10 @@ class Chart:
     panels : tuple of Panel
     columns : int
         Of panels beside each other.
-    zoom : bool
-        Whether all panels have one x axis, along which the page zooms.
+    lanes : int
+        So many panels stay below each other, and have one x axis.
+    zoom : str
+        Charts with the same text have one axis of time, along which the page zooms.
     """
 
     name: str
@@ -247,7 +356,8 @@ class Chart:
     x_label: str
     panels: tuple[Panel, ...]
     columns: int = 1
-    zoom: bool = False
+    lanes: int = 1
+    zoom: str = ""
 
     def draw(self, axes: Any) -> None:
         """Draw on axes of matplotlib, one a panel.
@@ -273,15 +383,28 @@ class Chart:
         marks = (mark for panel in self.panels for mark in panel.marks if mark.name)
         keys = dict.fromkeys((mark.name, mark.kind, mark.look) for mark in marks)
         legend = (E.span(E.i({"class": f"key {kind} {look}"}), name) for name, kind, look in keys)
+        lanes = [self.panels[k : k + self.lanes] for k in range(0, len(self.panels), self.lanes)]
+        first, others = lanes[:MOST_GROUPS], lanes[MOST_GROUPS:]
         figure = E.figure(
-            {"class": "zoom" if self.zoom else "", "style": f"--Columns:{self.columns}"},
-            E.div({"class": "legend"}, *legend),
-            E.div({"class": "panels"}, *(panel.html() for panel in self.panels)),
+            {"style": f"--Columns:{self.columns}"}, E.div({"class": "legend"}, *legend)
         )
-        if self.x_label:
-            figure.append(E.div({"class": "along"}, self.x_label))
+        if self.zoom:
+            figure.set("data-zoom", self.zoom)
+        figure.append(self._grid(first))
+        if others:
+            figure.append(unfolding(f"{len(others)} more", self._grid(others)))
         figure.append(E.figcaption(self.caption))
         return figure
+
+    def _grid(self, lanes: Sequence[Sequence[Panel]]) -> HtmlElement:
+        grid = E.div({"class": "panels"})
+        for group in lanes:
+            ends = group[0], group[-1]
+            drawn = (p.html(headed=p is ends[0], ticked=p is ends[1]) for p in group)
+            grid.append(E.div({"class": "lanes"}, *drawn))
+            if self.x_label:
+                grid[-1].append(E.div({"class": "along"}, self.x_label))
+        return grid
 
     def files(self) -> dict[str, bytes]:
         """The chart by matplotlib as ``name.svg`` and ``name.png``; the same bytes every time.
@@ -295,7 +418,7 @@ class Chart:
         import matplotlib as mpl
         from matplotlib.figure import Figure
 
-        columns, files = min(self.columns, 2), {}
+        columns, files = min(self.columns, 2) if self.lanes == 1 else 1, {}
         heights = [panel.height for panel in self.panels[::columns]]
         with mpl.rc_context(STYLE), warnings.catch_warnings():
             warnings.filterwarnings("ignore", HARMLESS)
@@ -326,30 +449,92 @@ def require_matplotlib() -> None:
         raise MissingExtraError.of("matplotlib", "plot") from error
 
 
-def _ticks_html(
-    side: str, marks: Iterable[tuple[float, str]], ends: tuple[float, float]
-) -> Iterable[HtmlElement]:
+def _draw(mark: Mark, ax: Any) -> None:
+    """Draw a mark on axes of matplotlib."""
+    colour, width, dashes = LOOKS[mark.look]
+    look: Any = {"color": colour, "linewidth": width, "label": mark.name or None}
+    if mark.kind == "line":
+        ax.plot(mark.x, mark.y, dashes, **look)
+    elif mark.kind in POINTS or mark.kind in SIGNS:
+        face = "white" if mark.kind in ("ring", "box", "joint", "closure") else colour
+        shape = {"markersize": 3, "markerfacecolor": face}
+        ax.plot(mark.x, mark.y, {**POINTS, **SIGNS}[mark.kind], **look | shape)
+        for x, y, text in zip(mark.x, mark.y, mark.texts, strict=False):
+            ax.annotate(text, (x, y), (3, 3), textcoords="offset points", fontsize=6)
+    elif mark.kind == "band":
+        ax.fill_between(mark.x, mark.y, mark.to, **look | {"linewidth": 0}, alpha=0.25)
+    elif mark.kind == "span":
+        ax.hlines(mark.y, mark.x, mark.to, **look)
+    else:
+        ends = mark.x if mark.to is None else mark.to
+        for k, (x, to) in enumerate(zip(mark.x, ends, strict=True)):
+            own = look if k == 0 else look | {"label": None}
+            if mark.kind == "upright":
+                ax.axvline(x, linestyle=dashes, **own)
+            else:
+                ax.axvspan(x, to, **own | {"linewidth": 0}, alpha=0.2)
+
+
+def _within(mark: Mark, row: int) -> Mark:
+    """What of a mark is in a row of a table."""
+    if mark.kind in UPRIGHT:
+        return mark
+    own = np.abs(mark.y - row) < 0.5
+    to = None if mark.to is None else mark.to[own]
+    return Mark(mark.name, mark.x[own], mark.y[own], mark.look, mark.kind, to)
+
+
+def short_or_whole(short: str, whole: str) -> HtmlElement | str:
+    """A name that unfolds to what it is short for, if it is."""
+    if whole in ("", short):
+        return short
+    return E.details({"class": "sum"}, E.summary(short), E.span(whole))
+
+
+def unfolding(title: str, *content: HtmlElement) -> HtmlElement:
+    """A title that unfolds to what is below it."""
+    return E.details(E.summary(title), *content)
+
+
+def _badge(number: int, worst: bool) -> list[HtmlElement]:
+    return [E.i({"class": f"badge{' worst' * worst}"}, str(number))] if number else []
+
+
+def _ticks_html(side: str, marks: Iterable[tuple[float, str]], ends: Ends) -> Iterable[HtmlElement]:
     for at, text in marks:
         share = 100 * (at - ends[0]) / (ends[1] - ends[0])
-        yield E.span({"style": f"{side}:{share:.2f}%"}, text)
+        beyond = {"class": "start" if share < NEAR else "end"} if side == "left" else {}
+        near = side == "left" and not NEAR <= share <= 100 - NEAR
+        yield E.span({"style": f"{side}:{share:.2f}%", **(beyond if near else {})}, text)
 
 
-def _path(mark: Mark, log: str, scales: Sequence[tuple[float, float]]) -> str:
+def _place(at: Any, ends: Ends, size: float) -> Any:
+    """Where values are between two ends, from 0 to a size."""
+    return size * (at - ends[0]) / (ends[1] - ends[0])
+
+
+def _path(mark: Mark, log: str, across: Ends, high: Ends, height: float) -> str:
     """A mark in whole numbers of the square."""
 
-    def placed(values: FloatArray, axis: int) -> FloatArray:
-        low, size = scales[axis]
-        return np.clip((_scaled(values, "xy"[axis] in log) - low) * size, -1e6, 1e6)
+    def placed(values: FloatArray, axis: str) -> FloatArray:
+        ends, size = (across, WIDE) if axis == "x" else (high[::-1], height)
+        at = np.clip(_place(_scaled(values, axis in log), ends, size), -1e6, 1e6)
+        return np.asarray(at, dtype=np.float64)
 
-    x, y = placed(mark.x, 0), placed(mark.y, 1)
-    to = placed(mark.y if mark.to is None else mark.to, 0 if mark.kind == "span" else 1)
+    x, y = placed(mark.x, "x"), placed(mark.y, "y")
+    y = np.zeros(len(x)) if mark.kind in UPRIGHT else y
+    sideways = mark.kind in ("span", "shade")
+    to = placed(mark.y if mark.to is None else mark.to, "x" if sideways else "y")
     known = np.isfinite(x) & np.isfinite(y) & np.isfinite(to)
+    rows = list(zip(*(each[known].tolist() for each in (x, y, to)), strict=True))
     if mark.kind == "span":
-        spans = zip(x[known].tolist(), y[known].tolist(), to[known].tolist(), strict=True)
-        return "".join(f"M{a:.0f} {up:.0f}H{b:.0f}" for a, up, b in spans)
-    if mark.kind == "dots":
-        dots = zip(x[known].tolist(), y[known].tolist(), strict=True)
-        return "".join(f"M{a:.0f} {b:.0f}h0" for a, b in dots)
+        return "".join(f"M{a:.0f} {up:.0f}H{b:.0f}" for a, up, b in rows)
+    if mark.kind == "shade":
+        return "".join(f"M{a:.0f} 0H{b:.0f}V{height:g}H{a:.0f}z" for a, _, b in rows)
+    if mark.kind == "upright":
+        return "".join(f"M{a:.0f} 0v{height:g}" for a, _, _ in rows)
+    if mark.kind in POINTS:
+        return _moves([(round(a), round(b)) for a, b, _ in sorted(rows)])
     edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
     parts = [slice(a, b) for a, b in edges.reshape(-1, 2).tolist()]
     if mark.kind == "line":
@@ -366,6 +551,15 @@ def _steps(x: FloatArray, y: FloatArray) -> str:
     moves = np.diff(points, axis=0)
     start = f"M{points[0, 0]} {points[0, 1]}"
     return start + ("l" + " ".join(map(str, moves.ravel().tolist())) if len(moves) else "h0")
+
+
+def _moves(points: Sequence[tuple[int, int]]) -> str:
+    """Dots in whole numbers, from one to the next."""
+    said, at = list[str](), (0, 0)
+    for x, y in points:
+        said.append(f"m{x - at[0]} {y - at[1]}h1" if said else f"M{x} {y}h1")
+        at = x + 1, y
+    return "".join(said)
 
 
 def _scaled(values: FloatArray, log: bool) -> FloatArray:
@@ -396,4 +590,8 @@ def ticks(
     step *= next(k for k in (1, 2, 5, 10) if (high - low) / (k * step) <= count + 1)
     step = max(round(step), 1) if log else step
     places = [k * step for k in range(math.ceil(low / step), math.floor(high / step) + 1)]
-    return [(at, f"1e{at:.0f}" if log else f"{round(at, 12) + 0.0:.6g}") for at in places]
+    return [(at, _power(at) if log else f"{round(at, 12) + 0.0:.6g}") for at in places]
+
+
+def _power(at: float) -> str:
+    return f"{10**at:g}" if abs(at) <= PLAIN else f"1e{at:.0f}"

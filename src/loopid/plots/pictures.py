@@ -2,34 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, checked, spread_rows
+from loopid.arguments import BoolArray, FloatArray, checked
 from loopid.base_parameters.account import SubgroupAccount
 from loopid.base_parameters.choice import SearchResult
 from loopid.errors import OptionError
 from loopid.excitation.design import ExcitationDesign
-from loopid.identification.cutoff import CutoffChoice
-from loopid.identification.friction import friction_columns, friction_curve, frictional_joints
-from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
-from loopid.identification.information import Identifiability, body_sizes
-from loopid.identification.pipeline import Identification
 from loopid.identification.prediction import Prediction
 from loopid.identification.saved import SavedFit
-from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel
+from loopid.numbers import number
+from loopid.plots.chart import Chart, Mark, Panel
 from loopid.robot.mechanism import Mechanism
 from loopid.view.scene import link_rods, placed
 
 FLAT = 1e-6  # part of the largest extent below which a robot is flat
-VIEWS = {"front": (0, 2), "side": (1, 2), "top": (0, 1)}  # axes that go right and up
+VIEWS = (0, 2), (0, 1), (1, 2)  # axes that go right and up
 ACROSS = np.array([[0.82, -0.57, 0.0], [-0.25, -0.36, 0.9]])  # right and up, from a corner
-FLOOR_OF_WEAK = 0.1  # of the least effect that is drawn, where unidentifiable ones are drawn
-MOST, ROOM = 0.95, 1.3  # quantile of the friction's band, and times that, that an axis shows
+SIGN = 0.09  # least distance of signs of motors, in extents of the robot
+ROOM = 1.06  # times the largest error, that an axis shows
 HIGHEST = 1e20  # condition number that is drawn; larger ones are drawn there
-CURVE_POINTS = 200  # of a friction curve on either side of standstill
 MOST_ERRORS = 40  # parameters whose standard errors are drawn
 RUNS = "fit", "file", "other", "weak", "measured", "faint"  # looks of fits beside each other
 ZOOM = "Drag along time to zoom in, double-click to see all again."
@@ -41,47 +36,70 @@ def force_unit(mechanism: Mechanism, joint: str) -> str:
 
 
 @checked
-def robot_chart(mechanism: Mechanism, configuration: FloatArray | None = None) -> Chart:
-    """Links, joints and closures at a configuration (nq,), by default the reference."""
+def robot_chart(
+    mechanism: Mechanism, configuration: FloatArray | None = None, *, worst: str = ""
+) -> Chart:
+    """Links, motors by their numbers, passive joints and closures at a configuration (nq,).
+
+    By default that is the reference. A flat robot is seen from its front, any other from a corner.
+    The worst motor is marked.
+    """
     q = mechanism.reference if configuration is None else configuration
     rods = link_rods(mechanism)
     places, ends, met = placed(mechanism, rods, q)
     joints, met = np.array([place.translation for place in places[1:]]), met.reshape(-1, 3)
+    slides = np.zeros(len(joints), dtype=bool)
     for ((base, _), (joint, _)), both in zip(rods, ends, strict=True):
         if base != joint:  # a slide, in its middle: at its ends are other joints
-            joints[joint - 1] = both.mean(axis=0)
-    motors = np.isin(mechanism.joints, mechanism.actuated)
+            joints[joint - 1], slides[joint - 1] = both.mean(axis=0), True
+    extent = np.ptp(np.vstack([joints, met, ends.reshape(-1, 3)]), axis=0)
+    flat = [axes for axes in VIEWS if extent.sum() - extent[[*axes]].sum() <= FLAT * extent.max()]
+    right, up = np.eye(3)[[*flat[0]]] if flat else ACROSS
     fixed = np.array([first == 0 for (first, _), _ in rods], dtype=bool)
     gaps = np.concatenate([ends, np.full((len(ends), 1, 3), np.nan)], axis=1)
-    marks: tuple[Any, ...] = (
-        ("base", gaps[fixed].reshape(-1, 3), "faint", "line"),
-        ("links", gaps[~fixed].reshape(-1, 3), "measured", "line"),
-        ("motors", joints[motors], "fit", "dots"),
-        ("passive joints", joints[~motors], "file", "dots"),
-        ("closures", met, "other", "dots"),
-    )
-    extent = np.ptp(np.vstack([joints, met, ends.reshape(-1, 3)]), axis=0)
-    flat = extent <= FLAT * extent.max()
-    views = {n: np.eye(3)[list(axes)] for n, axes in VIEWS.items() if not flat[list(axes)].any()}
-    views = views or {"front": np.eye(3)[[0, 2]]}
-    if not flat.any():
-        views["from a corner"] = ACROSS
-    panels = tuple(
-        Panel(
-            f"{title} (m)",
-            tuple(
-                Mark(name, at @ right, at @ up, look, kind)
-                for name, at, look, kind in marks
-                if len(at)
-            ),
-            equal=True,
-        )
-        for title, (right, up) in views.items()
-    )
-    cuts = "; ".join(f"{c.frame_a} and {c.frame_b}" for c in mechanism.closures) or "it has none"
+    number = {name: str(k) for k, name in enumerate(mechanism.independent, start=1)}
+    motors = np.isin(mechanism.joints, mechanism.actuated)
+    bad = np.array([name == worst for name in mechanism.joints])
+    marks = [
+        Mark("", *_seen(gaps[~fixed], right, up), "links"),
+        Mark("base", *_seen(gaps[fixed], right, up), "limit"),
+        Mark("loop closed here", *_seen(met, right, up), "file", "closure"),
+        Mark("passive joint", *_seen(joints[~motors], right, up), "measured", "joint"),
+    ]
+    kinds = (("motor", motors & ~slides, "motor"), ("sliding motor", motors & slides, "slide"))
+    x, y = _apart(*_seen(joints, right, up), motors, SIGN * extent.max())
+    for name, own, kind in kinds:
+        for said, look, rows in (
+            (name, "measured", own & ~bad),
+            ("largest error", "fit", own & bad),
+        ):
+            texts = tuple(number.get(mechanism.joints[k], "") for k in np.flatnonzero(rows))
+            marks.append(Mark(said, x[rows], y[rows], look, kind, texts=texts))
+    motors_said = "; ".join(f"{k} {name}" for name, k in number.items())
+    cuts = "; ".join(f"{c.frame_a} and {c.frame_b}" for c in mechanism.closures)
+    caption = f"{motors_said}. {f'Loops are cut where frames meet: {cuts}. ' * bool(cuts)}"
     at = "at its reference" if configuration is None else "at a configuration"
-    caption = f"{mechanism.name} {at}. Where loops are cut, frames meet: {cuts}."
-    return Chart("robot", caption, "", panels, columns=len(panels))
+    caption += f"It is {extent.max():.3g} m large {at}."
+    panel = Panel("", tuple(mark for mark in marks if len(mark.x)), equal=True)
+    return Chart("robot", caption, "", (panel,))
+
+
+def _seen(points: FloatArray, right: FloatArray, up: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points (..., 3) in a plane."""
+    flat = points.reshape(-1, 3)
+    return flat @ right, flat @ up
+
+
+def _apart(
+    x: FloatArray, y: FloatArray, some: BoolArray, least: float
+) -> tuple[FloatArray, FloatArray]:
+    """Places of which some are moved up and to the right until none covers another."""
+    x, y, put = x.copy(), y.copy(), list[int]()
+    for k in np.flatnonzero(some):
+        while any(np.hypot(x[k] - x[j], y[k] - y[j]) < least for j in put):
+            x[k], y[k] = x[k] + 0.5 * least, y[k] + 0.6 * least
+        put.append(int(k))
+    return x, y
 
 
 @checked
@@ -156,6 +174,12 @@ def _group_ends(account: SubgroupAccount, low: float, high: float) -> Mark:
     return Mark("", np.repeat(ends + 0.5, 3), np.tile([low, high, np.nan], len(ends)), "faint")
 
 
+def of_motor(mechanism: Mechanism, name: str, worst: str = "") -> dict[str, Any]:
+    """What a panel says of a motor: name, number, and whether it is the worst."""
+    number = mechanism.independent.index(name) + 1
+    return {"motor": name, "number": number, "worst": name == worst}
+
+
 @checked
 def forces_chart(
     mechanism: Mechanism,
@@ -163,19 +187,21 @@ def forces_chart(
     *,
     motors: Sequence[str] | None = None,
     file: FloatArray | None = None,
-    reach: Callable[[IntArray], FloatArray] | None = None,
+    worst: str = "",
     name: str = "forces",
 ) -> Chart:
-    """Measured and predicted forces of each motor over time, and below them what is left.
+    """Measured forces of each motor over time, and below them what predictions leave of them.
+
+    What is left by the robot file and by the fit has one scale a motor.
 
     Parameters
     ----------
     motors : sequence of str, optional
-        Some of the motors.
+        Some of the motors, in the order in which they are shown.
     file : FloatArray, optional
         (N, dof), the forces that the robot file predicts.
-    reach : callable, optional
-        Gives half the width (k, dof) of 95 % intervals at rows (k,).
+    worst : str
+        The motor that is marked.
 
     Examples
     --------
@@ -188,63 +214,45 @@ def forces_chart(
     >>> prediction = loopid.predict(found.fit, found.force_model, recording)
     >>> chart = loopid.plots.forces_chart(robot, prediction, motors=["left_crank_joint"])
     >>> [panel.title for panel in chart.panels]
-    ['left_crank_joint: force (N m), R² 1.000', 'residual (N m)']
+    ['measured force (N m)', 'left by this fit (N m), rms 0.012']
     >>> chart.draw(Figure().subplots(2))
     """
-    run, time = found.recording, found.recording.motion.time
-    some, panels = spread_rows(len(run), MOST_DOTS), list[Panel]()
-    half = None if reach is None else reach(some)
+    run, panels = found.recording, list[Panel]()
+    time = run.motion.time
+    predictions = {"fit": ("this fit", found.predicted)}
+    if file is not None:
+        predictions = {"file": ("the robot file", file), **predictions}
     for motor in run.actuators if motors is None else motors:
         if motor not in run.actuators:
             raise OptionError.unknown("motor", motor, run.actuators)
         k = run.actuators.index(motor)
-        used, force = run.used[:, k], run.force[:, k]
-        fit = np.where(used, found.predicted[:, k], np.nan)  # elsewhere friction is not known
-        marks, left = [Mark("measured", time, force, "measured")], list[Mark]()
-        if half is not None:
-            low, high = fit[some] - half[:, k], fit[some] + half[:, k]
-            marks.append(Mark("95 % interval", time[some], low, "fit", "band", high))
-        if file is None:
-            standing = np.where(used, np.nan, found.residual[:, k])
-            left.append(Mark("standing or saturated", time, standing, "faint"))
-        else:
-            by_file = np.where(used, file[:, k], np.nan)
-            marks.append(Mark("robot file", time, by_file, "file"))
-            left.append(Mark("measured less robot file", time, force - by_file, "faint"))
-        marks.append(Mark("predicted", time, fit))
-        left.append(Mark("measured less predicted", time, force - fit, "residual"))
-        unit, score = force_unit(mechanism, motor), found.moving.r_squared[k]
-        panels.append(Panel(f"{motor}: force ({unit}), R² {score:.3f}", tuple(marks)))
-        panels.append(Panel(f"residual ({unit})", tuple(left), small=True))
-    beside = "" if file is None else " Of the robot file, joint terms are fitted."
-    caption = f"Forces of {run.name}; none is predicted where a motor stands.{beside} {ZOOM}"
-    return Chart(name, caption, "time (s)", tuple(panels), zoom=True)
+        used, force, unit = run.used[:, k], run.force[:, k], force_unit(mechanism, motor)
+        shade = Mark("not judged: stands or is saturated", *_spans(time, ~used))
+        measured = Mark("measured force", time, force, "measured")
+        said = of_motor(mechanism, motor, worst)
+        panels.append(Panel(f"measured force ({unit})", (shade, measured), small=True, **said))
+        left = {
+            look: np.where(used, force - each[:, k], np.nan)
+            for look, (_, each) in predictions.items()
+        }
+        most = ROOM * max(float(np.nanmax(np.abs(y), initial=0.0)) for y in left.values()) or 1.0
+        for look, (by, _) in predictions.items():
+            rms = float(np.sqrt(np.nanmean(left[look] ** 2))) if used.any() else np.nan
+            line = Mark(f"measured less {by}", time, left[look], look)
+            zero = Mark("", time[[0, -1]], np.zeros(2), "faint")
+            title = f"left by {by} ({unit}), rms {number(rms, 2)}"
+            panels.append(Panel(title, (shade, zero, line), y_limits=(-most, most), small=True))
+    caption = f"Of {run.name}. Lanes of errors have one scale a motor. {ZOOM}"
+    many, lanes = len(panels) > 1 + len(predictions), 1 + len(predictions)
+    return Chart(name, caption, "time (s)", tuple(panels), 2 if many else 1, lanes, run.name)
 
 
-@checked
-def parameters_chart(found: Identification) -> Chart:
-    """Intervals of the parameters of bodies about the values of the robot file."""
-    alone = found.recommended is found.baseline
-    fit = found["all parameters"].fit if alone else found.fit
-    model = found.force_model
-    bodies, base = model.body_columns, model.base
-    sizes = body_sizes(model.mechanism, model.model)
-    sizes = np.linalg.norm(base.matrix[bodies][:, : len(sizes)] * sizes, axis=1)
-    low, high = ((fit.intervals() - model.prior[:, None])[bodies] / sizes[:, None]).T
-    known, place = np.isfinite(low) & np.isfinite(high), np.arange(float(len(bodies)))
-    middle = (fit.values - model.prior)[bodies] / sizes
-    marks = (
-        Mark("robot file", np.zeros(2), np.array([-0.5, len(bodies) - 0.5]), "faint"),
-        Mark("95 % interval", low[known], place[known], "fit", "span", high[known]),
-        Mark("all parameters" if alone else "recommended", middle, place, "fit", "dots"),
-    )
-    labels = tuple(fit.parameters.names[j] for j in bodies)
-    caption = (
-        "Parameters of the bodies less those of the robot file, in sizes: a body's mass times its "
-        "length, or that squared."
-    )
-    panel = Panel("fit less robot file (sizes)", marks, labels=labels)
-    return Chart("parameters", caption, "", (panel,))
+def _spans(time: FloatArray, chosen: BoolArray) -> Any:
+    """Where some samples are, as a shade."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(int)))
+    first, last = edges.reshape(-1, 2).T
+    ends = time[np.minimum(last, len(time) - 1)]
+    return time[first], np.zeros(len(first)), "faint", "shade", ends
 
 
 @checked
@@ -264,106 +272,10 @@ def comparison_chart(fits: Mapping[str, SavedFit]) -> Chart:
         place = np.arange(float(len(names))) + 0.6 * ((k + 0.5) / len(fits) - 0.5)
         look, at = RUNS[k % len(RUNS)], middle[:, k]
         marks += [Mark("", at - reach[:, k], place, look, "span", at + reach[:, k])]
-        marks += [Mark(name, at, place, look, "dots")]
+        marks += [Mark(name, at, place, look, ("disc", "box", "ring")[k % 3])]
     title = "less the mean of the fits, in the largest standard error"
     panel = Panel(title, tuple(marks), labels=tuple(names.values()))
     return Chart("parameters", "Values of each fit with 95 % intervals.", "", (panel,))
-
-
-@checked
-def friction_chart(found: Identification) -> Chart:
-    """Friction of each motor by the recommended fit, over the forces that it explains."""
-    fit, data, mechanism = found.fit, found.data, found.force_model.mechanism
-    velocities = np.concatenate([run.motion.velocities for run in found.training])
-    rows, panels = spread_rows(len(data), MOST_DOTS), list[Panel]()
-    residual = data.residual(fit.values)[rows]
-    for joint in (joint for joint in frictional_joints(fit) if joint in data.actuators):
-        k, own = data.actuators.index(joint), friction_columns(fit, joint)
-        rate, used = velocities[rows, k], data.used[rows, k]
-        left = residual[:, k] + data.regressor[rows, k][:, own] @ fit.values[own]
-        marks = [Mark("measured less all else", rate[used], left[used], "measured", "dots")]
-        fastest = float(np.abs(rate).max(initial=0.0)) or 1.0
-        rates = fastest * np.linspace(-1, 1, 2 * CURVE_POINTS)  # none is 0, where it jumps
-        curve = friction_curve(fit, joint, rates, joint_terms=found.force_model.joint_terms)
-        sure = bool(np.isfinite(curve.band).all())
-        for half in (slice(CURVE_POINTS), slice(CURVE_POINTS, None)):
-            low, high = curve.band[half].T
-            if sure:
-                marks.append(Mark("95 % interval", rates[half], low, "fit", "band", high))
-            marks.append(Mark("friction", rates[half], curve.values[half], "fit"))
-        # Next to standstill hardly anything is known: bands there would flatten the rest.
-        most = ROOM * float(np.quantile(np.abs(curve.band), MOST)) if sure else 0.0
-        title = f"{joint}: friction ({force_unit(mechanism, joint)})"
-        panels.append(Panel(title, tuple(marks), (-most, most) if most else None))
-    caption = "Friction over the rate of each motor (m/s or rad/s), by the recommended fit."
-    return Chart("friction", caption, "rate", tuple(panels), columns=min(2, len(panels)) or 1)
-
-
-@checked
-def hysteresis_chart(found: Identification) -> Chart:
-    """Friction of motors whose friction builds up after a reversal, by the recommended fit."""
-    fit, mechanism, panels = found.fit, found.force_model.mechanism, list[Panel]()
-    for joint in hysteretic_joints(fit):
-        loop = hysteresis_loop(fit, joint, joint_terms=found.force_model.joint_terms)
-        low, high = loop.band.T
-        marks = [Mark("friction", 1e3 * loop.displacement, loop.force, "fit")]
-        if np.isfinite(loop.band).all():
-            marks.insert(0, Mark("95 % interval", marks[0].x, low, "fit", "band", high))
-        panels.append(Panel(f"{joint}: friction ({force_unit(mechanism, joint)})", tuple(marks)))
-    caption = (
-        "Friction over the displacement of a slow way to and fro, by the recommended fit: what "
-        "builds up after each reversal."
-    )
-    return Chart(
-        "hysteresis",
-        caption,
-        "displacement (mm or mrad)",
-        tuple(panels),
-        columns=min(2, len(panels)) or 1,
-    )
-
-
-@checked
-def spectrum_chart(found: Identifiability) -> Chart:
-    """Effects of the combinations on forces: in random states of the robot, and in the data."""
-    structural, effects = 100 * found.excitation.structural, 100 * found.excitation.effects
-    place: FloatArray = np.arange(1.0, len(effects) + 1.0)
-    rank, sure = found.rank, found.well_determined
-    shown = np.append(structural[structural > 0], effects[:rank])
-    floor = np.full(len(effects), FLOOR_OF_WEAK * shown.min(initial=1.0))
-    kinds = (
-        ("data", slice(0, sure), effects, "file"),
-        ("weak: worse than the robot file", slice(sure, rank), effects, "weak"),
-        ("unidentifiable: no effect", slice(rank, None), floor, "fit"),
-    )
-    dots = (Mark(n, place[part], y[part], look, "dots") for n, part, y, look in kinds)
-    marks = Mark("structure", place, structural, "faint"), *(mark for mark in dots if len(mark.x))
-    caption = (
-        "What a change of each combination of parameters by its size does to the forces: in random "
-        f"states of the robot, and in the data. {rank} of {found.structural_rank} are excited, "
-        f"{sure} are known better than by the robot file."
-    )
-    panel = Panel("effect on the forces (%)", marks, log="y")
-    return Chart("spectrum", caption, "combination of parameters", (panel,))
-
-
-@checked
-def filter_chart(found: CutoffChoice) -> Chart:
-    """How far predicted forces move from each cut-off that was tried to the next."""
-    between, changes = np.sqrt(found.cutoffs[:-1] * found.cutoffs[1:]), 100 * found.changes
-    ends = np.array([changes.min(initial=np.inf), changes.max(initial=0.0)])
-    marks = (
-        Mark("change", between, changes, "file"),
-        Mark("", between, changes, "file", "dots"),
-        *([Mark("chosen", np.full(2, found.chosen), ends, "fit")] if len(changes) else []),
-    )
-    title = "change of forces (% of errors)"
-    caption = (
-        "How far predicted forces move between neighbouring cut-offs of the low-pass filter. "
-        f"They move little around {found.chosen:.3g} Hz: a lower one loses motion, a higher one "
-        "lets noise of the positions in."
-    )
-    return Chart("filter", caption, "cut-off (Hz)", (Panel(title, marks, log="xy"),))
 
 
 @checked
@@ -374,15 +286,18 @@ def motion_chart(found: ExcitationDesign) -> Chart:
     span = motors.time[[0, -1]]
     for k, name in enumerate(motors.names):
         unit = force_unit(mechanism, name)
-        marks = [Mark("position", motors.time, motors.position[:, k], "fit")]
+        marks = [Mark("position", motors.time, motors.position[:, k], "measured")]
         for end in limits.get(f"position of {name}", ()):
             if np.isfinite(end):
                 marks.append(Mark("limit", span, np.full(2, end), "limit"))
         force = Mark("force by the robot file", motors.time, found.forces[:, k], "file")
-        panels.append(Panel(f"{name} ({'m' if unit == 'N' else 'rad'})", tuple(marks)))
+        title, said = f"position ({'m' if unit == 'N' else 'rad'})", of_motor(mechanism, name)
+        panels.append(Panel(title, tuple(marks), **said))
         panels.append(Panel(f"force ({unit})", (force,), small=True))
-    caption = f"Motors: position with its limits, and force by the robot file. {ZOOM}"
-    return Chart("motion", caption, "time (s)", tuple(panels), zoom=True)
+    caption = f"Position with its limits, and force by the robot file. {ZOOM}"
+    return Chart(
+        "motion", caption, "time (s)", tuple(panels), min(2, len(motors.names)), 2, "motion"
+    )
 
 
 @checked
@@ -392,8 +307,8 @@ def errors_chart(found: ExcitationDesign) -> Chart:
     place = np.arange(float(len(worst)))
     before = "with the logs" if found.after_logs else "first motion"
     marks = (
-        Mark(before, found.before.standard_errors[worst], place, "faint", "dots"),
-        Mark("with this motion", found.standard_errors[worst], place, "fit", "dots"),
+        Mark(before, found.before.standard_errors[worst], place, "file", "box"),
+        Mark("with this motion", found.standard_errors[worst], place, "fit", "disc"),
     )
     labels = tuple(found.parameters.names[j] for j in worst)
     panel = Panel("standard error (kg, kg m, kg m², ...)", marks, labels=labels, log="x")

@@ -6,7 +6,15 @@ from .forces import (
     prediction_report as prediction_report,
 )
 from .identify import identification_report as identification_report
-from .page import Formula as Formula, Page as Page, Report as Report, Run as Run, Section as Section
+from .page import (
+    Card as Card,
+    Figure as Figure,
+    Formula as Formula,
+    Page as Page,
+    Report as Report,
+    Run as Run,
+    Section as Section,
+)
 from .schema import json_schema as json_schema
 from .structure import (
     base_report as base_report,

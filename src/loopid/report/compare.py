@@ -12,9 +12,10 @@ from rich.table import Table
 from loopid.diagnosis.agreement import Agreement, compare_fits
 from loopid.errors import DataError, OptionError
 from loopid.identification.saved import SavedFit
+from loopid.numbers import with_error
 from loopid.plots.pictures import comparison_chart
-from loopid.report.look import json_value, plain_table, table_of, with_error
-from loopid.report.page import Report, Section
+from loopid.report.look import json_value, plain_table, table_of
+from loopid.report.page import Card, Figure, Report, Section
 
 NAMED = 3  # parameters that a cell names
 BESIDE = 3  # fits that a table has room for
@@ -46,6 +47,7 @@ def comparison_report(fits: dict[str, SavedFit]) -> Report:
         verdict=_verdict(rows, names, pairs),
         record=record,
         brief=[*([_pairs_table(pairs)] if len(pairs) > 1 else []), *tables],
+        card=_card(names, pairs, _verdict(rows, names, pairs)),
         sections=lambda: [
             Section("Fits", (table_of("", RUN, record["runs"]), _pairs_table(pairs))),
             Section("Parameters", (comparison_chart(fits), *tables)),
@@ -60,6 +62,24 @@ def _pairs(fits: dict[str, SavedFit]) -> dict[tuple[str, str], Agreement]:
         with suppress(DataError):
             found[one, other] = compare_fits(fits[one], fits[other])
     return found
+
+
+def _card(names: Sequence[str], pairs: dict[tuple[str, str], Agreement], verdict: str) -> Card:
+    """Whether the fits agree."""
+    if not pairs:
+        return Card(use=verdict)
+    clear = max((len(found.clear) for found in pairs.values()), default=0)
+    apart = max(float(found.apart.max(initial=0.0)) for found in pairs.values())
+    return Card(
+        tone="bad" if clear else "good",
+        word="Differ" if clear else "Agree",
+        use=verdict,
+        figures=(
+            Figure(str(len(names)), "fits"),
+            Figure(str(clear), "parameters differ clearly, at most of two fits"),
+            Figure(f"{apart:.2g}", "largest difference", "standard errors"),
+        ),
+    )
 
 
 def _verdict(

@@ -12,9 +12,9 @@ from loopid.arguments import FloatArray
 from loopid.excitation.design import ExcitationDesign
 from loopid.files import csv_text
 from loopid.motion.trajectories import FourierCurve, SplineCurve, Waypoint
-from loopid.plots.pictures import errors_chart, force_unit, motion_chart
+from loopid.plots.pictures import errors_chart, force_unit, motion_chart, robot_chart
 from loopid.report.look import facts, json_fields, json_value, plain_table, table_of
-from loopid.report.page import Report, Section
+from loopid.report.page import Card, Figure, Report, Section
 from loopid.yaml_files import yaml_writer
 
 NAME = "excitation"  # of the motion in its file
@@ -48,6 +48,8 @@ def excitation_report(found: ExcitationDesign) -> Report:
         verdict=verdict,
         record=excitation_record(found),
         brief=[_errors("", found)],
+        card=_card(found, broken),
+        pictures=lambda: (robot_chart(model.mechanism),),
         sections=lambda: [
             Section("Motion", (motion_chart(found), _summary(found))),
             Section(
@@ -57,6 +59,23 @@ def excitation_report(found: ExcitationDesign) -> Report:
             Section("What it keeps", (_checks(found),)),
         ],
         results=lambda: {"motion.csv": motion_table(found), "motion.yaml": motion_file(found)},
+    )
+
+
+def _card(found: ExcitationDesign, broken: list[str]) -> Card:
+    """What the motion tells, and whether it keeps its limits."""
+    count, told = len(found.parameters), int(np.isfinite(found.standard_errors).sum())
+    return Card(
+        tone="bad" if broken else "good" if told == count else "rough",
+        word="Breaks limits" if broken else "Keeps all limits",
+        use=", ".join(broken) if broken else f"in a motion of {found.motion.duration:g} s",
+        figures=(
+            Figure(str(told), "parameters told", f"of {count}"),
+            Figure(f"{found.criteria.condition_number:.3g}", "condition number"),
+            Figure(f"{found.min_singularity_measure:.3g}", "least singularity measure"),
+            Figure(str(found.violations), "violations on the fine grid"),
+        ),
+        next="" if found.converged else "more evaluations may do better.",
     )
 
 

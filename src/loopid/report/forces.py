@@ -15,9 +15,10 @@ from loopid.diagnosis.payload import PayloadFit
 from loopid.errors import RankError
 from loopid.identification.prediction import Prediction
 from loopid.identification.verdict import GOOD, ROUGH
-from loopid.plots.pictures import forces_chart
-from loopid.report.look import interval, json_fields, json_value, number, plain_table, with_error
-from loopid.report.page import Report, Section
+from loopid.numbers import interval, number, with_error
+from loopid.plots.pictures import forces_chart, robot_chart
+from loopid.report.look import json_fields, json_value, plain_table
+from loopid.report.page import Card, Figure, Report, Section, Tone
 from loopid.robot.mechanism import Mechanism
 
 
@@ -25,8 +26,8 @@ def prediction_report(mechanism: Mechanism, predictions: Sequence[Prediction]) -
     """Forces of logs beside those of a fit."""
     worst, motor, log = max(_errors(predictions), default=(np.nan, "", ""))
     grade = "Good" if worst <= GOOD else "Rough" if worst <= ROUGH else "Bad"
+    tones: dict[str, Tone] = {"Good": "good", "Rough": "rough", "Bad": "bad"}
     samples = sum(int(found.moving.samples.sum()) for found in predictions)
-    least = np.nanmin([found.moving.r_squared for found in predictions])
     tables, names = [*map(_prediction_table, predictions)], list[str]()
     for found in predictions:
         name = f"prediction_{PurePath(found.recording.name).name}"
@@ -38,12 +39,30 @@ def prediction_report(mechanism: Mechanism, predictions: Sequence[Prediction]) -
         title=f"{mechanism.name}: forces predicted",
         verdict=(
             f"{grade} predictions: where motors move, errors are at most {100 * worst:.2g} % of a "
-            f"motor's force ({motor}, {log}) and R² at least {least:.3f}, over {samples:,} samples."
+            f"motor's force ({motor}, {log}), over {samples:,} samples."
         ),
+        card=Card(
+            tone=tones[grade],
+            word=grade,
+            use="predictions of forces where motors move",
+            figures=(
+                Figure(
+                    f"{100 * worst:.2g} %",
+                    f"of its force: largest error ({motor}, {log})",
+                    gauge=(worst, GOOD, ROUGH) if np.isfinite(worst) else (),
+                ),
+                Figure(f"{samples:,}", "samples in motion"),
+                Figure(str(len(predictions)), "log" if len(predictions) == 1 else "logs"),
+            ),
+        ),
+        pictures=lambda: (robot_chart(mechanism, worst=motor),),
         record={"recordings": [*map(_prediction_record, predictions)]},
         brief=tables,
         sections=lambda: [
-            Section(found.recording.name, (forces_chart(mechanism, found, name=name), table))
+            Section(
+                found.recording.name,
+                (table, forces_chart(mechanism, found, worst=motor, name=name)),
+            )
             for name, found, table in zip(names, predictions, tables, strict=True)
         ],
         results=lambda: {
@@ -55,12 +74,9 @@ def prediction_report(mechanism: Mechanism, predictions: Sequence[Prediction]) -
 def _errors(predictions: Sequence[Prediction]) -> Iterator[tuple[float, str, str]]:
     """Errors in parts of the force where it moves, with motor and recording."""
     for found in predictions:
-        run, used = found.recording, found.recording.used
-        squares = np.where(used, run.force, 0.0) ** 2
-        for k, motor in enumerate(run.actuators):
-            size = float(squares[:, k].sum() / max(used[:, k].sum(), 1)) ** 0.5
-            if size > 0:
-                yield float(found.moving.residual_rms[k]) / size, motor, run.name
+        for motor, part in zip(found.recording.actuators, found.relative_errors, strict=True):
+            if np.isfinite(part):
+                yield float(part), motor, found.recording.name
 
 
 def _prediction_record(found: Prediction) -> dict[str, Any]:
@@ -79,12 +95,12 @@ def _prediction_record(found: Prediction) -> dict[str, Any]:
 
 
 def _prediction_table(found: Prediction) -> Table:
-    columns = "motor", ">moving", ">RMS error", ">R²", ">standing", ">RMS error"
+    columns = "motor", ">moving", ">RMS error", ">of its force", ">standing", ">RMS error"
     rows = (
-        (motor, f"{n:,}", number(rms), f"{score:.4f}", f"{rest:,}", number(error))
-        for motor, n, rms, score, rest, error in zip(
+        (motor, f"{n:,}", number(rms), f"{100 * part:.2g} %", f"{rest:,}", number(error))
+        for motor, n, rms, part, rest, error in zip(
             found.recording.actuators,
-            *(found.moving.samples, found.moving.residual_rms, found.moving.r_squared),
+            *(found.moving.samples, found.moving.residual_rms, found.relative_errors),
             *(found.standing.samples, found.standing.residual_rms),
             strict=True,
         )
@@ -128,6 +144,23 @@ def payload_report(found: PayloadFit) -> Report:
         verdict=verdict,
         record=told,
         brief=tables,
+        card=_payload_card(found, told, verdict),
+    )
+
+
+def _payload_card(found: PayloadFit, told: dict[str, Any], verdict: str) -> Card:
+    """The mass, and whether the motors agree on it."""
+    if told["mass"] is None:
+        return Card(tone="rough", word="No mass", use=verdict)
+    apart = found.motors is not None and bool(found.motors.disagreement)
+    ends = found.intervals()[told["values"].index(told["mass"])]
+    return Card(
+        tone="rough" if apart else "good",
+        word=f"{_of_width(told['mass'], ends)} kg",
+        use=verdict,
+        chips=(("rough", "Motors disagree") if apart else ("good", "Motors agree"),)
+        if found.motors is not None
+        else (),
     )
 
 

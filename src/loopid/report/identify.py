@@ -1,59 +1,58 @@
-"""The report of ``loopid identify``: verdict, findings, tables, charts and files."""
+"""The report of ``loopid identify``: card, findings, charts, tables and files."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 from rich.table import Table
 
-from loopid.arguments import FloatArray, IntArray
-from loopid.diagnosis.selection import PredictionError
 from loopid.diagnosis.study import Study
 from loopid.diagnosis.term_sets import TermComparison
-from loopid.findings import Finding, most_important_first
-from loopid.identification.force_model import parted
-from loopid.identification.friction import friction_findings, friction_summary
-from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
+from loopid.errors import counted
 from loopid.identification.information import WeakDirection
 from loopid.identification.pipeline import Identification
-from loopid.identification.prediction import Candidate, Prediction, prediction_reach
+from loopid.identification.prediction import Candidate, Prediction
 from loopid.identification.result import Estimate, FitResult
 from loopid.identification.saved import SavedFit
+from loopid.identification.verdict import GOOD, ROUGH, Verdict
 from loopid.logs.recording import Recording
+from loopid.numbers import interval, number, with_error
 from loopid.parameters import KINDS, Parameter
-from loopid.plots.chart import Chart
-from loopid.plots.pictures import (
+from loopid.plots.identified import (
+    ALONE,
+    delays_chart,
     filter_chart,
-    forces_chart,
     friction_chart,
+    gains_chart,
     hysteresis_chart,
+    joints_chart,
+    masses_chart,
+    model_errors_chart,
     parameters_chart,
-    robot_chart,
-    spectrum_chart,
+    terms_chart,
+    used_chart,
+    value_text,
 )
+from loopid.plots.pictures import force_unit, forces_chart, robot_chart
 from loopid.regressors.joint_laws import grouped
-from loopid.regressors.joint_terms import NO_TERMS
-from loopid.report.look import (
-    interval,
-    json_fields,
-    json_value,
-    number,
-    plain_table,
-    table_of,
-    with_error,
-)
-from loopid.report.page import Part, Report, Section
+from loopid.report.look import Words, json_fields, json_value, plain_table, table_of
+from loopid.report.page import Card, Figure, Part, Report, Section, Tone
 
 # Values that the terminal shows where they do not fit in two columns.
 SHOWN = 14
-# Of the kinds whose size the evidence decides: those that say something alone.
-ALONE = "Fk0", "Ft"
+OPEN = 20  # values of a table that is not folded
+USES = "forces", "single_parameters"
+ROBOT = "name", "value", "standard_error", "interval", "unit", "told"
+TONES: dict[str, Tone] = {"yes": "good", "roughly": "rough", "no": "bad"}  # of uses
+WORDS = {"yes": "Fit", "roughly": "Rough", "no": "Not fit"}
 
 
 def identification_report(study: Study, command: str = "") -> Report:
     """What a study of logs found; the command designs the motion that its verdict asks for."""
     found, judged = study.identification, study.verdict
-    model = found.force_model
+    mechanism = found.force_model.mechanism
     rows = list[tuple[str, ...]]()
     for each in _shown(found.fit):
         value, error = _value_and_error(found.fit, each)
@@ -61,63 +60,158 @@ def identification_report(study: Study, command: str = "") -> Report:
     if len(rows) > 2 * SHOWN or any(" more" in row[0] for row in rows):
         left = len(rows) - SHOWN
         rows[SHOWN:] = [(f"... and {left} more in the report", "", "", "")] if left > 0 else []
+    advice = command if judged.excite else ""
     return Report(
         name="identification",
-        title=f"{model.mechanism.name}, {model.model} model",
+        title=f"{mechanism.name}, {found.force_model.model} model",
         verdict=str(judged),
-        record=identification_record(study),
+        record=identification_record(study, judged),
         brief=[plain_table("", ("", ">", "", ""), rows)],
-        sections=lambda: _sections(study),
+        sections=lambda: list(_sections(study, judged.motor)),
         results=lambda: _fits(found),
-        advice=command if judged.excite else "",
-        findings=findings(study),
+        advice=advice,
+        card=_card(found, judged, advice),
+        pictures=lambda: (robot_chart(mechanism, worst=judged.motor),),
+        under=_under(found),
+        findings=study.findings,
+        checks=study.checks,
+        beside=("fit", "all_parameters"),
     )
 
 
-def _sections(study: Study) -> list[Section]:
-    """Forces, values, friction, what the data tell, other candidates, terms, filter, robot."""
-    found = study.identification
-    whole, told = found["all parameters"], found.identifiability
-    values: list[Part] = [parameters_chart(found), _estimates_table("", found, found.fit)]
-    values += _robot_tables(found)
-    said: list[Part] = [spectrum_chart(told)]
-    rows = [(each.text, "0", "unidentifiable") for each in told.unidentifiable]
-    rows += [(each.text, f"{each.effect:.1e}", f"{each.standard_error:.2g}") for each in told.weak]
-    if rows:
-        columns = "combination", ">effect on forces", ">± std (sizes)"
-        said.append(
-            plain_table("unidentifiable and weakly identifiable combinations", columns, rows)
-        )
-    others: list[Part] = [_essential_table(study)]
-    if found.recommended is not whole:
-        title = f"all parameters by {whole.fit.estimator}"
-        others.append(_estimates_table(title, found, whole.fit))
-    friction = [each for each in (friction_chart(found), hysteresis_chart(found)) if each.panels]
-    filtering: list[Part] = [] if found.cutoff is None else [filter_chart(found.cutoff)]
-    filtering += _filter_tables(study)
-    return [
-        Section("Forces on new data", (_forces_chart(found), *_candidates_tables(study))),
-        Section(f"Recommended values: {found.recommended.name}", tuple(values)),
-        *([Section("Friction", (*friction, _friction_table(found)))] if friction else []),
-        Section("What the data tell", tuple(said)),
-        Section("Robot", (robot_chart(found.force_model.mechanism),)),
-        Section("Other candidates", tuple(others)),
-        Section("Joint terms", (_terms_table(study.term_sets),)),
-        Section("Filter and samples", tuple(filtering)),
+def _under(found: Identification) -> str:
+    """What was fitted, in a line."""
+    said = [
+        f"{run.name}, {run.motion.time[-1] - run.motion.time[0]:.3g} s, {len(run):,} samples"
+        for run in found.training
     ]
+    if found.cutoff is not None:
+        said.append(f"filtered at {found.cutoff.chosen:.3g} Hz")
+    judged = (
+        "judged on other data" if found.validation else "each stretch judged by fits to the others"
+    )
+    return "; ".join([*said, judged])
 
 
-def _forces_chart(found: Identification) -> Chart:
-    """On the first recording that judges, by fits that have not seen it."""
-    run = (found.validation or found.training)[0]
-    W = found.new.regressor[: len(run)]
+def _card(found: Identification, judged: Verdict, command: str) -> Card:
+    """The verdict as it is seen."""
+    tone, told, sure = TONES[judged.forces], found.identifiability, judged.mistake is None
+    warnings = sum(each.severity == "warning" for each in found.findings)
+    ratio, spread = judged.ratio
+    root = float(np.sqrt(ratio))
+    change, more = f"{100 * (root - 1):+.0f} %".replace("-", "−"), f"± {50 * spread / root:.1g} %"
+    if root >= 3:
+        change, more = f"{root:.2g} times", ""
+    use = judged.use.removeprefix(WORDS[judged.forces]).removeprefix(" for rough").strip(", ")
+    percent = f"{100 * judged.error:.2g} %"
+    return Card(
+        tone=tone,
+        word=WORDS[judged.forces],
+        use="until a mistake is mended" if not sure else use,
+        chips=(
+            (tone, f"Forces: {judged.forces}"),
+            ("good", "Single parameters: yes")
+            if judged.single_parameters
+            else ("bad", "Single parameters: no"),
+        ),
+        figures=(
+            Figure(
+                percent,
+                f"of its force: largest error on new data ({judged.motor})",
+                gauge=(judged.error, GOOD, ROUGH),
+                sure=sure,
+            ),
+            Figure(change, "errors against the robot file, all motors", more, sure=sure),
+            Figure(
+                f"{told.well_determined}",
+                "combinations known better than by the robot file",
+                f"of {told.structural_rank}",
+                sure=sure,
+            ),
+            Figure(
+                f"{len(found.mistakes)}",
+                f"{'mistake' if len(found.mistakes) == 1 else 'mistakes'} suspected; "
+                f"{counted(warnings, 'warning') if warnings else 'no warning'}",
+            ),
+        ),
+        next=f"{judged.improvement}.",
+        command=command,
+    )
 
-    def reach(rows: IntArray) -> FloatArray:
-        return prediction_reach(W[rows], found.fit.covariance)
 
-    own, file = (each.predicted[: len(run)] for each in (found.recommended, found.baseline))
-    prediction = Prediction(run, own)
-    return forces_chart(found.force_model.mechanism, prediction, file=file, reach=reach)
+def _sections(study: Study, worst: str) -> Iterator[Section]:
+    """Errors, forces, friction, parameters, what is not told, checks, and all values."""
+    found, told = study.identification, study.identification.identifiability
+    errors, mechanism = model_errors_chart(found, worst=worst), found.force_model.mechanism
+    motors = tuple(panel.motor for panel in errors.panels)
+    yield Section("Errors on new data, by motor", (errors,), short="Errors")
+    lead = "What is left should look like noise: no drift, no steps where a motor turns."
+    forces = [*_forces(found, motors, worst)]
+    yield Section("Forces left unexplained over time", tuple(forces), lead=lead, short="Forces")
+    friction = friction_chart(found, worst=worst), hysteresis_chart(found, worst=worst)
+    if drawn := tuple(each for each in friction if each.panels):
+        yield Section("Friction of each motor", drawn, short="Friction")
+    charts = parameters_chart(found), joints_chart(found), masses_chart(found)
+    yield Section(
+        "Parameters compared with the robot file",
+        tuple(each for each in charts if each.panels and each.panels[0].labels),
+        lead=_changed(found),
+        short="Parameters",
+    )
+    if told.weak or told.unidentifiable:
+        yield Section("What the log does not tell", (_untold_table(study),), short="Not told")
+    used = {"fitted": found.training, "new data, not fitted": found.validation}
+    log = [used_chart(mechanism, used), gains_chart(found.suspicions)]
+    log += [] if found.delay is None else [delays_chart(found.delay)]
+    log = [each for each in log if each.panels]
+    yield Section("Checks of the log", (*log, *_log_tables(study)), folded=True, short="Log")
+    model: list[Part] = [terms_chart(study.term_sets)]
+    model += [] if found.cutoff is None else [filter_chart(found.cutoff)]
+    model += [*_candidates_tables(study), _essential_table(study)]
+    yield Section("Checks of the model", tuple(model), folded=True, short="Model")
+    values = _estimates_table(found)
+    yield Section("All values", (values,), folded=values.row_count > OPEN)
+    if robot := _robot_tables(found):
+        yield Section("Values of bodies and joints", tuple(robot), folded=True, short="Robot")
+
+
+def _forces(found: Identification, motors: tuple[str, ...], worst: str) -> Iterator[Part]:
+    """On each recording that judges, by fits that have not seen it."""
+    first = 0
+    for k, run in enumerate(found.validation or found.training):
+        rows = slice(first, first + len(run))
+        own, file = (each.predicted[rows] for each in (found.recommended, found.baseline))
+        name, first = "forces" if not k else f"forces_{k + 1}", rows.stop
+        yield forces_chart(
+            found.force_model.mechanism,
+            Prediction(run, own),
+            motors=motors,
+            file=file,
+            worst=worst,
+            name=name,
+        )
+
+
+def _changed(found: Identification) -> str:
+    """How many parameters of bodies are clearly not those of the robot file."""
+    if found.recommended is found.baseline:
+        return "The bodies are those of the robot file: fitted ones are clearly worse."
+    bodies, prior = found.force_model.body_columns, found.force_model.prior
+    low, high = found.fit.intervals()[bodies].T - prior[bodies]
+    clear = int(((low > 0) | (high < 0)).sum())
+    return f"{clear} of {len(bodies)} parameters and sums clearly differ from the robot file."
+
+
+def _untold_table(study: Study) -> Table:
+    """Combinations that the file tells better than the log."""
+    told = study.identification.identifiability
+    rows = [(each.text, "0", "unknown: as in the file") for each in told.unidentifiable]
+    rows += [
+        (each.text, f"{100 * each.effect:.2g} %", f"{each.standard_error:.2g} times the file's")
+        for each in told.weak
+    ]
+    columns = "combination", ">effect on forces", ">uncertainty"
+    return plain_table("", columns, rows)
 
 
 def _fits(found: Identification) -> dict[str, bytes | str]:
@@ -128,11 +222,11 @@ def _fits(found: Identification) -> dict[str, bytes | str]:
     return {n: SavedFit.of(found.force_model, fit).content(n) for n, fit in fits.items()}
 
 
-def identification_record(study: Study) -> dict[str, Any]:
+def identification_record(study: Study, judged: Verdict | None = None) -> dict[str, Any]:
     """All findings of a study, ready for JSON."""
     found, reduction = study.identification, study.reduction
     model, told = found.force_model, found.identifiability
-    terms = model.joint_terms
+    terms, judged = model.joint_terms, judged or study.verdict
     return {
         "mechanism": model.mechanism.name,
         "model": model.model,
@@ -144,7 +238,8 @@ def identification_record(study: Study) -> dict[str, Any]:
         "all_parameters": SavedFit.of(model, found["all parameters"].fit).record(),
         "recommended": found.recommended.name,
         "fit": SavedFit.of(model, found.fit).record(),
-        "judged": json_value(study.verdict),
+        "judged": json_value(judged) | json_fields(judged, *USES),
+        "errors": [_errors(found, k) for k in range(len(model.mechanism.independent))],
         "prior_deviation": json_value(found.prior_deviation),
         "cutoff": json_value(found.cutoff),
         "joint_terms": {} if terms is None else {j: list(k) for j, k in terms.of_joints.items()},
@@ -164,7 +259,18 @@ def identification_record(study: Study) -> dict[str, Any]:
         "candidates": [_candidate(candidate) for candidate in _candidates(study)],
         "delay": json_value(found.delay),
         "suspicions": json_value(found.suspicions),
+        "robot": [json_fields(each, *ROBOT) for each in found.fit.robot.values()],
     }
+
+
+def _errors(found: Identification, k: int) -> dict[str, Any]:
+    """Errors on new data of a motor, in parts of its force, as the page shows them."""
+    mechanism, motor = found.force_model.mechanism, found.force_model.mechanism.independent[k]
+    said: dict[str, Any] = {"motor": motor, "number": k + 1, "unit": force_unit(mechanism, motor)}
+    for name, candidate in (("fit", found.recommended), ("robot_file", found.baseline)):
+        error, spread = (float(each[k]) for each in found.relative_errors(candidate))
+        said[name] = {"error": json_value(error), "standard_error": json_value(spread)}
+    return said
 
 
 def _candidates(study: Study) -> tuple[Candidate, ...]:
@@ -228,108 +334,39 @@ def _term_sets(found: TermComparison) -> list[dict[str, Any]]:
     ]
 
 
-def findings(study: Study) -> tuple[Finding, ...]:
-    """What a reader should know beside the numbers, the most important first."""
-    found = study.identification
-    told, cutoff = found.identifiability, found.training[0].cutoff
-    terms, _ = parted(found.force_model.joint_terms)
-    choice = NO_TERMS if terms is None else terms.choice(found.force_model.mechanism)
-    filtered = "unfiltered" if cutoff is None else f"filtered at {cutoff:.3g} Hz"
-    condition = found["all parameters"].fit.condition_number
-    notes = [
-        (f"recommended: {found.recommended.name}", _recommendation(found)),
-        (
-            f"the data were {filtered}",
-            f"the condition number of the weighted regressor is {condition:.4g}",
-        ),
-        (f"the joint terms are {choice}", _terms_finding(study.term_sets)),
-    ]
-    runs = (*found.training, *found.validation)
-    frames = dict.fromkeys(frame for run in runs for frame in run.wrenches)
-    if frames:
-        where = f"on {', '.join(frames)}"
-        notes.append(("measured wrenches are part of the forces", where))
-    notes += [(sentence, "") for sentence in friction_findings(found.fit)]
-    for joint in hysteretic_joints(found.fit):
-        notes.append((hysteresis_loop(found.fit, joint).sentence, ""))
-    if told.unidentifiable:
-        notes.append(
-            (
-                "unidentifiable combinations are as in the robot file",
-                f"the values of {', '.join(told.assumed)} rest on it",
-            )
-        )
-    return most_important_first((*study.findings, *(Finding("note", *note) for note in notes)))
-
-
-def _terms_finding(found: TermComparison) -> str:
-    with_file, fitted = (
-        f"{'these are' if each is found.chosen else f'{each.choice} are'} enough with "
-        f"{bodies} (squared error {_error_text(each.errors[k])})"
-        for k, (each, bodies) in enumerate(
-            zip(found.enough, ("the bodies of the robot file", "fitted bodies"), strict=True)
-        )
-    )
-    said = (
-        f"On new data {fitted}, {with_file}: fitted bodies are "
-        f"{'' if found.bodies_pay else 'not '}clearly better."
-    )
-    good = found.chosen.errors[1].as_good
-    return said if good else f'{said} Try terms="{found.enough[1].choice}".'
-
-
-def _error_text(error: PredictionError) -> str:
-    return f"{error.mean:.3g} ± {error.standard_error:.2g}"
-
-
-def _recommendation(found: Identification) -> str:
-    said = f"Recommended, and written to parameters.yaml: {found.recommended.name}"
-    if found.recommended is found.baseline:
-        return f"{said} with fitted joint terms, as fitted bodies are clearly worse on new data."
-    deviation = found.fit.deviation
-    if deviation is None:
-        return f"{said} by {found.fit.estimator}."
-    return f"{said} parameters, every body solid; {deviation.sentence}."
-
-
 def _value_and_error(fit: FitResult, estimate: Estimate) -> tuple[str, str]:
     """As they are shown; no error of what is as in the robot file."""
     error = 0.0 if estimate.name in fit.assumed else estimate.standard_error
     return with_error(estimate.value, error)
 
 
-def _estimates_table(title: str, found: Identification, fit: FitResult) -> Table:
-    bodies = {fit.parameters.names[j] for j in found.force_model.body_columns}
-    known = dict(zip(fit.parameters.names, found.force_model.prior.tolist(), strict=True))
+def _estimates_table(found: Identification) -> Table:
+    """All values of the recommended fit."""
+    fit, model = found.fit, found.force_model
+    bodies = {fit.parameters.names[j] for j in model.body_columns}
+    known = dict(zip(fit.parameters.names, model.prior.tolist(), strict=True))
     columns = {
-        "parameter": lambda each: each.expression or each.name,
-        ">value": lambda each: _value_and_error(fit, each)[0],
-        ">± std": lambda each: _value_and_error(fit, each)[1],
-        ">95 % from": lambda each: number(each.interval[0]),
-        ">to": lambda each: number(each.interval[1]),
-        ">file": lambda each: number(known[each.name]) if each.name in bodies else "-",
-        "unit": "unit",
+        "parameter": lambda each: Words(each.name, more=each.expression),
+        ">value ± std": lambda each: value_text(each, fit.assumed),
+        ">robot file": lambda each: number(known[each.name]) if each.name in bodies else "-",
+        ">95 % interval": lambda each: interval(*each.interval),
+        "from zero": lambda each: _clear(*each.interval),
+        ">std": lambda each: (
+            f"{each.relative_std:.2g} %" if each.relative_std < 1000 else "> 1000 %"
+        ),
     }
+    title = f"recommended: {found.recommended.name}, as in parameters.yaml"
     return table_of(title, columns, _shown(fit))
+
+
+def _clear(low: float, high: float) -> str:
+    return "clear" if low > 0 or high < 0 else "not clear"
 
 
 def _shown(fit: FitResult) -> list[Estimate]:
     """Estimates without points of friction curves, but for what there is more at standstill."""
     shown = zip(fit.parameters, fit.estimates, strict=True)
     return [one for each, one in shown if not grouped(each.kind) or each.kind.startswith(ALONE)]
-
-
-def _friction_table(found: Identification) -> Table:
-    """Friction of each motor in four numbers, with standard errors."""
-    fit, rows = friction_summary(found.fit), []
-    for k, joint in enumerate(fit.joints):
-        own = [each[k] for each in fit.parts.values()]
-        cells = [
-            "-" if one is None else " ± ".join(_value_and_error(found.fit, one)) for one in own
-        ]
-        rows.append((joint, *cells))
-    columns = "joint", ">Coulomb", ">viscous", ">more at standstill", ">part of the load"
-    return plain_table("friction; its curve is drawn", columns, rows)
 
 
 def _essential_table(study: Study) -> Table:
@@ -371,72 +408,66 @@ def _of_body(estimate: Estimate) -> bool:
 
 
 def _candidates_tables(study: Study) -> list[Table]:
-    """Prediction errors of the robot file, all parameters, the essential ones, and others."""
-    found, candidates, rows = study.identification, _candidates(study), list[list[object]]()
-    for k, motor in enumerate(found.force_model.mechanism.independent):
-        for j, each in enumerate(candidates):
-            rows.append(["" if j else motor, each.name])
-            parts = zip((each.training, each.validation), each.rms_errors, strict=True)
-            for quality, errors in parts:
-                there = bool(quality.samples[k])
-                rms = with_error(float(quality.residual_rms[k]), float(errors[k]))
-                rows[-1] += [*rms, f"{quality.r_squared[k]:.3f}"] if there else ["-"] * 3
-    columns = "motor", "fit", ">fitted", ">±", ">R²", ">new", ">±", ">R²"
-    ratios = {
-        **{"fit": "name", ">fitted parameters": "fitted"},
-        ">ratio": lambda each: with_error(*each.error_ratio)[0],
-        ">± std": lambda each: with_error(*each.error_ratio)[1],
-        "": lambda each: _grade(each, found),
+    """Errors on new data of the robot file, all parameters, the essential ones, and others."""
+    found, mechanism = study.identification, study.identification.force_model.mechanism
+    columns = {
+        **{"fit": "name", ">fitted": "fitted", ">error over the file's": _over_file},
+        "against the file": lambda each: _grade(each, found),
     }
-    title = "squared errors on new data, over those of the robot file with fitted joint terms"
-    return [
-        table_of(title, ratios, candidates),
-        plain_table("errors on fitted and on new data: RMS ± std, R²", columns, rows),
+    rows = [
+        (
+            motor,
+            each.name,
+            " ± ".join(
+                with_error(float(each.validation.residual_rms[k]), float(each.rms_errors[1][k]))
+            ),
+            force_unit(mechanism, motor),
+        )
+        for k, motor in enumerate(mechanism.independent)
+        for each in _candidates(study)
     ]
+    errors = "other fits: errors by motor, RMS ± std", ("motor", "fit", ">on new data", "unit")
+    return [
+        table_of("other fits: errors on new data", columns, _candidates(study)),
+        plain_table(*errors, rows),
+    ]
+
+
+def _over_file(each: Candidate) -> str:
+    ratio, spread = each.error_ratio
+    root = float(np.sqrt(ratio))
+    return " ± ".join(with_error(root, spread / (2 * root)))
 
 
 def _grade(each: Candidate, found: Identification) -> str:
-    if each.beats_baseline:
-        return "better"
-    return "worse" if each.loses_to_baseline else "" if each is found.baseline else "not clear"
+    said = "better" if each.beats_baseline else "worse" if each.loses_to_baseline else "not clear"
+    said = "" if each is found.baseline else said
+    return f"{said} (recommended)".strip() if each is found.recommended else said
 
 
-def _terms_table(found: TermComparison) -> Table:
-    """What each set of joint terms buys, with the bodies of the robot file and fitted ones."""
-    rows = []
-    for each in found.sets:
-        rows.append([each.choice + (" (chosen)" if each is found.chosen else "")])
-        for k in (0, 1):
-            best = " *" if each is found.enough[k] else "  "
-            rows[-1] += [str(each.parameters[k]), _error_text(each.errors[k]) + best]
-    columns = "terms", ">fitted", ">robot file's bodies", ">fitted", ">bodies fitted"
-    title = "squared error on new data ± std, in error variances of the fit; * enough"
-    return plain_table(title, columns, rows)
-
-
-def _filter_tables(study: Study) -> list[Table]:
-    """Samples and their correlation, gains of the motors, and what was left out."""
-    found, rows = study.identification, list[tuple[str, ...]]()
-    if noise := found["all parameters"].fit.noise:
-        for k, motor in enumerate(noise.actuators):
-            counts = f"{noise.samples[k]:,}", f"{noise.effective_samples[k]:,.0f}"
-            rows.append((motor, *counts, f"{noise.lag_one[k]:.3f}"))
-    gains = (
-        (one.recording, g.joint, f"{g.gain:.3g}", "{:.3g} ... {:.3g}".format(*g.interval))
-        for one in found.suspicions
-        for g in one.gains
+def _log_tables(study: Study) -> list[Table]:
+    """Samples and their correlation, and what was left out."""
+    found, noise = study.identification, study.identification["all parameters"].fit.noise
+    rows = (
+        []
+        if noise is None
+        else [
+            (motor, f"{count:,}", f"{effective:,.0f}", f"{lag:.3f}")
+            for motor, count, effective, lag in zip(
+                *(noise.actuators, noise.samples, noise.effective_samples, noise.lag_one),
+                strict=True,
+            )
+        ]
     )
-    dropped = (
+    dropped = [
         (recording.name, d.reason, d.count, f"{d.first:.2f}", f"{d.last:.2f}")
         for recording in found.training
         for d in recording.dropped
-    )
-    of_noise = "", ">samples", ">effective", ">lag-one correlation"
-    of_gains = "recording", "motor", ">gain", ">95 % interval"
-    of_dropped = "recording", "reason", ">samples", ">from (s)", ">to (s)"
-    expected = "measured forces over what bodies and other motors let expect"
-    return [
-        plain_table("residuals of the fit", of_noise, rows),
-        plain_table(expected, of_gains, gains),
-        plain_table("left out", of_dropped, dropped),
     ]
+    of_noise = "", ">samples", ">effective", ">lag-one correlation"
+    of_dropped = "recording", "reason", ">samples", ">from (s)", ">to (s)"
+    tables = (
+        plain_table("residuals of the fit", of_noise, rows),
+        plain_table("left out", of_dropped, dropped),
+    )
+    return [table for table in tables if table.row_count]

@@ -21,6 +21,7 @@ from rich.table import Table
 from rich.text import Text
 
 from loopid.errors import one_line, short_name
+from loopid.numbers import number
 
 SHORTEST = 12  # columns that a name is shortened to, if at all
 MOST_ROWS = 16  # of a table that is not folded
@@ -29,9 +30,10 @@ MOST_ROWS = 16  # of a table that is not folded
 class Words:
     """Text in a cell: it breaks between words, and a word that is too long loses its middle."""
 
-    def __init__(self, text: str, style: str = "", whole: bool = False) -> None:
+    def __init__(self, text: str, style: str = "", whole: bool = False, more: str = "") -> None:
         self.text, self.style = "\n".join(map(one_line, text.split("\n"))), style
         self.whole = whole  # as a number is: never broken, never shortened
+        self.more = more  # what the text is short for, which pages unfold
 
     def __str__(self) -> str:
         return self.text
@@ -72,12 +74,13 @@ def plain_table(title: str, columns: Sequence[str], rows: Iterable[Iterable[obje
         show_header=headed,
     )
     numbers = [name[:1] == ">" for name in columns]
-    for name, number in zip(columns, numbers, strict=True):
-        side: Any = "right" if number else "left"
-        table.add_column(Heading(name.removeprefix(">")), justify=side, no_wrap=number)
+    for name, whole in zip(columns, numbers, strict=True):
+        side: Any = "right" if whole else "left"
+        table.add_column(Heading(name.removeprefix(">")), justify=side, no_wrap=whole)
     for row in rows:
+        cells = zip(row, numbers, strict=True)
         table.add_row(
-            *(Words(str(cell), whole=own) for cell, own in zip(row, numbers, strict=True))
+            *(c if isinstance(c, Words) else Words(str(c), whole=own) for c, own in cells)
         )
     return table
 
@@ -109,44 +112,17 @@ def table_of(title: str, columns: Mapping[str, Any], things: Iterable[Any]) -> T
     return plain_table(title, tuple(columns), rows)
 
 
-def _cell(thing: Any, column: Any) -> str:
+def _cell(thing: Any, column: Any) -> str | Words:
     if not isinstance(column, str):
         value, form = column(thing), ""
     else:
         name, _, form = column.partition(":")
         value = thing[name] if isinstance(thing, Mapping) else getattr(thing, name)
+    if isinstance(value, Words):
+        return value
     if value is None or (isinstance(value, float) and not (form and math.isfinite(value))):
         return number(value)
     return format(value, form)
-
-
-def number(value: float | None, digits: int = 4) -> str:
-    """A number to some digits, a dash where there is none."""
-    if value is None or not math.isfinite(value):
-        return "-"
-    plain = 10**digits <= abs(value) < 1e6  # 4500 rather than 4.5e+03
-    return f"{value:.0f}" if plain else f"{value:.{digits}g}"
-
-
-def with_error(value: float, error: float) -> tuple[str, str]:
-    """A value and its standard error, both to two digits of the error."""
-    if not (math.isfinite(error) and error > 0):
-        return number(value), "-"
-    decimals = 1 - math.floor(math.log10(error))
-    if not -5 <= decimals <= 8:
-        return f"{value:.4g}", f"{error:.2g}"
-    return tuple(f"{round(x, decimals) + 0.0:.{max(decimals, 0)}f}" for x in (value, error))  # type: ignore[return-value]
-
-
-def interval(low: float, high: float) -> str:
-    """The ends of an interval to two digits of its half width, or to three where that is more."""
-    if not (math.isfinite(low) and math.isfinite(high) and low < high):
-        return f"{number(low, 3)} ... {number(high, 3)}"
-    decimals = 1 - math.floor(math.log10((high - low) / 2))
-    if not -5 <= decimals <= 8:
-        return f"{low:.3g} ... {high:.3g}"
-    ends = (f"{round(x, decimals) + 0.0:.{max(decimals, 0)}f}" for x in (low, high))
-    return " ... ".join(ends)
 
 
 def json_text(record: Any) -> str:
@@ -173,3 +149,12 @@ def json_value(value: Any) -> Any:
     if isinstance(value, float):
         return float(value) if math.isfinite(value) else None
     return value
+
+
+def rounded(value: Any) -> Any:
+    """What is ready for JSON, with six digits a number."""
+    if isinstance(value, dict):
+        return {key: rounded(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [rounded(each) for each in value]
+    return float(f"{value:.6g}") if isinstance(value, float) else value

@@ -1,4 +1,4 @@
-"""Reports: a verdict, sections and a record; shown in the terminal, or as one page of HTML.
+"""Reports: a card, findings, sections and a record; shown in the terminal, or as one page of HTML.
 
 A page opens without a network: style, script and numbers are in it. One of your own is
 ``Page("title", sections)``, with sections of a report and others.
@@ -7,25 +7,32 @@ A page opens without a network: style, script and numbers are in it. One of your
 from __future__ import annotations
 
 import json
+import math
 import platform
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import field
 from importlib.metadata import version
 from importlib.resources import files
-from typing import Any
+from typing import Any, Literal
 
 from lxml.html import HtmlElement, fragment_fromstring, tostring
 from rich.table import Table
 
+from loopid.errors import counted
 from loopid.findings import Finding, most_important_first
-from loopid.plots.chart import Chart, E
+from loopid.plots.chart import MOST_ROWS, Chart, E, Panel, short_or_whole, unfolding
 from loopid.records import record
-from loopid.report.look import facts, json_text, json_value
+from loopid.report.look import Words, facts, json_text, json_value, plain_table, rounded
 
 LIBRARIES = "loopid", "pin", "numpy", "scipy"
 VERSION = 1  # of the records' forms, which ``schema.py`` tells: a new one where programs notice
 # What a browser is allowed: nothing from elsewhere.
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
+Tone = Literal["good", "rough", "bad", "info"]
+MARKS = {"good": "✓ ", "rough": "≈ ", "bad": "✗ ", "info": ""}  # no status by colour alone
+TONES: dict[str, Tone] = {"mistake": "bad", "warning": "rough", "note": "info"}  # of findings
+SIGNS = {"mistake": "✗ ", "warning": "! ", "note": ""}
+DECADES = 3  # of a gauge, which ends at 100 %
 
 
 @record
@@ -51,7 +58,7 @@ class Formula:
         return E.p(f"{self.name}: ", fragment_fromstring(f"<math>{self.mathml}</math>"))
 
 
-Part = str | Table | Chart | Formula | Finding
+Part = str | Table | Chart | Formula
 
 
 @record
@@ -62,15 +69,20 @@ class Section:
     ----------
     title : str
     parts : tuple
-        Paragraphs (str), tables (``rich.table.Table``), charts (``Chart``), formulas and
-        findings.
+        Paragraphs (str), tables (``rich.table.Table``), charts (``Chart``) and formulas.
     folded : bool
         Whether only the titles of its tables are seen at first.
+    lead : str
+        What it says, in a sentence.
+    short : str
+        Its name in the page's bar, by default the title.
     """
 
     title: str
     parts: tuple[Part, ...]
     folded: bool = False
+    lead: str = ""
+    short: str = ""
 
     @property
     def anchor(self) -> str:
@@ -80,49 +92,183 @@ class Section:
     def html(self) -> HtmlElement:
         """A section of a page."""
         parts = (_part(part, self.folded) for part in self.parts)
-        return E.section({"id": self.anchor}, E.h2(self.title), *parts)
+        lead = [E.p({"class": "lead"}, self.lead)] if self.lead else []
+        return E.section({"id": self.anchor}, E.h2(self.title), *lead, *parts)
 
 
 def _part(part: Part, folded: bool) -> HtmlElement:
     if isinstance(part, Table):
-        return _folded(part) if folded else _table(part)
-    if isinstance(part, Finding):
-        return _finding(part)
+        return _folded(part) if folded else _tables(part)
     return E.p(part) if isinstance(part, str) else part.html()
 
 
 def _folded(table: Table) -> HtmlElement:
     rows = "row" if table.row_count == 1 else "rows"
-    said = E.summary(str(table.title or "table"), E.span(f" {table.row_count} {rows}"))
-    return E.details(said, _table(table))
+    found = unfolding(str(table.title or "table"), _tables(table))
+    found[0].append(E.small(f" {table.row_count} {rows}"))
+    return found
 
 
-def _finding(found: Finding) -> HtmlElement:
-    said = [E.strong(f"{found.severity.capitalize()}: {found.title}")]
-    said += [E.p(found.why)] if found.why else []
-    said += [E.p(f"Do: {found.do}")] if found.do else []
-    return E.div({"class": f"finding {found.severity}"}, *said)
+def _tables(table: Table) -> HtmlElement:
+    """The table; rows beyond ``MOST_ROWS`` unfold."""
+    left = table.row_count - MOST_ROWS
+    if left <= 0:
+        return _table(table, slice(None))
+    rest = unfolding(
+        f"{left} more {'row' if left == 1 else 'rows'}", _table(table, slice(MOST_ROWS, None))
+    )
+    return E.div(_table(table, slice(MOST_ROWS)), rest)
 
 
-def _table(table: Table) -> HtmlElement:
+def _table(table: Table, some: slice) -> HtmlElement:
     heads = [str(column.header) for column in table.columns]
-    numbers = [column.justify == "right" for column in table.columns]
-    sides = ["number" if right else "unit" if head == "unit" else ""
-             for head, right in zip(heads, numbers, strict=True)]  # fmt: skip
-    rows = zip(*(column.cells for column in table.columns), strict=True)
+    sides = [{"class": "number"} if column.justify == "right" else {} for column in table.columns]
+    rows = list(zip(*(column.cells for column in table.columns), strict=True))[some]
     body = (
-        E.tr(*(E.td({"class": side}, str(cell)) for side, cell in zip(sides, row, strict=True)))
+        E.tr(*(E.td(side, _cell(each)) for side, each in zip(sides, row, strict=True)))
         for row in rows
     )
     found = E.table(E.tbody(*body))
     if table.show_header:
         named = zip(sides, heads, strict=True)
-        cells = (E.th({"class": side, "scope": "col"}, head) for side, head in named)
+        cells = (E.th({"scope": "col"}, side, head) for side, head in named)
         found.insert(0, E.thead(E.tr(*cells)))
     if table.title:
         found.insert(0, E.caption(str(table.title)))
     note = [E.p({"class": "note"}, str(table.caption))] if table.caption else []
-    return E.div({"class": "table"}, found, *note)
+    return E.div({"class": "table", "tabindex": "0"}, found, *note)
+
+
+def _cell(cell: object) -> HtmlElement | str:
+    more = cell.more if isinstance(cell, Words) else ""
+    return short_or_whole(str(cell), more)
+
+
+@record
+class Figure:
+    """A number that a page shows first.
+
+    Attributes
+    ----------
+    value, more : str
+        The number, and what stands small beside it.
+    what : str
+        What it is.
+    gauge : tuple of float
+        An error, and up to which it is good and rough, all in parts of 1; empty for none.
+    sure : bool
+        Whether it counts.
+    """
+
+    value: str
+    what: str
+    more: str = ""
+    gauge: tuple[float, ...] = ()
+    sure: bool = True
+
+    def html(self) -> HtmlElement:
+        """A part of a card."""
+        more = [E.small(f" {self.more}")] if self.more else []
+        gauge = [self._gauge()] if self.gauge else []
+        number = E.dd(self.value, *more, *gauge)
+        return E.div({"class": "" if self.sure else "unsure"}, E.dt(self.what), number)
+
+    def _gauge(self) -> HtmlElement:
+        at, good, rough = (
+            100 * min(max(1 + math.log10(max(x, 1e-9)) / DECADES, 0.0), 1.0) for x in self.gauge
+        )
+        widths = {"good": good, "rough": rough - good, "bad": 100 - rough}
+        parts = (E.i({"class": n, "style": f"width:{w:.0f}%"}) for n, w in widths.items())
+        ends = f"good up to {100 * self.gauge[1]:.3g} %, rough up to {100 * self.gauge[2]:.3g} %"
+        needle = E.b({"style": f"left:{at:.0f}%"})
+        return E.span({"class": "gauge", "title": ends}, *parts, needle)
+
+
+@record(kw_only=True)
+class Card:
+    """What a page says first: a word, for what, and what to do next.
+
+    Attributes
+    ----------
+    tone : str
+        ``"good"``, ``"rough"``, ``"bad"`` or ``"info"``.
+    word, use : str
+        Such as "Fit", and "for predicting forces".
+    chips : tuple of (str, str)
+        Uses with a tone each.
+    figures : tuple of Figure
+    next : str
+        The next step.
+    command : str
+        That does it.
+    """
+
+    tone: Tone = "info"
+    word: str = ""
+    use: str = ""
+    chips: tuple[tuple[Tone, str], ...] = ()
+    figures: tuple[Figure, ...] = ()
+    next: str = ""
+    command: str = ""
+
+    @property
+    def said(self) -> str:
+        """The word with its sign."""
+        return f"{MARKS[self.tone]}{self.word}"
+
+    def html(self) -> HtmlElement:
+        """The first part of a page."""
+        card = E.div({"class": f"card {self.tone}"})
+        word = [E.strong(self.said)] if self.word else []
+        card.append(E.p({"class": "word"}, *word, E.span(f" {self.use}")))
+        chips = (E.li({"class": tone}, f"{MARKS[tone]}{text}") for tone, text in self.chips)
+        card.extend([E.ul({"class": "chips"}, *chips)] if self.chips else [])
+        figures = (each.html() for each in self.figures)
+        card.extend([E.dl({"class": "figures"}, *figures)] if self.figures else [])
+        if self.next:
+            command = [unfolding("Show the command", E.pre(self.command))] if self.command else []
+            card.append(E.div({"class": "next"}, E.p(E.b("Next: "), self.next), *command))
+        return card
+
+
+def findings_html(
+    findings: Sequence[Finding], checks: Sequence[tuple[bool, str]], warnings: Sequence[str]
+) -> HtmlElement:
+    """Mistakes and warnings with what to do, notes folded, checks in one line."""
+    found = E.section({"id": "findings"}, E.h2("Findings, most important first"))
+    serious = [each for each in findings if each.severity != "note"]
+    notes = [each for each in findings if each.severity == "note"]
+    said = [
+        E.li({"class": TONES[each.severity]}, _kind(each), E.div(*_said(each))) for each in serious
+    ]
+    found.extend([E.ol({"class": "findings"}, *said)] if said else [])
+    folded = [unfolding(_sentence(each.title), *_said(each)[1:]) for each in notes]
+    folded += (
+        [unfolding(counted(len(warnings), "warning") + " on the way", *map(E.p, warnings))]
+        if warnings
+        else []
+    )
+    found.extend([E.div({"class": "notes"}, *folded)] if folded else [])
+    passed = (
+        E.li({"class": "good" if good else "rough"}, f"{'✓' if good else '!'} {text}")
+        for good, text in checks
+    )
+    found.extend([E.ul({"class": "checks"}, *passed)] if checks else [])
+    return found
+
+
+def _kind(found: Finding) -> HtmlElement:
+    return E.span({"class": "kind"}, f"{SIGNS[found.severity]}{found.severity.capitalize()}")
+
+
+def _said(found: Finding) -> list[HtmlElement]:
+    said = [E.h3(_sentence(found.title))]
+    said += [E.p({"class": "why"}, _sentence(found.why))] if found.why else []
+    return said + ([E.p(E.b("Do: "), found.do)] if found.do else [])
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 @record(kw_only=True)
@@ -148,12 +294,12 @@ class Run:
             "machine": f"{platform.system()} {platform.machine()}",
         }
 
-    def sections(self) -> Iterator[Section]:
-        """Warnings, and what reproduces the run."""
-        if self.warnings:
-            yield Section("Warnings", self.warnings)
+    def section(self) -> Section:
+        """What reproduces the run."""
         told = {"command": self.command} if self.command else {}
-        yield Section("To reproduce", (facts("", told | self.versions),))
+        return Section(
+            "To reproduce this run", (facts("", told | self.versions),), short="Reproduce"
+        )
 
 
 NO_RUN = Run()
@@ -167,14 +313,15 @@ class Page:
     ----------
     title : str
     sections : tuple of Section
-    verdict : str
-        One sentence above all.
+    under : str
+        What it is of, below the title.
+    card : Card or None
+    pictures : tuple of Chart
+        Beside the card, and below both.
+    findings : HtmlElement or None
+        Before the sections.
     data : dict or None
-        Numbers that programs read from the page's element ``data``.
-    advice : str
-        A command below the verdict.
-    figures : tuple of (str, str)
-        Numbers that are seen first, and what each is.
+        Numbers that programs read from the page's element ``data``, there to six digits.
 
     Examples
     --------
@@ -186,10 +333,11 @@ class Page:
 
     title: str
     sections: tuple[Section, ...]
-    verdict: str = ""
+    under: str = ""
+    card: Card | None = None
+    pictures: tuple[Chart, ...] = ()
+    findings: HtmlElement | None = None
     data: dict[str, Any] | None = None
-    advice: str = ""
-    figures: tuple[tuple[str, str], ...] = ()
 
     def html(self) -> str:
         """The page as text."""
@@ -203,21 +351,32 @@ class Page:
             E.title(self.title),
             E.style(style),
         )
-        links = (E.a({"href": f"#{each.anchor}"}, each.title) for each in self.sections)
-        said = [E.p({"class": "verdict"}, self.verdict)] if self.verdict else []
-        said += [E.pre(self.advice)] if self.advice else []
-        tiles = [E.div(E.dt(what), E.dd(value)) for value, what in self.figures]
-        said += [E.dl({"class": "figures"}, *tiles)] if tiles else []
-        body = E.body(
-            E.header(E.h1(self.title), *said, E.nav(*links)),
-            E.main(*(each.html() for each in self.sections)),
-        )
+        main = E.main(*([] if self.findings is None else [self.findings]))
+        main.extend(each.html() for each in self.sections)
+        body = E.body(self._header(), self._bar(), main)
         if self.data is not None:
-            numbers = json.dumps(self.data).replace("<", r"\u003c")
+            numbers = json.dumps(rounded(self.data)).replace("<", r"\u003c")
             body.append(E.script({"id": "data", "type": "application/json"}, numbers))
         body.append(E.script(script))
         page = E.html({"lang": "en"}, head, body)
         return str(tostring(page, encoding="unicode", doctype="<!DOCTYPE html>")) + "\n"
+
+    def _header(self) -> HtmlElement:
+        under = [E.p({"class": "under"}, self.under)] if self.under else []
+        first = [] if self.card is None else [self.card.html()]
+        first += [each.html() for each in self.pictures[:1]]
+        rows = [E.div({"class": "first"}, *first)] if first else []
+        return E.header(E.h1(self.title), *under, *rows, *(p.html() for p in self.pictures[1:]))
+
+    def _bar(self) -> HtmlElement:
+        links = [
+            E.a({"href": f"#{each.anchor}"}, each.short or each.title) for each in self.sections
+        ]
+        if self.findings is not None:
+            links.insert(0, E.a({"href": "#findings"}, "Findings"))
+        if self.card is not None and self.card.word:
+            links.insert(0, E.b({"class": self.card.tone}, self.card.said))
+        return E.nav(E.div(*links))
 
 
 @record(kw_only=True)
@@ -241,10 +400,18 @@ class Report:
         Gives the files beside page and record, by name.
     advice : str
         A command that does what the verdict advises.
-    figures : tuple of (str, str)
-        Numbers that the page shows first, and what each is.
+    card : Card
+        What the page says first, by default the verdict.
+    pictures : callable
+        Gives the charts beside the card, and below both.
+    under : str
+        What it is of, below the title of the page.
     findings : sequence of Finding
         What to know beside the numbers.
+    checks : sequence of (bool, str)
+        What was checked, and whether it passed.
+    beside : tuple of str
+        Keys of the record that the page does not hold, as they are large.
     """
 
     name: str
@@ -255,14 +422,20 @@ class Report:
     sections: Callable[[], Sequence[Section]] = field(default=None)  # type: ignore[assignment]
     results: Callable[[], dict[str, bytes | str]] = dict
     advice: str = ""
-    figures: tuple[tuple[str, str], ...] = ()
+    card: Card = field(default=None)  # type: ignore[assignment]
+    pictures: Callable[[], Sequence[Chart]] = tuple
+    under: str = ""
     findings: Sequence[Finding] = ()
+    checks: Sequence[tuple[bool, str]] = ()
+    beside: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "findings", most_important_first(self.findings))
         if self.sections is None:
             shown = Section("Results", tuple(self.brief))
             object.__setattr__(self, "sections", lambda: [shown])
+        if self.card is None:
+            object.__setattr__(self, "card", Card(use=self.verdict))
 
     @property
     def data(self) -> dict[str, Any]:
@@ -271,23 +444,38 @@ class Report:
             "verdict": self.verdict,
             "advice": self.advice,
             "findings": [json_value(found) for found in self.findings],
+            "checks": [{"passed": good, "what": text} for good, text in self.checks],
         }
         return {"schema": f"loopid {self.name} {VERSION}", **said, **self.record}
 
     def tables(self) -> list[Table]:
-        """All tables of the page."""
-        return [part for each in self.sections() for part in each.parts if isinstance(part, Table)]
+        """All tables of the page, those with pictures among them."""
+        parts = [part for each in self.sections() for part in each.parts]
+        panels = (p for part in parts if isinstance(part, Chart) for p in part.panels if p.columns)
+        return [*map(_panel_table, panels), *(part for part in parts if isinstance(part, Table))]
 
     def page(self, run: Run = NO_RUN) -> Page:
         """The page."""
-        said = [Section("Findings", tuple(self.findings))] if self.findings else []
-        sections = (*said, *self.sections(), *run.sections())
-        return Page(self.title, sections, self.verdict, self.data, self.advice, self.figures)
+        told = self.findings or self.checks or run.warnings
+        findings = findings_html(self.findings, self.checks, run.warnings) if told else None
+        data = {key: value for key, value in self.data.items() if key not in self.beside}
+        sections = (*self.sections(), run.section())
+        return Page(
+            self.title, sections, self.under, self.card, tuple(self.pictures()), findings, data
+        )
 
     def files(self, run: Run = NO_RUN, *, figures: bool = False) -> dict[str, bytes | str]:
         """Page, record, results, and figures for papers if asked for, by file name."""
         page = self.page(run)
-        charts = [part for each in page.sections for part in each.parts if isinstance(part, Chart)]
+        parts = (*page.pictures, *(part for each in page.sections for part in each.parts))
+        charts = [part for part in parts if isinstance(part, Chart)]
         drawn = {n: c for chart in charts if figures for n, c in chart.files().items()}
         record = {f"{self.name}.json": json_text(self.data) + "\n"}
         return {"report.html": page.html(), **record, **self.results(), **drawn}
+
+
+def _panel_table(panel: Panel) -> Table:
+    """The texts of a table with pictures."""
+    title = panel.title or panel.motor
+    columns = ("", *(f">{name}" for name in panel.columns))
+    return plain_table(title, columns, zip(panel.labels, *panel.columns.values(), strict=True))

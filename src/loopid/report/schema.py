@@ -29,9 +29,11 @@ from loopid.findings import Finding
 from loopid.identification.cutoff import CutoffChoice
 from loopid.identification.delay import Delay
 from loopid.identification.log_mistakes import Suspicions
+from loopid.identification.result import RobotEstimate
 from loopid.identification.verdict import Verdict
 from loopid.motion.joints import MotionReview
 from loopid.report.excitation import CRITERIA, FOUND
+from loopid.report.identify import ROBOT, USES
 from loopid.report.page import VERSION
 from loopid.report.searches import ACCOUNT, GROUP, SEARCH
 
@@ -94,6 +96,7 @@ _BASE = {
     **{"standard_parameters": int, **_CHOICE, "undetermined": [str]},
     "motors_alone": (_CHOICE, None),
 }
+_ERROR = {"error": Real, "standard_error": Real}
 _QUALITY = {"rms": [Real], "r_squared": [Real]}
 _TERM_SET = {"fitted": int, "error": float, "standard_error": Real, "enough": bool}
 _DIRECTION = {"combination": str, "effect": float, "standard_error": Real, "change": [float]}
@@ -155,7 +158,10 @@ FORMS: dict[str, dict[Any, Any]] = {
         **{key: [_RECORDING] for key in ("training", "validation")},
         **{"robot_file": [float], "essential": [float], "recommended": str},
         **{"fit": FIT, "all_parameters": FIT, "prior_deviation": Real},
-        **{"judged": of(Verdict), "cutoff": (of(CutoffChoice), None), "delay": (of(Delay), None)},
+        "judged": {**of(Verdict), **of(Verdict, *USES)},
+        "errors": [{"motor": str, "number": int, "unit": str, "fit": _ERROR, "robot_file": _ERROR}],
+        "robot": [of(RobotEstimate, *ROBOT)],
+        **{"cutoff": (of(CutoffChoice), None), "delay": (of(Delay), None)},
         "suspicions": [of(Suspicions)],
         **{"joint_terms": {str: [str]}, "fitted_bodies_pay": bool},
         "term_sets": [
@@ -236,7 +242,9 @@ def json_schema(name: str) -> dict[str, Any]:
     """
     if name not in FORMS:
         raise OptionError.unknown("record", name, FORMS)
-    said = {} if name == "export" else {"verdict": str, "advice": str, "findings": [of(Finding)]}
+    checks = [{"passed": bool, "what": str}]
+    said = {"verdict": str, "advice": str, "findings": [of(Finding)], "checks": checks}
+    said = {} if name == "export" else said
     schema = _schema(said | FORMS[name])
     schema["required"] = ["schema", *schema["required"]]
     schema["properties"] |= {

@@ -14,6 +14,7 @@ from loopid.base_parameters.base import BaseParameters, expression
 from loopid.base_parameters.choice import UNCLEAR_RANK
 from loopid.diagnosis.modes import compare_modes
 from loopid.errors import counted
+from loopid.findings import Finding
 from loopid.kinematics import mobility
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.projection import NEAR_SINGULARITY, Factorisation, singularity_measure
@@ -21,7 +22,7 @@ from loopid.loading.checks import inertia_defects, odd_masses, unequal_links
 from loopid.plots.pictures import robot_chart, search_chart
 from loopid.regressors.joint_terms import OF_FILE, FileForce, file_forces
 from loopid.report.look import facts, json_fields, json_value, plain_table, table_of
-from loopid.report.page import Report, Section
+from loopid.report.page import Card, Figure, Report, Section, Tone
 from loopid.report.searches import groups_table, search_record, subgroup_facts
 from loopid.robot.closures import JointCoupling
 from loopid.robot.mechanism import Mechanism, shortened
@@ -39,30 +40,13 @@ def check_report(mechanism: Mechanism) -> Report:
     """What a robot is: joints, closures, mobility, distance to singularity."""
     found = check_record(mechanism)
     joints, *tables = check_tables(found)
-    floating = mechanism.coordinates_of(mechanism.floating)
-    free = [name for name in found["undetermined"] if name not in floating]
-    wrong = [
-        *_unclear_motors(found),
-        *found["undeclared_loops"],
-        *(["its reference is singular"] if found["singular_reference"] else []),
-        *(["its reference is near a singularity"] if found["near_singularity"] else []),
-        *(
-            [
-                f"the motors leave {shortened(free)} free: lock what does not move, and write what "
-                "moves with a loop into 'closures'"
-            ]
-            if free
-            else []
-        ),
-        *_idle_closures(found),
-        *found["inertia_defects"],
-        *found["odd_masses"],
-    ]
-    more = f", and {len(wrong) - 1} more below" if len(wrong) > 1 else ""
+    wrong = [*_wrong(mechanism, found)]
     closes = f"The robot closes its loops to {found['closure_residual']:.1e} m"
+    first = "".join(f"{each.title}{f': {each.do}' * bool(each.do)}" for each in wrong[:1])
+    more = f", and {len(wrong) - 1} more below" if len(wrong) > 1 else ""
     assumed = "" if found["motors_known"] else ", if all joints have motors"
     verdict = (
-        (f"Look at this first: {wrong[0]}{more}. " if wrong else "")
+        (f"Look at this first: {first}{more}. " if wrong else "")
         + f"{closes if found['closures'] else 'The robot has no loops'}, has {_freedoms(found)} "
         f"and a singularity measure of {found['singularity_measure']:.3g} (1 is best)"
         + ("." if wrong else f": ready for identification{assumed}.")
@@ -74,10 +58,33 @@ def check_report(mechanism: Mechanism) -> Report:
         record=found,
         brief=[_closures_table("", found["closures"][:SOME]), facts("", _few(found))],
         sections=lambda: [
-            Section("Robot", (robot_chart(mechanism),)),
+            Section("Closures and mobility", tuple(tables), short="Mobility"),
             Section("Joints", (joints,)),
-            Section("Closures and mobility", tuple(tables)),
         ],
+        findings=wrong,
+        pictures=lambda: (robot_chart(mechanism),),
+        card=Card(
+            tone="rough" if wrong else "good",
+            word="Look first" if wrong else "Ready",
+            use=f"{counted(len(wrong), 'warning')} below"
+            if wrong
+            else f"for identification{assumed}",
+            figures=(
+                Figure(
+                    str(found["degrees_of_freedom"]),
+                    "degrees of freedom",
+                    f"for {counted(len(found['actuated']), 'motor')}",
+                ),
+                Figure(
+                    str(found["closure_rank"]),
+                    "rows of the closures count",
+                    f"of {found['closure_rows']}",
+                ),
+                Figure(f"{found['closure_residual']:.0e}", "largest residual of a loop", "m"),
+                Figure(f"{found['singularity_measure']:.3g}", "singularity measure, 1 is best"),
+            ),
+            next=wrong[0].do if wrong else "",
+        ),
     )
 
 
@@ -86,34 +93,56 @@ def _freedoms(found: dict[str, Any]) -> str:
     return f"{counted(freedoms, 'degree')} of freedom for {counted(motors, 'motor')}"
 
 
-def _unclear_motors(found: dict[str, Any]) -> Iterator[str]:
-    """What is wrong with the motors: guessed, more than there are freedoms, or held."""
+def _wrong(mechanism: Mechanism, found: dict[str, Any]) -> Iterator[Finding]:
+    """What is wrong with a robot, or looks like it, the most important first."""
+    held, floating = found["held_motors"], mechanism.coordinates_of(mechanism.floating)
+    free = [name for name in found["undetermined"] if name not in floating]
+    extra = [name for name in found["redundant_actuation"] if name not in held]
+    said = list[tuple[str, str]]()
     if not found["motors_known"] and found["closures"]:
-        yield (
-            f"no file says which joints have motors, so that all {len(found['actuated'])} count: "
-            "list them as 'name_mot' in a YAML beside it"
-        )
-    if held := found["held_motors"]:
-        yield (
-            f"the loops do not let the motors {shortened(held)} move: look where the frames of "
-            "their closures are"
-        )
-    if extra := [name for name in found["redundant_actuation"] if name not in held]:
-        yield (
-            f"it has {_freedoms(found)}: where {shortened(extra)} have none, leave them out of "
-            "'name_mot', and where a closure has too many rows, choose another type: a pin is a "
-            "hinge, a ball 3d"
-        )
-
-
-def _idle_closures(found: dict[str, Any]) -> Iterator[str]:
-    """Closures of several rows that take away one freedom or none: even a flat loop feels two."""
-    for closure in found["closures"]:
-        if closure["rank"] < LEAST_RANK < closure["rows"]:
-            yield (
-                f"of the {closure['rows']} rows of closure {closure['name']} ({closure['type']}) "
-                f"the loop feels {closure['rank']}: look at its frames, its axes and its type"
+        said.append(
+            (
+                "no file says which joints have motors, so that all "
+                f"{len(found['actuated'])} count",
+                "list them as 'name_mot' in a YAML beside it",
             )
+        )
+    if held:
+        said.append(
+            (
+                f"the loops do not let the motors {shortened(held)} move",
+                "look where the frames of their closures are",
+            )
+        )
+    if extra:
+        said.append(
+            (
+                f"it has {_freedoms(found)}",
+                f"where {shortened(extra)} have none, leave them out of 'name_mot', and where a "
+                "closure has too many rows, choose another type: a pin is a hinge, a ball 3d",
+            )
+        )
+    said += [(text, "") for text in found["undeclared_loops"]]
+    said += [("its reference is singular", "")] if found["singular_reference"] else []
+    said += [("its reference is near a singularity", "")] if found["near_singularity"] else []
+    if free:
+        said.append(
+            (
+                f"the motors leave {shortened(free)} free",
+                "lock what does not move, and write what moves with a loop into 'closures'",
+            )
+        )
+    for closure in found["closures"]:  # even a flat loop feels two
+        if closure["rank"] < LEAST_RANK < closure["rows"]:
+            said.append(
+                (
+                    f"of the {closure['rows']} rows of closure {closure['name']} "
+                    f"({closure['type']}) the loop feels {closure['rank']}",
+                    "look at its frames, its axes and its type",
+                )
+            )
+    said += [(text, "") for text in (*found["inertia_defects"], *found["odd_masses"])]
+    return (Finding("warning", title, "", do) for title, do in said)
 
 
 def check_record(mechanism: Mechanism) -> dict[str, Any]:
@@ -316,6 +345,8 @@ def base_report(
         f" ({_gap(found)}){doubtful}; written as below, cond(V22) "
         f"and cond(W_B) are {_conditions(found)}: {certificate(found['search'])}."
     )
+    search, sure = found["search"], not found["rank_bounds"] and not found["doubtful"]
+    best: Tone = "good" if search["certified"] else "rough"
     return Report(
         name="base",
         title=f"{mechanism.name}, {model} model",
@@ -324,10 +355,29 @@ def base_report(
         brief=[_parameters("", found), *([facts("", account)] if account else [])],
         sections=lambda: [
             Section("Base parameters", (parameters,)),
-            *_subgroup_sections(base, found["search"]),
+            *_subgroup_sections(base, search),
             Section("How sure they are", tuple(others)),
-            Section("Robot", (robot_chart(mechanism),)),
         ],
+        pictures=lambda: (robot_chart(mechanism),),
+        card=Card(
+            tone=best if sure else "rough",
+            word="Proven best" if search["certified"] else "Not proven",
+            use=certificate(search).removeprefix("proven best, "),
+            chips=(
+                ("good" if sure else "rough", f"Rank: {'clear' if sure else 'not clear'}"),
+                (best, f"Choice: {'proven best' if search['certified'] else 'not proven'}"),
+            ),
+            figures=(
+                Figure(
+                    str(found["rank"]),
+                    "combinations that forces tell",
+                    f"of {found['standard_parameters']} parameters",
+                ),
+                Figure(f"{found['rank_gap'] or math.inf:.1e}", "gap of singular values"),
+                Figure(_conditions(found).split(", ")[0], "cond(V22), 1 is best"),
+                Figure(f"{search['candidates']:.3g}", "choices that were searched"),
+            ),
+        ),
     )
 
 

@@ -1,0 +1,34 @@
+"""Numbers as they are shown: to the digits that are known."""
+
+from __future__ import annotations
+
+import math
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """A number to some digits, a dash where there is none."""
+    if value is None or not math.isfinite(value):
+        return "-"
+    plain = 10**digits <= abs(value) < 1e6  # 4500 rather than 4.5e+03
+    return f"{value:.0f}" if plain else f"{value:.{digits}g}"
+
+
+def with_error(value: float, error: float) -> tuple[str, str]:
+    """A value and its standard error, both to two digits of the error."""
+    if not (math.isfinite(error) and error > 0):
+        return number(value), "-"
+    decimals = 1 - math.floor(math.log10(error))
+    if not -5 <= decimals <= 8:
+        return f"{value:.4g}", f"{error:.2g}"
+    return tuple(f"{round(x, decimals) + 0.0:.{max(decimals, 0)}f}" for x in (value, error))  # type: ignore[return-value]
+
+
+def interval(low: float, high: float) -> str:
+    """The ends of an interval to two digits of its half width, or to three where that is more."""
+    if not (math.isfinite(low) and math.isfinite(high) and low < high):
+        return f"{number(low, 3)} ... {number(high, 3)}"
+    decimals = 1 - math.floor(math.log10((high - low) / 2))
+    if not -5 <= decimals <= 8:
+        return f"{low:.3g} ... {high:.3g}"
+    ends = (f"{round(x, decimals) + 0.0:.{max(decimals, 0)}f}" for x in (low, high))
+    return " ... ".join(ends)
