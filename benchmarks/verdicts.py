@@ -56,6 +56,7 @@ SAID = {
     "sign of positions": "the positions of {1} have the wrong sign",
     "a position in degrees": "deg to rad",
     "positions in degrees": "deg to rad",
+    "zero of an encoder": "the zero of {1} is off",
     "time times 2": "times too long",
     "time over 10": "times too short",
     "forces 7 s late": "the forces are 7",

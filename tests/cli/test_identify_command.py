@@ -331,7 +331,7 @@ def test_values_of_the_robot_file_are_marked_everywhere(
     command = "identify", arm_files[0], elbow_log, "--unidentifiable", "prior"
     done = run(*command, "--out", tmp_path)
     assert done.code == 0, done.err
-    assert "combinations of parameters are unidentifiable; " in " ".join(done.out.split())
+    assert "unidentifiable combinations; " in " ".join(done.out.split())
     assert "unidentifiable" not in done.err  # said once
     record = json.loads((tmp_path / "identification.json").read_text())
     told, assumed = record["identifiability"], record["all_parameters"]["estimate"]["assumed"]

@@ -6,10 +6,12 @@ from functools import cache
 
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
-from loopid import JointTerms, Noise, prepare_recording
+from loopid import JointTerms, Noise, prepare_recording, read_log
+from loopid.files import csv_text
 from loopid.identification import suspicions
-from loopid.logs import FilterOptions, Log
+from loopid.logs import FilterOptions, Log, LogMapping
 from made_runs import friction, quietly, record, simulated, stand, wander
 
 FIVE_BAR, KNEE = ("left_crank_joint", "right_crank_joint"), tuple(f"leg{k}_stroke" for k in "1234")
@@ -33,6 +35,14 @@ def runs(load_once):
         noise = Noise(gaussian=0.02 * np.sqrt((exact.force**2).mean()), encoder_step=2e-6)
         return robot, simulated(robot, motion, noise, seed, standard, terms)
 
+    def spoilt(name, seed, spoil, factor=1.0, seconds=30.0, velocities=False):
+        robot, found = run(name, seed, seconds)
+        position, force = found.position.copy(), found.force.copy()
+        spoil(position, force)
+        time = factor * found.time
+        speed = np.gradient(position, time, axis=0) if velocities else None
+        return Log.from_arrays(time, position, force, robot.actuated, velocity=speed, name="run")
+
     def suspected(
         name,
         seed,
@@ -41,15 +51,14 @@ def runs(load_once):
         seconds=30.0,
         velocities=False,
     ):
-        robot, found = run(name, seed, seconds)
-        position, force = found.position.copy(), found.force.copy()
-        spoil(position, force)
-        time = factor * found.time
-        speed = np.gradient(position, time, axis=0) if velocities else None
-        log = Log.from_arrays(time, position, force, robot.actuated, velocity=speed, name="run")
+        robot, log = (
+            run(name, seed, seconds)[0],
+            spoilt(name, seed, spoil, factor, seconds, velocities),
+        )
         options = FilterOptions(cutoff=75.0 / seconds / factor)
         return suspicions(robot, [quietly(prepare_recording, robot, log, filter=options)])
 
+    suspected.log = spoilt
     return suspected
 
 
@@ -98,6 +107,78 @@ def test_a_mistake_is_called_by_its_cause(runs, name, spoil, words, advice):
     assert found.severity == "mistake"
     assert words.format(*motors) in found.title
     assert advice.format(*motors) in found.do
+
+
+def moved(offset, column):
+    def spoil(position, force):
+        position[:, column] += offset
+
+    return spoil
+
+
+def late(rows):
+    def spoil(position, force):
+        force[:] = np.roll(force, rows, axis=0)
+
+    return spoil
+
+
+ADVISED = [
+    (times(-1.0), 1.0),
+    (times(1e3, slice(None)), 1.0),
+    (geared(2.0, 1), 1.0),
+    (geared(-1.0, 1), 1.0),
+    (moved(0.3, 1), 1.0),
+    (late(200), 1.0),
+    (lambda position, force: None, 2.0),
+]
+
+
+@pytest.mark.parametrize(("spoil", "factor"), ADVISED)
+def test_advice_as_it_is_printed_mends_a_log(runs, load_once, tmp_path, spoil, factor):
+    robot, seconds = load_once("five_bar"), 8.0 if factor != 1 else 30.0
+    log = runs.log("five_bar", 0, spoil, factor, seconds)
+    file, options = tmp_path / "run.csv", FilterOptions(cutoff=75.0 / seconds / factor)
+    names = [f"{joint}.{what}" for what in ("position", "force") for joint in log.joints]
+    file.write_text(csv_text(["time", *names], log.time, log.position, log.force))
+
+    def suspected(mapping):
+        run = quietly(read_log, file, robot, mapping=mapping)
+        found = quietly(prepare_recording, robot, run, filter=options)
+        return suspicions(robot, [found]).mistakes
+
+    (said,) = suspected(LogMapping())
+    key, value = re.search(r"set (\w+): (.+?) in the mapping", said.do).groups()
+    options = FilterOptions(cutoff=75.0 / seconds)
+    assert suspected(LogMapping(**{key: YAML(typ="safe").load(value)})) == ()
+
+
+def test_what_was_found_before_stays_mended_in_the_next_advice(runs):
+    def both(position, force):
+        force[:] *= [-1.0, 1e3]
+
+    first, second = runs("five_bar", 0, both).mistakes
+    assert "-1" in first.do + second.do
+    assert {"-1", "0.001"} == {*re.findall(r": (-?[\d.]+)[,}]", second.do)}
+
+
+def test_the_zero_of_an_encoder_is_named(runs):
+    (said,) = runs("five_bar", 0, moved(0.3, 1)).mistakes
+    off = re.search(r"the zero of right_crank_joint is off by ([-\d.]+) rad", said.title)
+    assert abs(float(off.group(1)) - 0.3) < 0.1
+
+
+@pytest.mark.parametrize("stiffness", [1.0, 4.0])
+def test_a_spring_that_the_model_lacks_is_no_mistake(load_once, stiffness):
+    robot = load_once("five_bar")
+    motion = wander(robot, 0, seconds=30.0, rate=50.0, size=(0.5, 0.5))
+    terms = JointTerms(robot.actuated, ("Fc", "Fv", "Ks")), np.tile([0.5, 0.2, stiffness, 0.0], 2)
+    exact = simulated(robot, motion, None, 0, None, terms)
+    noise = Noise(gaussian=0.02 * np.sqrt((exact.force**2).mean()), encoder_step=2e-6)
+    read = simulated(robot, motion, noise, 0, None, terms)
+    log = Log.from_arrays(read.time, read.position, read.force, robot.actuated)
+    run = quietly(prepare_recording, robot, log, filter=FilterOptions(cutoff=2.5))
+    assert suspicions(robot, [run]).mistakes == ()
 
 
 def test_friction_that_would_give_energy_tells_a_sign(runs):

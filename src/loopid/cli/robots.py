@@ -12,7 +12,7 @@ from typer import Argument, Option
 from loopid.cli.shell import answering, with_options
 from loopid.errors import OptionError
 from loopid.files import require_name, require_other_file, require_own_kind, write_file, write_files
-from loopid.workers import progress_bar
+from loopid.progress import progress_bar
 
 if TYPE_CHECKING:
     from loopid.cli.shell import Answer
@@ -244,7 +244,7 @@ def excite(
         None, metavar="LOG", help="A log that you already have; repeatable."
     ),
     mapping: str | None = MAPPING,
-    wanted: list[str] | None = Option(
+    parameters: list[str] | None = Option(
         None, "--for", metavar="PARAMETER", help="One that the motion should excite; repeatable."
     ),
     payload: str | None = Option(
@@ -308,7 +308,7 @@ def excite(
             limits=limits,
             options=options,
             after=logged,
-            parameters=wanted or (),
+            parameters=parameters or (),
             payload=payload,
             progress=watch,
         )

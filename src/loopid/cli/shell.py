@@ -30,9 +30,10 @@ if TYPE_CHECKING:
 
 MOST_SAID = 5  # findings that are shown without being asked for
 WIDTH = 80  # columns of a table where the terminal tells none, as by COLUMNS=0
-# Advice in Python's words, between spaces: keyword=value, a list, text, a number or a flag.
+# Advice in Python's words, between spaces: keyword=value, a list, text, a number or a flag; of a
+# motion with the function that designs it.
 ADVICE = re.compile(
-    r"""(?<![^\s(])(?P<name>[a-z]\w*)="""
+    r"""(?<![^\s(])(?P<caller>design_excitation with )?(?P<name>[a-z]\w*)="""
     r"""(?P<value>\[[^]]*\]|"[^"]*"|'[^']*'|-?\d+(?:\.\d+)?(?:e[-+]?\d+)?|True|False)"""
     r"""(?=[,;:.)]*(?:\s|$))"""
 )
@@ -81,7 +82,8 @@ def in_options(text: str, context: typer.Context) -> str:
     """Text whose advice to use a parameter of a command names the command's option.
 
     ``lock=["x", "y"]`` becomes ``--lock x --lock y`` where the command has that option, and
-    ``loopid base --lock x --lock y`` where only others have it; all other text stays as it is.
+    ``loopid base --lock x --lock y`` where only others have it; ``design_excitation with`` becomes
+    ``loopid excite`` with the robot. All other text stays as it is.
     """
     others = getattr(context.find_root().command, "commands", {}).values()
 
@@ -91,10 +93,15 @@ def in_options(text: str, context: typer.Context) -> str:
                 if known.name == found["name"] and known.param_type_name == "option":
                     words = _in_words(known, found["value"]) or found[0]
                     elsewhere = words != found[0] and command.name != context.command.name
-                    return f"loopid {command.name} {words}" if elsewhere else words
+                    called = f"loopid {command.name} {words}" if elsewhere else words
+                    return called if found["caller"] is None else _excite(words, context)
         return found[0]
 
     return ADVICE.sub(option, text)
+
+
+def _excite(words: str, context: typer.Context) -> str:
+    return f"loopid excite {shlex.quote(str(context.params.get('file', 'ROBOT')))} {words}"
 
 
 def _in_words(known: Any, value: str) -> str:
@@ -157,7 +164,10 @@ class Answer:
                 require_other_file(Path(self.folder, name), *(each for each in inputs if each))
 
     def show(self, report: Report) -> None:
-        """Write the report where a folder is given, and print it: the verdict first."""
+        """Write the report where a folder is given, and print it: the verdict first.
+
+        A report whose files are refused is printed before the refusal.
+        """
         from loopid.report.look import json_text
         from loopid.report.page import Run
 
@@ -168,7 +178,13 @@ class Answer:
         run = Run(command=shlex.join(["loopid", *sys.argv[1:]]), warnings=tuple(told))
         written: list[Path] = []
         if self.folder is not None:
-            written = write_files(self.folder, report.files(run, figures=self.figures))
+            try:
+                files = report.files(run, figures=self.figures)
+            except LoopidError:
+                if not self.as_json:
+                    self._print(report)
+                raise
+            written = write_files(self.folder, files)
         if self.as_json:
             data = {**report.data, "written": [str(place) for place in written]}
             typer.echo(json_text(data))

@@ -40,6 +40,7 @@ import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, Positive, checked, finite
 from loopid.errors import DataError, ModelWarning, OptionError, warn
+from loopid.findings import Finding
 from loopid.identification.correlation import with_scatter, within_runs
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.force_model import ForceModel
@@ -147,7 +148,9 @@ def consistent_fit(
     ModelWarning
         Naming bodies of the robot file that are no solid bodies, and are taken as the nearest ones.
         When the file gives no masses. When bodies would have to be so far off the file that the
-        model lacks a force, or none explain the forces.
+        model lacks a force.
+    DataWarning
+        When no solid bodies explain the forces, and the fit is not at its best (``settled``).
 
     Examples
     --------
@@ -196,11 +199,12 @@ def quiet_consistent_fit(
         *(common, program.names, state.deviations, options.deviations[1], options.farthest),
         least=options.deviations[0],
     )
-    return replace(found, result=replace(found.result, deviation=far, term_deviations=groups))
+    result = replace(found.result, deviation=far, term_deviations=groups, settled=state.settled)
+    return replace(found, result=result)
 
 
 @checked
-def consistent_values(
+def consistent_parameters(
     force_model: ForceModel,
     data: FitSamples,
     noise: NoiseModel,
@@ -208,7 +212,7 @@ def consistent_values(
     options: ConsistentOptions = ConsistentOptions(),
     like: FitResult | None = None,
 ) -> FloatArray:
-    """The values (n,) of ``consistent_fit``, without their uncertainty.
+    """The standard parameters (p,) of ``consistent_fit``, without their uncertainty.
 
     Parameters
     ----------
@@ -221,14 +225,11 @@ def consistent_values(
         if like is None or like.deviation is None:
             state, _ = _most_likely(program, options)
         else:
-            groups = like.term_deviations
-            state = replace(
-                program.first(like.deviation.common),
-                deviations=like.deviation.own,
-                **({} if groups is None else {"groups": groups.own}),
-            )
+            state = replace(program.first(like.deviation.common), deviations=like.deviation.own)
+            if like.term_deviations is not None:
+                state = replace(state, groups=like.term_deviations.own)
             state = _minimised(program, _approached(program, state))
-        return force_model.base.values(program.standard(state))
+        return program.standard(state)
 
 
 @checked
@@ -370,13 +371,15 @@ def _vector(matrices: FloatArray) -> FloatArray:
 class _State:
     """Upper factors L (b, 4, 4) of the bodies P = L Lᵀ, and joint terms (k,).
 
-    With deviations of the bodies (b,) and of the groups of joint terms (g,).
+    With deviations of the bodies (b,) and of the groups of joint terms (g,), and whether steps have
+    settled there.
     """
 
     factors: FloatArray
     joints: FloatArray
     deviations: FloatArray
     groups: FloatArray
+    settled: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -551,6 +554,16 @@ ARMIJO, INSIDE, ROUND_OFF, SHORTEST, HEAVIER = 1e-4, 0.95, 1e-13, 1e-12, 10.0
 FIRST, FASTEST, NNLS_STEPS = 0.1, 8.0, 30
 
 
+# Of a fit that is not at its best.
+UNSETTLED = Finding(
+    "warning",
+    "the fit is not at its best",
+    f"no solid bodies near those of the robot file explain the forces, {ITERATIONS} steps end at "
+    "no least error",
+    "look for a wrong length, a payload or a missing joint term",
+)
+
+
 def _minimised(program: _Program, state: _State) -> _State:
     """Newton's method at given deviations, within the limits of the joint terms."""
     value = program.value(state)
@@ -559,24 +572,19 @@ def _minimised(program: _Program, state: _State) -> _State:
         z = step.solution(*program.limits(state))
         decrement = -float(step.gradient @ z)
         if decrement <= TOLERANCE + ROUND_OFF * abs(value):
-            return state
+            return replace(state, settled=True)
         shrinks = -np.linalg.eigvalsh(program.turns(state, z)).min(initial=0.0)
         part = min(1.0, INSIDE / shrinks) if shrinks > 0 else 1.0
         tried = program.moved(state, part * z)
         while program.value(tried) > value - ARMIJO * part * decrement + ROUND_OFF * abs(value):
             part /= 2
             if part < SHORTEST:
-                return state  # as near as round-off lets it be
+                return replace(state, settled=True)  # as near as round-off lets it be
             tried = program.moved(state, part * z)
         before, state, value = value, tried, program.value(tried)
         if before - value <= ROUND_OFF * abs(value):
-            return state
-    warn(
-        "no solid bodies near those of the robot file explain the forces: the fit is not at its "
-        f"best after {ITERATIONS} steps",
-        ModelWarning,
-    )
-    return state
+            return replace(state, settled=True)
+    return replace(state, settled=False)
 
 
 def _most_likely(program: _Program, options: ConsistentOptions) -> tuple[_State, float]:
@@ -808,6 +816,8 @@ def _solid_bodies(force_model: ForceModel) -> tuple[FloatArray, BoolArray]:
 def warn_of_bodies(force_model: ForceModel, found: FitResult) -> None:
     """Tell of bodies of the file that are none, and of a model that lacks a force."""
     name = force_model.mechanism.name
+    if not found.settled:
+        UNSETTLED.warn()
     if not force_model.has_masses:
         warn(
             f"the file of {name} gives no masses: of all bodies with the base parameters that the "

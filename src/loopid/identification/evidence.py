@@ -3,9 +3,10 @@
 In the band of the motion, forces are explained by the bodies of the robot file, whose parameters
 may be off by half, by small offsets, and by friction and inertia of each drive, which are projected
 out; friction that would give energy does not count. Sizes of the errors and the bodies follow from
-each other; their evidence [MacKay1992] compares what may have been undone. All that is tried at one
-pose shares one table of columns: forces of another size, or motors, and another time axis only
-weigh or exchange its columns.
+each other; their evidence [MacKay1992] compares what may have been undone. Its rivals are real: a
+force over the position of a motor that the robot file lacks, such as a spring or a counterbalance,
+and bodies that are further off. All that is tried at one pose shares one table of columns: forces
+of another size, or motors, another time axis and rivals only weigh or exchange its columns.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
+from itertools import groupby
 from math import inf, pi
 from typing import Any, NamedTuple
 
@@ -41,6 +43,9 @@ TOGETHER = 64  # mistakes whose products are in memory
 LEAST_INDEPENDENT, ITERATIONS = 10, 8  # samples, and steps to the weights of a fit
 # Loops are closed at other positions as well as it takes to know forces, to 1e-5 m.
 CLOSING = AssemblyOptions(tolerance=1e-5, short=1e-3, rough=0.1, shortest_step=0.25)
+# A force over position that the file lacks: a polynomial of this degree, as large as the motor's
+# force. Times their usual deviation, that bodies are off which are none of the robot file's.
+DEGREE, FURTHER = 2, 3.0
 TINY = 1e-300
 
 
@@ -78,6 +83,8 @@ class SuspicionOptions:
         made of another material, are none.
     factor, ratio : float
         The same of the time axis, on whose square accelerations hang, and of a motor's positions.
+    zero : float
+        The same of a motor's zero, in rad or characteristic lengths.
     interval : float
         Half of the 95 % interval at most, as a part of the size: a size that is not known is none.
     few : int
@@ -101,22 +108,23 @@ class SuspicionOptions:
     evidence: float = 3.0
     shape: float = 0.4
     factor_shape: float = 0.15
-    late: float = 0.5
+    late: float = 0.3
     delay: float = 0.15
     latest: float = 30.0
-    unexplained: float = 0.15
+    unexplained: float = 0.03
     rounds: int = 3
     gain: float = 1.25
     common_gain: float = 4.0
-    factor: float = 1.5
+    factor: float = 1.3
     ratio: float = 1.5
+    zero: float = 0.05
     interval: float = 0.5
-    few: int = 16
+    few: int = 48
     closing: float = 0.9
     held: float = 0.8
     jump: float = 3.0
     error: float = 0.05
-    deviation: float = 12.0
+    deviation: float = 5.0
     better: float = 0.8
 
 
@@ -128,9 +136,12 @@ class Undone(NamedTuple):
     time: tuple[float, ...]  # that the time axis is divided by, the same of all
     forces: tuple[int, ...]  # whose force each motor has
     positions: tuple[int, ...]
+    zero: tuple[float, ...]  # that positions are less, in rad or characteristic lengths
+    # Rivals that explain, too: of motors a force over position; of the number after theirs bodies.
+    missing: tuple[int, ...] = ()
 
 
-Pose = tuple[tuple[float, ...], tuple[int, ...], tuple[int, ...]]
+Pose = tuple[tuple[float, ...], tuple[float, ...], tuple[int, ...], tuple[int, ...]]
 
 
 class Explanation(NamedTuple):
@@ -146,7 +157,8 @@ class Explanation(NamedTuple):
 class _Table(NamedTuple):
     """Columns of d motors: what explains at rest, what rates add to it, the force.
 
-    What explains are offsets, bodies and joint terms by standard deviation, and what is known.
+    What explains are offsets, bodies and joint terms by standard deviation, forces over position
+    that the file may lack, and what is known.
     """
 
     columns: FloatArray  # (d, N, 2 n + 3), less what is the drive's own; zero where nothing is used
@@ -182,6 +194,7 @@ class Evidence:
         self.mechanism, self.joint_terms, self.options = mechanism, joint_terms, options
         self.names, d = recordings[0].actuators, len(recordings[0].actuators)
         logs = [one.log for one in recordings]
+        self.log = logs[0]
         self.rates_measured = all(log is not None and log.velocity is not None for log in logs)
         parts = [self._samples(one, options.samples // len(recordings)) for one in recordings]
         self.q, self.rates, self.force, self.used, self.external = map(
@@ -190,13 +203,14 @@ class Evidence:
         coordinates = JointCoordinates(mechanism, self.names)
         # Of joints that turn without end, too.
         self.position = np.unwrap(coordinates.read(self.q.copy()), axis=0)
-        self.span = np.ptp(self.position, axis=0) / coordinates.known_scales
+        self.lengths = coordinates.known_scales
+        self.span = np.ptp(self.position, axis=0) / self.lengths
         counts = np.maximum(self.used.sum(axis=0), 1)
         self.size = np.sqrt(np.where(self.used, self.force**2, 0.0).sum(axis=0) / counts)
         counted = np.isin(self.names, mechanism.actuated) & (counts >= options.least_samples)
         self.present = np.flatnonzero(counted & (self.size > 0)).tolist()
         ones, own = (1.0,) * d, tuple(range(d))
-        self.recorded = Undone(ones, ones, ones, own, own)
+        self.recorded = Undone(ones, ones, ones, own, own, (0.0,) * d)
         self.independent = np.zeros(d)  # samples of each
         self.independent[self.present] = LEAST_INDEPENDENT
         self._choose_columns()
@@ -238,6 +252,7 @@ class Evidence:
         squares, turn = np.linalg.eigh(table.T @ table)
         felt = sizes[:, None] * turn[:, squares > 1e-6 * squares[-1]]
         known = np.append(bodies, np.zeros(len(flat)))
+        self.felt = felt.shape[1]
         self.columns = np.column_stack([block_diag(felt, np.diag(flat)), known])
         self.possible = np.sqrt(((K @ self.columns) ** 2).mean(axis=0).sum(axis=1)) + TINY
 
@@ -256,13 +271,14 @@ class Evidence:
         new = [key for key in dict.fromkeys(map(_pose, undone)) if key not in self._tables]
         if not new:
             return
-        ratio, positions, forces = map(np.array, zip(*new, strict=True))
-        order, ratio = positions.astype(int), ratio[:, None]
-        position = (self.position[:, order].swapaxes(0, 1) / ratio).reshape(-1, len(self.names))
+        ratio, zero, positions, forces = map(np.array, zip(*new, strict=True))
+        order, ratio, d = positions.astype(int), ratio[:, None], len(self.names)
+        own_position = self.position[:, order].swapaxes(0, 1)
+        position = ((own_position - self.lengths * zero[:, None]) / ratio).reshape(-1, d)
         rates = self.rates[:, order].swapaxes(0, 1)  # (S, N, d, 3)
         moved = (rates[..., 1:] / ratio[..., None]).reshape(*position.shape, 2)
         q, closed = np.tile(self.q, (len(new), 1)), np.ones(len(position), dtype=bool)
-        if any(key[:2] != _pose(self.recorded)[:2] for key in new):
+        if any(key[:3] != _pose(self.recorded)[:3] for key in new):
             found = try_assemble(self.mechanism, position, options=CLOSING)
             q = np.where(found.assembled[:, None], found.configurations, self.mechanism.reference)
             regular = singularity_measure(self.mechanism, q) >= MaskOptions().singularity
@@ -270,11 +286,26 @@ class Evidence:
         rest, moving = (K @ self.columns for K in self._regressors(q, moved))
         rest[:, :, -1] -= np.tile(self.external, (len(new), 1))
         offsets = np.tile(np.diag(OFFSET * self.expected), (len(q), 1, 1))
-        table = np.concatenate([offsets, rest, 0 * offsets, moving], axis=2)
+        lacking = self._lacking(own_position, forces.astype(int))
+        known, nothing = rest[:, :, -1:], np.zeros_like(lacking)
+        parts_at_rest = offsets, rest[:, :, :-1], lacking, known
+        moved_parts = 0 * offsets, moving[:, :, :-1], nothing, moving[:, :, -1:]
+        table = np.concatenate([*parts_at_rest, *moved_parts], axis=2)
         parts = np.split(table, len(new)), np.split(closed, len(new))
         own = rates * np.sign(ratio)[..., None]
         for key, mine, force, *part in zip(new, own, forces.astype(int), *parts, strict=True):
             self._tables[key] = self._table(mine, force, *part)
+
+    def _lacking(self, position: FloatArray, forces: IntArray) -> FloatArray:
+        """Forces over positions (S, N, d) of their own motors: columns (S N, d, (1 + DEGREE) d)."""
+        span = np.maximum(np.ptp(position, axis=1, keepdims=True), TINY) / 2
+        middle = position.min(axis=1, keepdims=True) + span
+        powers = ((position - middle) / span)[..., None] ** np.arange(1 + DEGREE)
+        powers = powers * self.size[forces][:, None, :, None]
+        S, N, d, k = powers.shape
+        columns = np.zeros((S, N, d, d, k))
+        columns[:, :, np.arange(d), np.arange(d)] = powers
+        return columns.reshape(S * N, d, d * k)
 
     def _table(
         self, own: FloatArray, motors: IntArray, columns: FloatArray, closed: BoolArray
@@ -297,14 +328,21 @@ class Evidence:
     def explained(self, undone: Sequence[Undone]) -> list[Explanation]:
         """How the log is explained, at errors of the size that they have, and the evidence."""
         self._add_tables(undone)
-        parts = (self._explained(undone[rows]) for rows in row_blocks(len(undone), TOGETHER))
-        return [one for part in parts for one in part]
+        found = list[Explanation]()
+        for missing, alike in groupby(undone, lambda one: one.missing):
+            own = list(alike)
+            for rows in row_blocks(len(own), TOGETHER):
+                found += self._explained(own[rows], missing)
+        return found
 
-    def _explained(self, undone: Sequence[Undone]) -> list[Explanation]:
-        """The same of some, whose tables are known."""
-        n = len(self.names) + self.columns.shape[1] - 1
+    def _explained(self, undone: Sequence[Undone], missing: tuple[int, ...]) -> list[Explanation]:
+        """The same of some, whose tables are known, beside the same rivals."""
+        weight = self._weights(missing)
+        kept = np.flatnonzero(weight)
+        n, weight, both = len(kept) - 2, weight[kept], kept[:, None]
         gain = np.array([one.gain for one in undone])
-        products = np.stack([self._products(_pose(one), one.time) for one in undone])
+        whole = [self._products(_pose(one), one.time) for one in undone]
+        products = np.stack([each[:, both, kept] for each in whole]) * np.outer(weight, weight)
         products[:, :, -1] /= gain[:, :, None]
         products[:, :, :, -1] /= gain[:, :, None]
         shape = np.sqrt(products[:, :, -1, -1])
@@ -313,6 +351,7 @@ class Evidence:
         error = np.maximum(np.sqrt(products[:, :, -1, -1]), least)
         friction = [self._friction(_pose(one), one.time) for one in undone]
         columns, power = (np.stack(one) for one in zip(*friction, strict=True))
+        columns = columns[..., kept] * weight
         columns[..., -1] /= np.array([one.gain for one in undone])[:, :, None]
         for _ in range(ITERATIONS):
             total = ((self.independent / error**2)[:, None] @ flat).reshape(-1, n + 2, n + 2)
@@ -329,12 +368,27 @@ class Evidence:
         lost = (np.log(error * gain) + square / error**2 / 2) @ self.independent
         lost += ((x**2).sum(axis=1) + np.linalg.slogdet(H)[1]) / 2
         lost[[self._tables[_pose(one)] is None for one in undone]] = inf
-        return list(map(Explanation, undone, (-lost).tolist(), x, error, shape))
+        values = np.zeros((len(x), self._count))
+        values[:, kept[:-2]] = x
+        return list(map(Explanation, undone, (-lost).tolist(), values, error, shape))
+
+    @property
+    def _count(self) -> int:
+        """Of the columns that explain."""
+        return (2 + DEGREE) * len(self.names) + int(self.columns.shape[1]) - 1
+
+    def _weights(self, missing: tuple[int, ...]) -> FloatArray:
+        """What columns count for beside some rivals (n + 2,), with the known ones and the force."""
+        d, weights = len(self.names), np.ones(self._count + 2)
+        weights[d : d + self.felt] = FURTHER if d in missing else 1.0
+        others = np.repeat(np.isin(np.arange(d), missing), 1 + DEGREE)
+        weights[-2 - len(others) : -2] = others
+        return weights
 
     def _products(self, pose: Pose, time: tuple[float, ...]) -> FloatArray:
         """Mean products (d, n + 2, n + 2) of the columns at a pose and on a time axis."""
         if (pose, time) not in self._known_products:
-            table, n = self._tables[pose], len(self.names) + self.columns.shape[1] - 1
+            table, n = self._tables[pose], self._count
             found = np.zeros((len(self.names), n + 2, n + 2))
             if table is not None:
                 columns = table.at(np.array(time))
@@ -344,11 +398,23 @@ class Evidence:
 
     def _friction(self, pose: Pose, time: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
         """Columns (d, 2, n + 2) along the friction by the root of the counts, and their power."""
-        table, n = self._tables[pose], len(self.names) + self.columns.shape[1] - 1
+        table, n = self._tables[pose], self._count
         if table is None:
             return np.zeros((len(self.names), 2, n + 2)), np.zeros((len(self.names), 2))
         size = np.sqrt(table.counts)[:, None, None]
         return table.friction_at(np.array(time)) / size, table.power
+
+    def beside_rivals(self, found: Explanation) -> Explanation:
+        """Explained beside each rival that raises the evidence, the likeliest first."""
+        d = len(self.names)
+        while True:
+            missing = found.undone.missing
+            more = [k for k in (*self.present, d) if k not in missing]
+            tried = [found.undone._replace(missing=tuple(sorted((*missing, k)))) for k in more]
+            best = max(self.explained(tried), key=lambda one: one.evidence, default=found)
+            if best.evidence <= found.evidence:
+                return found
+            found = best
 
     def weighed(self, undone: Undone) -> Explanation:
         """Explained with samples that count by how correlated their errors are, from now on."""
@@ -362,6 +428,11 @@ class Evidence:
             lag = max(float(error[1:] @ error[:-1]) / max(float(error @ error), TINY), 0.0)
             self.independent[k] = max(len(error) * (1 - lag) / (1 + lag), LEAST_INDEPENDENT)
         return self.explained([undone])[0]
+
+    def unit(self, motor: int) -> tuple[str, float]:
+        """Of the positions of a motor, and the length in it that zeros are in."""
+        sliding = self.mechanism.joint(self.names[motor]).idx_v in self.mechanism.prismatic
+        return ("m" if sliding else "rad"), float(self.lengths[motor])
 
     def sizes(self, undone: Sequence[Undone]) -> FloatArray:
         """Root mean squares (S, d) of the forces."""
@@ -396,4 +467,4 @@ class Evidence:
 
 def _pose(undone: Undone) -> Pose:
     """What a table depends on."""
-    return undone.ratio, undone.positions, undone.forces
+    return undone.ratio, undone.zero, undone.positions, undone.forces

@@ -19,7 +19,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray, IntArray, checked
 from loopid.base_parameters.base import expression
-from loopid.errors import DataError, RankError
+from loopid.errors import DataError, RankError, counted
 from loopid.findings import Finding
 from loopid.identification.estimator import LEAST_EXCITATION, Estimator, excited_rank
 from loopid.identification.fitting import quiet_fit
@@ -333,7 +333,7 @@ class Identifiability:
             f"{len(self.unidentifiable)} of {len(self.parameters)} combinations of parameters are "
             f"unidentifiable from the data: {_listed(self.unidentifiable)}; relative effect on the "
             f"forces {effects[-1] / (effects[0] or 1.0):.1e} (singular values must be above "
-            f"{LEAST_EXCITATION:g} of the largest); {self._advice}"
+            f"{LEAST_EXCITATION:g} of the largest)"
         )
 
     @property
@@ -341,16 +341,16 @@ class Identifiability:
         """Which combinations are weakly identifiable, with their standard errors."""
         return (
             f"{len(self.weak)} of {len(self.parameters)} combinations of parameters are weakly "
-            f"identifiable, known worse than by the robot file: {_listed(self.weak)}; "
-            f"{self._advice}; the consistent fit keeps them near the robot file"
+            f"identifiable, known worse than by the robot file: {_listed(self.weak)}; the "
+            "consistent fit keeps them near the robot file"
         )
 
     @property
     def refusal(self) -> RankError:
         """Why a fit of all parameters is refused, and what to do."""
         return RankError(
-            f"{self.unidentifiable_message}, or keep the robot file's values there, "
-            "unidentifiable='prior'",
+            f"{self.unidentifiable_message}; {self._advice}, or keep the robot file's values "
+            "there, unidentifiable='prior'",
             unidentifiable=tuple(each.text for each in self.unidentifiable),
             leads=self.leads,
             tolerance=LEAST_EXCITATION,
@@ -358,17 +358,17 @@ class Identifiability:
 
     @property
     def _advice(self) -> str:
-        return f"add a motion that excites them (design_excitation with parameters={self.leads})"
+        return f"excite them: design_excitation with parameters={list(self.leads)}"
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What is unidentifiable, and what is weak."""
-        said, do = [], f"excite them: design_excitation with parameters={self.leads}"
+        said, do = [], self._advice
         if self.unidentifiable:
-            title = f"{len(self.unidentifiable)} combinations of parameters are unidentifiable"
+            title = counted(len(self.unidentifiable), "unidentifiable combination")
             said.append(Finding("warning", title, self.unidentifiable_message, do))
         if self.weak:
-            title = f"{len(self.weak)} combinations are known worse than by the robot file"
+            title = f"{counted(len(self.weak), 'combination')} known worse than by the robot file"
             said.append(Finding("warning", title, self.weak_message, do))
         return tuple(said)
 

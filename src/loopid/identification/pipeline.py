@@ -18,7 +18,7 @@ from loopid.identification.consistent import (
     CONSISTENT,
     ConsistentOptions,
     consistent_fit,
-    consistent_values,
+    consistent_parameters,
     fit_terms,
 )
 from loopid.identification.cutoff import CutoffChoice, choose_cutoff, prepared_at
@@ -37,6 +37,7 @@ from loopid.identification.information import (
 from loopid.identification.leaving_out import LeftOut
 from loopid.identification.log_mistakes import Suspicions, suspicions_by_log
 from loopid.identification.model_choice import ModelChoice, choose_model
+from loopid.identification.plausibility import absurdities
 from loopid.identification.prediction import Candidate, error_ratio, judge
 from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import (
@@ -505,10 +506,14 @@ def identify(
     if CONSISTENT in fits:
         # The gears carry the bodies that are recommended.
         best = ROBOT_FILE if judged[CONSISTENT].loses_to_baseline else CONSISTENT
-        force_model = force_model.with_loads(fits[best].values)
+        force_model = force_model.with_loads(fits[best].values, fits[best].standard_parameters)
         data = force_model.widened(data, training)
         new = data if left_out else force_model.widened(new, judging)
         judged = _judged(fits, data, new, left)
+    judged = {
+        name: replace(each, fit=replace(each.fit, broken=absurdities(force_model, each.fit, data)))
+        for name, each in judged.items()
+    }
     parts = tuple(training), tuple(judging), tuple(friction)
     return Identification(
         *(force_model, *parts, data, new, excited, judged, options),
@@ -560,9 +565,10 @@ def _refits(
 
     def solid(part: FitSamples) -> FloatArray:
         if known is None and noise is not None:
-            return consistent_values(
+            standard = consistent_parameters(
                 force_model, part, noise, options=options.consistent, like=fits[CONSISTENT]
             )
+            return force_model.base.values(standard)
         return fit_solid_bodies(force_model, part, noise, known=known, options=options).values
 
     noise = fits[ALL].noise

@@ -147,11 +147,11 @@ def force_model_of(fit: SavedFit | FitResult, robot: Mechanism | ForceModel) -> 
                 "a fit that is not saved needs its ForceModel: give found.force_model in place of "
                 "the robot"
             )
-        return own.with_loads(fit.values)
+        return own.with_loads(fit.values, fit.standard_parameters)
     model = model_of(fit, robot)
     if fit.parameters != model.parameters:
         raise DataError("the fit is of other parameters than the force model has")
-    return model.with_loads(fit.values)
+    return model.with_loads(fit.values, fit.standard_parameters)
 
 
 # Stretches of time whose errors count as independent of each other: few, hence long, as errors

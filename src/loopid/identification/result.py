@@ -216,12 +216,15 @@ class MotorUse(OfArrays):
         (m,), slowest informative and fastest rate of each, in m/s or rad/s.
     load : FloatArray
         (m,), mean size of the force that moved the bodies, in N or N m.
+    largest : FloatArray
+        (m,), largest size of the force, in N or N m.
     """
 
     joints: tuple[str, ...]
     slowest: FloatArray
     fastest: FloatArray
     load: FloatArray
+    largest: FloatArray
 
     @property
     def columns(self) -> tuple[tuple[str, ...], list[float], list[float]]:
@@ -360,8 +363,12 @@ class FitResult(OfArrays, Tabular):
     force_model : ForceModel or None
         Whose parameters these are, where ``identify`` fitted them: it may have chosen joint terms
         beside those of the model that it was given.
+    settled : bool
+        Whether the solver reached the best values, where it takes steps.
     mistakes : tuple of str
         In the logs that were fitted, one sentence each: no value counts before they are mended.
+    broken : tuple of str
+        Laws of sane fits that it breaks on these logs (``absurdities``), one sentence each.
 
     Examples
     --------
@@ -399,7 +406,9 @@ class FitResult(OfArrays, Tabular):
     term_deviations: TermDeviations | None = None
     use: MotorUse | None = None
     force_model: ForceModel | None = field(default=None, compare=False, repr=False)
+    settled: bool = True
     mistakes: tuple[str, ...] = ()
+    broken: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -9,7 +9,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray
 from loopid.findings import PAGE, Finding, most_important_first
-from loopid.identification.plausibility import absurdities
+from loopid.identification.consistent import UNSETTLED
 from loopid.identification.result import FitResult
 from loopid.records import record
 from loopid.regressors.joint_laws import grouped
@@ -166,9 +166,8 @@ def _errors(found: Identification) -> FloatArray:
 
 
 def _use(found: Identification, error: float) -> str:
-    broken = absurdities(found.force_model, found.fit, found.data)
-    if broken:
-        return f"{NOT_FIT}, as {broken[0]}"
+    if found.fit.broken:
+        return f"{NOT_FIT}, as {found.fit.broken[0]}"
     if not error <= ROUGH:
         return NOT_FIT
     use = "Fit for predicting forces" if error <= GOOD else ROUGHLY
@@ -178,8 +177,9 @@ def _use(found: Identification, error: float) -> str:
     if found.recommended is found.baseline:
         return f"{use} with the robot file's bodies, as fitted ones are clearly worse"
     told, deviation = found.identifiability, found.fit.deviation
-    doubtful = found.advantage is not None or (deviation is not None and deviation.suspicion)
-    doubtful = doubtful or (model is not None and model.severity != "note")
+    doubtful = found.advantage is not None or not found.fit.settled
+    doubtful |= deviation is not None and bool(deviation.suspicion)
+    doubtful |= model is not None and model.severity != "note"
     if error <= GOOD and told.well_determined == told.structural_rank and not doubtful:
         return use + PARAMETERS
     return f"{use} in motions like these, but not parameter by parameter"
@@ -215,9 +215,11 @@ def findings_of(found: Identification) -> tuple[Finding, ...]:
                 "look for a tool, a payload or a missing joint term",
             )
         )
+    if not found.fit.settled:
+        said.append(UNSETTLED)
     if found.delay is not None and found.delay.clear:
         said.append(found.delay.finding)
-    for broken in absurdities(found.force_model, found.fit, found.data):
+    for broken in found.fit.broken:
         said.append(
             Finding("warning", "the fit is not physical", broken, 'try fewer terms, terms="Fc,Fv"')
         )

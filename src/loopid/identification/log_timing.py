@@ -1,0 +1,134 @@
+"""Timing of a log: values that a slower bus holds, and forces that are seconds late."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from math import inf
+
+import numpy as np
+
+from loopid.arguments import FloatArray
+from loopid.findings import Finding
+from loopid.identification.delay import directions
+from loopid.identification.evidence import TINY, SuspicionOptions
+from loopid.kinematics.projection import closed_motion
+from loopid.logs.log import Log
+from loopid.logs.preparing import PROVISIONAL
+from loopid.logs.recording import Recording
+from loopid.regressors.closed_loop import motion_regressor
+from loopid.robot.mechanism import Mechanism
+
+RIDGE = 1e-9  # of columns of size 1, so that a column that is none does no harm
+
+
+def held_values(log: Log, options: SuspicionOptions = SuspicionOptions()) -> Iterator[Finding]:
+    """Positions or forces that change only every few rows, and then by many encoder steps at once.
+
+    Values that change so regularly are held by a slower bus. Those of a coarse encoder change by
+    one of its steps, and noise repeats a value by chance.
+    """
+    part = max(log.parts(), key=lambda part: part.stop - part.start)
+    for what, values in (("positions", log.position), ("forces", log.force)):
+        steps = np.abs(np.diff(values[part], axis=0))
+        rows = np.flatnonzero(steps.any(axis=1))
+        runs = np.diff(rows)
+        if len(runs) < options.least_samples:
+            continue
+        count = int(np.median(runs))
+        least = np.where(steps > 0, steps, inf).min(axis=0)
+        jumps = np.median(steps[rows] / least, axis=0).max()
+        if count > 1 and (runs == count).mean() > options.held and jumps > options.jump:
+            rate = log.rate(part)
+            yield Finding(
+                "warning",
+                f"a slower bus holds the {what}",
+                f"they change in one of {count} rows, at {rate / count:.4g} Hz in rows of "
+                f"{rate:.4g} Hz, and are {500 * (count - 1) / rate:.3g} ms old on average",
+                "read them as a stream of their own, with the rows in which they change",
+            )
+
+
+def late_by_seconds(
+    mechanism: Mechanism, recordings: Sequence[Recording], options: SuspicionOptions
+) -> Finding | None:
+    """Forces that belong to positions of seconds before or after, by correlation.
+
+    At each shift the forces of each motor are explained by the bodies of the robot file, as a
+    whole, by its friction, inertia and an offset. The shift that explains the forces of all motors
+    best counts where it explains them clearly better than any that a delay has.
+    """
+    one = max(recordings, key=len)
+    lags, errors = _errors_by_lag(mechanism, one, options)
+    near = np.abs(lags) <= options.delay
+    if near.all() or not near.any():
+        return None
+    usual, best = float(errors[near].min()), int(errors.argmin())
+    lag = float(lags[best])
+    # The fewer samples a shift leaves, the easier they are explained.
+    left = 1 - abs(lag) / float(np.ptp(one.motion.time))
+    most = min(options.late * left * usual, options.factor_shape)
+    if usual < options.unexplained or errors[best] > most:
+        return None
+    if 0 < best < len(lags) - 1:  # between shifts: mean squares are a parabola
+        before, here, after = errors[best - 1 : best + 2] ** 2
+        bend = before - 2 * here + after
+        lag += (lags[1] - lags[0]) * float((before - after) / (2 * bend)) if bend > 0 else 0.0
+    how, key = ("late", f"{lag:.2g}") if lag > 0 else ("early", f"{lag:.2g}")
+    return Finding(
+        "mistake",
+        f"the forces are {abs(lag):.2g} s {how}",
+        f"shifted, bodies of the robot file and friction leave {100 * errors[best]:.2g} % of them "
+        f"instead of {100 * usual:.2g} %",
+        f"align the clocks, or set delay: {key} in the mapping",
+    )
+
+
+def _errors_by_lag(
+    mechanism: Mechanism, recording: Recording, options: SuspicionOptions
+) -> tuple[FloatArray, FloatArray]:
+    """Shifts (L,) in s, and what is left of the forces at each, in parts of them."""
+    from scipy.signal import correlate  # slow to import
+
+    motion, force = recording.motion, recording.motor_force
+    steps = np.diff(motion.time)
+    step = float(np.median(steps)) if len(steps) else 1.0
+    breaks = np.flatnonzero(np.append(True, np.append(steps > 1.5 * step, True)))
+    part = max((slice(a, b) for a, b in pairwise(breaks.tolist())), key=lambda p: p.stop - p.start)
+    count = part.stop - part.start
+    most = min(2 * count // 3, round(options.latest / step))
+    lags = np.arange(-most, most + 1)
+    whole = closed_motion(
+        mechanism, motion.configurations[part], motion.velocities[part], motion.accelerations[part]
+    )
+    bodies = motion_regressor(mechanism, whole) @ mechanism.standard_parameters("full")
+    own = directions(recording)[part], motion.velocities[part], motion.accelerations[part]
+    total = np.zeros(len(lags))
+    # Samples that are no more than one, of signals in twice the band of the motion: a parameter
+    # costs as many.
+    alike = max(1.0, PROVISIONAL / (4 * step * (recording.cutoff or inf)))
+    motors = np.flatnonzero(recording.used[part].sum(axis=0) >= options.least_samples)
+    for k in motors:
+        used = recording.used[part, k].astype(float)
+        X = np.column_stack([bodies[:, k], *(each[:, k] for each in own), np.ones(count)])
+        # Where the motion can be used: rows go with it, whatever the shift.
+        X = used[:, None] * X / np.maximum(np.sqrt((X**2).mean(axis=0)), TINY)
+        y, all_rows = force[part, k], np.ones(count)
+
+        def at_lags(a: FloatArray, b: FloatArray) -> FloatArray:
+            """Sums of a at a time times b a lag before, (L,)."""
+            return np.asarray(correlate(a, b, method="fft")[count - 1 - most : count + most])
+
+        n = X.shape[1]
+        H = np.empty((len(lags), n, n))
+        for i, j in zip(*np.triu_indices(n), strict=True):
+            H[:, i, j] = H[:, j, i] = at_lags(all_rows, X[:, i] * X[:, j])
+        g = np.stack([at_lags(y, X[:, i]) for i in range(n)], axis=1)
+        squares, samples = at_lags(y**2, used), at_lags(all_rows, used)
+        freedom = 1 - alike * n / np.maximum(samples, 1.0)
+        H += RIDGE * np.maximum(samples, 1.0)[:, None, None] * np.eye(n)
+        left = squares - (g * np.linalg.solve(H, g[:, :, None])[:, :, 0]).sum(axis=1)
+        error = np.maximum(left, 0.0) / (np.maximum(squares, TINY) * np.maximum(freedom, RIDGE))
+        error[freedom <= 0] = 1.0  # nothing is explained by as many parameters
+        total += np.log(error + options.model_error**2)
+    return np.multiply(lags, step), np.exp(total / max(2 * len(motors), 1))

@@ -1,0 +1,241 @@
+"""Kinds of mistakes in logs: what is scaled, moved or exchanged, why, and what undoes it.
+
+A size is called by the nearest cause that people have for it, and advice can be typed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf, log, pi
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from loopid.arguments import FloatArray
+from loopid.identification.evidence import Evidence, Explanation, Undone
+
+Motors = tuple[int, ...]
+Cause = tuple[float, str]  # a size, and what it is called; nothing of a factor without a name
+
+
+class Called(NamedTuple):
+    """A mistake in words."""
+
+    title: str
+    size: str  # with its interval; empty of what has none
+    do: str  # such that it can be typed
+
+
+class MistakeKind(NamedTuple):
+    """A kind of mistake: what is scaled or moved, or exchanged where it has no sizes."""
+
+    fields: tuple[str, ...]  # of what is undone
+    motors: int  # it is of so many; 0 for all
+    call: Callable[[_Mistaken], Called]
+    sizes: tuple[float, ...] = ()  # that are tried first, evenly spread
+    signs: tuple[float, ...] = (1.0,)
+    causes: tuple[Cause, ...] = ()  # that people have, by the size
+    slack: float = 0.15  # of the logarithm of a size about that of its cause
+
+    def undone(self, undone: Undone, motors: Motors, size: float) -> Undone:
+        """With a mistake of some motors undone, too."""
+
+        def changed(values: tuple[Any, ...]) -> tuple[Any, ...]:
+            if self.added:
+                return tuple(v + size * (k in motors) for k, v in enumerate(values))
+            if self.sizes or size != 1.0:
+                return tuple(v * size if k in motors else v for k, v in enumerate(values))
+            order = dict(zip(motors, reversed(motors), strict=True))
+            return tuple(values[order.get(k, k)] for k in range(len(values)))
+
+        return undone._replace(**{name: changed(getattr(undone, name)) for name in self.fields})
+
+    def cause(self, size: float, reach: float) -> Cause | None:
+        """The nearest cause that explains a size with this half of its interval."""
+        near = [
+            (abs(log(size / factor)), (factor, words))
+            for factor, words in self.causes
+            if size * factor > 0
+        ]
+        off, cause = min(near, default=(inf, (1.0, "")))
+        return cause if off <= max(self.slack, 1.5 * reach / abs(size)) else None
+
+    @property
+    def added(self) -> bool:
+        """Whether sizes are added, as a zero, and no factors."""
+        return self.fields == ("zero",)
+
+    @property
+    def assembled(self) -> bool:
+        """Whether the loops must be closed anew."""
+        return "ratio" in self.fields or self.added
+
+    def tried(self, model: Evidence, undone: Undone, motors: Motors) -> FloatArray:
+        """Sizes that are tried first, but for impossible ones."""
+        signs = np.array(self.signs)
+        if self.fields in (("ratio",), ("time",)) and model.rates_measured:
+            return np.compress(signs == -1.0, signs)  # velocities of the log prove the size
+        if not self.sizes:
+            return signs
+        least, most = 0.0, inf
+        if self.fields == ("gain",):
+            most = model.largest_gain(undone, motors)
+        elif self.fields == ("ratio",):
+            least = model.least_ratio(undone, *motors)
+        possible = [size for size in self.sizes if least <= size <= most]
+        return np.outer(self.signs, possible).ravel()
+
+
+class _Mistaken(NamedTuple):
+    """A mistake that is to be called something."""
+
+    names: tuple[str, ...]  # of its motors; empty of all
+    size: float
+    reach: float  # half of its 95 % interval
+    cause: Cause | None
+    unit: str  # of positions of the motor
+    length: float  # in this unit, that zeros are in
+    scales: dict[str, float]  # of forces now, by motor
+    rate: float | None  # of the log in Hz
+
+    @property
+    def listed(self) -> str:
+        return " and ".join(self.names) or "all motors"
+
+    @property
+    def factor(self) -> float:
+        """The size, of a cause exactly."""
+        return float(f"{self.size:.3g}") if self.cause is None else self.cause[0]
+
+    @property
+    def sized(self) -> str:
+        if not self.reach:
+            return ""
+        return f"{self.size:.3g} ± {self.reach:.2g} times as much as expected; "
+
+    def scale(self, key: str, scales: dict[str, float]) -> str:
+        """What to set so that values, now times scales, are divided by the factor."""
+        undo, motors = 1 / self.factor, self.names or (*scales,)
+        if self.cause is None:
+            undo = float(f"{undo:.3g}")
+        now = {name: scales.get(name, 1.0) for name in (*scales, *motors)}
+        found = {name: x * undo if name in motors else x for name, x in now.items()}
+        if set(now.values()) <= {1.0}:
+            found = dict.fromkeys(motors, undo)
+        given = "{" + ", ".join(f"{name}: {x:.7g}" for name, x in found.items()) + "}"
+        if not self.names and len(set(found.values())) <= 1:
+            given = f"{next(iter(found.values()), undo):.7g}"
+        return f"set {key}: {given} in the mapping"
+
+
+def _force(one: _Mistaken) -> Called:
+    do, what = one.scale("force_scale", one.scales), f"the force of {one.listed}"
+    if one.cause is None:
+        title = f"{what} is {one.factor:g} times what it should be"
+        return Called(title, one.sized, f"look for a unit, ratio, current or sign; or {do}")
+    return Called(f"{what} {_caused(one.cause, 'has', 'is')}", one.sized, do)
+
+
+def _position(one: _Mistaken) -> Called:
+    do = f"{one.scale('position_scale', {})}, times a scale and an offset that it has"
+    what = f"the positions of {one.listed}"
+    if one.cause is None or not one.cause[1]:
+        title = f"{what} are {one.factor:g} times what they should be"
+        return Called(title, one.sized, f"look for a unit, ratio or sign; or {do}")
+    return Called(f"{what} {_caused(one.cause, 'have', 'are')}", one.sized, do)
+
+
+def _caused(cause: Cause, has: str, is_: str) -> str:
+    size, words = cause
+    if words == WRONG_SIGN:
+        return f"{has} the {words}"
+    return f"{is_} {words}{' with the wrong sign' if size < 0 else ''}"
+
+
+def _zero(one: _Mistaken) -> Called:
+    off, reach = one.factor * one.length, one.reach * one.length
+    return Called(
+        f"the zero of {one.listed} is off by {off:.3g} {one.unit}",
+        f"{one.size * one.length:.3g} ± {reach:.2g} {one.unit}; ",
+        f"set position_offset: {{{one.listed}: {-off:.3g}}} in the mapping, plus one that it has",
+    )
+
+
+def _time(one: _Mistaken) -> Called:
+    size, undo = one.factor, 1 / one.factor
+    how = f"{max(size, undo):.3g} times too {'long' if size > 1 else 'short'}"
+    do = f"multiply its times by {undo:.3g}"
+    if one.rate is not None:
+        do = f"set rate: {one.rate * size:.6g} in the mapping, or {do}"
+    return Called(f"the time axis is {how}", one.sized, do)
+
+
+def _exchanged(*what: str) -> Callable[[_Mistaken], Called]:
+    def called(one: _Mistaken) -> Called:
+        a, b = one.names
+        keys = " and ".join(
+            f"{key[:-1]}: {{{a}: column of {b}, {b}: column of {a}}}" for key in what
+        )
+        title = f"the {' and '.join(what)} of {one.listed} are exchanged"
+        return Called(title, "", f"exchange their columns in the mapping, {keys}")
+
+    return called
+
+
+GAINS, BOTH = tuple(np.logspace(-4, 4, 17).tolist()), (1.0, -1.0)
+WRONG_SIGN = "wrong sign"
+UNITS = ((1e3, "in mN m"), (100.0, "in N cm"), (1e-3, "in kN m"))
+FORCE_CAUSES = ((-1.0, WRONG_SIGN), *UNITS, *((-size, words) for size, words in UNITS))
+DEGREE = pi / 180
+POSITION_CAUSES = (
+    (-1.0, WRONG_SIGN),
+    *((1 / DEGREE, "in degrees"), (DEGREE, "converted from degrees, which they were not")),
+    *((1e3, "in mm"), (0.5 / pi, "in turns")),
+    *((factor, "") for factor in (2.0, 0.5, 4.0, 0.25)),  # edges of an encoder, counted otherwise
+)
+RATIOS = tuple(np.logspace(-2, 2, 9).tolist())
+TIME_CAUSES = tuple((factor, "") for factor in (2.0, 0.5, 5.0, 0.2, 10.0, 0.1))
+TIMES = tuple(np.logspace(-1.25, 1.25, 11).tolist())
+ZERO_CAUSES = tuple((turn * pi, "") for turn in (0.5, -0.5, 1.0, -1.0))
+ZEROS = tuple(np.geomspace(0.03, 4.0, 9).tolist())
+PLACES = ("positions", "ratio", "zero")  # of what belongs to positions
+# Those with sizes are called as the option that says which sizes are worth a finding.
+KINDS = {
+    "gain": MistakeKind(("gain",), 1, _force, GAINS, BOTH, FORCE_CAUSES),
+    # Of a motor whose bodies hardly tell its gain, by friction that would give energy.
+    "sign": MistakeKind(("gain",), 1, _force, (), (-1.0,), FORCE_CAUSES),
+    "common_gain": MistakeKind(("gain",), 0, _force, GAINS, BOTH, FORCE_CAUSES, 0.9),
+    "factor": MistakeKind(("time",), 0, _time, TIMES, (1.0,), TIME_CAUSES),
+    "ratio": MistakeKind(("ratio",), 1, _position, RATIOS, BOTH, POSITION_CAUSES),
+    "zero": MistakeKind(("zero",), 1, _zero, ZEROS, BOTH, ZERO_CAUSES, 0.02),
+    "forces": MistakeKind(("forces", "gain"), 2, _exchanged("forces")),
+    "positions": MistakeKind(PLACES, 2, _exchanged("positions")),
+    "positions and forces": MistakeKind(
+        (*PLACES, "forces", "gain"), 2, _exchanged("positions", "forces")
+    ),
+}
+
+
+def called(
+    kind: str, motors: Motors, size: float, reach: float, *, model: Evidence, found: Explanation
+) -> Called:
+    """What a mistake of motors at a size is called, with half of its 95 % interval.
+
+    What is to be set undoes what was found before, too.
+    """
+    own, log = KINDS[kind], model.log
+    scales = {} if log is None else dict(log.force_scales)
+    for name, gain in zip(model.names, found.undone.gain, strict=True):
+        if gain != 1:
+            scales[name] = scales.get(name, 1.0) / gain
+    return own.call(
+        _Mistaken(
+            () if own.motors == 0 else tuple(model.names[k] for k in motors),
+            size,
+            reach,
+            own.cause(size, reach),
+            *model.unit(motors[0]),
+            scales,
+            None if log is None else log.rate(max(log.parts(), key=lambda p: p.stop - p.start)),
+        )
+    )
