@@ -41,10 +41,11 @@ import numpy as np
 from loopid.arguments import BoolArray, FloatArray, IntArray, Positive, checked, finite
 from loopid.errors import DataError, ModelWarning, OptionError, warn
 from loopid.findings import Finding
-from loopid.identification.correlation import with_scatter, within_runs
+from loopid.identification.correlation import within_runs
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.force_model import ForceModel
 from loopid.identification.information import Excitation, body_sizes
+from loopid.identification.jackknife import with_scatter
 from loopid.identification.joint_priors import JointPriors
 from loopid.identification.problem import FitProblem, FitSamples
 from loopid.identification.result import (

@@ -15,6 +15,7 @@ from loopid.arguments import FloatArray, IntArray, checked, row_blocks
 from loopid.base_parameters.base import BaseParameters, find_base_parameters
 from loopid.base_parameters.choice import KeptChoice, SearchStrategy
 from loopid.errors import DataError, MissingExtraError, ModelWarning, OptionError, warn
+from loopid.identification.leaving_out import regions_of
 from loopid.identification.problem import FitProblem, FitSamples
 from loopid.kinematics.projection import ClosedMotion, closed_motion, project
 from loopid.kinematics.sampling import random_configurations, random_motions
@@ -555,7 +556,7 @@ def samples_of(
     for k, reference in enumerate(references):
         instruments = reference_instruments(force_model, recordings[k], reference, n_jobs=n_jobs)
         parts[k] = parts[k].with_instruments(instruments)
-    return FitSamples.combined(parts)
+    return replace(FitSamples.combined(parts), regions=regions_of(recordings))
 
 
 @checked

@@ -31,7 +31,7 @@ from loopid.identification.consistent import (
     warn_of_bodies,
 )
 from loopid.identification.correlation import residual_noise
-from loopid.identification.estimator import LEAST_EXCITATION
+from loopid.identification.estimator import LEAST_EXCITATION, WorkingFit
 from loopid.identification.force_model import ForceModel
 from loopid.identification.hysteresis import possible_hysteresis
 from loopid.identification.problem import FitSamples
@@ -156,7 +156,7 @@ def with_friction(
     whole: FitResult,
     *,
     options: ConsistentOptions = ConsistentOptions(),
-) -> tuple[ForceModel, FitSamples, FitResult]:
+) -> tuple[ForceModel, FitSamples, WorkingFit]:
     """Add the friction curves and the load friction that recordings ask for.
 
     A step of ``identify``.
@@ -174,7 +174,7 @@ def with_friction(
         With the terms that the data ask for, and the loads of the bodies that were found with them.
     data : FitSamples
         The recordings as samples of it.
-    fit : FitResult
+    fit : WorkingFit
         Of these, by ``consistent_fit``.
     """
     noise = whole.noise
@@ -201,11 +201,12 @@ def with_friction(
             noise = residual_noise(data, wide.base.values(standard), rank)
         else:
             noise = _of_motors(kinds, noise, whole.noise)
-            fit = quiet_consistent_fit(wide, data, noise, options=options).result
+            working = quiet_consistent_fit(wide, data, noise, options=options)
+            fit = working.result
             asked = {} if fit.term_deviations is None else _asked(kinds, fit.term_deviations)
             if asked == kinds and honest:
                 warn_of_bodies(wide, fit)
-                return wide, data, fit
+                return wide, data, working
             assert fit.noise is not None
             assert fit.standard_parameters is not None
             # With what the fit took up of slow errors added back.

@@ -178,6 +178,7 @@ class SavedEstimate(_Section):
     term_deviations: TermDeviations | None = None
     use: MotorUse | None = None
     mistakes: tuple[str, ...] = ()
+    unseen_rms: Column | None = None
     broken: tuple[str, ...] = ()
 
 

@@ -13,7 +13,7 @@ from loopid.diagnosis.term_sets import TermComparison
 from loopid.errors import counted
 from loopid.identification.information import WeakDirection
 from loopid.identification.pipeline import Identification
-from loopid.identification.prediction import Candidate, Prediction
+from loopid.identification.prediction import Candidate, Prediction, prediction_reach
 from loopid.identification.result import Estimate, FitResult
 from loopid.identification.saved import SavedFit
 from loopid.identification.verdict import GOOD, ROUGH, Verdict
@@ -184,10 +184,12 @@ def _forces(found: Identification, motors: tuple[str, ...], worst: str) -> Itera
     for k, run in enumerate(found.validation or found.training):
         rows = slice(first, first + len(run))
         own, file = (each.predicted[rows] for each in (found.recommended, found.baseline))
+        fit, W = found.fit, found.new.regressor[rows]
+        reach = prediction_reach(W, fit.covariance, fit.unseen_rms)
         name, first = "forces" if not k else f"forces_{k + 1}", rows.stop
         yield forces_chart(
             found.force_model.mechanism,
-            Prediction(run, own),
+            Prediction(run, own, reach),
             motors=motors,
             file=file,
             worst=worst,
