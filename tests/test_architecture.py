@@ -1,6 +1,7 @@
 """The one-way street: every room imports only rooms to its left."""
 
 import ast
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -96,6 +97,22 @@ def test_rooms_import_only_rooms_to_their_left(file):
         assert file.parent == SOURCE  # public names and the entry point may see everything
     else:
         assert violations(file) == set()
+
+
+def imports_of(source):
+    """Modules that some Python imports when it is itself imported, with names in them."""
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield from (node.module, *(f"{node.module}.{alias.name}" for alias in node.names))
+
+
+def test_no_files_import_each_other_in_a_circle():
+    files = {".".join(("loopid", *f.relative_to(SOURCE).with_suffix("").parts)): f for f in FILES}
+    own = {name: f for name, f in files.items() if not name.endswith("__init__")}
+    graph = {name: {*imports_of(f.read_text())} & own.keys() for name, f in own.items()}
+    assert len([*TopologicalSorter(graph).static_order()]) == len(own)  # or a CycleError
+    with pytest.raises(CycleError):
+        TopologicalSorter(graph | {"loopid.errors": {"loopid.records"}}).prepare()
 
 
 @pytest.mark.parametrize(
