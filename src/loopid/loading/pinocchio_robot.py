@@ -55,7 +55,7 @@ def from_pinocchio(
         Values of joints in m or rad, or a configuration (nq,), from which the loops are closed; by
         default zero, or the middle of limits that exclude it.
     lock : sequence of str
-        Joints to lock at the reference.
+        Joints to lock at the reference, or at a value, as in ``"hip=0.5"``.
     rounding : float, optional
         To what numbers of the geometry are rounded, in m and rad; None where only they themselves
         tell.
