@@ -77,9 +77,9 @@ ROUNDS = 2
 CLEARLY = 3.0
 # Terms of a group that the data tell, below which it has no effect.
 NO_EFFECT = 0.01
-# Part of the friction at the slowest, or fastest, rate that it may differ by far beyond: a usual
-# size of what curves show there.
-DOUBT = 0.1
+# Part of the friction at the slowest, or fastest, rate that it may differ by far beyond: Stribeck
+# friction of half as much more, two deviations, is not unusual.
+DOUBT = 0.25
 LINE_POINTS = 200  # rates that a line is fitted at
 
 
@@ -416,18 +416,28 @@ def friction_summary(fit: FitResult) -> FrictionSummary:
 
 def friction_findings(fit: FitResult) -> list[str]:
     """What friction a fit has beside Coulomb and viscous friction: a sentence each."""
-    groups = fit.term_deviations
+    groups, summary = fit.term_deviations, friction_summary(fit)
     clear = () if groups is None else np.flatnonzero(groups.evidence >= CLEARLY)
     parted = [groups.names[k].rpartition(": ")[::2] for k in clear] if groups else []
+
     said = {
-        CURVE.name: "Friction of {} is a curve of the rate",
-        ASYMMETRY.name: "Friction of {} differs by direction",
-        LOAD.name: "Friction of {} grows with load",
+        CURVE.name: (
+            "is a curve of the rate",
+            summary.standstill,
+            " ({0.value:+.2g} {0.unit} at standstill)",
+        ),
+        ASYMMETRY.name: ("differs by direction", (), ""),
+        LOAD.name: ("grows with load", summary.load, " ({0.value:.2g} of it)"),
     }
     found = []
-    for name, sentence in said.items():
-        if joints := [joint for joint, group in parted if group == name]:
-            found.append(sentence.format(", ".join(joints)))
+    for name, (sentence, own, more) in said.items():
+        known = dict(zip(summary.joints, own, strict=False))
+        joints = [joint for joint, group in parted if group == name]
+        texts = [
+            joint + (more.format(known[joint]) if known.get(joint) else "") for joint in joints
+        ]
+        if texts:
+            found.append(f"Friction of {', '.join(texts)} {sentence}")
     return found
 
 
