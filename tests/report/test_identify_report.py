@@ -15,7 +15,7 @@ from loopid.findings import SEVERITIES, Finding
 from loopid.identification import SavedFit, find_force_model, friction_curve, identify
 from loopid.plots import Chart, friction_chart
 from loopid.report import identification_report
-from loopid.report.identify import identification_record
+from loopid.report.identify import _card, identification_record
 from loopid.report.look import json_value, rounded
 from made_runs import modelled, quietly, wander
 
@@ -88,7 +88,7 @@ def test_the_page_holds_all_tables_and_charts(files, report):
 def test_the_record_is_on_the_page_and_beside_it(files, report):
     (data,) = fromstring(files["report.html"]).xpath("//script[@id='data']/text()")
     assert json.loads(files["identification.json"]) == report.data
-    beside = {"fit", "all_parameters"}
+    beside = {"fit", "all_parameters", "robot", "identifiability", "expressions"}
     kept = {name: each for name, each in report.data.items() if name not in beside}
     assert json.loads(data) == rounded(kept)
     assert beside < report.data.keys()
@@ -132,8 +132,6 @@ def test_values_in_the_tables_are_those_of_the_fit(report, study):
             assert (clear[k] == "clear") == (low > 0 or high < 0)
     bodies = [float(file[j]) for j in model.body_columns]
     np.testing.assert_allclose(bodies, model.prior[model.body_columns], rtol=1e-3, atol=1e-12)
-    (shown,) = (t for t in report.tables() if str(t.columns[-1].header) == "std")
-    assert [cell.more for cell in shown.columns[0].cells] == list(fit.parameters.expressions)
 
 
 def test_tables_of_the_essential_parameters_name_their_sums_and_file_values(report, study):
@@ -295,6 +293,36 @@ def test_a_mistake_is_the_verdict_everywhere_and_gains_are_listed(study):
     assert "Do: set it to 0.001" in page
     assert "Next: set it to 0.001." in page
     assert [figure.sure for figure in report.card.figures] == [False, False, False, True]
+
+
+@pytest.mark.parametrize(
+    ("use", "word", "said", "chips"),
+    [
+        (
+            "Fit for predicting forces and as parameters of the robot",
+            *("✓ Fit", "for predicting forces and as parameters of the robot", ("yes", "yes")),
+        ),
+        (
+            "Fit for rough predictions of forces in motions like these, but not one by one",
+            *("≈ Rough", "predictions of forces in motions like these, but not one by one"),
+            ("roughly", "no"),
+        ),
+        (
+            "Not fit for use, as a mass is negative",
+            "✗ Not fit",
+            "as a mass is negative",
+            ("no", "no"),
+        ),
+    ],
+)
+def test_the_card_says_the_verdict(study, use, word, said, chips):
+    judged = replace(study.verdict, use=use)
+    card = _card(study.identification, judged, "loopid excite")
+    assert (card.said, card.use) == (word, said)
+    assert tuple(text.split(": ")[1] for _, text in card.chips) == chips
+    error, *_, mistakes = card.figures
+    assert error.gauge == (judged.error, 0.1, 0.3)
+    assert (error.value, mistakes.value) == (f"{100 * judged.error:.2g} %", "0")
 
 
 @pytest.mark.parametrize(

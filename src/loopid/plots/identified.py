@@ -26,13 +26,14 @@ from loopid.identification.verdict import GOOD
 from loopid.logs.recording import Recording
 from loopid.numbers import number, with_error
 from loopid.parameters import KINDS, Parameter
-from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel
+from loopid.plots.chart import Chart, Mark, Panel
 from loopid.plots.pictures import force_unit, of_motor
 from loopid.regressors.joint_laws import grouped, joint_term
 from loopid.robot.mechanism import Mechanism
 
 MOST, ROOM = 0.95, 1.3  # quantile of the friction's band, and times that, that an axis shows
 CURVE_POINTS = 50  # of a friction curve on either side of standstill
+DOTS = 240  # of the forces that it explains
 # Of the kinds whose size the evidence decides: those that say something alone.
 ALONE = "Fk0", "Ft"
 
@@ -95,7 +96,7 @@ def friction_chart(found: Identification, *, worst: str = "") -> Chart:
     """Friction of each motor by the recommended fit, over the forces that it explains."""
     fit, data, mechanism = found.fit, found.data, found.force_model.mechanism
     velocities = np.concatenate([run.motion.velocities for run in found.training])
-    rows, panels, notes = spread_rows(len(data), MOST_DOTS), list[Panel](), _friction_notes(found)
+    rows, panels, notes = spread_rows(len(data), DOTS), list[Panel](), _friction_notes(found)
     residual = data.residual(fit.values)[rows]
     for joint in (joint for joint in frictional_joints(fit) if joint in data.actuators):
         k, own = data.actuators.index(joint), friction_columns(fit, joint)
