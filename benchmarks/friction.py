@@ -1,6 +1,7 @@
 """Friction of any shape: whether its curve is found, and none is invented.
 
     python benchmarks/friction.py [--runs N] [--robot NAME] [--law NAME] [--rate HZ] [--bits N]
+                                  [--latin]
 
 Each row is a robot with bodies that are some 20 % off its file, on one motion, at a sample rate,
 with encoders, and a law of friction beside Coulomb's and viscous friction; ``none`` is clean. By
@@ -8,7 +9,9 @@ with encoders, and a law of friction beside Coulomb's and viscous friction; ``no
 it has more shape, how often 95 % intervals of the parameters cover true values, on average and for
 the worst, how often the bands of the friction curves cover the true curves at rates from 0.5 to
 100 % of the largest, and the largest error of a curve, in parts of Coulomb's friction, on average.
-Seeds draw the noise of the forces and the phases of the encoders.
+Seeds draw the noise of the forces and the phases of the encoders. ``--latin`` takes four cells a
+robot: of the first four laws, of sample rates from 100 Hz to 5 kHz and of encoders from 10 to 17
+bits each once.
 """
 
 from __future__ import annotations
@@ -21,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from intervals import CAD_ERROR, MOTIONS, ROBOTS, Case
+from intervals import CAD_ERROR, COARSE, MOTIONS, RATES, ROBOTS, Case
 from loopid import find_force_model, friction_curve, identify, prepare_recording
 from loopid.arguments import FloatArray
 from loopid.logs import Log
@@ -112,6 +115,20 @@ def figures(case: Friction, terms: str, bits: int, runs: int) -> dict[str, Any]:
     }
 
 
+def cells(arguments: argparse.Namespace) -> list[tuple[str, str, float, int]]:
+    """Robots, laws, rates and encoders that were asked for."""
+    found, count = list[tuple[str, str, float, int]](), len(RATES)
+    for r, name in enumerate(MOTIONS):
+        for k, law in enumerate(LAWS):
+            if arguments.robot not in (None, name) or arguments.law not in (None, law):
+                continue
+            if not arguments.latin:
+                found.append((name, law, arguments.rate, arguments.bits))
+            elif k < count:
+                found.append((name, law, RATES[(k + r) % count], COARSE[(k - r) % count]))
+    return found
+
+
 def main() -> None:
     """Print a table, and write the figures on request."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
@@ -120,17 +137,18 @@ def main() -> None:
     parser.add_argument("--law", choices=list(LAWS), help="one law only")
     parser.add_argument("--rate", type=float, default=1000.0, help="samples a second")
     parser.add_argument("--bits", type=int, default=17, help="of the encoders, a turn")
+    parser.add_argument("--latin", action="store_true", help="four cells a robot")
     parser.add_argument("--json", metavar="FILE", help="write the figures to a file")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
     rows = []
-    for name in MOTIONS if arguments.robot is None else (arguments.robot,):
-        for law in LAWS if arguments.law is None else (arguments.law,):
-            case = Friction(name, law, arguments.rate)
-            for terms in TERMS:
-                with one_blas_thread():
-                    found = figures(case, terms, arguments.bits, arguments.runs)
-                rows.append({"robot": name, "law": law} | found)
+    for name, law, rate, bits in cells(arguments):
+        case = Friction(name, law, rate)
+        for terms in TERMS:
+            with one_blas_thread():
+                found = figures(case, terms, bits, arguments.runs)
+            rows.append({"robot": name, "law": law, "rate (Hz)": rate, "bits": bits} | found)
+            print(rows[-1], flush=True)
     show(f"friction from {arguments.runs} logs each", rows)
     if arguments.json:
         write_json(arguments.json, {"friction": rows})

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import typer
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 import loopid
 from closure_robots import X, Y, Z, body, files, frame, joint, urdf
@@ -38,7 +38,12 @@ from made_runs import friction, logged, quietly, wander
 ROOT = Path(__file__).parents[1]
 
 settings.register_profile(
-    "reproducible", deadline=None, derandomize=True, database=None, max_examples=15
+    "reproducible",
+    deadline=None,
+    derandomize=True,
+    database=None,
+    max_examples=15,
+    suppress_health_check=[HealthCheck.too_slow],  # of a machine that is busy
 )
 settings.load_profile("reproducible")
 

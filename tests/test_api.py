@@ -72,7 +72,7 @@ def test_importing_loopid_and_its_command_line_loads_no_library_of_the_work():
     assert not imported("import loopid, loopid.cli") & heavy
     found = imported("import loopid, loopid.cli", "loopid.load_mechanism('3ups_rpu')")
     assert {"pinocchio", "pydantic", "yourdfpy"} <= found
-    assert not {"mujoco", "dask", "sympy", "matplotlib"} & found
+    assert not {"mujoco", "dask", "sympy", "matplotlib", "polars"} & found
 
 
 def test_type_checkers_see_the_same_names():

@@ -14,6 +14,7 @@ GROUND = (
     "records",
     "findings",
     "workers",
+    "progress",
     "files",
     "sections",
     "yaml_files",

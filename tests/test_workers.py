@@ -6,7 +6,6 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -129,34 +128,6 @@ def alive(number):
     return status.rsplit(")", 1)[1].split()[0] != "Z"
 
 
-def workers_of(session):
-    """Numbers of loky's workers in a session, whether they have begun to work or not."""
-    for place in Path("/proc").glob("[0-9]*"):
-        with suppress(OSError):
-            started = b"popen_loky" in (place / "cmdline").read_bytes()
-            if started and os.getsid(int(place.name)) == session and alive(place.name):
-                yield int(place.name)
-
-
-@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="asks Linux which processes live")
-@pytest.mark.parametrize("delay", [0.0, 0.3])
-def test_no_worker_that_only_starts_outlives_its_parent(delay, tmp_path):
-    (tmp_path / "parent.py").write_text(PARENT)
-    process = subprocess.Popen(
-        [sys.executable, "parent.py"], cwd=tmp_path, start_new_session=True,
-        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-    )  # fmt: skip
-    deadline = time.monotonic() + 60
-    while len(list(workers_of(process.pid))) < 2:
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-    time.sleep(delay)
-    process.terminate()
-    assert b"Traceback" not in process.communicate(timeout=30)[1]
-    time.sleep(0.5)  # for the system to end what was killed
-    assert not list(workers_of(process.pid))
-
-
 @pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="asks Linux which processes live")
 @pytest.mark.parametrize("stop", ["SIGTERM", "SIGKILL", "SIGINT"])
 def test_no_worker_outlives_its_parent(stop, tmp_path):
@@ -171,9 +142,8 @@ def test_no_worker_outlives_its_parent(stop, tmp_path):
         os.killpg(process.pid, signal.SIGINT)
     else:
         process.send_signal(getattr(signal, stop))
-    said = process.communicate(timeout=30)[1]
+    process.communicate(timeout=30)
     deadline = time.monotonic() + 20
     while any(map(alive, workers)):
         assert time.monotonic() < deadline
         time.sleep(0.05)
-    assert said.count("Traceback") == (stop == "SIGINT")  # the parent's own alone

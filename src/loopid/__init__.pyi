@@ -87,6 +87,7 @@ from .motion import (
 )
 from .observation import Observation as Observation
 from .parameters import ParameterSet as ParameterSet
+from .progress import progress_bar as progress_bar
 from .regressors import (
     ClosedLoop as ClosedLoop,
     JointTerms as JointTerms,
@@ -95,4 +96,3 @@ from .regressors import (
     structural_observation as structural_observation,
 )
 from .robot import Mechanism as Mechanism
-from .workers import progress_bar as progress_bar

@@ -8,8 +8,8 @@ factorisation of blocks. Columns of zeros cost nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import field
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -27,8 +27,7 @@ ROWS = 400
 PANEL, PANEL_PART = 8, 16
 
 
-@record
-class Draws:
+class Draws(ABC):
     """How the rows of an observation were drawn, so that others like them can be.
 
     Attributes
@@ -38,18 +37,22 @@ class Draws:
         they are exact.
     source : str
         Where it is known from.
-    rounded : callable
-        Gives, for a number k, triangular factors (1 + k, n, n) at the same poses: of the geometry
-        as it is written, then of k others that round to the same file. A second argument is
-        another accuracy than the file's, in m.
-    more : callable
-        Gives the observation with more samples: these, and others of another seed.
     """
 
     accuracy: float
     source: str
-    rounded: Callable[..., FloatArray] = field(compare=False, repr=False)
-    more: Callable[[], Observation] = field(compare=False, repr=False)
+
+    @abstractmethod
+    def rounded(self, count: int, within: float | None = None) -> FloatArray:
+        """Triangular factors (1 + count, n, n) of the geometry as written, and of others like it.
+
+        At the same poses. The others round to the same file, or are ``within`` another accuracy
+        than the file's, in m.
+        """
+
+    @abstractmethod
+    def more(self) -> Observation:
+        """The observation with more samples: these, and others of another seed."""
 
 
 @record(checked=True)

@@ -83,6 +83,21 @@ def test_a_fit_of_a_log_with_a_mistake_is_refused_unless_asked_for_anyway(run, t
     assert read_fit(out).result.mistakes == (mistake,)
 
 
+def test_a_command_prints_what_it_does_not_save(run, tmp_path):
+    folder, log = tmp_path / "out", "urdf/logs/five_bar.csv"
+    own = "--terms", "Fc,Fv,Fs~0.004,Fs~0.005", "--estimator", "ols"
+    refused = run("identify", "five_bar", log, *own, "--out", folder)
+    assert refused.code == 2
+    assert "Not fit for use, as friction of left_crank_joint" in " ".join(refused.out.split())
+    assert "error: the fit is not fit for use, as friction of left_crank_joint" in refused.err
+    assert "--terms Fc,Fv and --estimator wls; --anyway takes it nevertheless" in refused.err
+    assert not folder.exists()
+    advised = run(
+        *("identify", "five_bar", log, "--terms", "Fc,Fv", "--estimator", "wls", "--out", folder)
+    )
+    assert advised.code == 0, advised.err
+
+
 def test_joint_terms_that_a_robot_file_has_no_place_for_are_named(run, tmp_path):
     _, _, fit = saved(tmp_path, kinds=("Fv", "Ks"))
     done = run("export", "five_bar", fit, "--urdf", tmp_path / "new.urdf")

@@ -16,7 +16,7 @@ from rich.console import Console
 import loopid
 from loopid.cli import app
 from loopid.cli.shell import in_options
-from loopid.workers import progress_bar
+from loopid.progress import progress_bar
 
 SOURCE = Path(loopid.__file__).parent
 GROUP = typer.main.get_command(app)

@@ -84,7 +84,9 @@ def test_a_friction_curve_becomes_the_nearest_line(tmp_path, load_once):
     terms = JointTerms((mechanism.actuated[0],), tuple(kinds))
     names = mechanism.parameters() + terms.parameters(mechanism)
     whole = np.concatenate([mechanism.standard_parameters(), list(kinds.values())])
-    use = MotorUse(terms.joints, np.array([0.05]), np.array([0.6]), np.array([2.0]))
+    use = MotorUse(
+        terms.joints, np.array([0.05]), np.array([0.6]), np.array([2.0]), np.array([9.0])
+    )
     place = tmp_path / "new.urdf"
     with pytest.warns(ModelWarning, match="joint terms of the new") as heard:
         export_robot_file(mechanism, whole, place, parameters=names, use=use)

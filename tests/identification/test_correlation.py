@@ -89,21 +89,6 @@ def test_the_model_of_the_errors_is_found():
     np.testing.assert_allclose(noise.effective_samples, 4000 * 0.1 / 1.9, rtol=0.25)
 
 
-def test_slow_errors_are_reported_in_one_sentence():
-    W, rng = smooth_regressor(samples=2000), np.random.default_rng(0)
-    errors = 0.1 * rng.normal(size=(2000, 2))
-    errors[:, 0] = 0.1 * autoregressive(rng, (2000,), 0.95)
-    samples = named_samples(W, W @ TRUTH + errors)
-    with pytest.warns(DataWarning) as caught:
-        result = fit(samples)
-    (warning,), message = caught, str(caught[0].message)
-    assert warning.filename == __file__
-    assert message.startswith("autocorrelated residuals of a (lag-one autocorrelation 0.9")
-    assert f"{result.noise.effective_samples[0]:.0f} effective of 2000 samples" in message
-    assert "times as wide" in message
-    assert "b (" not in message
-
-
 def test_parameters_near_zero_are_named_once():
     W, rng = smooth_regressor(samples=200), np.random.default_rng(0)
     truth = TRUTH * [1, 1, 0, 1, 0, 1]
@@ -124,8 +109,7 @@ def test_good_data_warn_of_nothing():
 def test_too_few_effective_samples_determine_no_interval():
     W, rng = smooth_regressor(samples=200, count=14, harmonics=8), np.random.default_rng(2)
     samples = named_samples(W, autoregressive(rng, (200, 2), 0.999, lead=20_000))
-    with pytest.warns(DataWarning, match="too few effective"):
-        result = fit(samples)
+    result = quiet_fit(samples)
     assert (result.degrees_of_freedom < 1).all()
     assert np.isinf(result.intervals()).all()
     assert len(result.insignificant()) == 14
@@ -255,8 +239,9 @@ def test_what_clearly_varies_between_recordings_is_named():
         parts.append(named_samples(W, W @ mine + rng.normal(size=(300, 2))))
     with pytest.warns(DataWarning) as caught:
         fit(FitSamples.combined(parts))
-    assert "errors of link5.m (" in str(caught[-1].message)
-    assert "between recordings" in str(caught[-1].message)
+    said = [str(each.message) for each in caught if "between recordings" in str(each.message)]
+    assert len(said) == 1
+    assert "link5.m" in said[0]
 
 
 @runs(8, 150)

@@ -23,7 +23,7 @@ from loopid.identification import (
     save_fit,
     split_recordings,
 )
-from loopid.identification.correlation import within_runs
+from loopid.identification.correlation import CORRECTIONS, within_runs
 from loopid.logs import Recording
 from loopid.motion import Noise, simulate_measurement
 from made_runs import changed, friction, modelled, quietly, record, stand, wander
@@ -447,11 +447,10 @@ def test_what_is_not_significant_is_named(logged):
 
 
 def test_the_model_of_the_errors_converges(logged):
-    whole = logged["all parameters"].fit
-    noise = whole.noise
-    first, longer = (
+    noise = logged["all parameters"].fit.noise
+    first, whole, longer = (
         within_runs(WeightedLeastSquares().fit_samples(logged.data), count).result
-        for count in (0, 12)
+        for count in (0, CORRECTIONS, 12)
     )
     np.testing.assert_allclose(longer.standard_errors, whole.standard_errors, rtol=0.01)
     # What a fit takes up makes errors slower, not something else.

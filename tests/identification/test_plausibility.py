@@ -5,8 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid import find_force_model, identify, prepare_recording, read_log
-from loopid.identification import absurdities
+from loopid import (
+    MotorModel,
+    export_c,
+    find_force_model,
+    identify,
+    prepare_recording,
+    read_fit,
+    read_log,
+    save_fit,
+    to_pinocchio,
+)
+from loopid.errors import OptionError
+from loopid.export import export_fit
+from loopid.identification import SavedFit, absurdities
 from made_runs import quietly
 
 LEFT = "left_crank_joint"
@@ -51,6 +63,7 @@ def test_what_breaks_a_law_is_fit_for_nothing(found, values, said):
         return
     assert said in broken[0]
     name = found.recommended.name
+    fit = replace(fit, broken=broken)
     candidates = {**found.candidates, name: replace(found.recommended, fit=fit)}
     verdict = replace(found, candidates=candidates).verdict
     assert verdict.use == f"Not fit for use, as {broken[0]}"
@@ -77,3 +90,55 @@ def test_a_spring_and_where_it_is_slack_are_one_law(found):
     W[:, :, spring] = 1.0001 * W[:, :, offset]
     fit = changed(found, Fo=3.0, Ks=-3.0)
     assert absurdities(found.force_model, fit, replace(data, regressor=W)) == ()
+
+
+ABSURD = (
+    "friction of left_crank_joint would be .* N m at .* rad/s, for a largest force of .* N m: "
+    'identify with terms="Fc,Fv" and estimator="wls"; anyway=True takes it nevertheless'
+)
+# All that a fit is saved by, exported by, or given to a controller by.
+ROUTES = {
+    "save_fit": lambda model, fit, folder, **kw: save_fit(folder / "a.yaml", model, fit, **kw),
+    "SavedFit.save": lambda model, fit, folder, **kw: SavedFit.of(model, fit).save(
+        folder / "a.json", **kw
+    ),
+    "to YAML": lambda model, fit, folder, **kw: export_fit(
+        SavedFit.of(model, fit), model.mechanism, yaml=folder / "a.yaml", **kw
+    ),
+    "to a robot file": lambda model, fit, folder, **kw: export_fit(
+        SavedFit.of(model, fit), model.mechanism, robot=folder / "a.urdf", **kw
+    ),
+    "to C": lambda model, fit, folder, **kw: export_fit(
+        SavedFit.of(model, fit), model.mechanism, c=folder, **kw
+    ),
+    "export_c": lambda model, fit, folder, **kw: export_c(model, folder, values=fit, **kw),
+    "MotorModel": lambda model, fit, _, **kw: MotorModel(model, fit, **kw),
+    "MotorModel of a saved fit": lambda model, fit, _, **kw: MotorModel(
+        model.mechanism, SavedFit.of(model, fit), **kw
+    ),
+    "to_pinocchio": lambda model, fit, _, **kw: to_pinocchio(model, fit, **kw),
+}
+
+
+@pytest.mark.parametrize("route", ROUTES)
+def test_what_breaks_a_law_is_neither_saved_nor_given_to_a_controller(found, route, tmp_path):
+    standard, fit = np.array(found.fit.standard_parameters), changed(found, Fc=300.0)
+    model, (place,) = found.force_model, np.flatnonzero(fit.values == 300.0)
+    standard[model.base.base[place]] = 300.0
+    absurd = replace(fit, standard_parameters=standard)
+    with pytest.raises(OptionError, match=ABSURD):
+        quietly(ROUTES[route], model, absurd, tmp_path)
+    assert not list(tmp_path.iterdir())
+    if "C" not in route and "_c" not in route:  # which takes a second
+        quietly(ROUTES[route], model, absurd, tmp_path, anyway=True)
+        quietly(ROUTES[route], model, found.fit, tmp_path)
+
+
+def test_what_terms_break_on_a_log_is_kept_by_the_fit(found, tmp_path):
+    """Forces of the log tell it, which a fit alone has not."""
+    said = "left_crank_joint.Ks and left_crank_joint.Fo cancel"
+    fit = replace(found.fit, broken=(said,))
+    place = save_fit(tmp_path / "a.yaml", found.force_model, fit, anyway=True)
+    assert read_fit(place).result.broken == (said,)
+    with pytest.raises(OptionError, match=said):
+        MotorModel(found.force_model.mechanism, read_fit(place))

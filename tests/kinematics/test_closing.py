@@ -16,6 +16,7 @@ from loopid.kinematics import (
     constraint_residual,
     largest_residual,
 )
+from loopid.kinematics.closing import CLOSING, _descend, _Points
 
 ANYWHERE = (
     "hinge four-bar",
@@ -74,6 +75,18 @@ def test_continuation_finds_back_from_afar(mechanism):
     found, _ = close_by_continuation(mechanism, start, passive)
     # Newton's method alone does so from 17 of these starts.
     assert (np.abs(found - q).max(axis=1) < 1e-8).sum() > 25
+
+
+@pytest.mark.parametrize("part", [0.7, -0.5])
+def test_a_part_of_a_residual_is_reached_as_well_as_none(part, linkage):
+    """The steps of a continuation."""
+    robot = linkage("cross rssr")
+    start = random_configurations(robot, 6) + np.random.default_rng(0).normal(0, 0.02, (6, 4))
+    points = _Points(robot, start)
+    goal = part * points.residual
+    _descend(points, np.arange(robot.model.nv), goal, CLOSING)
+    error = np.linalg.norm(points.residual - goal, axis=1)
+    assert error.max() < CLOSING.done * robot.length
 
 
 def reach(bars, angle):

@@ -23,6 +23,7 @@ from loopid.kinematics import (
     singularity_measure,
     try_assemble,
 )
+from loopid.kinematics.projection import Solver
 
 LIMB_4 = ("leg4_revolute", "leg4_stroke", "platform_pitch", "platform_yaw")
 CASES = {
@@ -309,3 +310,15 @@ def test_the_same_strokes_can_be_assembled(pair, to_mm):
     np.testing.assert_allclose(
         millimetre.configurations[reached], metre.configurations[reached] * to_mm, rtol=1e-6
     )
+
+
+@pytest.mark.parametrize("shape", [(1, 4, 4), (1, 6, 4), (5, 6, 4), (5, 4, 6)])
+@pytest.mark.parametrize("least", [1.0, 1e-6, 0.0])
+def test_solves_are_least_squares_whatever_shape_and_condition(shape, least):
+    rng = np.random.default_rng(1)
+    matrices, right = rng.standard_normal(shape), rng.standard_normal((*shape[:2], 3))
+    matrices[-1, :, 0] = matrices[-1, :, 1] + least * matrices[-1, :, 0]
+    found = Solver.of(matrices, NEAR_SINGULARITY).solve(right)
+    for k, (A, B) in enumerate(zip(matrices, right, strict=True)):
+        expected = np.linalg.lstsq(A, B, rcond=1e-9)[0]
+        np.testing.assert_allclose(found[k], expected, rtol=1e-7, atol=1e-9 / (least or 1.0))

@@ -24,7 +24,7 @@ from loopid.errors import AccuracyWarning, ModelWarning, RobotFileError
 from loopid.kinematics import mobility
 from loopid.loading import read_urdf_file
 from loopid.loading.urdf import read_urdf
-from loopid.loading.urdf_tree import DECIMALS, STEP, exact_angle
+from loopid.loading.xml_elements import DECIMALS, STEP, exact_angle
 
 # Small URDFs, put together from links and joints.
 
@@ -305,12 +305,14 @@ def test_the_whole_family_is_read(outcome):
     assert source.description.name_mot == ["motor"]
 
 
+@pytest.mark.filterwarnings("ignore::UserWarning")  # of tags that stand twice
 @settings(max_examples=80)
 @given(text=mutilated(FAMILY) | mutilated(KNEE), floating_base=st.booleans())
 def test_a_mutilated_robot_is_read_or_refused(outcome, text, floating_base):
     outcome(text, floating_base)
 
 
+@pytest.mark.filterwarnings("ignore::UserWarning")  # of tags that stand twice
 @settings(max_examples=30)
 @given(st.integers(0, len(FAMILY)), st.integers(0, 8), st.text(max_size=4))
 def test_a_cut_or_patched_text_is_read_or_refused(outcome, at, length, patch):

@@ -6,11 +6,13 @@ from dataclasses import FrozenInstanceError, replace
 import numpy as np
 import pytest
 from lxml import etree
+from scipy.spatial.transform import Rotation
 
 import loopid
 from loopid.errors import OptionError
 from loopid.parameters import KINDS, model_kinds
 from loopid.robot import LoopClosure
+from loopid.robot.closures import relative_quaternion
 
 
 def numbers(element, *names):
@@ -151,3 +153,20 @@ def test_mechanisms_compare_pickle_and_print(knee):
 def test_a_mechanism_of_wrong_parts_is_refused(knee, field, value):
     with pytest.raises(OptionError):
         replace(knee, **{field: value})
+
+
+@pytest.mark.parametrize("least", [0.0, np.pi - 1e-6, np.pi])
+def test_quaternions_of_turns_are_exact_up_to_half_a_turn(least):
+    rng = np.random.default_rng(0)
+    axes = rng.standard_normal((500, 3))
+    axes /= np.linalg.norm(axes, axis=1)[:, None]
+    angles = rng.uniform(least, np.pi, 500)
+    first = Rotation.random(500, random_state=1)
+    second = first * Rotation.from_rotvec(angles[:, None] * axes)
+    vector, scalar = relative_quaternion(first.as_matrix(), second.as_matrix())
+    sign = np.sign(np.einsum("ni,ni->n", vector, axes))  # of a half turn either will do
+    assert (sign[angles < np.pi] == 1).all()
+    np.testing.assert_allclose(
+        sign[:, None] * vector, np.sin(angles / 2)[:, None] * axes, atol=2e-15
+    )
+    np.testing.assert_allclose(scalar, np.cos(angles / 2), atol=2e-15)

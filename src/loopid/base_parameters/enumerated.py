@@ -32,8 +32,8 @@ from loopid.base_parameters.choice import (
 )
 from loopid.base_parameters.rank import pivots
 from loopid.errors import OptionError
+from loopid.progress import Progress
 from loopid.records import record
-from loopid.workers import Progress
 
 DETERMINANT_SLACK = 1e-6  # round-off of a determinant, relative, for matrices that may be the best
 VARIANTS = ("gap", "pseudocode")

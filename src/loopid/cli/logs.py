@@ -16,7 +16,7 @@ from loopid.cli.robots import FILE, MAPPING, MODEL, TERMS, numbers, of_robot, re
 from loopid.cli.shell import answering, with_options
 from loopid.errors import LoopidError, OptionError
 from loopid.files import require_other_file, write_file
-from loopid.workers import progress_bar
+from loopid.progress import progress_bar
 
 if TYPE_CHECKING:
     from loopid.cli.shell import Answer
@@ -74,6 +74,7 @@ def identify(
     undo_delay: bool = Option(
         True, "--undo-delay/--keep-delay", help="Whether a clear delay of the forces is undone."
     ),
+    anyway: bool = Option(False, "--anyway", help="Save a fit that is absurd, too."),
     n_jobs: int = Option(1, "--jobs", metavar="N", help="Processes that compute the regressors."),
 ) -> None:
     """Identify parameters and friction from logs."""
@@ -112,7 +113,7 @@ def identify(
             progress=report,
         )
     command = excite_command(found.identification, logs, mapping)
-    answer.show(identification_report(found, command))
+    answer.show(identification_report(found, command, anyway=anyway))
 
 
 MOST_WANTED = 5  # parameters that a command names; of more, the motion is for all
@@ -274,7 +275,7 @@ def export(
     overwrite: bool = Option(
         False, "--overwrite", help="--urdf, --mjcf: the robot's own file is replaced."
     ),
-    anyway: bool = Option(False, "--anyway", help="Write a fit of a log with a mistake, too."),
+    anyway: bool = Option(False, "--anyway", help="Write a fit that is not fit for use, too."),
     as_json: bool = Option(False, "--json", help="Print JSON instead of text."),
 ) -> None:
     """Write a fit as a robot file, YAML or C source.

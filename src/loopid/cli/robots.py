@@ -12,7 +12,7 @@ from typer import Argument, Option
 from loopid.cli.shell import answering, with_options
 from loopid.errors import OptionError
 from loopid.files import require_name, require_other_file, require_own_kind, write_file, write_files
-from loopid.workers import progress_bar
+from loopid.progress import progress_bar
 
 if TYPE_CHECKING:
     from loopid.cli.shell import Answer

@@ -164,7 +164,10 @@ class Answer:
                 require_other_file(Path(self.folder, name), *(each for each in inputs if each))
 
     def show(self, report: Report) -> None:
-        """Write the report where a folder is given, and print it: the verdict first."""
+        """Write the report where a folder is given, and print it: the verdict first.
+
+        A report whose files are refused is printed before the refusal.
+        """
         from loopid.report.look import json_text
         from loopid.report.page import Run
 
@@ -175,7 +178,13 @@ class Answer:
         run = Run(command=shlex.join(["loopid", *sys.argv[1:]]), warnings=tuple(told))
         written: list[Path] = []
         if self.folder is not None:
-            written = write_files(self.folder, report.files(run, figures=self.figures))
+            try:
+                files = report.files(run, figures=self.figures)
+            except LoopidError:
+                if not self.as_json:
+                    self._print(report)
+                raise
+            written = write_files(self.folder, files)
         if self.as_json:
             data = {**report.data, "written": [str(place) for place in written]}
             typer.echo(json_text(data))

@@ -22,6 +22,7 @@ import numpy as np
 from loopid.arguments import FloatArray, IntArray, NotNegative, checked, finite
 from loopid.errors import DataError, MobilityError, OptionError
 from loopid.identification.force_model import ForceModel
+from loopid.identification.plausibility import require_sane
 from loopid.identification.prediction import force_model_of
 from loopid.identification.result import FitResult
 from loopid.identification.saved import SavedFit
@@ -113,6 +114,8 @@ class MotorModel:
         (nq,), a closed configuration on the branch; by default the reference.
     options : AssemblyOptions
         How loops are closed.
+    anyway : bool
+        Whether a fit is taken that breaks a law of sane ones (``absurdities``).
 
     Attributes
     ----------
@@ -126,8 +129,8 @@ class MotorModel:
     Raises
     ------
     OptionError
-        When a fit that is not saved comes without its force model, or its joints have friction that
-        depends on loads.
+        When a fit that is not saved comes without its force model, its joints have friction that
+        depends on what bearings carry, or it breaks a law.
     MobilityError
         When the robot has independent coordinates that no joint position gives.
 
@@ -151,8 +154,9 @@ class MotorModel:
         smoothing: NotNegative | None = None,
         start: FloatArray | None = None,
         options: AssemblyOptions = USUAL,
+        anyway: bool = False,
     ) -> None:
-        self.force_model, self.values, self.covariance = _values_of(robot, fit)
+        self.force_model, self.values, self.covariance = _values_of(robot, fit, anyway)
         self.mechanism, self.near, self.options = self.force_model.mechanism, near, options
         if held := self.mechanism.held:
             raise MobilityError(
@@ -455,12 +459,13 @@ def _numbers(given: FloatArray, width: int, name: str) -> FloatArray:
 
 
 def _values_of(
-    robot: Mechanism | ForceModel, fit: SavedFit | FitResult | FloatArray | None
+    robot: Mechanism | ForceModel, fit: SavedFit | FitResult | FloatArray | None, anyway: bool
 ) -> tuple[ForceModel, FloatArray, FloatArray]:
     """The force model of a fit, its values (n,) and their covariance (n, n)."""
     if isinstance(fit, SavedFit | FitResult):
         model = force_model_of(fit, robot)
         result = fit.result if isinstance(fit, SavedFit) else fit
+        require_sane(result, model.joint_terms, anyway)
         values, covariance = fit.values, None if result is None else result.covariance
     elif isinstance(robot, Mechanism):
         raise OptionError(
@@ -469,9 +474,9 @@ def _values_of(
         )
     else:
         model, covariance = robot, None
-        values = model.prior if fit is None else fit
+        values = model.prior if fit is None else _numbers(fit, len(model.parameters), "values")
+        model = model if fit is None else model.with_loads(values)
     phi = _numbers(values, len(model.parameters), "values")
-    model = model.with_loads(phi)
     return model, phi, np.zeros(2 * phi.shape) if covariance is None else np.array(covariance)
 
 

@@ -81,7 +81,7 @@ class LoadedRuns:
         noise = whole.noise
         if force_model.automatic and estimator == "wls":
             force_model, light, solid = with_friction(force_model, light, runs[0], whole)
-            noise = less_noise(whole, light, solid.values)
+            noise = less_noise(whole, light, solid.result.values)
         columns, parts = _columns(force_model, link), []
         for run in runs[1]:
             states = run.motion.configurations, run.motion.velocities, run.motion.accelerations

@@ -20,7 +20,7 @@ from loopid.identification.consistent import (
     quiet_consistent_fit,
     solid_body,
 )
-from loopid.identification.correlation import with_scatter, within_runs
+from loopid.identification.correlation import within_runs
 from loopid.identification.estimator import (
     Estimator,
     WorkingFit,
@@ -30,6 +30,7 @@ from loopid.identification.estimator import (
 )
 from loopid.identification.fitting import working_fit
 from loopid.identification.force_model import ForceModel
+from loopid.identification.jackknife import with_scatter
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import FitResult
 from loopid.inertia import from_moments

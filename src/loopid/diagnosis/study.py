@@ -18,10 +18,10 @@ from loopid.identification.prediction import Candidate
 from loopid.identification.verdict import Verdict, insignificant
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
+from loopid.progress import Progress
 from loopid.records import record
 from loopid.regressors.joint_terms import NO_TERMS, JointTerms
 from loopid.robot.mechanism import Mechanism
-from loopid.workers import Progress
 
 NAMED = 4  # parameters that a note names
 IDLE = 0.3  # part of a motor's samples left out, above which it is worth a word

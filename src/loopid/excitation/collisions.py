@@ -14,7 +14,8 @@ from scipy.spatial import ConvexHull, QhullError
 from loopid.arguments import FloatArray
 from loopid.errors import ModelWarning, RobotFileError, warn
 from loopid.loading.files import files_of
-from loopid.loading.urdf_tree import Element, child, label, numbers, placement, required, urdf_root
+from loopid.loading.urdf_tree import urdf_root
+from loopid.loading.xml_elements import Element, child, label, numbers, placement, required
 from loopid.robot.mechanism import Mechanism
 
 # Pairs of links that stay this part of the robot's length apart in random poses are not looked at.

@@ -17,6 +17,9 @@ from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, MissingExtraError, OptionError
 from loopid.files import write_files
 from loopid.identification.force_model import ForceModel
+from loopid.identification.plausibility import require_sane
+from loopid.identification.prediction import force_model_of
+from loopid.identification.result import FitResult
 from loopid.kinematics.assembly import USUAL
 from loopid.kinematics.measured import measured_coordinates
 from loopid.kinematics.projection import NEAR_SINGULARITY, partition, project
@@ -68,7 +71,11 @@ class CSource:
 
 @checked
 def c_source(
-    model: ForceModel, *, name: str | None = None, values: FloatArray | None = None
+    model: ForceModel,
+    *,
+    name: str | None = None,
+    values: FitResult | FloatArray | None = None,
+    anyway: bool = False,
 ) -> CSource:
     """Generate C source of a force model, for a controller that knows its motors only.
 
@@ -82,15 +89,17 @@ def c_source(
     model : ForceModel
     name : str, optional
         A C identifier; by default made of the mechanism's name.
-    values : FloatArray, optional
-        (n,), base parameters to be put into the source.
+    values : FitResult or FloatArray, optional
+        Of the base parameters (n,), to be put into the source.
+    anyway : bool
+        Whether a fit is taken that breaks a law of sane ones (``absurdities``).
 
     Raises
     ------
     MissingExtraError
         When CasADi is not installed.
     OptionError
-        When the name is no identifier, or a joint has no symbolic form.
+        When the name is no identifier, a joint has no symbolic form, or the fit breaks a law.
     DataError
         When there are not n finite values.
     """
@@ -105,6 +114,10 @@ def c_source(
             f"{chosen!r}",
             given=chosen,
         )
+    if isinstance(values, FitResult):
+        model = force_model_of(values, model)
+        require_sane(values, model.joint_terms, anyway)
+        values = values.values
     given = _value_fields(model, chosen, values)
     robot = SymbolicRobot(model)
     functions = robot.functions(f"{chosen}_casadi")
@@ -121,13 +134,14 @@ def export_c(
     folder: str | Path,
     *,
     name: str | None = None,
-    values: FloatArray | None = None,
+    values: FitResult | FloatArray | None = None,
+    anyway: bool = False,
 ) -> list[Path]:
     """Write the C source and header of ``c_source`` to a folder.
 
     Parameters
     ----------
-    model, name, values
+    model, name, values, anyway
         As in ``c_source``.
     folder : path
         Made where it is missing.
@@ -152,7 +166,7 @@ def export_c(
     ...     [path.name for path in loopid.export_c(model, folder)]
     ['five_bar.h', 'five_bar.c', 'five_bar.casadi']
     """
-    return c_source(model, name=name, values=values).save(folder)
+    return c_source(model, name=name, values=values, anyway=anyway).save(folder)
 
 
 def _identifier(name: str) -> str:

@@ -43,12 +43,13 @@ def export_fit(  # noqa: PLR0913 (a file each)
     overwrite : bool
         Whether the robot's own file may be replaced.
     anyway : bool
-        Whether a fit of a log with a mistake is written.
+        Whether a fit is written that is not fit for use: of a log with a mistake, or one that
+        breaks a law of sane fits (``absurdities``).
 
     Raises
     ------
     OptionError
-        When nothing is asked for, or the fit is of a log with a mistake.
+        When nothing is asked for, or the fit is not fit for use.
     DataError
         When a robot file is asked for, and the fit has no bodies.
 
@@ -66,8 +67,9 @@ def export_fit(  # noqa: PLR0913 (a file each)
             "again; anyway=True writes it nevertheless",
             mistakes=mistakes,
         )
+    saved.require_sane(anyway=anyway)
     if yaml is not None:
-        saved.content(yaml)
+        saved.content(yaml, anyway=anyway)
         require_other_file(yaml, *robot_files(mechanism))
     model, written = saved.find_force_model(mechanism), list[Path]()
     if robot is not None:
@@ -84,7 +86,7 @@ def export_fit(  # noqa: PLR0913 (a file each)
         )
         written.append(place)
     if yaml is not None:
-        written.append(saved.save(yaml))
+        written.append(saved.save(yaml, anyway=anyway))
     if c is not None and code is not None:
         written += code.save(c)
     return written

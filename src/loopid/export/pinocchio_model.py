@@ -11,6 +11,7 @@ from loopid.arguments import checked
 from loopid.errors import DataError, ModelWarning, OptionError, warn
 from loopid.identification.force_model import ForceModel
 from loopid.identification.friction import nearest_line
+from loopid.identification.plausibility import require_sane
 from loopid.identification.prediction import force_model_of
 from loopid.identification.result import FitResult
 from loopid.identification.saved import SavedFit
@@ -22,7 +23,10 @@ from loopid.robot.mechanism import Mechanism, shortened
 
 @checked
 def to_pinocchio(
-    robot: Mechanism | ForceModel, fit: SavedFit | FitResult | None = None
+    robot: Mechanism | ForceModel,
+    fit: SavedFit | FitResult | None = None,
+    *,
+    anyway: bool = False,
 ) -> tuple[pin.Model, pin.StdVec_RigidConstraintModel]:
     """Pinocchio's model of the open tree, and the constraints that close its loops.
 
@@ -36,11 +40,13 @@ def to_pinocchio(
         The robot of a saved fit; the force model of a fit that is not saved.
     fit : SavedFit or FitResult, optional
         With bodies: the recommended one. By default bodies and joint terms are the robot file's.
+    anyway : bool
+        Whether a fit is taken that breaks a law of sane ones (``absurdities``).
 
     Raises
     ------
     OptionError
-        Naming a closure or a coupling that Pinocchio has no contact for.
+        Naming a closure or a coupling that Pinocchio has no contact for, or the law.
     DataError
         When the fit has base parameters only, or is of another robot.
 
@@ -60,7 +66,10 @@ def to_pinocchio(
     if fit is None:
         tree, terms = mechanism.model.copy(), mechanism.joint_values
     else:
-        tree, terms = _identified(force_model_of(fit, robot), fit)
+        model = force_model_of(fit, robot)
+        result = fit.result if isinstance(fit, SavedFit) else fit
+        require_sane(result, model.joint_terms, anyway)
+        tree, terms = _identified(model, fit)
     others = []
     for joint, kinds in terms.items():
         for kind, value in kinds.items():

@@ -176,10 +176,7 @@ class SymbolicRobot:
 
     def _given(self) -> Any:
         """Base parameters (n,) whose bodies load the gears, as numbers."""
-        model, found = self.model, np.zeros(self.phi.shape[0])
-        own = model.body_columns
-        found[own] = model.prior[own] if model.bodies is None else model.bodies
-        return ca.DM(found)
+        return ca.DM(self.model.load_values)
 
     def _force(
         self, du: Any, ddu: Any, slip: Any = None, given: Any = None, *, loaded: bool = True
@@ -194,7 +191,12 @@ class SymbolicRobot:
         still = ca.SX(*v.shape)
         moving = self.model.model == "full"
         tree = self._tree_force(self._chain(*((v, a) if moving else (still, still))))
-        load = tree[self.chosen] + self.G.T @ tree[self.dependent]
+        carried = ca.SX(tree)
+        for k in self.model.joint_columns[self.model.load_values[self.model.joint_columns] != 0]:
+            parameter, share = self.model.parameters[k], self.model.load_values[k]
+            index = int(self.mechanism.velocity_indices([parameter.link])[0])
+            carried[index] += share * self._joint_term(parameter, self._state(parameter, v, a))
+        load = carried[self.chosen] + self.G.T @ carried[self.dependent]
         if given is not None:
             load = ca.substitute(load, self.phi, given)
         rows, columns = self.model.load_columns

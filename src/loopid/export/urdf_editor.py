@@ -13,14 +13,8 @@ from lxml import etree
 from loopid.arguments import FloatArray, number
 from loopid.inertia import Inertial, written
 from loopid.loading.urdf import COEFFICIENTS, ROTORS, read_urdf
-from loopid.loading.urdf_tree import (
-    MOMENTS,
-    Element,
-    inner_tags,
-    local_name,
-    read_urdf_file,
-    read_xml,
-)
+from loopid.loading.urdf_tree import MOMENTS, read_urdf_file
+from loopid.loading.xml_elements import Element, inner_tags, local_name, read_xml
 
 # Attributes of <dynamics> that every URDF has a place for.
 DYNAMICS = {"Fv": "damping", "Fc": "friction"}

@@ -8,7 +8,8 @@ from lxml import etree
 
 from loopid.errors import RobotFileError, naming
 from loopid.loading.urdf import Dialect, linked, mounted
-from loopid.loading.urdf_tree import UrdfFile, inner_tags, numbers, said
+from loopid.loading.urdf_tree import UrdfFile
+from loopid.loading.xml_elements import inner_tags, numbers, said
 from loopid.robot.mechanism import LeftOut
 
 BALL = "ball_constraint"

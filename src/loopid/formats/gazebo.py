@@ -12,9 +12,9 @@ from lxml import etree
 from loopid.errors import naming
 from loopid.loading.description import ClosureDescription
 from loopid.loading.urdf import Dialect, closure_of, coefficients, linked
-from loopid.loading.urdf_tree import (
+from loopid.loading.urdf_tree import UrdfFile
+from loopid.loading.xml_elements import (
     Element,
-    UrdfFile,
     child,
     inner_tags,
     label,

@@ -6,7 +6,8 @@ import pinocchio as pin
 
 from loopid.errors import naming
 from loopid.loading.urdf import Dialect, closure_of, linked
-from loopid.loading.urdf_tree import UrdfFile, label, named_tags, placement
+from loopid.loading.urdf_tree import UrdfFile
+from loopid.loading.xml_elements import label, named_tags, placement
 
 ENDS = ("link1", "link2")
 

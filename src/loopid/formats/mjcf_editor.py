@@ -19,7 +19,7 @@ from loopid.arguments import FloatArray
 from loopid.errors import RobotFileError
 from loopid.formats.mjcf_scene import Scene, compile_mjcf, joint_forces, own_terms
 from loopid.inertia import Inertial, written
-from loopid.loading.urdf_tree import Element, read_xml
+from loopid.loading.xml_elements import Element, read_xml
 
 ORIENTATIONS = ("quat", "axisangle", "xyaxes", "zaxis", "euler")
 # Attributes of <compiler> that have the last word on inertias, and values that do no harm.

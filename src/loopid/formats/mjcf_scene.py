@@ -16,7 +16,7 @@ import pinocchio as pin
 from loopid.arguments import BoolArray
 from loopid.errors import FileError, MissingExtraError, RobotFileError, naming
 from loopid.formats.mjcf_compiler import compile_guarded
-from loopid.loading.urdf_tree import Element, label, read_xml
+from loopid.loading.xml_elements import Element, label, read_xml
 from loopid.robot.mechanism import LeftOut
 
 try:

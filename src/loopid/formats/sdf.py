@@ -24,9 +24,8 @@ from loopid.inertia import written
 from loopid.loading.description import ClosureDescription
 from loopid.loading.tree import Reference, TreeSource, add_frame
 from loopid.loading.urdf import read_urdf
-from loopid.loading.urdf_tree import (
-    MOMENTS,
-    ROOT_JOINT,
+from loopid.loading.urdf_tree import MOMENTS, ROOT_JOINT
+from loopid.loading.xml_elements import (
     Element,
     child,
     exact_angle,

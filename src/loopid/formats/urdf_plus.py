@@ -10,8 +10,8 @@ from pydantic import ValidationError
 from loopid.errors import RobotFileError, naming
 from loopid.loading.description import ClosureDescription
 from loopid.loading.urdf import SEVERAL, Dialect, closure_of, linked
-from loopid.loading.urdf_tree import (
-    UrdfFile,
+from loopid.loading.urdf_tree import UrdfFile
+from loopid.loading.xml_elements import (
     child,
     inner_tags,
     label,

@@ -21,7 +21,7 @@ from loopid.errors import MissingExtraError, OptionError, RobotFileError, naming
 from loopid.formats.sdf import read_sdf
 from loopid.loading.tree import TreeSource
 from loopid.loading.urdf import read_urdf
-from loopid.loading.urdf_tree import Element, parsed_xml
+from loopid.loading.xml_elements import Element, parsed_xml
 
 try:
     import xacro

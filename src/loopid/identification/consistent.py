@@ -41,10 +41,11 @@ import numpy as np
 from loopid.arguments import BoolArray, FloatArray, IntArray, Positive, checked, finite
 from loopid.errors import DataError, ModelWarning, OptionError, warn
 from loopid.findings import Finding
-from loopid.identification.correlation import with_scatter, within_runs
+from loopid.identification.correlation import within_runs
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.force_model import ForceModel
 from loopid.identification.information import Excitation, body_sizes
+from loopid.identification.jackknife import with_scatter
 from loopid.identification.joint_priors import JointPriors
 from loopid.identification.problem import FitProblem, FitSamples
 from loopid.identification.result import (
@@ -204,7 +205,7 @@ def quiet_consistent_fit(
 
 
 @checked
-def consistent_values(
+def consistent_parameters(
     force_model: ForceModel,
     data: FitSamples,
     noise: NoiseModel,
@@ -212,7 +213,7 @@ def consistent_values(
     options: ConsistentOptions = ConsistentOptions(),
     like: FitResult | None = None,
 ) -> FloatArray:
-    """The values (n,) of ``consistent_fit``, without their uncertainty.
+    """The standard parameters (p,) of ``consistent_fit``, without their uncertainty.
 
     Parameters
     ----------
@@ -229,7 +230,7 @@ def consistent_values(
             if like.term_deviations is not None:
                 state = replace(state, groups=like.term_deviations.own)
             state = _minimised(program, _approached(program, state))
-        return force_model.base.values(program.standard(state))
+        return program.standard(state)
 
 
 @checked

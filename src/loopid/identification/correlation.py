@@ -1,13 +1,9 @@
-"""Covariances of estimates whose errors are not independent: of one time to the next, of runs.
+"""Covariances of estimates whose errors are correlated from one time to the next.
 
 Errors of each actuator are an autoregressive process. Residuals are smaller, and less
 autocorrelated, than the errors are, because a fit takes up whatever of the errors its regressor can
 express. A model of slow errors that is fitted to residuals alone gives intervals that are too
 narrow; what was taken up has a known expectation and is added back [Worsley2002].
-
-What differs from recording to recording, such as friction by temperature, does not show in the
-autocorrelation. With three recordings or more, the scatter of the estimates between these tells it
-[Efron1982].
 
 Models are fitted by Burg's method [Percival1993], which never predicts across gaps.
 """
@@ -16,13 +12,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from loopid.arguments import BoolArray, FloatArray, IntArray
-from loopid.errors import DataWarning, warn
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import FitResult, NoiseModel
@@ -39,12 +33,6 @@ WHITE = 0.001
 # the one before. Parts of a correction that are tried, until one leaves enough of the innovations'
 # variance.
 CORRECTIONS, DAMPING, KEPT = 6, (1.0, 0.5, 0.25, 0.125, 0.0), 0.5
-# Recordings whose scatter counts, and the part in a combination of parameters that one of them may
-# have for its scatter to be known.
-LEAST_RUNS, MOST_SHARE = 3, 1.0 - 1e-6
-# Effective samples, relative to all, below which a user is warned; probability that a user is
-# warned of a scatter between recordings that is chance.
-CLEARLY_FEWER, FALSE_ALARM = 0.5, 0.01
 
 Pieces = tuple[slice, ...]  # rows of evenly sampled stretches, whose errors are independent
 
@@ -184,53 +172,6 @@ def _raised(polynomial: FloatArray, reflection: float) -> FloatArray:
     """The polynomial of one order more."""
     longer = np.append(polynomial, 0.0)
     return np.asarray(longer + reflection * longer[::-1], dtype=np.float64)
-
-
-def with_scatter(found: WorkingFit) -> WorkingFit:
-    """Of a fit ``within_runs``, what its estimates scatter between recordings included.
-
-    Variances of estimates that scatter more between recordings are those of the scatter, with as
-    many degrees of freedom as there are recordings, less one.
-    """
-    with one_blas_thread():
-        scatter, runs = _between_runs(found)
-    result, within = found.result, np.diag(found.result.covariance)
-    varied = (within > 0) & (scatter > within)
-    if not varied.any():
-        return found
-    scale = np.sqrt(np.divide(scatter, within, out=np.ones(len(within)), where=varied))
-    freedom = np.where(varied, runs - 1.0, np.inf)
-    result = replace(
-        result,
-        covariance=result.covariance * np.outer(scale, scale),
-        degrees_of_freedom=np.minimum(result.degrees_of_freedom, freedom),
-    )
-    return replace(found, result=result)
-
-
-def _between_runs(fit: WorkingFit) -> tuple[FloatArray, int]:
-    """Variances (n,) of the estimates by their scatter between recordings, and the number of these.
-
-    By the jackknife: estimates without a recording, whose orthonormal columns x and residuals r
-    have the sums G = Σ x xᵀ and s = Σ x r, are (I - G)⁻¹ s off. 0 for few recordings, and for what
-    one recording alone tells.
-    """
-    result, samples, width = fit.result, fit.samples, len(fit.result.parameters)
-    bounds = [0, *(1 + np.flatnonzero(np.diff(samples.runs))).tolist(), len(samples)]
-    parts = [slice(*pair) for pair in pairwise(bounds)]
-    parts = [rows for rows in parts if samples.used[rows].any()]
-    squares = np.zeros(width)
-    if len(parts) < LEAST_RUNS:
-        return squares, len(parts)
-    inverse = np.linalg.inv(fit.factor[:width, :width])
-    for part in parts:
-        rows = samples.block_problem(part).weighted(result.weights)
-        columns = rows[:, :width] @ inverse
-        score = (rows @ np.append(-result.values, 1.0)) @ columns
-        shares, turn = np.linalg.eigh(columns.T @ columns)
-        told = shares < MOST_SHARE
-        squares += (inverse @ turn[:, told] @ (score @ turn[:, told] / (1.0 - shares[told]))) ** 2
-    return (1.0 - 1.0 / len(parts)) * squares, len(parts)
 
 
 def within_runs(fit: WorkingFit, corrections: int = CORRECTIONS) -> WorkingFit:
@@ -416,43 +357,3 @@ def _apart(pieces: Pieces, k: int) -> list[tuple[slice, slice]]:
     """Rows of each piece that have others k later, and these."""
     long = [piece for piece in pieces if piece.stop - piece.start > k]
     return [(slice(p.start, p.stop - k), slice(p.start + k, p.stop)) for p in long]
-
-
-def warn_of_correlation(result: FitResult, independent: FitResult) -> None:
-    """Name the actuators that have clearly fewer effective samples than rows."""
-    noise = result.noise
-    assert noise is not None
-    few = np.flatnonzero(noise.effective_samples < CLEARLY_FEWER * noise.samples)
-    if not len(few):
-        return
-    actuators = "; ".join(
-        f"{noise.actuators[i]} (lag-one autocorrelation {noise.lag_one[i]:.3f}, "
-        f"{noise.effective_samples[i]:.0f} effective of {noise.samples[i]} samples)"
-        for i in few
-    )
-    reach, plain = (np.ptp(fit.intervals(), axis=1) for fit in (result, independent))
-    ratio = reach / plain
-    if np.isfinite(ratio).all():
-        width = f"{ratio.min():.1f} to {ratio.max():.1f} times as wide as for independent errors"
-        consequence = f"intervals are {width}"
-    else:
-        consequence = f"too few effective samples for intervals of {len(ratio)} parameters"
-    warn(f"autocorrelated residuals of {actuators}: {consequence}", DataWarning)
-
-
-def warn_of_scatter(result: FitResult, within: FitResult) -> None:
-    """Name the parameters whose estimates clearly vary from recording to recording."""
-    from scipy.special import chdtri  # slow to import
-
-    freedom, chance = result.degrees_of_freedom, FALSE_ALARM / len(result.values)
-    ratios = result.standard_errors / np.where(
-        within.standard_errors > 0, within.standard_errors, np.inf
-    )
-    clear = np.flatnonzero(ratios**2 > chdtri(freedom, chance) / freedom)
-    names = [f"{result.parameters.names[j]} ({ratios[j]:.1f} times)" for j in clear]
-    if names:
-        warn(
-            "estimates vary more between recordings than errors within these explain, intervals "
-            f"allow for it: standard errors of {', '.join(names)} as large",
-            DataWarning,
-        )

@@ -31,11 +31,11 @@ from loopid.identification.correlation import (
     Autoregression,
     burg_covariances,
     run_lengths,
-    with_scatter,
     within_runs,
 )
 from loopid.identification.estimator import WorkingFit, require_rows, result_of, scaled_svd
 from loopid.identification.force_model import ForceModel
+from loopid.identification.jackknife import with_scatter
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import FitResult
 from loopid.logs.preparing import near_saturation, on_independent, prepare_again, saturation_of

@@ -9,13 +9,9 @@ import numpy as np
 
 from loopid.arguments import checked
 from loopid.errors import DataWarning, OptionError, warn
-from loopid.identification.correlation import (
-    warn_of_correlation,
-    warn_of_scatter,
-    with_scatter,
-    within_runs,
-)
+from loopid.identification.correlation import within_runs
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator
+from loopid.identification.jackknife import with_scatter
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import LEAST_FREEDOM, FitResult, fit_quality
 
@@ -51,8 +47,7 @@ def fit(
     Warns
     -----
     DataWarning
-        When residuals are so autocorrelated that there are clearly fewer effective samples, or
-        parameters clearly vary between recordings.
+        When parameters clearly vary between recordings.
     DataWarning
         Naming the parameters whose 95 % interval includes zero.
 
@@ -95,15 +90,10 @@ def working_fit(
 ) -> WorkingFit:
     """As ``fit``, with the least squares that the fit amounts to, and fewer warnings.
 
-    Without any where quiet; of autocorrelation and scatter otherwise.
+    Without any where quiet; of scatter between recordings otherwise.
     """
-    independent = chosen_estimator(estimator).fit_samples(samples)
-    within = within_runs(independent)
-    found = with_scatter(within)
-    if not quiet:
-        warn_of_correlation(within.result, independent.result)
-        warn_of_scatter(found.result, within.result)
-    return found
+    within = within_runs(chosen_estimator(estimator).fit_samples(samples))
+    return with_scatter(within, quiet=quiet)
 
 
 def _warn_of_insignificant(result: FitResult) -> None:

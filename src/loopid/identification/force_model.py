@@ -15,12 +15,14 @@ from loopid.arguments import FloatArray, IntArray, checked, row_blocks
 from loopid.base_parameters.base import BaseParameters, find_base_parameters
 from loopid.base_parameters.choice import KeptChoice, SearchStrategy
 from loopid.errors import DataError, MissingExtraError, ModelWarning, OptionError, warn
+from loopid.identification.leaving_out import regions_of
 from loopid.identification.problem import FitProblem, FitSamples
 from loopid.kinematics.projection import ClosedMotion, closed_motion, project
 from loopid.kinematics.sampling import random_configurations, random_motions
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.parameters import KINDS, ParameterSet, model_kinds
+from loopid.progress import Progress
 from loopid.records import record
 from loopid.regressors.closed_loop import motion_regressor
 from loopid.regressors.joint_laws import JointState, grouped, joint_term
@@ -34,7 +36,7 @@ from loopid.regressors.joint_terms import (
 from loopid.regressors.maxwell_slip import Slips, slips_along, slips_at
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
-from loopid.workers import Progress, ordered_map
+from loopid.workers import ordered_map
 
 # Steps of the reference, before its start and after its end, that the log may reach.
 OVERHANG = 1.0
@@ -70,8 +72,9 @@ class ForceModel:
     automatic : bool
         Whether the terms are the usual ones, of which ``identify`` may take more or less.
     bodies : FloatArray or None
-        Base parameters of the bodies, of ``body_columns``, whose forces load the gears; None for
-        those of the robot file. Load friction alone depends on them.
+        (n,), what the bodies that load the gears make of the parameters, without rotors and other
+        joint terms that fold into them; None for those of the robot file. Load friction alone
+        depends on it.
     """
 
     mechanism: Mechanism
@@ -147,9 +150,17 @@ class ForceModel:
 
     def loads(self, regressor: FloatArray) -> FloatArray:
         """Forces (N, dof) that move the bodies, of a regressor (N, dof, n)."""
-        own = self.body_columns
-        values = self.prior[own] if self.bodies is None else self.bodies
-        return np.asarray(regressor[:, :, own] @ values)
+        return np.asarray(regressor @ self.load_values)
+
+    @property
+    def load_values(self) -> FloatArray:
+        """What the bodies that load the gears make of the parameters, (n,)."""
+        return self._of_bodies(self.standard_prior) if self.bodies is None else self.bodies
+
+    def _of_bodies(self, standard: FloatArray) -> FloatArray:
+        """What bodies alone make of the parameters (n,), of standard ones that begin with them."""
+        count = len(self.base.parameters) - len(self.joint_values)
+        return np.asarray(self.base.matrix[:, :count] @ standard[:count])
 
     def loaded(self, regressor: FloatArray) -> FloatArray:
         """A regressor (N, dof, n) per unit of load, with the loads of the motors."""
@@ -157,11 +168,20 @@ class ForceModel:
             return regressor
         return with_loads(regressor, self.load_columns, self.loads(regressor))
 
-    def with_loads(self, values: FloatArray) -> ForceModel:
-        """The same model with gears that carry the bodies of values (n,)."""
+    def with_loads(self, values: FloatArray, standard: FloatArray | None = None) -> ForceModel:
+        """The same model with gears that carry the bodies of values (n,).
+
+        Where a joint term leads a combination with bodies, as a rotor with its link, standard
+        parameters that begin with those of the bodies tell how much is theirs; without them that
+        stays as it is, by default none.
+        """
         if not len(self.load_columns[1]):
             return self
-        return replace(self, bodies=values[self.body_columns])
+        if standard is not None:
+            return replace(self, bodies=self._of_bodies(standard))
+        joints = np.isin(np.arange(len(values)), self.joint_columns)
+        kept = np.zeros(len(values)) if self.bodies is None else self.bodies
+        return replace(self, bodies=np.where(joints, kept, values))
 
     def columns_of(self, parameters: ParameterSet) -> IntArray:
         """Columns of some of the parameters."""
@@ -536,7 +556,7 @@ def samples_of(
     for k, reference in enumerate(references):
         instruments = reference_instruments(force_model, recordings[k], reference, n_jobs=n_jobs)
         parts[k] = parts[k].with_instruments(instruments)
-    return FitSamples.combined(parts)
+    return replace(FitSamples.combined(parts), regions=regions_of(recordings))
 
 
 @checked

@@ -25,13 +25,13 @@ from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, OptionError
 from loopid.identification.consistent import (
     ConsistentOptions,
-    consistent_values,
+    consistent_parameters,
     error_weights,
     quiet_consistent_fit,
     warn_of_bodies,
 )
 from loopid.identification.correlation import residual_noise
-from loopid.identification.estimator import LEAST_EXCITATION
+from loopid.identification.estimator import LEAST_EXCITATION, WorkingFit
 from loopid.identification.force_model import ForceModel
 from loopid.identification.hysteresis import possible_hysteresis
 from loopid.identification.problem import FitSamples
@@ -53,15 +53,17 @@ from loopid.regressors.joint_laws import (
     LOAD,
     RATIO,
     JointState,
+    JointTerm,
     grouped,
     joint_term,
 )
 from loopid.regressors.joint_terms import JointTerms, together
 from loopid.workers import one_blas_thread
 
-# Percentile of the rates of a motor's samples that is its slowest informative one, and most rates
-# of a curve, from the fastest down.
-SLOWEST, MOST_RATES = 2.0, 8
+# Percentile of the rates of a motor's samples, half of which is its slowest informative one: a
+# filter mixes what is slower into them, and friction that rises there would be taken for something
+# else. Most rates of a curve, from the fastest down.
+SLOWEST, MIXED, MOST_RATES = 2.0, 0.5, 9
 # Digits of the fastest rate of a curve, the others are halves of it.
 DIGITS = 2
 # Load of a motor in the root mean square, relative to its force, below which it has no load
@@ -85,7 +87,7 @@ LINE_POINTS = 200  # rates that a line is fitted at
 def motor_use(
     force_model: ForceModel, data: FitSamples, recordings: Sequence[Recording]
 ) -> MotorUse:
-    """Rates and loads of each motor in the samples that count.
+    """Rates, loads and forces of each motor in the samples that count.
 
     Parameters
     ----------
@@ -99,10 +101,10 @@ def motor_use(
         used = data.used[:, row] & (velocity[:, row] > 0)
         if joint in force_model.mechanism.actuated and used.any():
             joints.append(joint)
-            rates = np.percentile(velocity[used, row], [SLOWEST, 100.0])
-            found.append([*rates, loads[used, row].mean()])
-    slowest, fastest, load = np.array(found).reshape(-1, 3).T
-    return MotorUse(tuple(joints), slowest, fastest, load)
+            rates = np.percentile(velocity[used, row], [SLOWEST, 100.0]) * [MIXED, 1.0]
+            most = np.abs(data.force[data.used[:, row], row]).max()
+            found.append([*rates, loads[used, row].mean(), most])
+    return MotorUse(tuple(joints), *np.array(found).reshape(-1, 4).T)
 
 
 def curve_rates(slowest: float, fastest: float) -> FloatArray:
@@ -154,7 +156,7 @@ def with_friction(
     whole: FitResult,
     *,
     options: ConsistentOptions = ConsistentOptions(),
-) -> tuple[ForceModel, FitSamples, FitResult]:
+) -> tuple[ForceModel, FitSamples, WorkingFit]:
     """Add the friction curves and the load friction that recordings ask for.
 
     A step of ``identify``.
@@ -172,23 +174,22 @@ def with_friction(
         With the terms that the data ask for, and the loads of the bodies that were found with them.
     data : FitSamples
         The recordings as samples of it.
-    fit : FitResult
+    fit : WorkingFit
         Of these, by ``consistent_fit``.
     """
     noise = whole.noise
     if whole.noise is None or noise is None:
         raise DataError("the fit has no model of its errors that friction could be weighed by")
-    values = consistent_values(force_model, data, noise, options=options)
+    standard = consistent_parameters(force_model, data, noise, options=options)
     use, loads = motor_use(force_model, data, recordings), force_model.loads(data.regressor)
     kinds = friction_kinds(force_model, data, use, loads)
     weights = error_weights(data.problem, noise)
     slips = possible_hysteresis(force_model, data, recordings, weights, list(kinds))
     kinds = together(kinds, slips)
-    plain, known = data, dict(zip(force_model.parameters.labels, values.tolist(), strict=True))
-    left, honest = ROUNDS, False
+    plain, left, honest = data, ROUNDS, False
     while True:
         wide = force_model.with_columns(kinds)
-        wide = wide.with_loads(np.array([known.get(p.label, 0.0) for p in wide.parameters]))
+        wide = wide.with_loads(wide.prior, standard)
         data = wide.widened(plain, recordings)
         if left == ROUNDS:
             # What plain terms leave of friction is no error.
@@ -196,19 +197,20 @@ def with_friction(
             noise = residual_noise(data, every, rank)
         if left and kinds:
             left -= 1
-            values = consistent_values(wide, data, noise, options=options)
-            noise = residual_noise(data, values, rank)
+            standard = consistent_parameters(wide, data, noise, options=options)
+            noise = residual_noise(data, wide.base.values(standard), rank)
         else:
             noise = _of_motors(kinds, noise, whole.noise)
-            fit = quiet_consistent_fit(wide, data, noise, options=options).result
+            working = quiet_consistent_fit(wide, data, noise, options=options)
+            fit = working.result
             asked = {} if fit.term_deviations is None else _asked(kinds, fit.term_deviations)
             if asked == kinds and honest:
                 warn_of_bodies(wide, fit)
-                return wide, data, fit
+                return wide, data, working
             assert fit.noise is not None
+            assert fit.standard_parameters is not None
             # With what the fit took up of slow errors added back.
-            kinds, values, noise, honest = asked, fit.values, fit.noise, True
-        known = dict(zip(wide.parameters.labels, values.tolist(), strict=True))
+            kinds, standard, noise, honest = asked, fit.standard_parameters, fit.noise, True
 
 
 def _of_motors(motors: Iterable[str], noise: NoiseModel, others: NoiseModel) -> NoiseModel:
@@ -434,16 +436,37 @@ def _loaded_joints(fit: FitResult) -> list[str]:
 
 
 def _doubt(fit: FitResult, joint: str, rates: FloatArray, sizes: FloatArray) -> FloatArray:
-    """Deviation (k,) of friction of sizes (k,) beyond the rates that samples have told."""
+    """Deviation (k,) of friction of sizes (k,) between the points of its curves, and beyond.
+
+    A curve is linear between its points, its prior is not. Beyond the rates that samples have told
+    it is at least a part of the friction.
+    """
     if fit.use is None or joint not in fit.use.joints:
         return np.zeros(len(rates))
     ends, speeds = fit.use.of(joint), np.maximum(np.abs(rates), np.finfo(float).tiny)
     beyond = np.maximum(np.log(ends[0] / speeds), np.log(speeds / ends[1])).clip(min=0.0)
-    groups, size = fit.term_deviations, DOUBT * sizes
-    name = f"{joint}: {CURVE.name}"
-    if groups is not None and name in groups.names:
-        size = np.maximum(size, groups.own[groups.names.index(name)])
-    return np.asarray(size * np.sqrt(1.0 - np.exp(-((beyond / ALIKE) ** 2))))
+    variance = (DOUBT * sizes) ** 2 * (1.0 - np.exp(-((beyond / ALIKE) ** 2)))
+    groups = fit.term_deviations
+    for prior in (CURVE, ASYMMETRY):
+        if groups is None or f"{joint}: {prior.name}" not in groups.names:
+            continue
+        own = groups.own[groups.names.index(f"{joint}: {prior.name}")]
+        laws = [joint_term(fit.parameters[j].kind) for j in friction_columns(fit, joint)]
+        laws = [law for law in laws if law.prior is prior]
+        variance = np.maximum(variance, own**2 * _between(laws, speeds))
+    return np.sqrt(variance)
+
+
+def _between(laws: Sequence[JointTerm], speeds: FloatArray) -> FloatArray:
+    """Prior variance (k,) of a curve's departure from what its points make of it."""
+    at, prior = np.array([law.at for law in laws]), laws[0].prior
+    assert prior is not None
+    assert prior.correlation is not None
+    alike = prior.correlation(np.append(at, speeds), at)
+    state = JointState(None, speeds, None, math=np)
+    hats = np.stack([law.signal(state, len(speeds)) for law in laws], axis=1)
+    parts = np.concatenate([-hats.T, np.eye(len(speeds))])
+    return np.asarray(np.maximum((parts * (alike @ parts)).sum(axis=0), 0.0))
 
 
 def frictional_joints(fit: FitResult) -> tuple[str, ...]:

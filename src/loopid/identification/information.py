@@ -467,7 +467,9 @@ def _standard_errors(
     """
     if not excitation.rank:
         return np.empty(0), np.empty((0, 0))
-    excited = excited_samples(samples, prior, excitation)
+    # What the motion excites is asked for, not what the model lacks.
+    alike = replace(samples, regions=0 * samples.regions)
+    excited = excited_samples(alike, prior, excitation)
     for estimator in ("wls", "ols"):
         try:
             found = quiet_fit(excited, estimator)

@@ -94,8 +94,8 @@ class JointPriors:
             bounds[number] = prior.largest * (scale or 1.0) * np.array([LEAST, 1.0])
             group[columns] = number
             if prior.correlation is not None:
-                correlation = prior.correlation(np.array([law.at for law in laws]))
-                factor[np.ix_(columns, columns)] = np.linalg.cholesky(correlation)
+                at = np.array([law.at for law in laws])
+                factor[np.ix_(columns, columns)] = np.linalg.cholesky(prior.correlation(at, at))
         box = np.array([_box(term) for term in terms]).reshape(-1, 2).T
         limits, least = _limits(box)
         dissipated = dissipation(terms)

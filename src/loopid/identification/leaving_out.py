@@ -18,6 +18,10 @@ from loopid.logs.recording import Recording
 from loopid.records import record
 
 FOLDS = 5  # stretches: each fit has four fifths of the data
+REGIONS, ROWS = 16, 10  # of states, at most, and samples of each at least
+DIGITS = 6  # of states in their deviations, that tell them apart
+ROUND_OFF = 1e-9  # of the widest coordinate: others do not move
+SAME = 0.05  # of the deviations of states: such ones are the same
 PERIODS = 1.0  # of the cut-off, over which a filter spreads what happens in one sample
 
 
@@ -74,6 +78,43 @@ def stretches_of(data: FitSamples, recordings: Sequence[Recording]) -> IntArray:
         return np.asarray(data.runs % FOLDS)
     moving = np.cumsum(data.used.any(axis=1))
     return np.asarray(np.minimum(moving * FOLDS // (moving[-1] + 1), FOLDS - 1))
+
+
+def regions_of(recordings: Sequence[Recording]) -> IntArray:
+    """The region of states (N,) of each sample, by k-means of positions and rates."""
+    from scipy.cluster.vq import kmeans2  # slow to import
+
+    states = _states(recordings)
+    count = min(REGIONS, len(states) // ROWS, len(np.unique(states.round(DIGITS), axis=0)))
+    if count < 2:
+        return np.zeros(len(states), dtype=np.int64)
+    found = kmeans2(states, count, seed=0, minit="++")[1]
+    return np.asarray(found, dtype=np.int64)
+
+
+def _states(recordings: Sequence[Recording]) -> FloatArray:
+    """Positions and rates (N, k) that move, in parts of their deviations."""
+    motions = [run.motion for run in recordings]
+    states = np.concatenate([np.hstack([m.configurations, m.velocities]) for m in motions])
+    spread = states.std(axis=0)
+    moving = spread > ROUND_OFF * spread.max(initial=0.0)
+    return np.asarray(states[:, moving] / spread[moving])
+
+
+def repeated_share(data: FitSamples, recordings: Sequence[Recording]) -> float:
+    """Part of the samples whose states other stretches, or logs, have too.
+
+    It is 1 of a motion that repeats itself, and next to 0 of one that does not.
+    """
+    from scipy.spatial import cKDTree  # slow to import
+
+    states, stretches = _states(recordings), stretches_of(data, recordings)
+    near = 0
+    for k, kept in enumerate(kept_without(stretches, data, recordings)):
+        if kept.any():
+            far, _ = cKDTree(states[kept]).query(states[stretches == k])
+            near += int((far < SAME * np.sqrt(states.shape[1])).sum())
+    return near / len(states)
 
 
 def kept_without(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from html import escape
 
 import numpy as np
@@ -17,13 +18,20 @@ from loopid.findings import Finding
 from loopid.identification.consistent import (
     CONSISTENT,
     ConsistentOptions,
-    consistent_fit,
-    consistent_values,
+    consistent_parameters,
     fit_terms,
+    quiet_consistent_fit,
+    warn_of_bodies,
 )
 from loopid.identification.cutoff import CutoffChoice, choose_cutoff, prepared_at
 from loopid.identification.delay import Delay, find_delay, with_delay_errors, without_delay
-from loopid.identification.estimator import ESTIMATORS, Estimator, chosen_estimator, equal_weights
+from loopid.identification.estimator import (
+    ESTIMATORS,
+    Estimator,
+    WorkingFit,
+    chosen_estimator,
+    equal_weights,
+)
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
 from loopid.identification.force_model import ForceModel, parted, samples_of
 from loopid.identification.friction import motor_use, with_friction
@@ -34,9 +42,12 @@ from loopid.identification.information import (
     identifiability,
     told_values,
 )
-from loopid.identification.leaving_out import LeftOut
+from loopid.identification.jackknife import Jackknife
+from loopid.identification.leaving_out import LeftOut, repeated_share
 from loopid.identification.log_mistakes import Suspicions, suspicions_by_log
-from loopid.identification.prediction import Candidate, error_ratio, judge
+from loopid.identification.missing import MissingForce, missing_forces, with_missing
+from loopid.identification.plausibility import absurdities
+from loopid.identification.prediction import Candidate, error_ratio, judge, quality_of
 from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import (
     FitResult,
@@ -46,7 +57,9 @@ from loopid.identification.result import (
     nearest_first,
     of_all,
 )
+from loopid.identification.sensor_noise import sensor_noise
 from loopid.identification.terms import TermOptions, choose_terms
+from loopid.identification.unseen import UnseenErrors
 from loopid.identification.verdict import Verdict, findings_of
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
@@ -170,6 +183,8 @@ class Identification:
         not looked for, and for motions without a log.
     suspicions : tuple of Suspicions
         What may be wrong with each log.
+    missing : tuple of MissingForce
+        Forces that the data clearly have beside the consistent fit.
     """
 
     force_model: ForceModel
@@ -184,6 +199,7 @@ class Identification:
     cutoff: CutoffChoice | None = None
     delay: Delay | None = None
     suspicions: tuple[Suspicions, ...] = ()
+    missing: tuple[MissingForce, ...] = ()
 
     def __getitem__(self, name: str) -> Candidate:
         if name not in self.candidates:
@@ -235,6 +251,24 @@ class Identification:
     def fit(self) -> FitResult:
         """The recommended values with their uncertainty."""
         return self.recommended.fit
+
+    @cached_property
+    def unseen(self) -> UnseenErrors:
+        """Errors of the recommended fit on data that it was not fitted to, by where."""
+        runs = self.validation or self.training
+        return UnseenErrors.of(self.recommended, self.force_model, self.new, runs)
+
+    @cached_property
+    def repeated(self) -> float:
+        """Part of the fitted samples whose states come back in other stretches, or logs."""
+        return repeated_share(self.data, self.training)
+
+    @cached_property
+    def sensor_noise(self) -> FloatArray:
+        """Noise (dof,) of the sensors of force in N or N m; NaN where it cannot be told."""
+        every = np.array([sensor_noise(run) for run in self.training])
+        known = ~np.isnan(every).all(axis=0)
+        return np.where(known, np.nan_to_num(every, nan=0.0).max(axis=0), np.nan)
 
     @checked
     def relative_errors(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
@@ -452,7 +486,7 @@ def identify(
     fitted = plain if first is None else np.setdiff1d(plain, force_model.joint_columns)
     excited = identifiability(force_model, data.select(fitted))
     whole = fit_all(force_model, data, excited, first=first, options=options)
-    solid, known = None, None
+    solid, known, missing = None, None, tuple[MissingForce, ...]()
     if options.name == "wls":
         if force_model.automatic and first is None:
             force_model, data, solid = with_friction(
@@ -464,11 +498,11 @@ def identify(
                 force_model, known = _friction_alone(force_model, first, friction, options)
                 data = force_model.widened(data, training)
             solid = fit_solid_bodies(force_model, data, whole.noise, known=known, options=options)
-        solid = with_assumed(solid, excited)
+        missing = missing_forces(solid, force_model, training)
     start = fit_joint_terms(force_model, data, options=options)
     fits = {ROBOT_FILE: start, ALL: widened(whole, force_model.parameters)}
     if solid is not None:
-        fits[CONSISTENT] = solid
+        fits[CONSISTENT] = with_missing(with_assumed(solid.result, excited), missing)
     refits = _refits(force_model, fits, excited, first=first, known=known, options=options)
     left = LeftOut.of(data, training, refits) if left_out else None
     new = data if left_out else samples_of(force_model, judging, n_jobs=options.n_jobs)
@@ -492,21 +526,33 @@ def identify(
         delay.warn()
     excited.warn()
     warn_of_fitted(training, judging)
-    judged = _judged(fits, data, new, left)
+    regions = None if solid is None else _errors_by_region(solid)
+    judged = _judged(fits, data, new, left, regions)
     if CONSISTENT in fits:
         # The gears carry the bodies that are recommended.
         best = ROBOT_FILE if judged[CONSISTENT].loses_to_baseline else CONSISTENT
-        force_model = force_model.with_loads(fits[best].values)
+        force_model = force_model.with_loads(fits[best].values, fits[best].standard_parameters)
         data = force_model.widened(data, training)
         new = data if left_out else force_model.widened(new, judging)
-        judged = _judged(fits, data, new, left)
+        judged = _judged(fits, data, new, left, regions)
+    judged = {
+        name: replace(each, fit=replace(each.fit, broken=absurdities(force_model, each.fit, data)))
+        for name, each in judged.items()
+    }
     parts = tuple(training), tuple(judging), tuple(friction)
     return Identification(
         *(force_model, *parts, data, new, excited, judged, options),
         cutoff=cutoff,
         delay=delay,
         suspicions=suspected,
+        missing=missing,
     )
+
+
+def _errors_by_region(fit: WorkingFit) -> FloatArray:
+    """Root mean squares (dof,) on regions of states, by estimates without each."""
+    forces = Jackknife.of(fit, fit.samples.regions).predicted(fit)
+    return quality_of(fit.samples, forces).residual_rms
 
 
 def _refits(
@@ -536,10 +582,13 @@ def _refits(
 
     def solid(part: FitSamples) -> FloatArray:
         if known is None and noise is not None:
-            return consistent_values(
+            standard = consistent_parameters(
                 force_model, part, noise, options=options.consistent, like=fits[CONSISTENT]
             )
-        return fit_solid_bodies(force_model, part, noise, known=known, options=options).values
+            return force_model.base.values(standard)
+        return fit_solid_bodies(
+            force_model, part, noise, known=known, options=options
+        ).result.values
 
     noise = fits[ALL].noise
     found = {ROBOT_FILE: terms, ALL: every, CONSISTENT: solid}
@@ -555,13 +604,20 @@ def _friction_alone(
     """The terms that an experiment of their own asks for, and their values."""
     whole = fit_all(force_model, first, identifiability(force_model, first), options=options)
     model, _, found = with_friction(force_model, first, friction, whole, options=options.consistent)
-    return model, found
+    return model, found.result
 
 
 def _judged(
-    fits: Mapping[str, FitResult], data: FitSamples, new: FitSamples, left: LeftOut | None
+    fits: Mapping[str, FitResult],
+    data: FitSamples,
+    new: FitSamples,
+    left: LeftOut | None,
+    regions: FloatArray | None,
 ) -> dict[str, Candidate]:
-    """Candidates beside the first one, their quality that of the samples."""
+    """Candidates beside the first one, their quality that of the samples.
+
+    ``regions`` (dof,) are errors of the consistent one where states were left out.
+    """
     fits = {
         name: replace(fit, quality=fit_quality(data.problem, fit.values))
         for name, fit in fits.items()
@@ -570,7 +626,7 @@ def _judged(
         name: left.predicted(name, new) if left else new.predicted(fit.values)
         for name, fit in fits.items()
     }
-    return {
+    judged = {
         name: judge(
             *(fit, data, new),
             name=name,
@@ -579,6 +635,17 @@ def _judged(
         )
         for name, fit in fits.items()
     }
+    return {
+        name: _with_unseen(each, regions if name == CONSISTENT else None)
+        for name, each in judged.items()
+    }
+
+
+def _with_unseen(found: Candidate, regions: FloatArray | None) -> Candidate:
+    """A candidate whose fit knows its errors on data that it has not seen."""
+    rms = found.validation.residual_rms
+    fit = replace(found.fit, unseen_rms=rms if regions is None else np.fmax(rms, regions))
+    return replace(found, fit=fit, regions=regions)
 
 
 @checked
@@ -611,8 +678,8 @@ def fit_all(
     Warns
     -----
     DataWarning
-        Of autocorrelated residuals and of parameters that vary between recordings, as ``fit``. What
-        is not significant, the verdict tells of the recommended fit.
+        Of parameters that vary between recordings, as ``fit``. What is not significant, the verdict
+        tells of the recommended fit.
     """
     estimator, plain = chosen_estimator(options.estimator), force_model.plain_columns
     part = data.select(plain) if len(plain) < len(data.parameters) else data
@@ -744,8 +811,8 @@ def fit_solid_bodies(
     *,
     known: FitResult | None = None,
     options: FitOptions = FitOptions(),
-) -> FitResult:
-    """Fit all parameters with the robot file weighed, every body solid: see ``consistent_fit``.
+) -> WorkingFit:
+    """Fit all parameters with the robot file weighed, every body solid: as ``consistent_fit``.
 
     Parameters
     ----------
@@ -766,7 +833,9 @@ def fit_solid_bodies(
         values, deviations = np.nan_to_num(force_model.joint_values), np.full(count, np.inf)
         values[places], deviations[places] = known.values[own], known.standard_errors[own]
         terms = {"joint_values": values, "joint_deviations": deviations}
-    return consistent_fit(force_model, data, noise, **terms, options=options.consistent)
+    found = quiet_consistent_fit(force_model, data, noise, **terms, options=options.consistent)
+    warn_of_bodies(force_model, found.result)
+    return found
 
 
 def with_assumed(found: FitResult, excited: Identifiability) -> FitResult:

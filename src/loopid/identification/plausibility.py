@@ -1,7 +1,7 @@
 """Laws that any fit keeps which is good for something: nothing absurd in a controller.
 
 Errors on data do not show what cancels there, or lies between the samples. A fit that breaks a law
-is fit for nothing, whatever its errors.
+is fit for nothing, whatever its errors: it is not saved, nor given to a controller.
 """
 
 from __future__ import annotations
@@ -12,12 +12,14 @@ from itertools import combinations
 import numpy as np
 
 from loopid.arguments import checked
+from loopid.errors import OptionError
 from loopid.identification.force_model import ForceModel
 from loopid.identification.friction import friction_curve, frictional_joints
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import FitResult
 from loopid.parameters import KINDS
 from loopid.regressors.joint_laws import joint_term
+from loopid.regressors.joint_terms import JointTerms
 
 # Part of two contributions to a force that must be left of them; of the largest force of a motor,
 # a contribution that is too small to do harm.
@@ -25,52 +27,83 @@ LEFT, SMALL = 0.01, 0.1
 # Rates that friction is looked at, from next to standstill to the fastest of the log; part of the
 # largest force that is round-off.
 RATES, SLOW, ROUND_OFF = 100, 1e-4, 1e-9
+# Terms that keep the laws on any log, by the estimator that holds friction from driving.
+SANE = 'identify with terms="Fc,Fv" and estimator="wls"'
 
 
 @checked
 def absurdities(force_model: ForceModel, fit: FitResult, data: FitSamples) -> tuple[str, ...]:
     """Laws that a fit breaks, a sentence each; none for a sane one.
 
-    Friction of a motor neither drives nor is more than the largest force that the motor showed, at
-    any rate up to the fastest of the log. No two joint terms, nor one and the bodies, cancel to
-    less than a hundredth of their size. No joint term is more than all of the motor's force.
+    Friction of a motor does not drive, clear of its band, nor is it more than the largest force
+    that the motor showed, at any rate up to the fastest of the log. No two joint terms, nor one and
+    the bodies, cancel to less than a hundredth of their size. No joint term is more than all of the
+    motor's force.
 
     Parameters
     ----------
     data : FitSamples
         That was fitted.
     """
-    most = np.where(data.used, np.abs(data.force), 0.0).max(axis=0, initial=0.0)
-    largest = dict(zip(data.actuators, most.tolist(), strict=True))
-    found = [*_of_friction(force_model, fit, largest)]
-    for row, motor in enumerate(data.actuators):
-        if largest[motor] > 0:
+    found = [*_of_friction(fit, force_model.joint_terms)]
+    for row in range(len(data.actuators)):
+        if np.abs(data.force[data.used[:, row], row]).max(initial=0.0) > 0:
             found += _of_terms(force_model, fit, data, row)
     return tuple(found)
 
 
-def _of_friction(
-    force_model: ForceModel, fit: FitResult, largest: dict[str, float]
-) -> Iterator[str]:
-    known = () if fit.use is None else fit.use.joints
+def require_sane(fit: FitResult | None, joint_terms: JointTerms | None, anyway: bool) -> None:
+    """Refuse a fit that breaks a law, on its logs or by its values, unless asked for anyway.
+
+    Raises
+    ------
+    OptionError
+    """
+    if fit is None or anyway:
+        return
+    broken = fit.broken or tuple(_of_friction(fit, joint_terms))
+    if broken:
+        raise OptionError(
+            f"the fit is not fit for use, as {broken[0]}: {SANE}; anyway=True takes it "
+            "nevertheless",
+            broken=broken,
+        )
+
+
+def _of_friction(fit: FitResult, joint_terms: JointTerms | None) -> Iterator[str]:
+    """Of joints whose rates and forces in the log are known."""
+    if fit.use is None:
+        return
     for joint in frictional_joints(fit):
-        if fit.use is None or joint not in known or joint not in largest:
+        if joint not in fit.use.joints:
             continue
+        most = float(fit.use.largest[fit.use.joints.index(joint)])
         rates = fit.use.of(joint)[1] * np.geomspace(SLOW, 1.0, RATES)
+        force, rate = _units(fit, joint)
         for way in (1.0, -1.0):
-            curve = friction_curve(fit, joint, way * rates, joint_terms=force_model.joint_terms)
-            values, most = way * curve.values, largest[joint]
+            curve = friction_curve(fit, joint, way * rates, joint_terms=joint_terms)
+            values, ends = way * curve.values, (way * curve.band).max(axis=1)
+            drives = (values < -SMALL * most) | ((values < -ROUND_OFF * most) & (ends < 0))
             if values.max() > most:
                 k = int(values.argmax())
                 yield (
-                    f"friction of {joint} would be {values[k]:.3g} at {rates[k]:.2g}, for a "
-                    f"largest force of {most:.3g}"
+                    f"friction of {joint} would be {values[k]:.3g} {force} at {rates[k]:.2g} "
+                    f"{rate}, for a largest force of {most:.3g} {force}"
                 )
                 break
-            if values.min() < -ROUND_OFF * most:
-                k = int(values.argmin())
-                yield f"friction of {joint} would drive it, by {-values[k]:.3g} at {rates[k]:.2g}"
+            if drives.any():
+                k = int(np.where(drives, values, 0.0).argmin())
+                yield (
+                    f"friction of {joint} would drive it, by {-values[k]:.3g} {force} at "
+                    f"{rates[k]:.2g} {rate}"
+                )
                 break
+
+
+def _units(fit: FitResult, joint: str) -> tuple[str, str]:
+    """Of the force and of the rate of a joint."""
+    turns = any(each.unit.startswith("N m") for each in fit.parameters if each.link == joint)
+    return ("N m", "rad/s") if turns else ("N", "m/s")
 
 
 def _of_terms(force_model: ForceModel, fit: FitResult, data: FitSamples, row: int) -> Iterator[str]:

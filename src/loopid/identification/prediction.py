@@ -29,10 +29,14 @@ class Prediction(Tabular):
         Its ``force`` (N, dof) is what was measured, its ``used`` (N, dof) where motors move.
     predicted : FloatArray
         (N, dof) in N or N m.
+    reach : FloatArray or None
+        (N, dof), half the width of the band that holds 95 % of new forces; None where the fit knows
+        no errors.
     """
 
     recording: Recording
     predicted: FloatArray
+    reach: FloatArray | None = None
 
     def _table(self) -> dict[str, FloatArray]:
         run = self.recording
@@ -43,6 +47,17 @@ class Prediction(Tabular):
     def residual(self) -> FloatArray:
         """Measured less predicted (N, dof) in N or N m."""
         return np.asarray(self.recording.force - self.predicted, dtype=np.float64)
+
+    @property
+    def inside(self) -> FloatArray | None:
+        """Part (dof,) of the forces that is in the band, where motors move; NaN where none does."""
+        if self.reach is None:
+            return None
+        used = self.recording.used
+        held = (used & (np.abs(self.residual) <= self.reach)).sum(axis=0)
+        return np.asarray(
+            np.where(used.any(axis=0), held / np.maximum(used.sum(axis=0), 1), np.nan)
+        )
 
     @cached_property
     def moving(self) -> Quality:
@@ -133,7 +148,11 @@ def predict(
         )
     if fit.cutoff is not None:
         (recording,) = prepared_at(model, [recording], fit.cutoff)
-    return Prediction(recording, model.samples(recording).predicted(fit.values))
+    samples, known = model.samples(recording), fit.result if isinstance(fit, SavedFit) else fit
+    reach = None
+    if known is not None and known.unseen_rms is not None:
+        reach = prediction_reach(samples.regressor, known.covariance, known.unseen_rms)
+    return Prediction(recording, samples.predicted(fit.values), reach)
 
 
 def force_model_of(fit: SavedFit | FitResult, robot: Mechanism | ForceModel) -> ForceModel:
@@ -147,11 +166,11 @@ def force_model_of(fit: SavedFit | FitResult, robot: Mechanism | ForceModel) -> 
                 "a fit that is not saved needs its ForceModel: give found.force_model in place of "
                 "the robot"
             )
-        return own.with_loads(fit.values)
+        return own.with_loads(fit.values, fit.standard_parameters)
     model = model_of(fit, robot)
     if fit.parameters != model.parameters:
         raise DataError("the fit is of other parameters than the force model has")
-    return model.with_loads(fit.values)
+    return model.with_loads(fit.values, fit.standard_parameters)
 
 
 # Stretches of time whose errors count as independent of each other: few, hence long, as errors
@@ -182,6 +201,9 @@ class Candidate:
         and its standard error.
     motor_ratios : FloatArray
         (dof,), that of each motor; NaN without samples.
+    regions : FloatArray or None
+        (dof,), root mean square errors on regions of states that were left out; None where these
+        were not.
     """
 
     name: str
@@ -191,6 +213,7 @@ class Candidate:
     rms_errors: tuple[FloatArray, FloatArray]
     error_ratio: tuple[float, float]
     motor_ratios: FloatArray
+    regions: FloatArray | None = None
 
     @property
     def fitted(self) -> int:
@@ -343,8 +366,13 @@ def _mean_error(series: FloatArray) -> float:
 
 
 @checked
-def prediction_reach(regressor: FloatArray, covariance: FloatArray) -> FloatArray:
+def prediction_reach(
+    regressor: FloatArray, covariance: FloatArray, errors: FloatArray | None = None
+) -> FloatArray:
     """Half the width (N, dof) of 95 % intervals of the forces that a regressor predicts.
+
+    By the parameters alone they hold what the model says. With errors on unseen data, which are
+    those of sensors and of what the model lacks, they hold new forces.
 
     Parameters
     ----------
@@ -352,6 +380,8 @@ def prediction_reach(regressor: FloatArray, covariance: FloatArray) -> FloatArra
         (N, dof, n) in N or N m per unit parameter.
     covariance : FloatArray
         (n, n).
+    errors : FloatArray, optional
+        (dof,), root mean squares in N or N m, as ``FitResult.unseen_rms``; NaN for unknown ones.
 
     Raises
     ------
@@ -366,4 +396,6 @@ def prediction_reach(regressor: FloatArray, covariance: FloatArray) -> FloatArra
             f"a regressor (N, dof, n) needs a covariance (n, n), not {W.shape} and {C.shape}"
         )
     variance = np.einsum("nij,jk,nik->ni", W, C, W, optimize=True)
+    if errors is not None:
+        variance = np.maximum(variance, 0.0) + np.nan_to_num(errors) ** 2
     return np.asarray(INTERVAL * np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)

@@ -137,6 +137,8 @@ class FitSamples:
         (N,), number of the gap-free, evenly sampled stretch of each sample; by default one.
     runs : IntArray
         (N,), number of the recording of each sample; one until samples are ``combined``.
+    regions : IntArray
+        (N,), number of the region of states of each sample; one unless ``samples_of`` finds them.
     least_errors : FloatArray
         (dof,) in N or N m, deviation below which errors count as round-off, as of forces that are
         known to be zero; by default 0.
@@ -160,6 +162,7 @@ class FitSamples:
     used: BoolArray
     stretches: IntArray
     runs: IntArray
+    regions: IntArray
     least_errors: FloatArray
     instruments: FloatArray | None = None
 
@@ -208,6 +211,7 @@ class FitSamples:
             _shaped(mask, "used", tau.shape),
             _shaped(parts, "stretches", tau.shape[:1]).astype(np.int64, copy=False),
             runs=np.zeros(len(tau), dtype=np.int64),
+            regions=np.zeros(len(tau), dtype=np.int64),
             least_errors=_shaped(least, "least errors", (dof,)),
         )
 
@@ -327,13 +331,15 @@ class FitSamples:
             shifted = [part + k for part, k in zip(each, offsets, strict=True)]
             return np.concatenate(shifted)
 
+        runs, regions = numbered([part.runs for part in parts]), [part.regions for part in parts]
         return replace(
             first,
             regressor=np.concatenate([part.regressor for part in parts]),
             force=np.concatenate([part.force for part in parts]),
             used=np.concatenate([part.used for part in parts]),
             stretches=numbered([part.stretches for part in parts]),
-            runs=numbered([part.runs for part in parts]),
+            runs=runs,
+            regions=numbered(regions) if any(each.any() for each in regions) else 0 * runs,
             least_errors=np.max([part.least_errors for part in parts], axis=0),
             instruments=np.concatenate(instruments) if instruments else None,
         )

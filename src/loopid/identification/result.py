@@ -216,12 +216,15 @@ class MotorUse(OfArrays):
         (m,), slowest informative and fastest rate of each, in m/s or rad/s.
     load : FloatArray
         (m,), mean size of the force that moved the bodies, in N or N m.
+    largest : FloatArray
+        (m,), largest size of the force, in N or N m.
     """
 
     joints: tuple[str, ...]
     slowest: FloatArray
     fastest: FloatArray
     load: FloatArray
+    largest: FloatArray
 
     @property
     def columns(self) -> tuple[tuple[str, ...], list[float], list[float]]:
@@ -364,6 +367,10 @@ class FitResult(OfArrays, Tabular):
         Whether the solver reached the best values, where it takes steps.
     mistakes : tuple of str
         In the logs that were fitted, one sentence each: no value counts before they are mended.
+    unseen_rms : FloatArray or None
+        (dof,), root mean square errors on data that were not fitted, in N or N m; NaN without any.
+    broken : tuple of str
+        Laws of sane fits that it breaks on these logs (``absurdities``), one sentence each.
 
     Examples
     --------
@@ -403,6 +410,8 @@ class FitResult(OfArrays, Tabular):
     force_model: ForceModel | None = field(default=None, compare=False, repr=False)
     settled: bool = True
     mistakes: tuple[str, ...] = ()
+    unseen_rms: FloatArray | None = None
+    broken: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()

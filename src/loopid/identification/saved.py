@@ -27,6 +27,7 @@ from loopid.base_parameters.structure import analyse
 from loopid.errors import DataError, FileError, OptionError
 from loopid.files import require_other_file, why_no_file, write_file
 from loopid.identification.force_model import ForceModel
+from loopid.identification.plausibility import require_sane
 from loopid.identification.result import (
     FileDeviation,
     FitResult,
@@ -177,6 +178,8 @@ class SavedEstimate(_Section):
     term_deviations: TermDeviations | None = None
     use: MotorUse | None = None
     mistakes: tuple[str, ...] = ()
+    unseen_rms: Column | None = None
+    broken: tuple[str, ...] = ()
 
 
 class SavedFit(_Section):
@@ -252,7 +255,7 @@ class SavedFit(_Section):
                 ),
                 "base_parameters": tuple(_entries(model, values, estimate)),
                 "covariance": estimate and estimate.covariance,
-                "check": tuple(_states(model, values)),
+                "check": tuple(_states(model.with_loads(values, bodies), values)),
                 "estimate": estimate,
             }
         )
@@ -409,7 +412,9 @@ class SavedFit(_Section):
             regrouping=frozen(M[:, dependent]),
             search=SearchResult("saved", "nullspace", chosen, math.nan, False, 1, 0),
         )
-        return ForceModel(mechanism, kind, terms, found).with_loads(self.values)
+        standard = self.standard_values
+        known = None if np.isnan(standard).any() else standard
+        return ForceModel(mechanism, kind, terms, found).with_loads(self.values, known)
 
     def require_bodies(self) -> FloatArray:
         """Standard parameters and joint terms (p,), which a robot file can be made of.
@@ -433,14 +438,27 @@ class SavedFit(_Section):
         record: dict[str, Any] = _plain(self.model_dump(exclude={"digest"}))
         return record | {"digest": _digest(record)}
 
-    def content(self, path: str | Path) -> str:
-        """The content of a file of that name: JSON, which is YAML, but read 16 times faster."""
+    def require_sane(self, *, anyway: bool = False) -> None:
+        """Refuse a fit that breaks a law of sane ones (``absurdities``), unless asked for anyway.
+
+        Raises
+        ------
+        OptionError
+        """
+        require_sane(self.result, self.force_model.joint_terms, anyway)
+
+    def content(self, path: str | Path, *, anyway: bool = False) -> str:
+        """The content of a file of that name: JSON, which is YAML, but read 16 times faster.
+
+        Refused as by ``require_sane``.
+        """
         _ending(path)
+        self.require_sane(anyway=anyway)
         return json.dumps(self.record(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
-    def save(self, path: str | Path) -> Path:
+    def save(self, path: str | Path, *, anyway: bool = False) -> Path:
         """Write to a file, whole or not at all; see ``save_fit``."""
-        write_file(path, self.content(path))
+        write_file(path, self.content(path, anyway=anyway))
         return Path(path)
 
     def _refusal(self, mechanism: Mechanism, difference: str) -> DataError:
@@ -457,7 +475,7 @@ def model_of(fit: FitResult, model: ForceModel) -> ForceModel:
     own = fit.force_model
     if own is None or fit.parameters == model.parameters or own.mechanism != model.mechanism:
         return model
-    return own.with_loads(fit.values)
+    return own.with_loads(fit.values, fit.standard_parameters)
 
 
 def _values_of(model: ForceModel, fit: FitResult | FloatArray) -> FloatArray:
@@ -508,13 +526,15 @@ def _states(model: ForceModel, values: FloatArray) -> Iterator[dict[str, FloatAr
     shape = 2, STATES, len(model.mechanism.independent)
     v, a = np.random.default_rng(0).standard_normal(shape)
     W = model.base.regressor(model.standard_regressor(q, v, a))
-    force = model.with_loads(values).loaded(W) @ values
+    force = model.loaded(W) @ values
     for state in zip(q, v, a, force, strict=True):
         yield dict(zip(SavedState.model_fields, state, strict=True))
 
 
 @checked
-def save_fit(path: str | Path, model: ForceModel, fit: FitResult | FloatArray) -> Path:
+def save_fit(
+    path: str | Path, model: ForceModel, fit: FitResult | FloatArray, *, anyway: bool = False
+) -> Path:
     """Save a fit with all that it takes to use it: for ``read_fit`` and ``loopid export``.
 
     Parameters
@@ -525,13 +545,15 @@ def save_fit(path: str | Path, model: ForceModel, fit: FitResult | FloatArray) -
         Whose parameters were fitted, or that ``identify`` was given.
     fit : FitResult or FloatArray
         Or values (r,) of the base parameters.
+    anyway : bool
+        Whether a fit that breaks a law of sane ones (``absurdities``) is written.
 
     Raises
     ------
     DataError
         When the fit is not one of the parameters of the force model.
     OptionError
-        When the name ends otherwise.
+        When the name ends otherwise, or the fit breaks a law.
     FileError
         When the file cannot be written, or is one of the robot's.
 
@@ -544,7 +566,7 @@ def save_fit(path: str | Path, model: ForceModel, fit: FitResult | FloatArray) -
     'fit.json'
     """
     require_other_file(path, *robot_files(model.mechanism))
-    return SavedFit.of(model, fit).save(path)
+    return SavedFit.of(model, fit).save(path, anyway=anyway)
 
 
 @checked
@@ -669,9 +691,11 @@ def _differences(saved: SavedFit, mechanism: Mechanism) -> Iterator[str]:
         yield f"closure {mechanism.row_names[k]} has a residual of {residual[k]:.3g} there"
     W = motion_regressor(mechanism, closed_motion(mechanism, q, v, a), kind, joint_terms=terms)
     values, places = saved.values, load_places(saved.parameters, mechanism.independent)
-    bodies = [k for k, each in enumerate(saved.parameters) if each.kind in KINDS]
-    K = W[..., saved._leading]
-    K = with_loads(K, places, K[:, :, bodies] @ values[bodies])
+    K, standard = W[..., saved._leading], saved.standard_values
+    own = np.array([each.kind in KINDS for each in saved.parameters])
+    bodies = np.array([each.kind in KINDS for each in saved.standard])
+    loads = K @ (own * values) if np.isnan(standard).any() else W @ (bodies * standard)
+    K = with_loads(K, places, loads)
     apart = np.abs(K @ values - force).max(axis=0)
     k = int(apart.argmax())
     if apart[k] > SAME_ROBOT * np.abs(force).max():

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from loopid.arguments import FloatArray
 from loopid.findings import PAGE, Finding, most_important_first
 from loopid.identification.consistent import UNSETTLED
-from loopid.identification.plausibility import absurdities
+from loopid.identification.missing import missing_findings
 from loopid.identification.result import FitResult
 from loopid.records import record
 from loopid.regressors.joint_laws import grouped
@@ -25,6 +24,9 @@ GOOD, ROUGH = 0.1, 0.3
 # below, the force does not follow the motion.
 NOISE = 0.2
 NAMED = 1  # parameters that the sentence names
+# Errors over the sensors' noise, from which on the model lacks something: values follow that.
+NOISY = 3.0
+REPEATED = 0.5  # part of the states that come back, from which on a motion repeats itself
 # What a fit is fit for, in words.
 NOT_FIT, ROUGHLY = "Not fit for use", "Fit for rough predictions of forces"
 PARAMETERS = " and as parameters of the robot"
@@ -41,7 +43,7 @@ class Verdict:
     motor : str
         Whose force is predicted worst.
     error : float
-        Of that motor on new data, in parts of its force, in the root mean square.
+        Of that motor on new data where it is worst, in parts of its force, in the root mean square.
     ratio : tuple of float
         Mean squared error of the recommended fit on new data over that of the robot file with
         fitted joint terms, the geometric mean over the motors, and its standard error.
@@ -59,6 +61,9 @@ class Verdict:
         What would improve the fit most.
     mistake : Finding or None
         In a log, the likeliest: while there is one, no figure counts.
+    where : str
+        Where the error is: ``"whole"`` data, the worst ``"part"``, ``"regions"`` of states that
+        were left out, at ``"slow"`` speed, or at ``"standstill"``.
     """
 
     use: str
@@ -72,15 +77,15 @@ class Verdict:
     excite: tuple[str, ...]
     improvement: str
     mistake: Finding | None = None
+    where: str = "whole"
 
     @classmethod
     def of(cls, found: Identification) -> Verdict:
         """Of an identification."""
-        errors = _errors(found)
-        worst = 0 if np.isnan(errors).all() else int(np.nanargmax(errors))
+        where, worst, error = found.unseen.worst
         count = sum(not grouped(each.kind) for each in found.fit.parameters)
         significant = count - len(insignificant(found.fit))
-        mistake, error = next(iter(found.mistakes), None), float(errors[worst])
+        mistake = next(iter(found.mistakes), None)
         excite, improvement = _improvement(found)
         left_out = "logs" if len(found.training) > 1 else "stretches"
         return cls(
@@ -95,16 +100,19 @@ class Verdict:
             () if mistake else excite,
             mistake.do if mistake else improvement,
             mistake,
+            where,
         )
 
     def __str__(self) -> str:
         if self.mistake is not None:
             return self.mistake.veto
         page = "" if self.error <= ROUGH else f" ({PAGE})"
+        judged = JUDGED["regions" if self.where == "regions" else self.judged]
         band = "" if self.band is None else f" below {self.band:.3g} Hz"
         return (
-            f"{self.use}: {JUDGED[self.judged]}{band} errors are at most {100 * self.error:.2g} % "
-            f"of a motor's force ({self.motor}){self._beside_file}; {self.significant} of "
+            f"{self.use}: {judged}{band} errors are at most {100 * self.error:.2g} % "
+            f"of a motor's force ({self.motor}{AT.get(self.where, '')}){self._beside_file}; "
+            f"{self.significant} of "
             f"{self.parameters} values are significant. Next: {self.improvement}{page}."
         )
 
@@ -138,7 +146,9 @@ JUDGED = {
     "stretches": "on stretches left out of the fit",
     "logs": "on logs left out of the fit",
     "validation": "on new data",
+    "regions": "on states left out of the fit",
 }
+AT = {"slow": ", at low speed", "standstill": ", at standstill"}
 
 
 def _better(found: Identification) -> Finding | None:
@@ -155,26 +165,58 @@ def _better(found: Identification) -> Finding | None:
     )
 
 
-def _errors(found: Identification) -> FloatArray:
-    """On new data (dof,), in parts of each motor's force; NaN where there is none."""
-    return found.relative_errors(found.recommended)[0]
-
-
 def _use(found: Identification, error: float) -> str:
-    broken = absurdities(found.force_model, found.fit, found.data)
-    if broken:
-        return f"{NOT_FIT}, as {broken[0]}"
+    if found.fit.broken:
+        return f"{NOT_FIT}, as {found.fit.broken[0]}"
     if not error <= ROUGH:
         return NOT_FIT
     use = "Fit for predicting forces" if error <= GOOD else ROUGHLY
     if found.recommended is found.baseline:
         return f"{use} with the robot file's bodies, as fitted ones are clearly worse"
-    told, deviation = found.identifiability, found.fit.deviation
-    doubtful = found.advantage is not None or not found.fit.settled
-    doubtful |= deviation is not None and bool(deviation.suspicion)
-    if error <= GOOD and told.well_determined == told.structural_rank and not doubtful:
+    told = found.identifiability
+    if error <= GOOD and told.well_determined == told.structural_rank and not _doubtful(found):
         return use + PARAMETERS
     return f"{use} in motions like these, but not parameter by parameter"
+
+
+def _doubtful(found: Identification) -> bool:
+    """Whether anything says that the model is wrong, so that intervals may not hold."""
+    deviation = found.fit.deviation
+    far = deviation is not None and bool(deviation.suspicion)
+    doubtful = bool(found.missing) or far or not found.fit.settled
+    return doubtful or found.advantage is not None or _noisy(found) is not None
+
+
+def _noisy(found: Identification) -> tuple[str, float] | None:
+    """The motor whose errors are largest beside its sensor's noise, and how many times that."""
+    errors, noise = found.fit.unseen_rms, found.sensor_noise
+    ratios = np.full(len(noise), np.nan) if errors is None else errors / noise
+    if np.isnan(ratios).all() or np.nanmax(ratios) <= NOISY:
+        return None
+    worst = int(np.nanargmax(ratios))
+    return found.data.actuators[worst], float(ratios[worst])
+
+
+def _model_findings(found: Identification) -> Iterator[Finding]:
+    """What the model lacks, and where the data cannot tell."""
+    yield from missing_findings(found.missing)
+    noisy = _noisy(found)
+    if noisy is not None:
+        motor, times = noisy
+        yield Finding(
+            "warning",
+            f"errors of {motor} are {times:.2g} times its sensor's noise",
+            "by what forces have above half the Nyquist frequency; the model lacks what makes them",
+            f"see {PAGE} for what it may be",
+        )
+    if found.repeated > REPEATED:
+        yield Finding(
+            "warning",
+            "the motion repeats itself",
+            f"{100 * found.repeated:.0f} % of its states come back; regions of states were left "
+            "out to judge the fit",
+            "record another motion, and give it with validate",
+        )
 
 
 def _improvement(found: Identification) -> tuple[tuple[str, ...], str]:
@@ -195,6 +237,7 @@ def findings_of(found: Identification) -> tuple[Finding, ...]:
     said = [each for one in found.suspicions for each in one.mistakes]
     told, deviation, unexplained = found.identifiability, found.fit.deviation, _unexplained(found)
     said += [each for each in (_better(found), unexplained) if each is not None]
+    said += _model_findings(found)
     if deviation is not None and deviation.suspicion:
         said.append(
             Finding(
@@ -208,7 +251,7 @@ def findings_of(found: Identification) -> tuple[Finding, ...]:
         said.append(UNSETTLED)
     if found.delay is not None and found.delay.clear:
         said.append(found.delay.finding)
-    for broken in absurdities(found.force_model, found.fit, found.data):
+    for broken in found.fit.broken:
         said.append(
             Finding("warning", "the fit is not physical", broken, 'try fewer terms, terms="Fc,Fv"')
         )
@@ -228,14 +271,17 @@ def _unexplained(found: Identification) -> Finding | None:
             "variance",
             "look at its column, its time stamps, and whether the motor drives the robot",
         )
-    errors = _errors(found)
-    if np.isnan(errors).all() or np.nanmax(errors) <= ROUGH:
+    where, worst, error = found.unseen.worst
+    if not error > ROUGH:
         return None
+    at = AT.get(where, "")
     return Finding(
         "warning",
-        f"the force of {found.new.actuators[int(np.nanargmax(errors))]} is not explained",
-        f"errors on new data are {100 * np.nanmax(errors):.2g} % of it",
-        "look for a payload, a spring, a wrong length or a missing joint term",
+        f"the force of {found.new.actuators[worst]} is not explained{at.replace(',', '')}",
+        f"errors on new data are {100 * error:.2g} % of it",
+        "look for brakes, or a counterweight that the file lacks"
+        if where == "standstill"
+        else "look for a payload, a spring, a wrong length or a missing joint term",
     )
 
 

@@ -86,6 +86,7 @@ class Prepared:
         self.in_common_units = self.units * mechanism.moving
         # Coordinates that are chosen as independent, and the others, by their names.
         self.partitions: dict[tuple[str, ...] | None, tuple[IntArray, IntArray]] = {}
+        self.few_enough: set[int] = set()  # numbers of independent coordinates
         self.columns: dict[str, tuple[IntArray, FloatArray | None]] = {}
         # Measured coordinates by their names, and random configurations that were drawn before.
         self.measured: dict[tuple[str, ...] | str | None, Any] = {}

@@ -127,13 +127,14 @@ def _blocks_of(nonzero: bytes, m: int, n: int) -> list[tuple[IntArray, IntArray]
 class Solver:
     """Least-squares solves with N matrices (N, m, n): inverses where these are proven regular.
 
-    An inverse takes a fifth of the time of a singular value decomposition. The Frobenius norms of
+    Of more rows than columns, as of planar loops, the inverse is the pseudoinverse R⁻¹Qᵀ. It takes
+    a fifth of the time of a singular value decomposition. The Frobenius norms of
     a matrix and its inverse bound its condition; where the bound proves nothing, singular values
     decide.
     """
 
     matrices: FloatArray  # (N, m, n)
-    inverses: FloatArray | None  # (N, n, n); None where not square, or one is exactly singular
+    inverses: FloatArray | None  # (N, n, m); None where m < n, or one is exactly singular
     ill_conditioned: IntArray  # samples whose ratio of singular values is not proven to be larger
 
     @classmethod
@@ -142,7 +143,7 @@ class Solver:
         count, rows, columns = matrices.shape
         if columns == 0:
             return cls(matrices, None, np.empty(0, dtype=np.int64))
-        inverses = _inverses(matrices) if rows == columns else None
+        inverses = _inverses(matrices) if rows >= columns else None
         if inverses is None:
             return cls(matrices, None, np.arange(count))
         square_norms = _square_norms(matrices) * _square_norms(inverses)
@@ -169,7 +170,11 @@ class Solver:
 
 
 def _inverses(matrices: FloatArray) -> FloatArray | None:
-    """None where one is exactly singular: singular values tell which."""
+    """Inverses, or pseudoinverses of m > n rows; None where one is exactly singular."""
+    if matrices.shape[1] > matrices.shape[2]:
+        Q, R = np.linalg.qr(matrices)
+        inverses = _inverses(R)
+        return None if inverses is None else np.asarray(inverses @ Q.swapaxes(1, 2))
     if len(matrices) == 1:  # LAPACK itself, in a third of the time
         factors, pivots, singular = dgetrf(matrices[0])
         return None if singular else dgetri(factors, pivots)[0][None]
@@ -396,9 +401,8 @@ def _parts(
     for rows in blocks(len(q)):
         constraint = Constraint(mechanism, q[rows])
         A = scaled_jacobian(mechanism, constraint.jacobian())
-        # No more equations than dependent coordinates have no larger rank.
-        if rows.start == 0 and A.shape[1] > len(parts[1]):
-            _refuse_too_many(mechanism, A[:1], len(parts[0]))
+        if rows.start == 0:
+            _refuse_too_many(mechanism, A[:1], parts)
         G, solver = velocity_map(mechanism, A, *parts)
         if len(solver.ill_conditioned):
             doubts.append((rows.start + solver.ill_conditioned, solver.factors))
@@ -480,8 +484,17 @@ def _refuse_singular(doubts: list[_Doubt], width: int) -> None:
         )
 
 
-def _refuse_too_many(mechanism: Mechanism, jacobian: FloatArray, count: int) -> None:
-    """Refuse more independent joints than the first sample has degrees of freedom."""
+def _refuse_too_many(
+    mechanism: Mechanism, jacobian: FloatArray, parts: tuple[IntArray, IntArray]
+) -> None:
+    """Refuse more independent joints than the first sample has degrees of freedom.
+
+    What was few enough once is not asked again: a rank that falls later is a singularity.
+    """
+    count, few = len(parts[0]), prepared(mechanism).few_enough
+    # No more equations than dependent coordinates have no larger rank.
+    if count in few or jacobian.shape[1] <= len(parts[1]):
+        return
     rank = Factorisation.of(jacobian, mechanism.closure_rank_tolerance).rank
     freedom = mechanism.model.nv - int(rank.max(initial=0))
     if count > freedom:
@@ -494,3 +507,4 @@ def _refuse_too_many(mechanism: Mechanism, jacobian: FloatArray, count: int) -> 
             given=count,
             freedom=freedom,
         )
+    few.add(count)

@@ -209,23 +209,22 @@ def _redrawn(mechanism: Mechanism, q: FloatArray, world: _World) -> Mechanism:
 
 
 def _closed(mechanism: Mechanism, closure: LoopClosure, a: pin.SE3, b: pin.SE3) -> pin.SE3:
-    """The place nearest to b that closes a closure with a: Newton steps of least norm."""
+    """The place nearest to b that closes a closure with a: Newton steps of least norm.
+
+    No equation has shifts and turns of b in it, so their units do not matter.
+    """
     if closure.indices is not None:  # a cable is as long as it has to be
         return b
-    length, still = mechanism.length, np.zeros((1, 3, 6))
-    units = np.repeat([1.0, 1.0 / length], 3)  # steps of a length
+    still = np.zeros((1, 3, 6))
     for _ in range(NEWTON_STEPS):
         distance = (b.translation - a.translation)[None, :, None]
         pair = FramePair(distance, a.rotation[None], b.rotation[None])
         rates = PairRates(*(part[None] for part in (np.eye(3, 6), still[0], np.eye(3, 6, 3))))
         r = np.concatenate([part.residual(pair)[0] for part in closure.equations])
         J = np.concatenate([part.rate(pair, rates)[0] for part in closure.equations])
-        scale = np.array(
-            [length if p.angular else 1.0 for p in closure.equations for _ in range(p.count)]
-        )
-        step = -units * np.linalg.lstsq(scale[:, None] * J * units, scale * r, rcond=1e-12)[0]
+        step = -np.linalg.lstsq(J, r, rcond=1e-12)[0]
         b = pin.SE3(pin.exp3(step[3:]) @ b.rotation, b.translation + step[:3])
-        if np.abs(step / units).max() < EXACT * length:
+        if np.abs(step).max() < EXACT * min(1.0, mechanism.length):
             break
     return b
 

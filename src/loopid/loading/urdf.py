@@ -20,12 +20,9 @@ from loopid.arguments import number
 from loopid.errors import RobotFileError, naming
 from loopid.loading.description import ClosureDescription, Description, warn_of_size
 from loopid.loading.tree import TreeSource, add_frame
-from loopid.loading.urdf_tree import (
-    LEAST_AXIS,
-    ROOT_JOINT,
+from loopid.loading.urdf_tree import LEAST_AXIS, ROOT_JOINT, UrdfFile, build_model, read_urdf_file
+from loopid.loading.xml_elements import (
     Element,
-    UrdfFile,
-    build_model,
     child,
     inner_tags,
     label,
@@ -33,7 +30,6 @@ from loopid.loading.urdf_tree import (
     numbers,
     numbers_in,
     placement,
-    read_urdf_file,
     required,
     said,
     single,

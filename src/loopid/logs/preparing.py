@@ -29,8 +29,8 @@ from loopid.logs.streams import Dropped
 from loopid.logs.wrenches import ExternalWrench
 from loopid.motion.filtering import LowPass, differentiate
 from loopid.motion.joints import JointMotion
+from loopid.progress import Progress
 from loopid.robot.mechanism import Mechanism
-from loopid.workers import Progress
 
 LEAST_SAMPLES = 3  # what it takes to differentiate
 BLOCK = 8192  # samples assembled together: fewer repeat the coarse steps, more take memory

@@ -50,11 +50,11 @@ from loopid.paper.structure import (
     measured_geometry,
     rows_of_table_ii,
 )
+from loopid.progress import Progress
 from loopid.records import record
 from loopid.regressors.closed_loop import ForceParts, force_parts
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.mechanism import Mechanism
-from loopid.workers import Progress
 
 # What the paper prints.
 

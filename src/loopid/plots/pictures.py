@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, checked
+from loopid.arguments import BoolArray, FloatArray, checked, spread_rows
 from loopid.base_parameters.account import SubgroupAccount
 from loopid.base_parameters.choice import SearchResult
 from loopid.errors import OptionError
@@ -15,7 +15,7 @@ from loopid.excitation.design import ExcitationDesign
 from loopid.identification.prediction import Prediction
 from loopid.identification.saved import SavedFit
 from loopid.numbers import number
-from loopid.plots.chart import Chart, Mark, Panel
+from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel
 from loopid.robot.mechanism import Mechanism
 from loopid.view.scene import link_rods, placed
 
@@ -239,10 +239,20 @@ def forces_chart(
             line = Mark(f"measured less {by}", time, left[look], look)
             zero = Mark("", time[[0, -1]], np.zeros(2), "faint")
             title = f"left by {by} ({unit}), rms {number(rms, 2)}"
-            panels.append(Panel(title, (shade, zero, line), y_limits=(-most, most), small=True))
+            marks = (shade, zero, *_band(found, k, look), line)
+            panels.append(Panel(title, marks, y_limits=(-most, most), small=True))
     caption = f"Of {run.name}. Lanes of errors have one scale a motor. {ZOOM}"
     many, lanes = len(panels) > 1 + len(predictions), 1 + len(predictions)
     return Chart(name, caption, "time (s)", tuple(panels), 2 if many else 1, lanes, run.name)
+
+
+def _band(found: Prediction, motor: int, look: str) -> list[Mark]:
+    """Where 95 % of new forces are left by the fit; none by other predictions."""
+    if found.reach is None or look != "fit":
+        return []
+    some = spread_rows(len(found.recording), MOST_DOTS)
+    time, half = found.recording.motion.time[some], found.reach[some, motor]
+    return [Mark("95 % of new forces", time, -half, "faint", "band", half)]
 
 
 def _spans(time: FloatArray, chosen: BoolArray) -> Any:

@@ -74,13 +74,13 @@ class PriorGroup:
         Largest prior deviation: of a coefficient without unit as it is, else relative to the rms
         force of the motor.
     correlation : callable, optional
-        Prior correlation (k, k) of the k terms of a joint, of their numbers ``at`` (k,); by
-        default they are independent.
+        Prior correlation (k, k) of the law at numbers (k,), of a joint whose terms have numbers
+        ``at``; by default its terms are independent.
     """
 
     name: str
     largest: float = 1.0
-    correlation: Callable[[FloatArray], FloatArray] | None = None
+    correlation: Callable[[FloatArray, FloatArray], FloatArray] | None = None
 
 
 @record(checked=True)
@@ -254,8 +254,8 @@ def _alike(rates: FloatArray, none: float) -> FloatArray:
 
 
 NUGGET = 1e-4  # of a correlation: departures that are not alike, and no round-off
-CURVE = PriorGroup("friction curve", 1.0, lambda at: _alike(at, RATIO * at.max()))
-ASYMMETRY = PriorGroup("friction asymmetry", 1.0, lambda at: _alike(at, at.min() / RATIO))
+CURVE = PriorGroup("friction curve", 1.0, lambda rates, at: _alike(rates, RATIO * at.max()))
+ASYMMETRY = PriorGroup("friction asymmetry", 1.0, lambda rates, at: _alike(rates, at.min() / RATIO))
 LOAD = PriorGroup("load friction", 0.2)
 HYSTERESIS = PriorGroup("hysteresis", 1.0)
 
@@ -266,7 +266,17 @@ def _point(name: str, law: Callable[[JointState, float], Any], prior: PriorGroup
 
 
 class JointTermRegistry(Registry[JointTerm]):
-    """Joint terms by their kinds, each tried when it is registered."""
+    """Joint terms by their kinds, each tried when it is registered.
+
+    ``found`` holds those with a number that ``joint_term`` was asked for, by kinds such as
+    ``"Ks@0.2"``.
+    """
+
+    found: dict[str, JointTerm]
+
+    def __init__(self) -> None:
+        super().__init__("joint term")
+        self.found = {}
 
     def register(self, name: str, entry: JointTerm | str) -> None:
         """Add a joint term, or put it in the place of one of the same kind.
@@ -300,6 +310,7 @@ class JointTermRegistry(Registry[JointTerm]):
                 given=name,
             )
         super().register(name, entry)
+        self.found.clear()
 
 
 # Words of a choice of terms, and what a kind may look like.
@@ -410,7 +421,7 @@ def _require_slope(
 # is more near standstill [Armstrong1994]. Hysteresis is what friction that builds up over a
 # displacement has less after a reversal than Coulomb friction, which it is a part of: none in
 # steady motion (``maxwell_slip.py``).
-JOINT_TERMS = JointTermRegistry("joint term")
+JOINT_TERMS = JointTermRegistry()
 for _kind, _term in {
     "Ia": JointTerm(
         "drive inertia",
@@ -481,8 +492,8 @@ def joint_term(kind: str, others: Iterable[str] = ()) -> JointTerm:
     if name not in JOINT_TERMS:
         raise OptionError.unknown("joint term", kind, (*JOINT_TERMS, *others))
     term = JOINT_TERMS[name]
-    if not mark:
-        return term
+    if not mark or kind in JOINT_TERMS.found:
+        return JOINT_TERMS.found.get(kind, term)
     try:
         at = float(number)
     except ValueError:
@@ -493,7 +504,8 @@ def joint_term(kind: str, others: Iterable[str] = ()) -> JointTerm:
         raise OptionError(
             f"joint term {kind!r} needs a {what} after {mark}, not {number!r}", given=kind
         )
-    return replace(term, at=at)
+    JOINT_TERMS.found[kind] = replace(term, at=at)
+    return JOINT_TERMS.found[kind]
 
 
 def grouped(kind: str) -> bool:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import replace
-from functools import partial
+from collections.abc import Iterable, Iterator
+from dataclasses import field, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -14,11 +14,14 @@ from loopid.kinematics.loop_motion import closed_nearby, loop_motion
 from loopid.kinematics.rounding import Accuracy, geometry_accuracy, within_accuracy
 from loopid.kinematics.sampling import SamplingOptions, configuration_batches
 from loopid.observation import Draws, Observation, StackedRows
+from loopid.parameters import ParameterSet
+from loopid.progress import Progress
+from loopid.records import record
 from loopid.regressors.closed_loop import motion_parameters, motion_regressor
 from loopid.regressors.joint_laws import joint_term
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.mechanism import Mechanism
-from loopid.workers import Progress, one_blas_thread
+from loopid.workers import one_blas_thread
 
 LEAST_SAMPLES = 100
 ROWS_PER_COLUMN = 4
@@ -72,8 +75,8 @@ def structural_observation(
     >>> loopid.structural_observation(loopid.load_mechanism("five_bar"), samples=50).rows
     100
     """
-    drawn = _Drawn(mechanism, model, joint_terms, options)
-    return drawn.observation([seed], drawn.enough if samples is None else samples, progress)
+    motions = _Motions(mechanism, model, joint_terms, options)
+    return motions.observation((seed,), motions.enough if samples is None else samples, progress)
 
 
 class _Batch(NamedTuple):
@@ -84,24 +87,35 @@ class _Batch(NamedTuple):
     weights: FloatArray
 
 
-class _Drawn:
-    """A robot that is observed in random motions, and others of nearly its geometry in the same."""
+@record
+class _Motions:
+    """A robot that is observed in random motions."""
 
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        model: str,
-        joint_terms: JointTerms | None,
-        options: SamplingOptions | None,
-    ) -> None:
-        self.mechanism, self.model = mechanism, model
-        self.joint_terms, self.options = joint_terms, options
-        self.parameters = motion_parameters(mechanism, model, joint_terms)
-        self.driven = len(mechanism.independent) - len(mechanism.free)
-        self.gravity = float(np.linalg.norm(mechanism.model.gravity.linear))
-        # What falls over the characteristic length is as fast; at rest where no column asks.
-        moves = model != "gravity" or joint_terms is not None
-        self.rate = float(np.sqrt((self.gravity or 1.0) / mechanism.length)) * moves
+    mechanism: Mechanism
+    model: str
+    joint_terms: JointTerms | None
+    options: SamplingOptions | None
+
+    @cached_property
+    def parameters(self) -> ParameterSet:
+        """Names of the columns."""
+        return motion_parameters(self.mechanism, self.model, self.joint_terms)
+
+    @property
+    def driven(self) -> int:
+        """Rows of motors; those of free coordinates follow."""
+        return len(self.mechanism.independent) - len(self.mechanism.free)
+
+    @property
+    def gravity(self) -> float:
+        """Its size, in m/s²."""
+        return float(np.linalg.norm(self.mechanism.model.gravity.linear))
+
+    @property
+    def rate(self) -> float:
+        """Rate of motions: of a fall over the characteristic length; 0 where no column moves."""
+        moves = self.model != "gravity" or self.joint_terms is not None
+        return float(np.sqrt((self.gravity or 1.0) / self.mechanism.length)) * moves
 
     @property
     def enough(self) -> int:
@@ -112,7 +126,7 @@ class _Drawn:
         )
 
     def observation(
-        self, seeds: list[int], samples: int, progress: Progress | None = None
+        self, seeds: tuple[int, ...], samples: int, progress: Progress | None = None
     ) -> Observation:
         """What so many samples of each seed show."""
         mechanism, driven, done = self.mechanism, self.driven, 0
@@ -121,8 +135,8 @@ class _Drawn:
         kept, usual = list[_Batch](), 0.0
         with one_blas_thread():
             for seed in seeds:
-                for q, rates in self._draws(seed, samples):
-                    rows, directions, regularity = self._rows(mechanism, q, rates)
+                for q, rates in self.draws(seed, samples):
+                    rows, directions, regularity = self.forces(mechanism, q, rates)
                     usual = usual or float(regularity.max())
                     # Rounding moves directions by about one over the regularity.
                     batch = _Batch(q, rates, np.minimum(regularity / usual, 1.0) ** 2)
@@ -142,35 +156,21 @@ class _Drawn:
         units = along.observation(
             length=mechanism.length, natural_size=self.gravity * mechanism.length
         )
-        more = partial(self.observation, self._seeds(seeds[0]), samples)
-        found = self._completed(found, units, kept, None, more)
+        drawn = self._completed(found, units, RandomDraws.of(self, seeds, samples, kept))
         if found.motors_alone is None or units.motors_alone is None:
-            return found
-        alone = self._completed(
-            found.motors_alone, units.motors_alone, kept, driven, partial(_alone, more)
-        )
-        return replace(found, motors_alone=alone)
+            return drawn
+        draws = RandomDraws.of(self, seeds, samples, kept, driven)
+        alone = self._completed(found.motors_alone, units.motors_alone, draws)
+        return replace(drawn, motors_alone=alone)
 
     def _completed(
-        self,
-        forces: Observation,
-        units: Observation,
-        batches: list[_Batch],
-        first: int | None,
-        more: Callable[[], Observation],
+        self, forces: Observation, units: Observation, draws: RandomDraws
     ) -> Observation:
         """Forces with what decides their rank, and with how that can be drawn again."""
-        accuracy = geometry_accuracy(self.mechanism)
-        known = max(accuracy.length, accuracy.angle * self.mechanism.length)
-        rounded = partial(self._rounded, accuracy, batches, first)
-        units = replace(units, draws=Draws(known, accuracy.source, rounded, more))
+        units = replace(units, draws=draws)
         return replace(forces, order=_order(self.mechanism), unit_motions=units)
 
-    def _seeds(self, seed: int) -> list[int]:
-        """A seed, and others of which further samples come."""
-        return [seed, *(derived_seed(seed, k) for k in range(1, MORE))]
-
-    def _draws(self, seed: int, samples: int) -> Iterator[tuple[FloatArray, FloatArray]]:
+    def draws(self, seed: int, samples: int) -> Iterator[tuple[FloatArray, FloatArray]]:
         """Poses and rates, a few at a time; what friction does near standstill is to be seen."""
         mechanism, generator = self.mechanism, random_generator(seed, stream=1)
         places = mechanism.draw_places(np.arange(mechanism.model.nv))
@@ -192,7 +192,7 @@ class _Drawn:
             if "~" in kind
         ]
 
-    def _rows(
+    def forces(
         self, robot: Mechanism, q: FloatArray, rates: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Forces N'Y (k, dof, n) along unit motions, N (k, nv, dof), and regularity (k,)."""
@@ -200,37 +200,67 @@ class _Drawn:
         rows = motion_regressor(robot, motion, self.model, joint_terms=self.joint_terms)
         return rows, motion.projection.G, directions.regularity
 
-    def _rounded(
-        self,
-        accuracy: Accuracy,
-        batches: list[_Batch],
-        first: int | None,
-        count: int,
-        within: float | None = None,
-    ) -> FloatArray:
+
+@record
+class RandomDraws(Draws):
+    """Random motions of a robot, of its geometry or of one that rounds to the same file.
+
+    Attributes
+    ----------
+    first : int or None
+        How many rows of each sample are seen, those of motors; None for all.
+    """
+
+    accuracy: float
+    source: str
+    motions: _Motions
+    seeds: tuple[int, ...]
+    samples: int  # of each seed
+    batches: tuple[_Batch, ...] = field(compare=False, repr=False)  # some of them
+    geometry: Accuracy
+    first: int | None = None
+
+    @classmethod
+    def of(
+        cls,
+        motions: _Motions,
+        seeds: tuple[int, ...],
+        samples: int,
+        batches: Iterable[_Batch],
+        first: int | None = None,
+    ) -> RandomDraws:
+        """Those of a robot whose accuracy its file tells."""
+        geometry = geometry_accuracy(motions.mechanism)
+        known = max(geometry.length, geometry.angle * motions.mechanism.length)
+        drawn = motions, seeds, samples, tuple(batches)
+        return cls(known, geometry.source, *drawn, geometry, first)
+
+    def rounded(self, count: int, within: float | None = None) -> FloatArray:
         """Triangular factors (1 + count, n, n) of the robot, and of others within its accuracy.
 
-        Of the ``first`` rows of each sample. Lengths of the others may be ``within`` another
-        accuracy, in m, and angles accordingly.
+        Lengths of the others may be ``within`` another one, in m, and angles accordingly.
         """
-        own, found, generator = self.mechanism, [], random_generator(0)
+        own, geometry, found = self.motions.mechanism, self.geometry, []
+        generator = random_generator(0)
         if within is not None:
-            accuracy = replace(accuracy, length=within, angle=within / own.length)
-        for other in (own, *(within_accuracy(own, accuracy, generator) for _ in range(count))):
-            stacked = StackedRows(self.parameters)
-            for q, rates, weights in batches:
+            geometry = replace(geometry, length=within, angle=within / own.length)
+        for other in (own, *(within_accuracy(own, geometry, generator) for _ in range(count))):
+            stacked = StackedRows(self.motions.parameters)
+            for q, rates, weights in self.batches:
                 there = q if other is own else closed_nearby(own, other, q)
-                rows, _, _ = self._rows(other, there, rates)
-                stacked.add(weights[:, None, None] * rows[:, :first])
+                rows, _, _ = self.motions.forces(other, there, rates)
+                stacked.add(weights[:, None, None] * rows[:, : self.first])
             found.append(stacked.observation().factor)
         return np.stack(found)
 
-
-def _alone(draw: Callable[[], Observation]) -> Observation:
-    """What the motors alone feel of an observation, where there are free coordinates."""
-    alone = draw().motors_alone
-    assert alone is not None
-    return alone
+    def more(self) -> Observation:
+        """The observation with the samples of other seeds, too."""
+        first, *_ = self.seeds
+        seeds = first, *(derived_seed(first, k) for k in range(1, MORE))
+        found = self.motions.observation(seeds, self.samples)
+        if self.first is None or found.motors_alone is None:
+            return found
+        return found.motors_alone
 
 
 def _order(mechanism: Mechanism) -> tuple[str, ...]:

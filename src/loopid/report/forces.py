@@ -89,6 +89,7 @@ def _prediction_record(found: Prediction) -> dict[str, Any]:
             | {"rms": json_value(quality.residual_rms)}
             for part, quality in parts.items()
         },
+        "in_95_percent_band": json_value(found.inside),
         "dropped": [str(dropped) for dropped in found.recording.dropped],
         "wrenches": list(found.recording.wrenches),
     }

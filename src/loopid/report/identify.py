@@ -13,7 +13,7 @@ from loopid.diagnosis.term_sets import TermComparison
 from loopid.errors import counted
 from loopid.identification.information import WeakDirection
 from loopid.identification.pipeline import Identification
-from loopid.identification.prediction import Candidate, Prediction
+from loopid.identification.prediction import Candidate, Prediction, prediction_reach
 from loopid.identification.result import Estimate, FitResult
 from loopid.identification.saved import SavedFit
 from loopid.identification.verdict import GOOD, NOT_FIT, ROUGH, Verdict
@@ -50,8 +50,11 @@ TONES: dict[str, Tone] = {"yes": "good", "roughly": "rough", "no": "bad"}  # of 
 WORDS = {"yes": "Fit", "roughly": "Rough", "no": "Not fit"}
 
 
-def identification_report(study: Study, command: str = "") -> Report:
-    """What a study of logs found; the command designs the motion that its verdict asks for."""
+def identification_report(study: Study, command: str = "", *, anyway: bool = False) -> Report:
+    """What a study of logs found; the command designs the motion that its verdict asks for.
+
+    Its files are refused where the recommended fit breaks a law, unless asked for anyway.
+    """
     found, judged = study.identification, study.verdict
     mechanism = found.force_model.mechanism
     rows = list[tuple[str, ...]]()
@@ -69,7 +72,7 @@ def identification_report(study: Study, command: str = "") -> Report:
         record=identification_record(study, judged),
         brief=[plain_table("", ("", ">", "", ""), rows)],
         sections=lambda: list(_sections(study, judged.motor)),
-        results=lambda: _fits(found),
+        results=lambda: _fits(found, anyway),
         advice=advice,
         card=_card(found, judged, advice),
         pictures=lambda: (robot_chart(mechanism, worst=judged.motor),),
@@ -184,10 +187,12 @@ def _forces(found: Identification, motors: tuple[str, ...], worst: str) -> Itera
     for k, run in enumerate(found.validation or found.training):
         rows = slice(first, first + len(run))
         own, file = (each.predicted[rows] for each in (found.recommended, found.baseline))
+        fit, W = found.fit, found.new.regressor[rows]
+        reach = prediction_reach(W, fit.covariance, fit.unseen_rms)
         name, first = "forces" if not k else f"forces_{k + 1}", rows.stop
         yield forces_chart(
             found.force_model.mechanism,
-            Prediction(run, own),
+            Prediction(run, own, reach),
             motors=motors,
             file=file,
             worst=worst,
@@ -217,12 +222,19 @@ def _untold_table(study: Study) -> Table:
     return plain_table("", columns, rows)
 
 
-def _fits(found: Identification) -> dict[str, bytes | str]:
-    """The recommended fit, and that of all parameters where it is another."""
-    fits = {"parameters.yaml": found.fit}
-    if found.recommended is not found["all parameters"]:
-        fits["all_parameters.yaml"] = found["all parameters"].fit
-    return {n: SavedFit.of(found.force_model, fit).content(n) for n, fit in fits.items()}
+def _fits(found: Identification, anyway: bool) -> dict[str, bytes | str]:
+    """The recommended fit, and that of all parameters where it is another.
+
+    That one may break laws: its file says which, and controllers refuse it.
+    """
+    model, whole = found.force_model, found["all parameters"]
+    name, other = "parameters.yaml", "all_parameters.yaml"
+    files: dict[str, bytes | str] = {
+        name: SavedFit.of(model, found.fit).content(name, anyway=anyway)
+    }
+    if found.recommended is not whole:
+        files[other] = SavedFit.of(model, whole.fit).content(other, anyway=True)
+    return files
 
 
 def identification_record(study: Study, judged: Verdict | None = None) -> dict[str, Any]:

@@ -180,6 +180,7 @@ FORMS: dict[str, dict[Any, Any]] = {
     "prediction": {
         "recordings": [
             {"name": str, "actuators": [str], "dropped": [str], "wrenches": [str]}
+            | {"in_95_percent_band": ([Real], None)}
             | dict.fromkeys(("moving", "standing_or_saturated"), _QUALITY | {"samples": [int]})
         ]
     },

@@ -23,7 +23,6 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 import pinocchio as pin
 from numpy.polynomial import Polynomial
-from scipy.spatial.transform import Rotation
 
 from loopid.arguments import FloatArray
 from loopid.errors import OptionError
@@ -298,10 +297,21 @@ def relative_quaternion(
     far = scalar < FAR
     above, below = turned[:, (2, 0, 1), (1, 2, 0)], turned[:, (1, 2, 0), (2, 0, 1)]
     vector = (above - below) / (4.0 * np.where(far, 1.0, scalar))[:, None]
-    if far.any():  # SciPy is as exact there, but takes far longer
-        quaternion = Rotation.from_matrix(turned[far]).as_quat(canonical=True)
-        vector[far], scalar[far] = quaternion[:, :3], quaternion[:, 3]
+    if far.any():
+        vector[far], scalar[far] = _far_quaternion(turned[far], (above - below)[far])
     return vector, scalar
+
+
+def _far_quaternion(turned: FloatArray, skew: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """As ``relative_quaternion``, from the largest component of the vector [Shepperd1978]."""
+    rows, trace = np.arange(len(turned)), np.trace(turned, axis1=1, axis2=2)
+    k = np.diagonal(turned, axis1=1, axis2=2).argmax(axis=1)
+    largest = 0.5 * np.sqrt(1.0 + 2.0 * turned[rows, k, k] - trace)
+    vector = (turned[rows, :, k] + turned[rows, k]) / (4.0 * largest)[:, None]
+    vector[rows, k] = largest
+    scalar = skew[rows, k] / (4.0 * largest)
+    sign = np.where(scalar < 0, -1.0, 1.0)
+    return sign[:, None] * vector, sign * scalar
 
 
 def _turn_map(vector: FloatArray, scalar: FloatArray) -> FloatArray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from loopid.arguments import FloatArray, samples
 from loopid.records import record
@@ -28,6 +27,8 @@ class Platform:
 
     def placements(self, coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rotations (N, 3, 3) and origins (N, 3) of the frame at platform coordinates (N, c)."""
+        from scipy.spatial.transform import Rotation  # slow to import
+
         values = samples(coordinates, len(self.motions), "platform coordinates")
         origins = np.zeros((len(values), 3))
         rotations = Rotation.identity(len(values))
@@ -40,6 +41,8 @@ class Platform:
 
     def coordinates(self, rotations: FloatArray, origins: FloatArray) -> FloatArray:
         """Platform coordinates (N, c) of placements (N, 3, 3) and (N, 3); the inverse map."""
+        from scipy.spatial.transform import Rotation  # slow to import
+
         turns = [motion[1] for motion in self.motions if motion in ROTATIONS]
         # Euler angles need three axes: the missing ones come last and turn out zero.
         axes = turns + [axis for axis in "xyz" if axis not in turns]
@@ -60,6 +63,8 @@ class Platform:
         A translation moves along its fixed axis; a rotation turns about its axis as the rotations
         before it have left it.
         """
+        from scipy.spatial.transform import Rotation  # slow to import
+
         values = samples(coordinates, len(self.motions), "platform coordinates")
         twists = np.zeros((len(values), 6, len(self.motions)))
         turned = Rotation.identity(len(values))

@@ -1,0 +1,166 @@
+"""Estimates without a part of their samples, and what their scatter says of errors.
+
+A model that lacks a force errs by the state of the robot. Such errors are alike wherever a state
+comes back, so that their autocorrelation in time says little. Regions of states are left out in
+turn: how far estimates move without each tells what errors of any kind do to them
+[BellMcCaffrey2002]. Recordings are left out alike: what differs between them, such as friction by
+temperature, does not show within one [Efron1982].
+
+Without a group, whose orthonormal columns x and residuals r have the sums G = Σ x xᵀ and s = Σ x r,
+least squares are (I - G)⁻¹ s off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from loopid.arguments import FloatArray, IntArray, row_blocks
+from loopid.errors import DataWarning, warn
+from loopid.identification.estimator import WorkingFit
+from loopid.identification.result import FitResult
+from loopid.records import record
+from loopid.workers import one_blas_thread
+
+LEAST_GROUPS = 3  # whose scatter counts
+MOST_SHARE = 1.0 - 1e-6  # of a combination of parameters that one group may tell
+FALSE_ALARM = 0.01  # probability that a user is warned of a scatter that is chance
+# Probability of as much scatter of regions by chance, from which on it is chance. Groups that tell
+# much scatter too much; by the root of that more is asked for. So intervals of right models are a
+# fifth wider than errors within recordings make them, not a third, and hold as often where forces
+# are missing.
+LIKELY = 0.4
+
+
+@record
+class Jackknife:
+    """Changes of n estimates without each of m groups of samples.
+
+    Attributes
+    ----------
+    groups : IntArray
+        (N,), number of the group of each sample.
+    changes : FloatArray
+        (m, n); 0 for what a group alone tells.
+    prior : FloatArray
+        (n, k), changes of the estimates by unit errors of the rows of a prior.
+    freedom : FloatArray
+        (n,), degrees of freedom of the scatter [Satterthwaite1946].
+    excess : FloatArray
+        (n,), variance by the scatter over the true one, of errors that are independent.
+    present : int
+        Groups that have samples in the fit.
+    """
+
+    groups: IntArray
+    changes: FloatArray
+    prior: FloatArray
+    freedom: FloatArray
+    excess: FloatArray
+    present: int
+
+    @classmethod
+    def of(cls, fit: WorkingFit, groups: IntArray) -> Jackknife:
+        """Leave out each group of samples (N,) of a fit."""
+        samples, weights, n = fit.samples, fit.result.weights, len(fit.result.parameters)
+        inverse = np.linalg.inv(fit.factor[:n, :n])
+        m = int(groups.max(initial=0)) + 1
+        sums, scores = np.zeros((m, n, n)), np.zeros((m, n))
+        for rows in row_blocks(len(samples)):
+            scale = weights * samples.used[rows]
+            X = (samples.regressor[rows] @ inverse) * scale[:, :, None]
+            r = (samples.force[rows] - samples.regressor[rows] @ fit.result.values) * scale
+            for k in np.unique(groups[rows]):
+                own = groups[rows] == k
+                x = X[own].reshape(-1, n)
+                sums[k] += x.T @ x
+                scores[k] += x.T @ r[own].ravel()
+        changes, parts = np.zeros((2, m, n))
+        for k in np.flatnonzero(sums.any(axis=(1, 2))):
+            shares, turn = np.linalg.eigh(sums[k])
+            told = shares < MOST_SHARE
+            A = inverse @ turn[:, told] / (1.0 - shares[told])
+            changes[k] = A @ (turn[:, told].T @ scores[k])
+            parts[k] = (A**2) @ shares[told]  # by errors that are independent
+        squares, present = (parts**2).sum(axis=0), sums.any(axis=(1, 2))
+        freedom = np.divide(parts.sum(axis=0) ** 2, squares, out=np.ones(n), where=squares > 0)
+        known = np.zeros((0, n)) if fit.prior is None else fit.prior[:, :n]
+        pull = np.asarray(inverse @ (known @ inverse).T)
+        count = int(present.sum())
+        expected = (1 - 1 / max(count, 1)) * parts.sum(axis=0) + (pull**2).sum(axis=1)
+        excess = np.maximum(expected / (inverse**2).sum(axis=1), 1.0)
+        return cls(groups, changes, pull, np.minimum(freedom, max(count - 1, 1)), excess, count)
+
+    @property
+    def by_chance(self) -> FloatArray:
+        """Ratios (n,) of variances, by the scatter over the true ones, up to which it is chance."""
+        from scipy.special import chdtri  # slow to import
+
+        ratio = chdtri(self.freedom, LIKELY) / self.freedom
+        return np.asarray(np.maximum(np.sqrt(self.excess) * ratio, 1.0))
+
+    @property
+    def variance(self) -> FloatArray:
+        """Of the estimates (n,), by their scatter; 0 for fewer than three groups."""
+        if self.present < LEAST_GROUPS:
+            return np.zeros(len(self.freedom))
+        scatter = (1.0 - 1.0 / self.present) * (self.changes**2).sum(axis=0)
+        return np.asarray(scatter + (self.prior**2).sum(axis=1), dtype=np.float64)
+
+    def predicted(self, fit: WorkingFit) -> FloatArray:
+        """Forces (N, dof) of each group by the estimates without it."""
+        values = fit.result.values - self.changes[self.groups]
+        return np.asarray((fit.samples.regressor @ values[:, :, None])[:, :, 0])
+
+
+def with_scatter(found: WorkingFit, *, quiet: bool = True) -> WorkingFit:
+    """Of a fit ``within_runs``, what its estimates scatter between recordings and regions included.
+
+    Variances of estimates that scatter more are those of the scatter, with its degrees of freedom.
+    Of regions more than chance is asked for: they may all be alike, while recordings differ.
+    """
+    samples = found.samples
+    with one_blas_thread():
+        between = found
+        if samples.runs.any():
+            scatter, every = Jackknife.of(found, samples.runs), np.ones(len(found.result.values))
+            scatter = replace(scatter, freedom=max(scatter.present - 1, 1) * every)
+            between = _at_least(found, scatter, every)
+        if not quiet:
+            _warn_of_runs(between.result, found.result)
+        if not samples.regions.any():
+            return between
+        scatter = Jackknife.of(between, samples.regions)
+        return _at_least(between, scatter, scatter.by_chance)
+
+
+def _at_least(found: WorkingFit, scatter: Jackknife, ratio: FloatArray) -> WorkingFit:
+    """The fit with variances of a scatter, where that is more than ratios (n,) of its own."""
+    result, within = found.result, np.diag(found.result.covariance)
+    varied = (within > 0) & (scatter.variance > ratio * within)
+    scale = np.sqrt(np.divide(scatter.variance, within, out=np.ones(len(within)), where=varied))
+    freedom = np.where(varied, scatter.freedom, np.inf)
+    result = replace(
+        result,
+        covariance=result.covariance * np.outer(scale, scale),
+        degrees_of_freedom=np.minimum(result.degrees_of_freedom, freedom),
+    )
+    return replace(found, result=result)
+
+
+def _warn_of_runs(result: FitResult, within: FitResult) -> None:
+    """Tell of estimates that clearly vary from recording to recording."""
+    from scipy.special import chdtri  # slow to import
+
+    freedom, chance = result.degrees_of_freedom, FALSE_ALARM / len(result.values)
+    errors = within.standard_errors
+    ratios = result.standard_errors / np.where(errors > 0, errors, np.inf)
+    clear = np.flatnonzero(ratios**2 > chdtri(freedom, chance) / freedom)
+    if len(clear):
+        most = int(clear[np.argmax(ratios[clear])])
+        warn(
+            f"{len(clear)} estimates vary more between recordings than their errors explain, "
+            f"{result.parameters.names[most]} {ratios[most]:.1f} times; intervals allow for it",
+            DataWarning,
+        )

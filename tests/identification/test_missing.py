@@ -1,0 +1,111 @@
+"""Forces that a model lacks: which, how large, and what they would save; none where none is."""
+
+import numpy as np
+import pytest
+
+from loopid import JointTerms, find_force_model, identify, prepare_recording
+from loopid.identification.sensor_noise import sensor_noise
+from loopid.logs import Log, Recording
+from loopid.motion import LowPass, scaled_bodies
+from made_runs import quietly, record, wander
+
+LEFT, RIGHT = "left_crank_joint", "right_crank_joint"
+
+
+@pytest.fixture(scope="module")
+def robot(load_once):
+    return load_once("five_bar")
+
+
+@pytest.fixture(scope="module")
+def model(robot):
+    return find_force_model(robot, "full")
+
+
+def run(robot, law=None, seed=0, noise=0.01):
+    """A recording with a further force of the first motor: of time, positions and motion."""
+    motion = wander(robot, 4, 20.0, 50.0, size=(0.5, 0.5))
+    terms = JointTerms.with_values(robot, "Fc=0.1,Fv=0.05")
+    plain = record(robot, motion, terms, scaled_bodies(robot, 0.2), noise, seed)
+    force = plain.force.copy()
+    if law is not None:
+        q = motion.configurations[:, robot.joint(LEFT).idx_q]
+        force[:, 0] += law(motion.time, q, motion.velocities, motion.accelerations)
+    return Recording.of_motion(motion, force, robot.actuated)
+
+
+LAWS = {
+    "waves over its position": lambda t, q, v, a: 0.05 * np.sin(20 * q + 1.0),
+    "drifts in time": lambda t, q, v, a: np.sign(v[:, 0]) * (t - 10) / 10 * 0.06,
+    "grows with its position": lambda t, q, v, a: 2.0 * (q - q.mean()),
+    f"follows the motion of {RIGHT}": lambda t, q, v, a: 0.1 * v[:, 1],
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_missing_force_is_named_with_its_size_and_what_it_would_save(robot, model, law):
+    recording = run(robot, LAWS[law])
+    found = quietly(identify, model, [recording])
+    own = [each for each in found.missing if each.motor == LEFT]
+    assert [each.law for each in own] == [law]
+    plain = run(robot)
+    added = np.sqrt(((recording.force - plain.force)[:, 0] ** 2).mean())
+    # What other parameters take up of it is a part of its size, too.
+    assert 0.6 * added < own[0].size < 1.6 * added
+    assert own[0].number == pytest.approx(20.0, abs=0.5 if "waves" in law else 20.0)
+    (finding,) = [each for each in found.findings if LEFT in each.title and law in each.title]
+    assert finding.severity == "warning"
+    assert "% smaller" in finding.why
+    assert finding.do
+    assert "as parameters" not in str(found.verdict)
+
+
+def test_what_advice_prints_takes_the_spring_away(robot):
+    recording = run(robot, LAWS["grows with its position"])
+    found = quietly(identify, find_force_model(robot, "full"), [recording])
+    (finding,) = [each for each in found.findings if "grows with its position" in each.title]
+    terms = finding.do.split('terms="')[1].split('"')[0]
+    again = quietly(identify, find_force_model(robot, "full", terms), [recording])
+    assert not again.missing
+    assert again.fit[f"{LEFT}.Ks"].value == pytest.approx(2.0, rel=0.1)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_nothing_is_missing_where_nothing_is(robot, model, seed):
+    found = quietly(identify, model, [run(robot, seed=seed)])
+    assert not found.missing
+    assert "as parameters of the robot" in str(found.verdict)
+
+
+def test_intervals_hold_the_bias_of_a_force_that_is_missing(robot, model):
+    recording = run(robot, LAWS["drifts in time"])
+    found = quietly(identify, model, [recording])
+    for each in found.missing:
+        assert (found["consistent"].fit.standard_errors >= 0.99 * np.abs(each.bias)).all()
+
+
+# Noise of the sensors.
+
+
+@pytest.fixture(scope="module")
+def logs(robot):
+    """A log whose force is a slow wave with white noise of 0.1 N m, and one that was filtered."""
+    time = np.arange(0, 40, 0.005)
+    position = robot.reference[[robot.joint(name).idx_q for name in robot.actuated]]
+    position = position + 0.2 * np.sin(time[:, None] * [1.0, 1.3])
+    noise = 0.1 * np.random.default_rng(0).normal(size=position.shape)
+    force = 3 * np.sin(time[:, None]) + noise
+    filtered = LowPass(20.0).apply(force, 200.0)
+    return [Log.from_arrays(time, position, each, robot.actuated) for each in (force, filtered)]
+
+
+def test_noise_of_sensors_is_what_the_filter_leaves_of_it(robot, logs):
+    recording = quietly(prepare_recording, robot, logs[0])
+    noise = 0.1 * np.random.default_rng(1).normal(size=(20000, 2))
+    left = LowPass(recording.cutoff).apply(noise, 200.0).std(axis=0)
+    np.testing.assert_allclose(sensor_noise(recording), left, rtol=0.1)
+
+
+def test_of_filtered_forces_noise_is_not_told(robot, logs):
+    assert np.isnan(sensor_noise(quietly(prepare_recording, robot, logs[1]))).all()
+    assert np.isnan(sensor_noise(run(robot))).all()  # without a log

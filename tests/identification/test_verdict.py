@@ -1,0 +1,112 @@
+"""When a verdict may say that values are parameters of the robot: never over a wrong model."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from loopid import JointTerms, find_force_model, identify, load_mechanism, prepare_recording
+from loopid.identification.unseen import UnseenErrors
+from loopid.logs import Log, Recording
+from loopid.motion import Noise, scaled_bodies
+from made_runs import ARM, quietly, record, simulated, wander
+
+PRAISE = "as parameters of the robot"
+
+
+@pytest.fixture(scope="module")
+def robot(load_once):
+    return load_once("five_bar")
+
+
+@pytest.fixture(scope="module")
+def models(robot):
+    """The full model, and one for slow motion."""
+    return {"full": find_force_model(robot, "full"), "gravity": find_force_model(robot, "gravity")}
+
+
+def recording(robot, wrong="nothing", seed=0):
+    """A fast motion of bodies that are 20 % off the file's, with one thing wrong."""
+    motion = wander(robot, 4, 12.0, 50.0, size=(0.5, 0.5))
+    terms = JointTerms.with_values(robot, "Fc=0.1,Fv=0.05")
+    run = record(robot, motion, terms, scaled_bodies(robot, 0.2), 0.01, seed)
+    force = run.force.copy()
+    q = motion.configurations.copy()
+    first = robot.joint("left_crank_joint").idx_q
+    if wrong == "a spring":
+        force[:, 0] += 2.0 * (q[:, first] - q[:, first].mean())
+    elif wrong == "a sign":
+        force[:, 0] *= -1
+    elif wrong == "a zero":
+        q[:, first] += 0.2
+    return Recording.of_motion(replace(motion, configurations=q), force, robot.actuated)
+
+
+@pytest.mark.parametrize("wrong", ["a spring", "gravity", "a sign", "a zero"])
+def test_a_wrong_model_is_never_praised(robot, models, wrong):
+    model = models.get(wrong, models["full"])
+    found = quietly(identify, model, [recording(robot, wrong)])
+    assert PRAISE not in str(found.verdict)
+
+
+@pytest.mark.parametrize("terms", ["Fc,Fv,Fo", "Fc,Fv,Fo,Ia"])
+def test_an_arm_whose_rotors_are_missing_is_not(tmp_path, terms):
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM)
+    arm = load_mechanism(path)
+    motion = wander(arm, 4, 12.0, 50.0, size=(0.8, 0.8))
+    truth = JointTerms.with_values(arm, "Fc=0.5,Fv=0.5,Ia=0.3")
+    run = record(arm, motion, truth, scaled_bodies(arm, 0.2), 0.02)
+    found = quietly(identify, find_force_model(arm, "full", terms), [run])
+    assert (PRAISE in str(found.verdict)) == ("Ia" in terms)
+
+
+@pytest.mark.parametrize("length", ["0.24", "0.2448"])
+def test_a_robot_whose_length_is_off_by_two_percent_is_not(tmp_path, robot, length):
+    """Its errors are above the noise of the sensors, as the log has it."""
+    for path in (robot.path, robot.path.with_suffix(".urdf")):
+        text = path.read_text().replace('xyz="0.24 0 0"', f'xyz="{length} 0 0"')
+        (tmp_path / path.name).write_text(text)
+    motion = wander(robot, 4, 12.0, 200.0, size=(0.5, 0.5))
+    terms = JointTerms.with_values(robot, "Fc=0.1,Fv=0.05")
+    read = simulated(robot, motion, Noise(gaussian=0.01), 0, scaled_bodies(robot, 0.2), terms)
+    log = Log.from_arrays(read.time, read.position, read.force, robot.actuated)
+    other = load_mechanism(tmp_path / robot.path.name)
+    run = quietly(prepare_recording, other, log)
+    found = quietly(identify, find_force_model(other, "full"), [run])
+    assert (PRAISE in str(found.verdict)) == (length == "0.24")
+
+
+def test_a_right_one_is(robot, models):
+    found = quietly(identify, models["full"], [recording(robot)])
+    assert PRAISE in str(found.verdict)
+    # Its error is the worst of all looks, and no look is far from another.
+    shares = np.array(list(found.unseen.shares.values()))
+    assert found.verdict.error == pytest.approx(np.nanmax(shares))
+    assert np.nanmax(shares) < 2 * np.nanmin(shares)
+    # What is saved, drawn and exported knows them.
+    rms = found["consistent"].fit.unseen_rms
+    assert (rms >= found["consistent"].validation.residual_rms).all()
+
+
+def test_errors_are_looked_at_where_they_are_worst(robot, models):
+    """Of forces with more noise in a stretch, at low speed, and at standstill."""
+    found = quietly(identify, models["full"], [recording(robot)])
+    run, new, rng = found.training[0], found.new, np.random.default_rng(0)
+    rates = np.abs(run.motion.velocities)
+    slow = rates <= np.percentile(rates, 10, axis=0)
+    late = np.arange(len(run))[:, None] >= 0.8 * len(run)
+
+    def looked(rows, used=new.used):
+        force = new.force + np.where(rows, rng.normal(scale=0.5, size=new.force.shape), 0.0)
+        samples = replace(new, force=force, used=used)
+        return UnseenErrors.of(found.recommended, found.force_model, samples, [run])
+
+    assert looked(late).worst[0] == "part"
+    assert looked(slow).worst[0] == "slow"
+    standing = looked(slow, new.used & ~slow)
+    assert standing.worst[0] == "standstill"
+    # Breakaway is no error: a force may be anything up to it.
+    held = replace(new, used=new.used & ~slow)
+    alone = UnseenErrors.of(found.recommended, found.force_model, held, [run])
+    assert (alone.standstill < 0.05).all()
