@@ -108,7 +108,7 @@ def base(
 ) -> None:
     """Find base parameters, and prove how to write them best."""
     from loopid.base_parameters.base import find_felt_parameters
-    from loopid.base_parameters.choice import SearchEffort
+    from loopid.base_parameters.choice import SearchOptions
     from loopid.regressors.joint_terms import JointTerms, warn_of_omitted
     from loopid.regressors.structural import structural_observation
     from loopid.report.structure import base_report
@@ -121,8 +121,8 @@ def base(
         observation = structural_observation(
             robot, model, samples=samples, seed=seed, progress=report, joint_terms=joint_terms
         )
-    effort = None if time_limit is None else SearchEffort(time_limit=time_limit)
-    found = find_felt_parameters(observation, strategy, criterion=criterion, effort=effort)
+    options = None if time_limit is None else SearchOptions(time_limit=time_limit)
+    found = find_felt_parameters(observation, strategy, criterion=criterion, options=options)
     answer.show(base_report(robot, model, *found))
 
 
