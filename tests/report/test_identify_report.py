@@ -13,6 +13,7 @@ from ruamel.yaml import YAML
 
 from loopid.findings import SEVERITIES, Finding
 from loopid.identification import SavedFit, find_force_model, friction_curve, identify
+from loopid.identification.unseen import WHERE
 from loopid.plots import Chart, friction_chart
 from loopid.report import identification_report
 from loopid.report.identify import _card, identification_record
@@ -173,8 +174,14 @@ def test_errors_are_those_of_the_candidates_the_largest_first(study, report):
             assert point.x[0] == pytest.approx(100 * error, rel=1e-9)
             key = "fit" if candidate is found.recommended else "robot_file"
             assert told[panel.motor][key]["error"] == pytest.approx(error, rel=1e-9)
-        sizes.append(point.x[0])
+        (where,) = marks(panel, "where it is worst")
+        shares = told[panel.motor]["where"]
+        others = [share for name, share in shares.items() if share is not None and name != "whole"]
+        assert where.x[0] == pytest.approx(100 * max(others))
+        assert f" {panel.labels[2]}" in WHERE.values()
+        sizes.append(max(where.x[0], point.x[0]))
     assert sizes == sorted(sizes, reverse=True)
+    assert sizes[0] == pytest.approx(100 * study.verdict.error)
 
 
 def test_what_is_left_of_forces_is_by_fits_that_have_not_seen_them(study, report):

@@ -118,7 +118,7 @@ class Mark:
     def thinned(self) -> Mark:
         """As much of it as can be seen."""
         count = len(self.x)
-        most = {"line": 2 * STEPS, "band": STEPS, "dots": MOST_DOTS}.get(self.kind, count)
+        most = {"line": 2 * STEPS, "band": STEPS // 4, "dots": MOST_DOTS}.get(self.kind, count)
         if count <= most:
             return self
         rows = self._extremes() if self.kind == "line" else spread_rows(count, most)
@@ -322,7 +322,7 @@ class Panel:
             svg = self._svg(across, (k + 0.5, k - 0.5), within, ROW, [at for at, _ in places])
             name = E.td(
                 {"class": "name"},
-                short_or_whole(self.labels[k], self.wholes[k] if self.wholes else ""),
+                _short_or_whole(self.labels[k], self.wholes[k] if self.wholes else ""),
             )
             texts = (E.td({"class": "number"}, column[k]) for column in self.columns.values())
             body.append(E.tr(name, E.td({"class": "picture"}, svg), *texts))

@@ -16,6 +16,7 @@ from loopid.identification.pipeline import Identification
 from loopid.identification.prediction import Candidate, Prediction, prediction_reach
 from loopid.identification.result import Estimate, FitResult
 from loopid.identification.saved import SavedFit
+from loopid.identification.unseen import WHERE
 from loopid.identification.verdict import GOOD, NOT_FIT, ROUGH, Verdict
 from loopid.logs.recording import Recording
 from loopid.numbers import interval, number, with_error
@@ -123,7 +124,7 @@ def _card(found: Identification, judged: Verdict, command: str) -> Card:
         figures=(
             Figure(
                 percent,
-                f"of its force: largest error on new data ({judged.motor})",
+                f"of its force: largest error on new data ({judged.motor}{WHERE[judged.where]})",
                 gauge=(judged.error, GOOD, ROUGH),
                 sure=sure,
             ),
@@ -285,6 +286,7 @@ def _errors(found: Identification, k: int) -> dict[str, Any]:
     for name, candidate in (("fit", found.recommended), ("robot_file", found.baseline)):
         error, spread = (float(each[k]) for each in found.relative_errors(candidate))
         said[name] = {"error": json_value(error), "standard_error": json_value(spread)}
+    said["where"] = {name: json_value(float(each[k])) for name, each in found.unseen.shares.items()}
     return said
 
 
