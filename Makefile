@@ -58,7 +58,6 @@ bench: .venv/test peers
 	$(BIN)/python benchmarks/symbolic.py
 	$(BIN)/python benchmarks/identification.py
 	$(BIN)/python benchmarks/observation.py
-	$(BIN)/python benchmarks/calls.py
 	$(BIN)/python benchmarks/logs.py
 	$(BIN)/python benchmarks/intervals.py --runs 20
 	$(BIN)/python benchmarks/friction.py --runs 16

@@ -27,7 +27,7 @@ from loopid import ExactSearch, LoopidError, bundled_robots, load_mechanism, str
 from loopid.base_parameters import (
     CRITERIA,
     ChoiceProblem,
-    SearchEffort,
+    SearchOptions,
     SearchResult,
     Structure,
     analyse,
@@ -117,7 +117,7 @@ def solve(case: Case) -> dict[str, Any]:
         reason, _, _ = str(error).removeprefix(f"{case.path}: ").partition(": choose")
         return {"name": case.name, "group": case.group, "refused": reason}
     problem = ChoiceProblem(structure, case.criterion)
-    result = ExactSearch(SearchEffort(time_limit=case.time_limit)).search(problem)
+    result = ExactSearch(SearchOptions(time_limit=case.time_limit)).search(problem)
     return {"name": case.name, "group": case.group, **_figures(structure, result)}
 
 

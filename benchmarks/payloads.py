@@ -213,7 +213,8 @@ def real(robot: Mechanism, logs: list[str], link: str, mass: float) -> list[dict
         ends = dict(zip(gains.actuators, gains.intervals(), strict=True))
         for name in robot.actuated:
             told = "-" if name not in ends else "{:.3f} to {:.3f}".format(*ends[name])
-            row[name] = f"{motors.get(name, np.nan):.3g} kg; {told}"
+            own = f"{motors[name]:.3g} kg" if name in motors else "-"
+            row[name] = f"{own}; {told}"
         row["disagree"] = bool(by and by.disagreement)
         rows.append(row)
     return rows

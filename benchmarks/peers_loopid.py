@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from loopid import Mechanism, Observation, ParameterSet, find_base_parameters, load_mechanism
-from loopid.base_parameters import BaseParameters, SearchEffort
+from loopid.base_parameters import BaseParameters, SearchOptions
 from loopid.identification import FitProblem, FitResult, OrdinaryLeastSquares
 from loopid.kinematics import torque_regressors
 from loopid.observation import triangular_factor
@@ -86,7 +86,7 @@ def least_squares(both: Observation, base: BaseParameters) -> FitResult:
 
 def exact_search(observation: Observation, limit: float) -> dict[str, object]:
     """The choice that is proven best, from the same factor."""
-    search = find_base_parameters(observation, effort=SearchEffort(time_limit=limit)).search
+    search = find_base_parameters(observation, options=SearchOptions(time_limit=limit)).search
     return {
         "seconds": search.seconds,
         "certified": search.certified,

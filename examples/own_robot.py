@@ -18,8 +18,7 @@ time, position, force = run[:, 0], run[:, 1:3], run[:, 3:]
 
 robot = loopid.load_mechanism(URDF / "five_bar.yaml")
 log = loopid.Log.from_arrays(time, position, force, robot.actuated)
-model = loopid.find_force_model(robot, "full")
-found = loopid.identify(model, [loopid.prepare_recording(robot, log)])
+found = loopid.identify(robot, [loopid.prepare_recording(robot, log)])
 
 print(found.verdict)
 for name in found.fit:

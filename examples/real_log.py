@@ -18,7 +18,7 @@ log = loopid.read_log(sys.argv[1], robot)
 recording = loopid.prepare_recording(robot, log)
 print(log, recording, sep="\n")
 
-found = loopid.identify(loopid.find_force_model(robot, "gravity"), [recording])
+found = loopid.identify(robot, [recording])
 print(found.verdict)
 for name in robot.actuated:
     print(found.fit[f"{name}.Fc"])

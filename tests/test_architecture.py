@@ -1,6 +1,8 @@
 """The one-way street: every room imports only rooms to its left."""
 
 import ast
+import re
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -96,6 +98,38 @@ def test_rooms_import_only_rooms_to_their_left(file):
         assert file.parent == SOURCE  # public names and the entry point may see everything
     else:
         assert violations(file) == set()
+
+
+def imports_of(source):
+    """Modules that some Python imports when it is itself imported, with names in them."""
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield from (node.module, *(f"{node.module}.{alias.name}" for alias in node.names))
+
+
+@pytest.fixture(scope="module")
+def graph():
+    """The modules that each module imports."""
+    files = {".".join(("loopid", *f.relative_to(SOURCE).with_suffix("").parts)): f for f in FILES}
+    own = {name: f for name, f in files.items() if not name.endswith("__init__")}
+    return {name: {*imports_of(f.read_text())} & own.keys() for name, f in own.items()}
+
+
+def test_no_files_import_each_other_in_a_circle(graph):
+    assert len([*TopologicalSorter(graph).static_order()]) == len(graph)  # or a CycleError
+    with pytest.raises(CycleError):
+        TopologicalSorter(graph | {"loopid.errors": {"loopid.records"}}).prepare()
+
+
+def test_a_robot_from_pinocchio_needs_no_reader_of_files(graph):
+    reached, more = set(), {"loopid.loading.pinocchio_robot"}
+    while more:
+        reached |= more
+        more = {name for module in more for name in graph[module]} - reached
+    assert len(reached) < 32
+    readers = re.compile(r"\.(files|yaml_files|xml_elements|urdf\w*|load|formats\.\w+)$")
+    assert not [name for name in reached if readers.search(name)]
+    assert [name for name in graph["loopid.loading.load"] if readers.search(name)]
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from . import (
 from .base_parameters import (
     ExactSearch as ExactSearch,
     RankTolerances as RankTolerances,
-    SearchEffort as SearchEffort,
+    SearchOptions as SearchOptions,
     find_base_parameters as find_base_parameters,
 )
 from .control import MotorModel as MotorModel

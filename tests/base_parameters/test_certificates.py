@@ -13,12 +13,12 @@ from loopid.base_parameters import (
     CRITERIA,
     ChoiceProblem,
     ExactSearch,
-    SearchEffort,
+    SearchOptions,
     analyse,
     find_base_parameters,
 )
 from loopid.base_parameters.blocks import Budget, split
-from loopid.base_parameters.tree import RULES, margin, selections_between
+from loopid.base_parameters.branch_and_bound import RULES, margin, selections_between
 from loopid.errors import AccuracyWarning
 from loopid.observation import Observation
 from smooth_data import runs
@@ -30,7 +30,7 @@ def assert_true(problem):
     """Whatever is claimed holds; nothing is warned of."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = ExactSearch(SearchEffort(time_limit=5.0)).search(problem)
+        found = ExactSearch(SearchOptions(time_limit=5.0)).search(problem)
     reached = least(problem)
     assert found.certified == (found.reason == "")
     if found.certified:
@@ -61,7 +61,7 @@ def test_brute_force_finds_nothing_better_in_ten_thousand(kind, criterion):
 def assert_coupled(seed):
     shape, count = SHAPES[seed % 3], (5, 10, 15)[seed // 3 % 3]
     problem, reached = weakly_coupled(np.random.default_rng([seed, 77]), shape, count)
-    found = ExactSearch(SearchEffort(time_limit=5.0)).search(problem)
+    found = ExactSearch(SearchOptions(time_limit=5.0)).search(problem)
     assert found.condition_number / found.gap <= reached * (1 + found.tolerance)
 
 
@@ -80,7 +80,9 @@ def test_many_weakly_coupled_blocks_have_no_better_choice_than_certified():
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_tree_finds_all_that_brute_force_does(kind, rule, monkeypatch):
-    monkeypatch.setattr("loopid.base_parameters.tree.LOOKED_AT", 0)  # down to single selections
+    monkeypatch.setattr(
+        "loopid.base_parameters.branch_and_bound.LOOKED_AT", 0
+    )  # down to single selections
     for seed, criterion in product(range(3), CRITERIA):
         for block in split(small_problem(kind, seed, criterion))[0]:
             every = np.array(list(combinations(range(block.size), block.count)))
@@ -95,15 +97,15 @@ def test_the_tree_finds_all_that_brute_force_does(kind, rule, monkeypatch):
 
 def test_proofs_by_either_rule_hold_in_ball_arithmetic(monkeypatch):
     """A box that the first rule leaves undecided is closed by the other, from its root on."""
-    monkeypatch.setattr("loopid.base_parameters.tree.LOOKED_AT", 0)
+    monkeypatch.setattr("loopid.base_parameters.branch_and_bound.LOOKED_AT", 0)
     for seed in range(4):
         assert_proven(small_problem("generic", seed, "nullspace"), nodes=2)
 
 
-def assert_proven(problem, certified=True, **effort):
+def assert_proven(problem, certified=True, **options):
     """The recorded proof passes the independent check."""
     check = pytest.importorskip("proof_checker", reason="needs python-flint").check
-    found = ExactSearch(SearchEffort(time_limit=60.0, **effort), proof=True).search(problem)
+    found = ExactSearch(SearchOptions(time_limit=60.0, **options), proof=True).search(problem)
     assert found.certified or not certified
     if found.certified:
         blocks, _ = split(problem)
@@ -186,7 +188,7 @@ def test_the_answer_does_not_depend_on_where_the_search_starts():
         order = np.random.default_rng(0).permutation(len(structure.columns))
         for criterion in CRITERIA:
             first = ExactSearch().search(ChoiceProblem(structure, criterion))
-            hurried = ExactSearch(SearchEffort(nodes=40))
+            hurried = ExactSearch(SearchOptions(nodes=40))
             again = hurried.search(ChoiceProblem(structure, criterion))
             assert again.certified
             assert (again.dependent, again.ties) == (first.dependent, first.ties)

@@ -14,7 +14,7 @@ from loopid.base_parameters import (
     ExactSearch,
     ExhaustiveSearch,
     PivotedQR,
-    SearchEffort,
+    SearchOptions,
     SubgroupSearch,
 )
 from loopid.errors import OptionError
@@ -68,7 +68,7 @@ def test_the_same_question_has_the_same_answer(criterion):
 @pytest.mark.parametrize(("n", "d"), [(60, 30), (70, 20)])
 def test_out_of_time_means_a_valid_choice_without_certificate(n, d, criterion):
     problem = ChoiceProblem(random_structure(n, d), criterion)
-    found = ExactSearch(SearchEffort(time_limit=1e-6)).search(problem)
+    found = ExactSearch(SearchOptions(time_limit=1e-6)).search(problem)
     assert not found.certified
     assert found.ties is None
     assert len(set(found.dependent)) == d
@@ -81,7 +81,7 @@ def test_out_of_time_means_a_valid_choice_without_certificate(n, d, criterion):
 
 def test_time_limit_is_kept():
     problem = ChoiceProblem(random_structure(80, 40))
-    found = ExactSearch(SearchEffort(time_limit=0.2)).search(problem)
+    found = ExactSearch(SearchOptions(time_limit=0.2)).search(problem)
     assert not found.certified
     assert found.gap > 1
     assert found.seconds < 5.0
@@ -90,7 +90,7 @@ def test_time_limit_is_kept():
 @pytest.mark.parametrize("limit", [0.0, -1.0, float("nan")])
 def test_a_time_limit_must_be_positive(limit):
     with pytest.raises(OptionError, match=r"time_limit must be (positive|a finite number)"):
-        ExactSearch(SearchEffort(time_limit=limit))
+        ExactSearch(SearchOptions(time_limit=limit))
 
 
 @pytest.mark.parametrize("search", SEARCHES)

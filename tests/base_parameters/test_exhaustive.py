@@ -13,7 +13,7 @@ from loopid.base_parameters import (
     ChoiceProblem,
     ExactSearch,
     ExhaustiveSearch,
-    SearchEffort,
+    SearchOptions,
 )
 from loopid.base_parameters.enumerated import promising
 from loopid.errors import OptionError
@@ -69,7 +69,7 @@ def test_huge_condition_numbers_do_not_overflow():
 
 def test_ties_beyond_those_listed_are_still_counted():
     problem = ChoiceProblem(structure(np.ones((12, 1))))
-    assert ExhaustiveSearch(effort=SearchEffort(ties=3), chunk=2).search(problem).ties == 12
+    assert ExhaustiveSearch(options=SearchOptions(ties=3), chunk=2).search(problem).ties == 12
 
 
 def test_absurd_sizes_are_refused_with_their_number():
@@ -77,7 +77,7 @@ def test_absurd_sizes_are_refused_with_their_number():
     with pytest.raises(OptionError) as refused:
         ONE.search(problem)
     assert refused.value.facts["candidates"] == comb(60, 30) > refused.value.facts["bound"]
-    few = ExhaustiveSearch(effort=SearchEffort(candidates=10))
+    few = ExhaustiveSearch(options=SearchOptions(candidates=10))
     with pytest.raises(OptionError):
         few.search(ChoiceProblem(random_structure(6, 3)))
 

@@ -15,7 +15,7 @@ from loopid import bundled_robots, find_base_parameters, load_mechanism, structu
 
 CHOICES = """
 import json, sys
-from loopid.base_parameters import PivotedQR, SearchEffort, SubgroupSearch
+from loopid.base_parameters import PivotedQR, SearchOptions, SubgroupSearch
 from loopid import ExactSearch, load_mechanism, structural_observation
 from loopid.base_parameters import CRITERIA, ChoiceProblem, analyse
 from loopid.errors import OptionError
@@ -27,7 +27,7 @@ def choices(time_limit, *robots):
             structure = analyse(structural_observation(load_mechanism(robot), model))
             for criterion in CRITERIA:
                 problem = ChoiceProblem(structure, criterion)
-                exact = ExactSearch(SearchEffort(time_limit=float(time_limit))).search(problem)
+                exact = ExactSearch(SearchOptions(time_limit=float(time_limit))).search(problem)
                 assert exact.certified, (robot, model, criterion, exact)
                 key = f"{robot} {model} {criterion}"
                 found[key] = [exact.dependent, exact.ties]

@@ -15,7 +15,7 @@ from loopid.base_parameters import (
     ExactSearch,
     ExhaustiveSearch,
     PivotedQR,
-    SearchEffort,
+    SearchOptions,
     SearchStrategy,
     SubgroupSearch,
     find_base_parameters,
@@ -48,11 +48,11 @@ def test_a_search_with_options_is_used_as_it_is(observation):
         find_base_parameters(observation, SubgroupSearch(condition_limit=1.0001))
 
 
-@pytest.mark.parametrize("search", ["exact", ExactSearch(), ExactSearch(SearchEffort(ties=3))])
+@pytest.mark.parametrize("search", ["exact", ExactSearch(), ExactSearch(SearchOptions(ties=3))])
 def test_an_effort_is_that_of_the_search_and_comes_back(observation, search):
-    effort = SearchEffort(time_limit=5.0, tolerance=1e-8)
-    found = find_base_parameters(observation, search, effort=effort).search
-    assert found.effort == effort
+    options = SearchOptions(time_limit=5.0, tolerance=1e-8)
+    found = find_base_parameters(observation, search, options=options).search
+    assert found.options == options
     assert found.tolerance == 1e-8
 
 
@@ -88,11 +88,11 @@ def test_what_is_no_search_is_refused(observation, search):
         find_base_parameters(search)
 
 
-@pytest.mark.parametrize("field", fields(SearchEffort), ids=lambda field: field.name)
+@pytest.mark.parametrize("field", fields(SearchOptions), ids=lambda field: field.name)
 @pytest.mark.parametrize("wrong", [0, -1, float("nan"), "many"])
 def test_an_effort_is_of_positive_numbers(field, wrong):
     with pytest.raises(OptionError, match=field.name):
-        SearchEffort(**{field.name: wrong})
+        SearchOptions(**{field.name: wrong})
 
 
 def test_searches_and_results_are_records(observation):
@@ -139,13 +139,13 @@ def test_what_the_motors_alone_feel_is_found_in_the_time_that_is_left():
     rng = np.random.default_rng(0)
     W = rng.normal(size=(40, 3, 5)) @ rng.normal(size=(5, 9))
     observation = Observation.from_parts([W], parameters(9), driven=2)
-    effort = SearchEffort(time_limit=50.0)
-    base, felt = find_felt_parameters(observation, effort=effort)
-    assert base == find_base_parameters(observation, effort=effort)
+    options = SearchOptions(time_limit=50.0)
+    base, felt = find_felt_parameters(observation, options=options)
+    assert base == find_base_parameters(observation, options=options)
     alone = find_base_parameters(observation.motors_alone)
     assert felt.dependent.tolist() == alone.dependent.tolist()
     left = 50.0 - base.search.seconds
-    assert felt.search.effort.time_limit == pytest.approx(left)
+    assert felt.search.options.time_limit == pytest.approx(left)
     W[:, :2] = 0.0  # only rows of free coordinates have an effect
     free = Observation.from_parts([W], parameters(9), driven=2)
     assert find_felt_parameters(free)[1] is None

@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 from loopid.base_parameters import (
     ChoiceProblem,
     ExactSearch,
-    SearchEffort,
+    SearchOptions,
     SubgroupSearch,
     find_base_parameters,
 )
@@ -50,7 +50,7 @@ def test_more_combinations_than_fit_in_memory_are_refused_with_their_number():
     small = ChoiceProblem(random_structure(9, 4))
     assert SubgroupSearch().search(small).found
     with pytest.raises(OptionError):
-        SubgroupSearch(effort=SearchEffort(memory=1000)).search(small)
+        SubgroupSearch(options=SearchOptions(memory=1000)).search(small)
 
 
 @pytest.mark.parametrize("alpha", [0.0, -0.1, 0.51, float("nan")])

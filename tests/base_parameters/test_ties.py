@@ -10,7 +10,7 @@ from loopid.base_parameters import (
     ChoiceProblem,
     ExactSearch,
     ExhaustiveSearch,
-    SearchEffort,
+    SearchOptions,
 )
 from loopid.base_parameters.blocks import Levels, _representatives
 from loopid.base_parameters.exact import Tied
@@ -110,7 +110,7 @@ def test_too_many_ties_are_neither_listed_nor_counted():
     problem = ChoiceProblem(structure(np.stack([np.cos(angles), np.sin(angles)], axis=1)))
     full = ExactSearch().search(problem)
     assert full.ties == len(brute_force(problem).tied) == 6
-    limited = ExactSearch(SearchEffort(ties=5)).search(problem)
+    limited = ExactSearch(SearchOptions(ties=5)).search(problem)
     assert limited.ties is None
     assert limited.certified
     # The first columns are then made dependent.

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from lxml.html import fromstring
 
+from closure_robots import chain, files
 from loopid import JointTerms, load_mechanism
 from loopid.cli.logs import excite_command
 from loopid.identification import read_fit
@@ -32,7 +33,7 @@ def written(run, logs, once, tmp_path):
 
     def identified():
         out = tmp_path / "new" / "results"
-        terms = "--terms", "Fc,Fv,file"
+        terms = "--model", "gravity", "--terms", "Fc,Fv,file"
         done = run("identify", "3ups_rpu", logs["run.csv"], *terms, "--out", out)
         assert done.code == 0, done.err
         return done.out, done.err, {path.name: path.read_bytes() for path in out.iterdir()}
@@ -44,7 +45,11 @@ def test_the_command_says_what_the_library_says(written, record):
     _, err, files = written
     told = json.loads(files["identification.json"])
     assert re.sub(r"\S*run\.csv", "run.csv", told.pop("advice")) == record["advice"]
-    assert told == {key: value for key, value in record.items() if key != "advice"}
+    # Advice is in the words of the command, or of Python.
+    whole, other = (
+        json.dumps(each).replace(r"model=\"full\"", "--model full") for each in (told, record)
+    )
+    assert json.loads(whole) == {k: v for k, v in json.loads(other).items() if k != "advice"}
     about_the_log = set(lines_of(err))
     for line in lines_of(err):
         assert line.startswith("loopid: warning: ")
@@ -178,7 +183,7 @@ def test_friction_comes_from_its_own_log(arm, arm_files, tmp_path):
 
 
 def test_without_terms_only_bodies_are_fitted(arm):
-    found = arm("--terms", "none")
+    found = arm("--model", "gravity", "--terms", "none")
     leading = {name.partition(" + ")[0] for name in fitted(found)}
     assert leading == {"upper.mx", "upper.mz", "lower.mx", "lower.mz"}
     assert found["candidates"][0]["fitted"] == 0
@@ -437,3 +442,16 @@ def test_what_was_saved_is_said(run, arm_files, tmp_path):
     out = tmp_path / "results"
     last = run("identify", *arm_files[:2], "--out", out).out.splitlines()[-1]
     assert last == f"Report: {out / 'report.html'}"
+
+
+def test_a_joint_is_locked_where_the_log_has_it(run_json, run, write_files, tmp_path):
+    arm, time = write_files(*files(chain(2), {})), np.arange(400) / 50
+    log = tmp_path / "run.csv"
+    table = np.column_stack([time, np.full(400, 0.5), np.sin(2 * time), np.cos(time)])
+    head = "time,joint1,joint2,joint2.force"
+    np.savetxt(log, table, delimiter=",", comments="", header=head)
+    options = "--lock", "joint1", "--terms", "none", "--model", "gravity"
+    done = run("identify", arm, log, *options)
+    assert "locked where the log has it: joint1 at 0.5" in done.err
+    saved = run_json("identify", arm, log, *options)["fit"]["robot"]["options"]
+    assert saved["lock"] == ["joint1=0.5"]

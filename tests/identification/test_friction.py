@@ -16,7 +16,7 @@ from loopid import (
 )
 from loopid.errors import DataError, OptionError
 from loopid.identification import friction_summary, quiet_fit
-from loopid.identification.friction import curve_kinds, curve_rates
+from loopid.identification.friction import curve_kinds, curve_rates, friction_findings
 from loopid.identification.joint_priors import dissipation, joint_parameters
 from loopid.logs import Recording
 from loopid.motion import Noise, scaled_bodies
@@ -197,6 +197,7 @@ def test_load_friction_is_found_and_predicted(robot, model, motion, tmp_path):
     assert high - low < 0.003
     summary = friction_summary(found.fit)
     assert summary.load[summary.joints.index(LEFT)].value == found.fit[f"{LEFT}.Ft"].value
+    assert friction_findings(found.fit) == [f"Friction of {LEFT} (0.08 of it) grows with load"]
     other = wander(robot, 9, 100.0, 10.0, size=(0.4, 0.4), harmonics=3)
     terms = JointTerms.with_values(robot, values)
     exact = simulated(robot, other, Noise(), 0, scaled_bodies(robot, 0.2), terms)

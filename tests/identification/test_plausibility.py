@@ -9,6 +9,7 @@ from loopid import (
     MotorModel,
     export_c,
     find_force_model,
+    friction_curve,
     identify,
     prepare_recording,
     read_fit,
@@ -67,6 +68,17 @@ def test_what_breaks_a_law_is_fit_for_nothing(found, values, said):
     candidates = {**found.candidates, name: replace(found.recommended, fit=fit)}
     verdict = replace(found, candidates=candidates).verdict
     assert verdict.use == f"Not fit for use, as {broken[0]}"
+
+
+def test_friction_may_be_all_of_a_force(found):
+    """As of a slow wrist: a filter takes off a little of the largest force."""
+    use = found.fit.use
+    rates = np.geomspace(1e-4, 1.0, 100) * use.fastest[:, None]
+    curves = (friction_curve(found.fit, *own) for own in zip(use.joints, rates, strict=True))
+    most = np.array([curve.values.max() for curve in curves])
+    for factor, broken in ((0.95, 0), (0.5, 2)):
+        fit = replace(found.fit, use=replace(use, largest=factor * most))
+        assert len(absurdities(found.force_model, fit, found.data)) == broken
 
 
 def test_terms_that_cancel_are_named(found):

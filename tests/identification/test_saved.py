@@ -12,7 +12,7 @@ from ruamel.yaml import YAML
 
 from bank_robots import few_of
 from loopid import JointTerms, find_force_model, load_mechanism, random_configurations
-from loopid.base_parameters import ExactSearch, SearchEffort, SearchStrategy
+from loopid.base_parameters import ExactSearch, SearchOptions, SearchStrategy
 from loopid.errors import DataError, FileError, OptionError
 from loopid.export import export_robot_file
 from loopid.identification import (
@@ -201,7 +201,7 @@ def test_a_robot_with_other_inertials_is_the_same(model, fits, tmp_path):
 
 def test_reading_searches_nothing_again(model, tmp_path, monkeypatch):
     """The choice of a search that another machine, or clock, would not repeat."""
-    search = ExactSearch(SearchEffort(time_limit=1e-3))
+    search = ExactSearch(SearchOptions(time_limit=1e-3))
     hurried = find_force_model(model.mechanism, "full", None, search=search)
     path = save_fit(tmp_path / "fit.yaml", hurried, hurried.prior)
     monkeypatch.setattr(SearchStrategy, "search", lambda *_: pytest.fail("searched again"))

@@ -125,9 +125,7 @@ def late(rows):
 
 ADVISED = [
     (times(-1.0), 1.0),
-    (times(1e3, slice(None)), 1.0),
     (geared(2.0, 1), 1.0),
-    (geared(-1.0, 1), 1.0),
     (moved(0.3, 1), 1.0),
     (late(200), 1.0),
     (lambda position, force: None, 2.0),

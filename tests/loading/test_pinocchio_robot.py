@@ -1,6 +1,7 @@
 """Robots made of Pinocchio's own objects: laws between its answers and ours, and refusals."""
 
 import copy
+import json
 
 import numpy as np
 import pinocchio as pin
@@ -8,7 +9,8 @@ import pytest
 
 import loopid
 from bank_robots import few_of
-from loopid.errors import FileError, LoopidError, ModelWarning
+from cad_export import cad_export
+from loopid.errors import AccuracyWarning, FileError, LoopidError, ModelWarning
 from loopid.kinematics import constraint_residual
 from loopid.kinematics.projection import closed_motion
 
@@ -168,6 +170,25 @@ def moved(tree):
     constraint = rigid(tree)
     constraint.desired_contact_placement = TIP
     return constraint
+
+
+def test_a_model_of_a_rounded_file_is_the_robot_of_the_file(linkage, write_files):
+    file = write_files(*cad_export(linkage("five-bar")))
+    with pytest.warns(AccuracyWarning, match="its numbers are rounded"):
+        robot = loopid.load_mechanism(file)
+    ends = [(each["frames"]) for each in json.loads(file.read_text())["closures"]]
+    with pytest.warns(AccuracyWarning, match="its numbers are rounded"):
+        found = loopid.from_pinocchio(
+            pin.buildModelFromUrdf(str(file.with_suffix(".urdf"))),
+            closures=[loopid.Closure(*pair) for pair in ends],
+            motors=robot.actuated,
+            reference=robot.reference,
+        )
+    counts = [
+        len(loopid.find_base_parameters(loopid.structural_observation(each, "full"), "qr"))
+        for each in (robot, found)
+    ]
+    assert counts == [11, 11]
 
 
 def test_settings_of_a_simulator_are_named(tree):

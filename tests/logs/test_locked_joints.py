@@ -1,14 +1,15 @@
 """A joint that is locked stands where the log has it, or the log is refused."""
 
 import re
+import warnings
 
 import numpy as np
 import pytest
 
 from closure_robots import chain, files
-from loopid import load_mechanism
-from loopid.errors import LogError
-from loopid.logs import read_log
+from loopid import gravity_regressor, load_mechanism
+from loopid.errors import LogError, ModelWarning, OptionError
+from loopid.logs import locked_as_logged, read_log
 
 TIME = np.arange(200) / 100
 
@@ -27,16 +28,40 @@ def write(path, first):
 
 def test_a_log_that_has_a_locked_joint_elsewhere_names_what_locks_it_there(arm, tmp_path):
     log = write(tmp_path / "log.csv", np.full(200, 0.5))
-    with pytest.raises(
-        LogError, match=r"joint1 is locked at 0, but column 'joint1' has it at 0\.5"
-    ):
+    with pytest.raises(LogError, match=r"joint1 is locked at 0, but stands at 0\.5"):
         read_log(log, load_mechanism(arm, lock=["joint1"]))
     with pytest.raises(LogError) as refused:
         read_log(log, load_mechanism(arm, lock=["joint1"]))
-    arm.write_text(re.search(r"reference: \{.*\}", str(refused.value))[0])
-    robot = load_mechanism(arm, lock=["joint1"])
+    lock = re.search(r"lock=\[\"(.*)\"\]", str(refused.value))[1]
+    robot = load_mechanism(arm, lock=[lock])
     assert robot.locked == {"joint1": 0.5}
     assert read_log(log, robot).joints == ("joint2",)
+
+
+def test_a_lock_is_moved_to_where_the_log_has_it(arm, tmp_path):
+    log = write(tmp_path / "log.csv", np.full(200, 0.5))
+    drawn = load_mechanism(arm, lock=["joint1"])
+    with pytest.warns(ModelWarning, match=r"locked where the log has it: joint1 at 0\.5"):
+        robot = locked_as_logged(drawn, log)
+    assert robot.locked == {"joint1": 0.5}
+    arm.with_name("there.yaml").write_text(
+        f"urdf: {arm.with_suffix('.urdf').name}\nreference: {{joint1: 0.5}}\n"
+    )
+    there = load_mechanism(arm.with_name("there.yaml"), lock=["joint1"])
+    np.testing.assert_allclose(
+        gravity_regressor(robot, [[0.3]]), gravity_regressor(there, [[0.3]]), atol=1e-12
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert locked_as_logged(robot, log) is robot
+
+
+def test_locks_at_values_are_of_joints_with_one_coordinate_and_numbers(arm):
+    for lock in ("joint1=far", "joint1=", "joint1=nan"):
+        with pytest.raises(OptionError, match="must be JOINT=VALUE"):
+            load_mechanism(arm, lock=[lock])
+    with pytest.raises(OptionError, match="joint9"):
+        load_mechanism(arm, lock=["joint9=1"])
 
 
 def test_a_log_in_which_a_locked_joint_moves_is_refused(arm, tmp_path):

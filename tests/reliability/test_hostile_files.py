@@ -174,19 +174,29 @@ def black_png(side):
 GRID = '<flexcomp name="f" type="grid" count="400 400 400" {} spacing="1 1 1" dim="3"/>'
 
 
+MEMORY, TIME = "more than 0.5 GB of memory", "more than 1 s of the"
+TOO_LARGE = {
+    "user data": (mjcf('<size nuserdata="2000000000"/>'), MEMORY),
+    "copies": (mjcf(body=f'<replicate count="1000000">{BODY}</replicate>'), TIME),
+}
+MORE = {
+    "grid": mjcf(body=BODY + GRID.format('cellcount="400 400 400"')),
+    "picture": mjcf('<asset><texture type="2d" file="big.png"/></asset>'),
+    "height field": mjcf(
+        '<asset><hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/></asset>'
+    ),
+}
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (mjcf(body=BODY + GRID.format('cellcount="400 400 400"')), "more than 0.5 GB of memory"),
-        (mjcf('<asset><texture type="2d" file="big.png"/></asset>'), "more than 0.5 GB of memory"),
-        (
-            mjcf('<asset><hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/></asset>'),
-            "more than 0.5 GB of memory",
+        *(pytest.param(*case, id=name) for name, case in TOO_LARGE.items()),
+        *(
+            pytest.param(content, MEMORY, id=name, marks=pytest.mark.validate)
+            for name, content in MORE.items()
         ),
-        (mjcf('<size nuserdata="2000000000"/>'), "more than 0.5 GB of memory"),
-        (mjcf(body=f'<replicate count="1000000">{BODY}</replicate>'), "more than 1 s of the"),
     ],
-    ids=["grid", "picture", "height field", "user data", "copies"],
 )
 def test_an_mjcf_whose_model_is_beyond_all_limits_is_refused(
     refused, content, words, tmp_path, monkeypatch
@@ -204,6 +214,7 @@ def test_an_mjcf_that_mujoco_does_not_survive_is_refused(refused, monkeypatch):
     assert "MuJoCo crashes on it: exit code 1" in refused("robot.xml", mjcf())
 
 
+@pytest.mark.validate
 def test_what_this_process_takes_does_not_widen_the_limit_of_memory(refused, tmp_path, monkeypatch):
     pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
     monkeypatch.setattr(mjcf_compiler, "MOST_BYTES", 5 * 10**8)

@@ -11,7 +11,7 @@ from .choice import (
     ChoiceProblem as ChoiceProblem,
     Exclusion as Exclusion,
     PivotedQR as PivotedQR,
-    SearchEffort as SearchEffort,
+    SearchOptions as SearchOptions,
     SearchResult as SearchResult,
     SearchStrategy as SearchStrategy,
 )

@@ -14,7 +14,7 @@ from loopid.arguments import FloatArray, IntArray, checked, finite, frozen
 from loopid.base_parameters.choice import (
     UNCLEAR_RANK,
     ChoiceProblem,
-    SearchEffort,
+    SearchOptions,
     SearchResult,
     SearchStrategy,
 )
@@ -233,7 +233,7 @@ def find_base_parameters(
     *,
     criterion: str = "nullspace",
     tolerances: RankTolerances = RankTolerances(),
-    effort: SearchEffort | None = None,
+    options: SearchOptions | None = None,
 ) -> BaseParameters:
     """Find the base parameters of an observation and the best way of writing them.
 
@@ -246,7 +246,7 @@ def find_base_parameters(
     criterion : str
         ``"nullspace"`` for the least cond(V22), ``"regressor"`` for the least cond(W_B).
     tolerances : RankTolerances
-    effort : SearchEffort, optional
+    options : SearchOptions, optional
         Instead of the search's own.
 
     Raises
@@ -271,7 +271,7 @@ def find_base_parameters(
     (15, True, 2.237)
     """
     strategy = SEARCHES[search]() if isinstance(search, str) else search
-    strategy = strategy if effort is None else replace(strategy, effort=effort)
+    strategy = strategy if options is None else replace(strategy, options=options)
     structure = analyse(observation, tolerances)
     warn_of_doubts(structure.doubtful, structure.rank_bounds)
     # Of equally good choices the first is taken, in an order that does not depend on the file's.
@@ -317,13 +317,13 @@ def find_felt_parameters(
     *,
     criterion: str = "nullspace",
     tolerances: RankTolerances = RankTolerances(),
-    effort: SearchEffort | None = None,
+    options: SearchOptions | None = None,
 ) -> tuple[BaseParameters, BaseParameters | None]:
     """Find the base parameters, and those that the motors alone feel, within one time limit.
 
     Parameters
     ----------
-    observation, search, criterion, tolerances, effort
+    observation, search, criterion, tolerances, options
         As in ``find_base_parameters``. The second search has the time that the first one left.
 
     Returns
@@ -347,12 +347,12 @@ def find_felt_parameters(
     (4, None)
     """
     find = partial(find_base_parameters, criterion=criterion, tolerances=tolerances)
-    base, alone = find(observation, search, effort=effort), observation.motors_alone
+    base, alone = find(observation, search, options=options), observation.motors_alone
     if alone is None or without_effect(alone):
         return base, None
-    left = max(base.search.effort.time_limit - base.search.seconds, LEAST_TIME)
-    rest = replace(base.search.effort, time_limit=left)
-    return base, find(alone, search, effort=rest)
+    left = max(base.search.options.time_limit - base.search.seconds, LEAST_TIME)
+    rest = replace(base.search.options, time_limit=left)
+    return base, find(alone, search, options=rest)
 
 
 @checked

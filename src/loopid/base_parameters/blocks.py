@@ -82,7 +82,7 @@ class Budget:
             yield thing
 
     def part(self, nodes: float) -> Budget:
-        """A budget of so many nodes with the same deadline; ``add`` counts what it used."""
+        """A budget of ``nodes`` with the same deadline; ``add`` counts what it used."""
         return Budget(self.deadline, most_nodes=nodes)
 
     def add(self, part: Budget) -> None:

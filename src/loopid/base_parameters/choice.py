@@ -32,7 +32,7 @@ BATCH = 1 << 22  # numbers in the regrouping matrices that are in memory togethe
 
 
 @record(kw_only=True, checked=True)
-class SearchEffort:
+class SearchOptions:
     """How far a search goes, and how exact it is.
 
     Attributes
@@ -45,12 +45,12 @@ class SearchEffort:
     most_tolerance : float
         No certificate is given to a coarser one: digits that tie would then be digits that count.
     nodes : int
-        That each rule has for a box at the first effort; four times as many at every further one.
+        Nodes of each rule for a box at the first attempt, four times as many at each further one.
     ties, tie_nodes : int
-        So many ties of a block are listed, with so many nodes, and the most readable is chosen.
+        Ties of a block that are listed at most, and nodes for it: the most readable is chosen.
         Where there are more, the dependent columns that come first decide.
     candidates : int
-        Combinations that exhaustive search tries at most: some hours.
+        Largest number of combinations of an exhaustive search, which takes some hours.
     memory : int
         In bytes, that the combinations and matrices of a group of subgroup search may take.
 
@@ -63,8 +63,8 @@ class SearchEffort:
     --------
     >>> import loopid
     >>> observation = loopid.structural_observation(loopid.load_mechanism("four_bar"))
-    >>> minute = loopid.SearchEffort(time_limit=60.0)
-    >>> loopid.find_base_parameters(observation, effort=minute).search.effort.time_limit
+    >>> minute = loopid.SearchOptions(time_limit=60.0)
+    >>> loopid.find_base_parameters(observation, options=minute).search.options.time_limit
     60.0
     """
 
@@ -233,7 +233,7 @@ class SearchResult:
         Where ``ExactSearch`` was asked to keep it.
     subgroups : SubgroupAccount or None
         What a subgroup search tried.
-    effort : SearchEffort
+    options : SearchOptions
         How far the search was to go.
     """
 
@@ -247,12 +247,12 @@ class SearchResult:
     nodes: int = 0
     ties: int | None = None
     gap: float = inf
-    tolerance: float = SearchEffort.tolerance
+    tolerance: float = SearchOptions.tolerance
     reason: str = ""
     seconds: float = field(default=0.0, compare=False)
     proof: tuple[Exclusion, ...] = ()
     subgroups: SubgroupAccount | None = None
-    effort: SearchEffort = SearchEffort()
+    options: SearchOptions = SearchOptions()
 
     @property
     def found(self) -> bool:
@@ -275,12 +275,12 @@ class SearchStrategy(ABC):
 
     Parameters
     ----------
-    effort : SearchEffort
+    options : SearchOptions
     """
 
     name: ClassVar[str]
 
-    effort: SearchEffort = SearchEffort()
+    options: SearchOptions = SearchOptions()
 
     def search(self, problem: ChoiceProblem) -> SearchResult:
         """Solve a choice problem, on one BLAS thread: the matrices are small.
@@ -314,7 +314,7 @@ class SearchStrategy(ABC):
             dependent=chosen,
             condition_number=value,
             candidates=problem.candidates,
-            effort=self.effort,
+            options=self.options,
             **found,
         )
 

@@ -23,7 +23,7 @@ from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.base_parameters.account import SubgroupAccount, TriedGroup
 from loopid.base_parameters.choice import (
     ChoiceProblem,
-    SearchEffort,
+    SearchOptions,
     SearchResult,
     SearchStrategy,
     condition_numbers,
@@ -52,7 +52,7 @@ class ExhaustiveSearch(SearchStrategy):
 
     Parameters
     ----------
-    effort : SearchEffort
+    options : SearchOptions
         Its number of combinations is the most that are tried.
     chunk : int
         Combinations whose matrices are in memory together.
@@ -62,18 +62,18 @@ class ExhaustiveSearch(SearchStrategy):
 
     name: ClassVar[str] = "exhaustive"
 
-    effort: SearchEffort = SearchEffort()
+    options: SearchOptions = SearchOptions()
     chunk: int = 1 << 14
     progress: Progress | None = field(default=None, compare=False, repr=False)
 
     def _search(self, problem: ChoiceProblem) -> SearchResult:
-        total, vectors, tolerance = problem.candidates, problem.vectors, self.effort.tolerance
-        if total > self.effort.candidates:
+        total, vectors, tolerance = problem.candidates, problem.vectors, self.options.tolerance
+        if total > self.options.candidates:
             raise OptionError(
                 f"exhaustive search would evaluate C({problem.size}, {problem.dependent_count}) = "
-                f"{total:,} combinations (bound {self.effort.candidates:,}): use search='exact'",
+                f"{total:,} combinations (bound {self.options.candidates:,}): use search='exact'",
                 candidates=total,
-                bound=self.effort.candidates,
+                bound=self.options.candidates,
             )
         size, count = vectors.shape
         best, least, ties = np.empty((0, count), dtype=np.int64), np.inf, 0
@@ -87,13 +87,13 @@ class ExhaustiveSearch(SearchStrategy):
                 best, ties = best[:0], 0
             least = min(least, lowest)
             tied = kept[(found <= least * (1 + tolerance)) & (found < np.inf)]
-            best = np.concatenate([best, selections[tied]])[: self.effort.ties]
+            best = np.concatenate([best, selections[tied]])[: self.options.ties]
             ties += len(tied)
             if self.progress is not None:
                 self.progress(min(done + self.chunk, total), total)
         chosen = most_readable(readabilities(problem.structure.null_basis, problem.dependent(best)))
-        tolerance = self.effort.covering(problem.uncertainty(least))
-        certain = tolerance <= self.effort.most_tolerance
+        tolerance = self.options.covering(problem.uncertainty(least))
+        certain = tolerance <= self.options.most_tolerance
         return self._result(
             problem,
             chosen.dependent,
@@ -124,7 +124,7 @@ class SubgroupSearch(SearchStrategy):
 
     Parameters
     ----------
-    effort : SearchEffort
+    options : SearchOptions
         Its memory bounds a group.
     condition_limit : float
         A choice is valid when V22 has full rank and a condition number below this.
@@ -150,7 +150,7 @@ class SubgroupSearch(SearchStrategy):
 
     name: ClassVar[str] = "subgroup"
 
-    effort: SearchEffort = SearchEffort()
+    options: SearchOptions = SearchOptions()
     condition_limit: float = PAPER_LIMIT
     alpha: float = PAPER_ALPHA
     variant: str = "gap"
@@ -189,7 +189,7 @@ class SubgroupSearch(SearchStrategy):
                 dependent=d,
                 group=size,
             )
-        needed, bound = comb(size, d) * d * (d + 2) * 8, self.effort.memory
+        needed, bound = comb(size, d) * d * (d + 2) * 8, self.options.memory
         if needed > bound:
             raise OptionError(
                 f"a group of subgroup search has C({size}, {d}) = {comb(size, d):,} combinations, "

@@ -30,19 +30,19 @@ from loopid.base_parameters.blocks import (
     split,
     walked,
 )
+from loopid.base_parameters.branch_and_bound import Leaves, margin, one_between, selections_between
 from loopid.base_parameters.choice import (
     NO_COLUMNS,
     UNIT_ROUND_OFF,
     ChoiceProblem,
     Exclusion,
     Readability,
-    SearchEffort,
+    SearchOptions,
     SearchResult,
     SearchStrategy,
     most_readable,
     readabilities,
 )
-from loopid.base_parameters.tree import Leaves, margin, one_between, selections_between
 from loopid.records import record
 
 MORE_NODES = 4  # times as many, that a box is asked about by each rule at every further attempt
@@ -58,7 +58,7 @@ class ExactSearch(SearchStrategy):
 
     Parameters
     ----------
-    effort : SearchEffort
+    options : SearchOptions
     proof : bool
         Whether the result keeps the proof, as ``SearchResult.proof``.
 
@@ -73,20 +73,20 @@ class ExactSearch(SearchStrategy):
 
     name: ClassVar[str] = "exact"
 
-    effort: SearchEffort = SearchEffort()
+    options: SearchOptions = SearchOptions()
     proof: bool = False
 
     def _search(self, problem: ChoiceProblem) -> SearchResult:
-        budget = Budget(perf_counter() + self.effort.time_limit)
+        budget = Budget(perf_counter() + self.options.time_limit)
         blocks, apart = split(problem)
         interval = _Interval(problem, blocks, apart, budget, self)
         ties, reason = None, "round-off"
         dependent = _joint_dependent(blocks, interval.best)
-        if interval.tolerance <= self.effort.most_tolerance:
+        if interval.tolerance <= self.options.most_tolerance:
             try:
                 interval.close()
                 tied = Tied(interval.tied, interval.tolerance)
-                choice, ties, near = most_readable_tie(blocks, tied, self.effort, budget)
+                choice, ties, near = most_readable_tie(blocks, tied, self.options, budget)
                 dependent, reason = choice.dependent, "near ties" if near else ""
             except OutOfBudgetError:
                 dependent, reason = _joint_dependent(blocks, interval.best), "time limit"
@@ -119,7 +119,7 @@ class _Interval:
         search: ExactSearch,
     ) -> None:
         self.blocks, self.budget = blocks, budget
-        self.effort, self.keep = search.effort, search.proof
+        self.options, self.keep = search.options, search.proof
         self.proof: list[Exclusion] = []
         least_largest = max(block.least_largest for block in blocks)
         self.best = [good_selection(block, budget, least_largest) for block in blocks]
@@ -150,7 +150,7 @@ class _Interval:
             return np.inf
         neglected = apart * (1 / sqrt(self.levels.smallest) + 1 / sqrt(self.levels.largest))
         given = problem.uncertainty(sqrt(self.levels.ratio))
-        return self.effort.covering(computed + neglected + given)
+        return self.options.covering(computed + neglected + given)
 
     @property
     def closed(self) -> bool:
@@ -252,7 +252,7 @@ class _Interval:
         if known:
             return known[-1]
         block, leaves = self.blocks[b], Leaves() if self.keep else None
-        nodes = self.effort.nodes * MORE_NODES**attempt
+        nodes = self.options.nodes * MORE_NODES**attempt
         own = one_between(block, (above, below), self.budget, [nodes], leaves=leaves)
         if own is not None:
             return self._polished(b, own, below)
@@ -322,7 +322,7 @@ class Tied:
 
 
 def most_readable_tie(
-    blocks: Sequence[Block], tied: Tied, effort: SearchEffort, budget: Budget
+    blocks: Sequence[Block], tied: Tied, options: SearchOptions, budget: Budget
 ) -> tuple[Readability, int | None, bool]:
     """The most readable of the best choices, how many there are, and whether some nearly tie.
 
@@ -332,12 +332,12 @@ def most_readable_tie(
     for levels in tied.levels:
         choice, ways = NO_COLUMNS, 1
         for block in blocks:
-            selections, nearly = _listed(block, levels, tied.tolerance, effort, budget)
+            selections, nearly = _listed(block, levels, tied.tolerance, options, budget)
             near |= nearly
             if selections:
                 ways *= sum(block.ways(own) for own in selections)
             else:
-                ways, selections = 0, [_first(block, levels.box(tied.tolerance), effort, budget)]
+                ways, selections = 0, [_first(block, levels.box(tied.tolerance), options, budget)]
             dependent = block.dependent(np.array(selections))
             if len(dependent) * len(tied.levels) == 1:  # nothing to compare
                 choice += Readability(0, 0.0, tuple(block.columns[dependent[0]].tolist()))
@@ -350,7 +350,7 @@ def most_readable_tie(
 
 
 def _listed(
-    block: Block, levels: Levels, tolerance: float, effort: SearchEffort, budget: Budget
+    block: Block, levels: Levels, tolerance: float, options: SearchOptions, budget: Budget
 ) -> tuple[list[IntArray], bool]:
     """All selections that keep to the levels, and whether some nearly do; none if too many.
 
@@ -359,23 +359,23 @@ def _listed(
     """
     if block.size == block.count:
         return [np.arange(block.size)], False
-    part = budget.part(effort.tie_nodes)
+    part = budget.part(options.tie_nodes)
     found = selections_between(block, *levels.box(2 * tolerance), part)
     try:
-        listed = list(islice(found, effort.ties + 1))
+        listed = list(islice(found, options.ties + 1))
     except OutOfBudgetError:
         budget.check()
         return [], False
     finally:
         budget.add(part)
-    if len(listed) > effort.ties:
+    if len(listed) > options.ties:
         return [], False
     kept = [own for own in listed if block.levels(own).inside(*levels.box(tolerance / 2))]
     return kept, len(kept) < len(listed)
 
 
 def _first(
-    block: Block, box: tuple[float, float], effort: SearchEffort, budget: Budget
+    block: Block, box: tuple[float, float], options: SearchOptions, budget: Budget
 ) -> IntArray:
     """The selection in a box that makes the first columns dependent.
 
@@ -389,8 +389,8 @@ def _first(
         dependent.extend(row)
         rows = np.array(settled[0], dtype=np.int64), np.array(settled[1], dtype=np.int64)
         del dependent[len(dependent) - len(row) :]
-        efforts = (effort.nodes * MORE_NODES**attempt for attempt in count())
-        return one_between(block, box, budget, efforts, settled=rows)
+        node_limits = (options.nodes * MORE_NODES**attempt for attempt in count())
+        return one_between(block, box, budget, node_limits, settled=rows)
 
     witness = some([])
     if witness is None:  # a selection with these levels is known

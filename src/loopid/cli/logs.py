@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 from typer import Argument, Option
 
-from loopid.cli.robots import FILE, MAPPING, MODEL, TERMS, numbers, of_robot, recordings
+from loopid.cli.robots import FILE, LOGGED_MODEL, MAPPING, TERMS, numbers, of_robot, recordings
 from loopid.cli.shell import answering, with_options
 from loopid.errors import LoopidError, OptionError
 from loopid.files import require_other_file, write_file
@@ -45,7 +45,7 @@ def identify(
     answer: Answer,
     logs: list[str] = LOGS,
     mapping: str | None = MAPPING,
-    model: str = MODEL,
+    model: str = LOGGED_MODEL,
     terms: str = AUTOMATIC_TERMS,
     compare_terms: list[str] | None = Option(
         None, metavar="CHOICE", help="Judge these terms too, as of --terms; repeatable."
@@ -80,6 +80,7 @@ def identify(
     """Identify parameters and friction from logs."""
     from loopid.diagnosis.study import StudyOptions, study_logs
     from loopid.identification.pipeline import FitOptions
+    from loopid.logs.reading import locked_as_logged
     from loopid.report.identify import identification_report
 
     options = StudyOptions(
@@ -98,6 +99,7 @@ def identify(
     answer.require(robot.path, mapping, *logs, *(validate or ()))
     if rows is not None and reference:
         raise OptionError("--rows would move LOG against its --reference: use --from and --to")
+    robot = locked_as_logged(robot, logs[0], mapping=mapping)
     runs = recordings(robot, logs, mapping, cutoff, rows)
     judging = recordings(robot, validate, mapping, cutoff)
     commanded = recordings(robot, reference, mapping, cutoff)
@@ -190,7 +192,7 @@ def payload(
         None, metavar="YAML", help="With --known-mass: a mapping that has the gains."
     ),
     mapping: str | None = MAPPING,
-    model: str = MODEL,
+    model: str = LOGGED_MODEL,
     terms: str = AUTOMATIC_TERMS,
     estimator: str = Option("wls", help="wls, ols or bisquare."),
     cutoff: float | None = CUTOFF,
@@ -201,14 +203,18 @@ def payload(
     from loopid.diagnosis.payload import identify_payload
     from loopid.identification.force_model import find_force_model
     from loopid.identification.log_mistakes import suspicions_by_log
+    from loopid.identification.model_choice import chosen_model, require_model
+    from loopid.logs.reading import locked_as_logged
     from loopid.report.forces import gains_report, payload_report
 
     inputs = [name for name in (robot.path, mapping, *unloaded, *loaded_log) if name is not None]
     answer.require(*inputs)
     _require_gains(known_mass, centre, write_mapping, inputs)
-    force_model = find_force_model(robot, model, terms)
+    require_model(model)
+    robot = locked_as_logged(robot, unloaded[0], mapping=mapping)
     light = recordings(robot, unloaded, mapping, cutoff, rows)
     heavy = recordings(robot, loaded_log, mapping, cutoff, rows)
+    force_model = find_force_model(robot, chosen_model(robot, model, [*light, *heavy]), terms)
     runs: dict[str, Any] = {"unloaded": light, "loaded": heavy, "estimator": estimator}
     if known_mass is None:
         report = payload_report(identify_payload(force_model, link, **runs))

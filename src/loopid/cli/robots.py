@@ -24,7 +24,9 @@ FILE = Argument(
 )
 MOTIONS = Argument(None, metavar="MOTIONS", help="Motion YAML; by default the robot's bundled one.")
 LOG_ENDINGS = (".csv", ".txt", ".tsv")
-MODEL = Option("gravity", help="gravity (slow motion) or full (all ten parameters a body).")
+MODELS = "gravity (slow motion) or full (all ten parameters a body)"
+MODEL = Option("gravity", help=f"{MODELS}.")
+LOGGED_MODEL = Option("auto", help=f"{MODELS}; auto: the one that LOG asks for.")
 TERMS = (
     "Forces in the joints: of all motors, as Fc,Fv,Fo; with some joints' own, as "
     '"Fc,Fv; elbow: Ks; passive: Fv"; file: those that the robot file gives; none.'
@@ -35,7 +37,9 @@ MAPPING = Option(None, metavar="YAML", help="File that says which columns of LOG
 def loaded(
     file: str = FILE,
     lock: list[str] | None = Option(
-        None, metavar="JOINT", help="Lock a joint, or a turn such as ball.wz; repeatable."
+        None,
+        metavar="JOINT[=VALUE]",
+        help="Lock a joint, or a turn such as ball.wz, at its reference or a value; repeatable.",
     ),
     rounding: float | None = Option(
         None, help="Rounding of the file's numbers in m and rad: loops may be open by it."
@@ -108,7 +112,7 @@ def base(
 ) -> None:
     """Find base parameters, and prove how to write them best."""
     from loopid.base_parameters.base import find_felt_parameters
-    from loopid.base_parameters.choice import SearchEffort
+    from loopid.base_parameters.choice import SearchOptions
     from loopid.regressors.joint_terms import JointTerms, warn_of_omitted
     from loopid.regressors.structural import structural_observation
     from loopid.report.structure import base_report
@@ -121,8 +125,8 @@ def base(
         observation = structural_observation(
             robot, model, samples=samples, seed=seed, progress=report, joint_terms=joint_terms
         )
-    effort = None if time_limit is None else SearchEffort(time_limit=time_limit)
-    found = find_felt_parameters(observation, strategy, criterion=criterion, effort=effort)
+    options = None if time_limit is None else SearchOptions(time_limit=time_limit)
+    found = find_felt_parameters(observation, strategy, criterion=criterion, options=options)
     answer.show(base_report(robot, model, *found))
 
 
@@ -201,7 +205,9 @@ def simulate(
 def excite(
     robot: Mechanism,
     answer: Answer,
-    model: str = MODEL,
+    model: str = Option(
+        "auto", help=f"{MODELS}; auto: the one that the logs of --after ask for, gravity without."
+    ),
     terms: str = Option("none", help=TERMS),
     criterion: str = Option("D", help="What is optimised: D, A, E or condition."),
     shape: str = Option("fourier", help="fourier, spline, or poses to stand in (gravity)."),
@@ -260,6 +266,8 @@ def excite(
     from loopid.excitation.limits import MotionLimits
     from loopid.excitation.problem import DesignOptions
     from loopid.identification.force_model import find_force_model
+    from loopid.identification.model_choice import chosen_model, require_model
+    from loopid.logs.reading import locked_as_logged
     from loopid.regressors.joint_terms import JointTerms
     from loopid.report.excitation import excitation_report
 
@@ -288,12 +296,18 @@ def excite(
         solver=solver,
         seed=seed,
     )
+    require_model(model)
+    robot = locked_as_logged(robot, after[0], mapping=mapping) if after else robot
+    logged = recordings(robot, after, mapping)
+    force_model = find_force_model(
+        robot, chosen_model(robot, model, logged), JointTerms.of(robot, terms)
+    )
     with progress_bar(criterion) as watch:
         found = design_excitation(
-            find_force_model(robot, model, JointTerms.of(robot, terms)),
+            force_model,
             limits=limits,
             options=options,
-            after=recordings(robot, after, mapping),
+            after=logged,
             parameters=parameters or (),
             payload=payload,
             progress=watch,

@@ -13,6 +13,7 @@ from loopid.findings import Finding, most_important_first
 from loopid.identification.force_model import AUTOMATIC, chosen_terms, find_force_model, parted
 from loopid.identification.friction import friction_findings
 from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
+from loopid.identification.model_choice import chosen_model, require_model
 from loopid.identification.pipeline import ALL, FitOptions, Identification, identify
 from loopid.identification.prediction import Candidate
 from loopid.identification.verdict import Verdict, insignificant
@@ -34,7 +35,8 @@ class StudyOptions:
     Attributes
     ----------
     model : str
-        ``"gravity"`` or ``"full"``.
+        ``"gravity"``, ``"full"``, or ``"auto"`` for the one that the recordings ask for
+        (``choose_model``).
     terms : str
         Joint terms, a choice as of ``JointTerms.of``; by default those of ``find_force_model``.
     compared : tuple of str
@@ -43,7 +45,7 @@ class StudyOptions:
         Of the identification.
     """
 
-    model: str = "gravity"
+    model: str = AUTOMATIC
     terms: str = AUTOMATIC
     compared: tuple[str, ...] = ()
     fit: FitOptions = FitOptions()
@@ -56,7 +58,8 @@ class StudyOptions:
         OptionError
             Naming the joint or the word.
         """
-        chosen_terms(mechanism, self.model, self.terms)
+        model = require_model(self.model)
+        chosen_terms(mechanism, "full" if model == AUTOMATIC else model, self.terms)
         for choice in self.compared:
             JointTerms.of(mechanism, choice)
 
@@ -235,9 +238,9 @@ def study_logs(
     """
     options.require_terms(mechanism)
 
-    force_model = find_force_model(mechanism, options.model, options.terms, progress=progress)
+    model = chosen_model(mechanism, options.model, recordings)
     found = identify(
-        force_model,
+        find_force_model(mechanism, model, options.terms, progress=progress),
         recordings,
         validation=validation,
         friction=friction,

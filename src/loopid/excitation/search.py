@@ -254,7 +254,7 @@ class Search:
     watch: Callable[[int, float], bool]
     criterion: float = np.inf  # of the best point
     evaluations: int = 0
-    # (k,), the bounds that the solver is told of
+    # (k,), the bounds that the solver gets
     watched: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     # Variables (m, c) of the best motion that passes the check, its criterion, and the check
     X: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))

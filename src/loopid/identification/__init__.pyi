@@ -55,6 +55,7 @@ from .log_mistakes import (
     suspicions as suspicions,
     suspicions_by_log as suspicions_by_log,
 )
+from .model_choice import ModelChoice as ModelChoice, choose_model as choose_model
 from .pipeline import (
     FitOptions as FitOptions,
     Identification as Identification,

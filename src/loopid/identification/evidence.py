@@ -119,7 +119,7 @@ class SuspicionOptions:
     ratio: float = 1.5
     zero: float = 0.05
     interval: float = 0.5
-    few: int = 48
+    few: int = 36
     closing: float = 0.9
     held: float = 0.8
     jump: float = 3.0
@@ -226,8 +226,11 @@ class Evidence:
         return [q[rows], np.stack(rates, axis=2), force[rows], used[rows], external[rows]]
 
     def of_few(self) -> Evidence:
-        """The same of few samples, evenly spread."""
-        few, rows = copy(self), spread_rows(len(self.q), self.options.few)
+        """The same of few samples, evenly spread over those in which all motors move."""
+        moving = np.flatnonzero(self.used[:, self.present].all(axis=1))
+        if len(moving) < self.options.few:
+            moving = np.arange(len(self.q))
+        few, rows = copy(self), moving[spread_rows(len(moving), self.options.few)]
         for name in ("q", "rates", "force", "used", "external", "position"):
             setattr(few, name, getattr(self, name)[rows])
         few.independent = np.minimum(self.independent, len(rows))

@@ -416,18 +416,28 @@ def friction_summary(fit: FitResult) -> FrictionSummary:
 
 def friction_findings(fit: FitResult) -> list[str]:
     """What friction a fit has beside Coulomb and viscous friction: a sentence each."""
-    groups = fit.term_deviations
+    groups, summary = fit.term_deviations, friction_summary(fit)
     clear = () if groups is None else np.flatnonzero(groups.evidence >= CLEARLY)
     parted = [groups.names[k].rpartition(": ")[::2] for k in clear] if groups else []
+
     said = {
-        CURVE.name: "Friction of {} is a curve of the rate",
-        ASYMMETRY.name: "Friction of {} differs by direction",
-        LOAD.name: "Friction of {} grows with load",
+        CURVE.name: (
+            "is a curve of the rate",
+            summary.standstill,
+            " ({0.value:+.2g} {0.unit} at standstill)",
+        ),
+        ASYMMETRY.name: ("differs by direction", (), ""),
+        LOAD.name: ("grows with load", summary.load, " ({0.value:.2g} of it)"),
     }
     found = []
-    for name, sentence in said.items():
-        if joints := [joint for joint, group in parted if group == name]:
-            found.append(sentence.format(", ".join(joints)))
+    for name, (sentence, own, more) in said.items():
+        known = dict(zip(summary.joints, own, strict=False))
+        joints = [joint for joint, group in parted if group == name]
+        texts = [
+            joint + (more.format(known[joint]) if known.get(joint) else "") for joint in joints
+        ]
+        if texts:
+            found.append(f"Friction of {', '.join(texts)} {sentence}")
     return found
 
 

@@ -160,7 +160,10 @@ class _Find(NamedTuple):
         if KINDS[self.kind].added:
             return abs(size) - reach > least
         usual = size - reach <= least and 1 / least <= size + reach
-        return reach <= options.interval * abs(size) and not usual
+        known = reach <= options.interval * abs(size)
+        # Of a time axis that is too short, inertia that is not felt tells how much at least.
+        known |= self.kind == "factor" and size + reach < 1
+        return known and not usual
 
     def mended(self, undone: Undone) -> Undone:
         """With the mistake undone, too, as it is advised: exactly by a cause."""

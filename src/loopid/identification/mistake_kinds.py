@@ -162,11 +162,13 @@ def _zero(one: _Mistaken) -> Called:
 
 
 def _time(one: _Mistaken) -> Called:
-    size, undo = one.factor, 1 / one.factor
-    how = f"{max(size, undo):.3g} times too {'long' if size > 1 else 'short'}"
-    do = f"multiply its times by {undo:.3g}"
+    size, least, most = one.factor, "", ""
+    if one.reach > abs(one.size) / 2:  # forces tell only that inertia is not felt
+        size, least, most = one.size + one.reach, "at least ", " or less"
+    how = f"{least}{max(size, 1 / size):.3g} times too {'long' if size > 1 else 'short'}"
+    do = f"multiply its times by {1 / size:.3g}{' or more' * bool(most)}"
     if one.rate is not None:
-        do = f"set rate: {one.rate * size:.6g} in the mapping, or {do}"
+        do = f"set rate: {one.rate * size:.6g} in the mapping{most}, or {do}"
     return Called(f"the time axis is {how}", one.sized, do)
 
 
@@ -197,7 +199,7 @@ RATIOS = tuple(np.logspace(-2, 2, 9).tolist())
 TIME_CAUSES = tuple((factor, "") for factor in (2.0, 0.5, 5.0, 0.2, 10.0, 0.1))
 TIMES = tuple(np.logspace(-1.25, 1.25, 11).tolist())
 ZERO_CAUSES = tuple((turn * pi, "") for turn in (0.5, -0.5, 1.0, -1.0))
-ZEROS = tuple(np.geomspace(0.03, 4.0, 9).tolist())
+ZEROS = tuple(np.geomspace(0.05, 4.0, 7).tolist())
 PLACES = ("positions", "ratio", "zero")  # of what belongs to positions
 # Those with sizes are called as the option that says which sizes are worth a finding.
 KINDS = {
@@ -207,6 +209,8 @@ KINDS = {
     "common_gain": MistakeKind(("gain",), 0, _force, GAINS, BOTH, FORCE_CAUSES, 0.9),
     "factor": MistakeKind(("time",), 0, _time, TIMES, (1.0,), TIME_CAUSES),
     "ratio": MistakeKind(("ratio",), 1, _position, RATIOS, BOTH, POSITION_CAUSES),
+    # A sign alone, where the size hardly matters.
+    "turned": MistakeKind(("ratio",), 1, _position, (), (-1.0,), POSITION_CAUSES),
     "zero": MistakeKind(("zero",), 1, _zero, ZEROS, BOTH, ZERO_CAUSES, 0.02),
     "forces": MistakeKind(("forces", "gain"), 2, _exchanged("forces")),
     "positions": MistakeKind(PLACES, 2, _exchanged("positions")),

@@ -33,7 +33,7 @@ from loopid.identification.estimator import (
     equal_weights,
 )
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
-from loopid.identification.force_model import ForceModel, parted, samples_of
+from loopid.identification.force_model import ForceModel, find_force_model, parted, samples_of
 from loopid.identification.friction import motor_use, with_friction
 from loopid.identification.information import (
     Excitation,
@@ -46,6 +46,7 @@ from loopid.identification.jackknife import Jackknife
 from loopid.identification.leaving_out import LeftOut, repeated_share
 from loopid.identification.log_mistakes import Suspicions, suspicions_by_log
 from loopid.identification.missing import MissingForce, missing_forces, with_missing
+from loopid.identification.model_choice import ModelChoice, choose_model
 from loopid.identification.plausibility import absurdities
 from loopid.identification.prediction import Candidate, error_ratio, judge, quality_of
 from loopid.identification.problem import ROUND_OFF, FitSamples
@@ -185,6 +186,8 @@ class Identification:
         What may be wrong with each log.
     missing : tuple of MissingForce
         Forces that the data clearly have beside the consistent fit.
+    choice : ModelChoice or None
+        The model that the recordings ask for; None where a full one was given.
     """
 
     force_model: ForceModel
@@ -200,6 +203,7 @@ class Identification:
     delay: Delay | None = None
     suspicions: tuple[Suspicions, ...] = ()
     missing: tuple[MissingForce, ...] = ()
+    choice: ModelChoice | None = None
 
     def __getitem__(self, name: str) -> Candidate:
         if name not in self.candidates:
@@ -409,7 +413,7 @@ def require_forces(mechanism: Mechanism, recordings: Sequence[Recording]) -> Non
 
 @checked
 def identify(
-    force_model: ForceModel,
+    robot: Mechanism | ForceModel,
     recordings: Sequence[Recording],
     *,
     validation: Sequence[Recording] | None = None,
@@ -417,10 +421,13 @@ def identify(
     references: Sequence[JointMotion] = (),
     options: FitOptions = FitOptions(),
 ) -> Identification:
-    """Fit a force model to recordings, and judge the fit on data that it has not seen.
+    """Fit a model of a robot to recordings, and judge the fit on data that it has not seen.
 
     Parameters
     ----------
+    robot : Mechanism or ForceModel
+        Of a robot the model that the recordings ask for is fitted (``choose_model``), with the
+        usual joint terms.
     recordings : sequence of Recording
     validation : sequence of Recording, optional
         Judge on these. By default all recordings are fitted, and each stretch is judged by fits to
@@ -453,12 +460,14 @@ def identify(
     >>> robot = loopid.load_mechanism("five_bar")
     >>> log = loopid.read_log("urdf/logs/five_bar.csv", robot)  # with 0.1 N m of friction
     >>> run = loopid.prepare_recording(robot, log)
-    >>> found = loopid.identify(loopid.find_force_model(robot, "full"), [run])
+    >>> found = loopid.identify(robot, [run])
     >>> round(found.fit["left_crank_joint.Fc"].value, 2)
     0.1
     """
     options.require_references(len(references))
-    require_forces(force_model.mechanism, recordings)
+    mechanism = robot if isinstance(robot, Mechanism) else robot.mechanism
+    require_forces(mechanism, recordings)
+    choice, force_model = _model_of(robot, recordings)
     delay = find_delay(force_model, recordings) if options.undo_delay else None
     training, judging = recordings, validation or ()
     left_out = validation is None and options.fraction is None
@@ -468,7 +477,7 @@ def identify(
         without_delay(force_model, runs, delay) for runs in (training, judging, friction)
     )
     runs = *training, *judging, *friction
-    suspected = suspicions_by_log(force_model.mechanism, runs, parted(force_model.joint_terms)[0])
+    suspected = suspicions_by_log(mechanism, runs, parted(force_model.joint_terms)[0])
     for each in (found for one in suspected for found in one.mistakes):
         each.warn()  # before what a wrong log may end in
     cutoff = choose_cutoff(force_model, training, n_jobs=options.n_jobs)
@@ -546,7 +555,22 @@ def identify(
         delay=delay,
         suspicions=suspected,
         missing=missing,
+        choice=choice,
     )
+
+
+def _model_of(
+    robot: Mechanism | ForceModel, recordings: Sequence[Recording]
+) -> tuple[ModelChoice | None, ForceModel]:
+    """The model of a robot that recordings ask for; a gravity model that is given is looked at."""
+    if isinstance(robot, ForceModel) and robot.model == "full":
+        return None, robot
+    mechanism = robot if isinstance(robot, Mechanism) else robot.mechanism
+    choice = choose_model(mechanism, recordings)
+    if isinstance(robot, Mechanism):
+        return choice, find_force_model(mechanism, choice.model)
+    choice.finding.warn()
+    return choice, robot
 
 
 def _errors_by_region(fit: WorkingFit) -> FloatArray:

@@ -22,7 +22,8 @@ from loopid.regressors.joint_laws import joint_term
 from loopid.regressors.joint_terms import JointTerms
 
 # Part of two contributions to a force that must be left of them; of the largest force of a motor,
-# a contribution that is too small to do harm.
+# a contribution that is too small to do harm, and what a filter takes off: friction can be all of
+# the force.
 LEFT, SMALL = 0.01, 0.1
 # Rates that friction is looked at, from next to standstill to the fastest of the log; part of the
 # largest force that is round-off.
@@ -35,10 +36,10 @@ SANE = 'identify with terms="Fc,Fv" and estimator="wls"'
 def absurdities(force_model: ForceModel, fit: FitResult, data: FitSamples) -> tuple[str, ...]:
     """Laws that a fit breaks, a sentence each; none for a sane one.
 
-    Friction of a motor does not drive, clear of its band, nor is it more than the largest force
-    that the motor showed, at any rate up to the fastest of the log. No two joint terms, nor one and
-    the bodies, cancel to less than a hundredth of their size. No joint term is more than all of the
-    motor's force.
+    Friction of a motor does not drive, clear of its band, nor is it by a tenth more than the
+    largest force that the motor showed, at any rate up to the fastest of the log. No two joint
+    terms, nor one and the bodies, cancel to less than a hundredth of their size. No joint term is
+    more than all of the motor's force.
 
     Parameters
     ----------
@@ -84,7 +85,7 @@ def _of_friction(fit: FitResult, joint_terms: JointTerms | None) -> Iterator[str
             curve = friction_curve(fit, joint, way * rates, joint_terms=joint_terms)
             values, ends = way * curve.values, (way * curve.band).max(axis=1)
             drives = (values < -SMALL * most) | ((values < -ROUND_OFF * most) & (ends < 0))
-            if values.max() > most:
+            if values.max() > (1 + SMALL) * most:
                 k = int(values.argmax())
                 yield (
                     f"friction of {joint} would be {values[k]:.3g} {force} at {rates[k]:.2g} "

@@ -165,12 +165,21 @@ def _better(found: Identification) -> Finding | None:
     )
 
 
+def _of_model(found: Identification) -> Finding | None:
+    """What to know of a gravity model: that inertia does not show, or is missing."""
+    gravity = found.force_model.model == "gravity"
+    return found.choice.finding if gravity and found.choice is not None else None
+
+
 def _use(found: Identification, error: float) -> str:
     if found.fit.broken:
         return f"{NOT_FIT}, as {found.fit.broken[0]}"
     if not error <= ROUGH:
         return NOT_FIT
     use = "Fit for predicting forces" if error <= GOOD else ROUGHLY
+    model = _of_model(found)
+    if model is not None and model.severity == "note" and found.choice is not None:
+        use += f" of slow motion (inertia is at most {100 * found.choice.share:.2g} % of them)"
     if found.recommended is found.baseline:
         return f"{use} with the robot file's bodies, as fitted ones are clearly worse"
     told = found.identifiability
@@ -184,6 +193,8 @@ def _doubtful(found: Identification) -> bool:
     deviation = found.fit.deviation
     far = deviation is not None and bool(deviation.suspicion)
     doubtful = bool(found.missing) or far or not found.fit.settled
+    model = _of_model(found)
+    doubtful = doubtful or (model is not None and model.severity != "note")
     return doubtful or found.advantage is not None or _noisy(found) is not None
 
 
@@ -199,6 +210,8 @@ def _noisy(found: Identification) -> tuple[str, float] | None:
 
 def _model_findings(found: Identification) -> Iterator[Finding]:
     """What the model lacks, and where the data cannot tell."""
+    model = _of_model(found)
+    yield from () if model is None else (model,)
     yield from missing_findings(found.missing)
     noisy = _noisy(found)
     if noisy is not None:
@@ -224,6 +237,9 @@ def _improvement(found: Identification) -> tuple[tuple[str, ...], str]:
 
     Another motion does not help where forces are not explained.
     """
+    model = _of_model(found)
+    if model is not None and model.do:
+        return (), model.do
     if (better := _better(found)) is not None:
         return (), better.do
     if (unexplained := _unexplained(found)) is not None:

@@ -106,7 +106,7 @@ class Assembly:
     tolerance: float = field(default=0.0, repr=False)  # in m, of the residual
 
     def first(self, count: int) -> Assembly:
-        """The first so many samples."""
+        """The first samples, as many as asked for."""
         parts = self.configurations[:count], self.residual[:count], self.assembled[:count]
         return Assembly(*parts, self.tolerance)
 

@@ -247,7 +247,7 @@ class ModeOptions:
     starts: int = 64
     starts_of_many: int = 16  # of more loops than these
     many_loops: int = 8
-    most: int = 8  # modes that are told
+    most: int = 8  # modes that are returned
     # Steps of the motors away from a folded pose, in rad or lengths, and how many of them
     least_step: float = 0.15
     largest_step: float = 0.35

@@ -99,7 +99,8 @@ def _open_robot(path: Path | None, tree: TreeSource, description: Description) -
         left_out=tree.left_out,
         locked=tree.locked,
     )
-    lengths = [name for name in description.lengths if name not in tree.description.reference]
+    counted = (*description.lengths, *description.drives)
+    lengths = [name for name in counted if name not in tree.description.reference]
     return replace(drawn, reference=with_lengths(drawn, lengths)) if lengths else drawn
 
 
@@ -117,7 +118,8 @@ def _motors(where: object, tree: TreeSource) -> tuple[str, ...]:
     model, motors = tree.model, tree.description.name_mot
     joints = list(model.names)[1:]
     if motors is None:
-        motors = [name for name in joints if model.joints[model.getJointId(name)].nv == 1]
+        single = [name for name in joints if model.joints[model.getJointId(name)].nv == 1]
+        motors = [name for name in single if name not in tree.description.driven]
     elif isinstance(motors, str):
         motors = [name for name in joints if motors in name]
     left = (name for name in motors if name not in tree.locked)

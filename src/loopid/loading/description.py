@@ -179,6 +179,7 @@ class Description(Section):
         default=[]
     )
     cables: dict[str, list[str]] = Field(default={})
+    drives: dict[str, dict[str, float]] = Field(default={})
     remove_closures: list[str] = Field(default=[])
     name_mot: list[str] | str | None = None
     joint_name: list[str] = Field(default=[])
@@ -221,6 +222,16 @@ class Description(Section):
         return self
 
     @model_validator(mode="after")
+    def _drives_drive(self) -> Description:
+        for name, joints in self.drives.items():
+            if not joints or not all(1e-30 < abs(ratio) < 1e30 for ratio in joints.values()):
+                raise ValueError(
+                    f"drives: {name} needs the joints that it turns with, each with a ratio, the "
+                    "turns of the motor per turn of the joint"
+                )
+        return self
+
+    @model_validator(mode="after")
     def _groups_are_disjoint(self) -> Description:
         for link in _repeated(link for group in self.identical.values() for link in group):
             raise ValueError(f"identical: link {link} is listed twice")
@@ -233,11 +244,15 @@ class Description(Section):
 
     @property
     def all_closures(self) -> tuple[ClosureDescription, ...]:
-        """Closures of ``closed_loop``, of ``closures``, couplings, and what cables ask for."""
+        """Closures of ``closed_loop``, of ``closures``, couplings, of drives and of cables."""
         pairs = zip(self.closed_loop, self.type, strict=True)
         simple = [ClosureDescription(type=kind, frames=frames) for frames, kind in pairs]
         cables = (closure for one in self.cables for closure in self._cable(one))
-        return (*simple, *self.closures, *self.couplings, *cables)
+        drives = (
+            ClosureDescription(type=COUPLING, name=motor, joints={motor: -1.0} | joints)
+            for motor, joints in self.drives.items()
+        )
+        return (*simple, *self.closures, *self.couplings, *drives, *cables)
 
     def _cable(self, name: str) -> Iterator[ClosureDescription]:
         """That the coordinate of a cable is the distance of its frames, or a sum of distances."""
@@ -257,6 +272,11 @@ class Description(Section):
     def lengths(self) -> tuple[str, ...]:
         """Coordinates that count lengths of cables."""
         return tuple(joint for name in self.cables for joint in self.cable_joints(name))
+
+    @property
+    def driven(self) -> tuple[str, ...]:
+        """Joints that motors of drives turn, which have no motor of their own."""
+        return tuple(joint for joints in self.drives.values() for joint in joints)
 
     @property
     def fixed(self) -> tuple[str, ...]:
@@ -295,10 +315,10 @@ def merged(own: Description, given: Description) -> Description:
     update: dict[str, Any] = {
         "closures": [*kept, *given.closures],
         "cables": own.cables | given.cables,
+        "name_mot": _motors(own, given),
         "limits": own.limits | given.limits,
         "joint_name": [*own.joint_name, *given.joint_name],
         "joint_type": [*own.joint_type, *given.joint_type],
-        "name_mot": own.name_mot if given.name_mot is None else given.name_mot,
         "reference": own.reference | given.reference,
         "joint_terms": {
             joint: {**own.joint_terms.get(joint, {}), **given.joint_terms.get(joint, {})}
@@ -306,6 +326,14 @@ def merged(own: Description, given: Description) -> Description:
         },
     }
     return given.model_copy(update=update)
+
+
+def _motors(own: Description, given: Description) -> list[str] | str | None:
+    """Those given, else those of the tree's own file, with drives in place of what they turn."""
+    if given.name_mot is not None or not isinstance(own.name_mot, list):
+        return own.name_mot if given.name_mot is None else given.name_mot
+    left = (name for name in own.name_mot if name not in (*given.driven, *given.drives))
+    return [*given.drives, *left]
 
 
 def warn_of_size(where: str, axis: Iterable[float]) -> None:

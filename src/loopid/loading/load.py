@@ -44,8 +44,8 @@ def load_mechanism(  # noqa: PLR0913 (what a YAML says, and how it is read)
         Values of joints at the reference, in m or rad, over those of the file. A joint with several
         coordinates takes a list.
     lock : sequence of str
-        Joints, or turns of spherical joints such as ``"ball.wz"``, to lock at their reference, in
-        addition to those the YAML fixes.
+        Joints, or turns of spherical joints such as ``"ball.wz"``, to lock at their reference, or
+        with one coordinate at a value, as in ``"hip=0.5"``; in addition to those the YAML fixes.
     floating_base : bool
         Whether the root of a URDF moves freely.
     free_mimics : bool

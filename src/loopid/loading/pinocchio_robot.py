@@ -33,7 +33,7 @@ def from_pinocchio(
     motors: Sequence[str] | None = None,
     reference: Mapping[str, Reference] | FloatArray | None = None,
     lock: Sequence[str] = (),
-    rounding: float | None = 0.0,
+    rounding: float | None = None,
 ) -> Mechanism:
     """A robot from a model of its open tree and the constraints that close its loops.
 
@@ -55,10 +55,10 @@ def from_pinocchio(
         Values of joints in m or rad, or a configuration (nq,), from which the loops are closed; by
         default zero, or the middle of limits that exclude it.
     lock : sequence of str
-        Joints to lock at the reference.
+        Joints to lock at the reference, or at a value, as in ``"hip=0.5"``.
     rounding : float, optional
-        To what numbers of the geometry are rounded, in m and rad; None where only they themselves
-        tell.
+        To what numbers of the geometry are rounded, in m and rad, as those of a model from a URDF;
+        by default as ``load_mechanism``.
 
     Returns
     -------

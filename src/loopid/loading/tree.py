@@ -70,13 +70,18 @@ def add_frame(model: pin.Model, name: str, link: str, placement: pin.SE3) -> Non
 def build_tree(source: TreeSource, description: Description, locked: Sequence[str]) -> TreeSource:
     """Replace and lock the joints that the description, or the caller, asks for.
 
-    Locked are joints, or single turns of spherical joints such as ``ball.wz``. The reference of the
-    description comes back with the values of the joints that are left.
+    Locked are joints, or single turns of spherical joints such as ``ball.wz``; of joints with one
+    coordinate also with the value, as in ``hip=0.5``. The reference of the description comes back
+    with the values of the joints that are left.
     """
+    locked, held_at = _named_values(source.model, locked)
+    held = {**description.reference, **held_at}
+    description = description.model_copy(update={"reference": held})
     for name in description.joint_name:
         joint_named(source.model, name, "in joint_name")
     source = replace(source, description=description)
     _add_lengths(source.model, description)
+    _add_drives(source.model, description)
     if description.gravity is not None:
         source.model.gravity.linear = np.array(description.gravity)
     source = _replaced(source, _replacements(source.model, description), turned=False)
@@ -111,6 +116,17 @@ def _add_lengths(model: pin.Model, description: Description) -> None:
         model.addJointFrame(index, 0)
 
 
+def _add_drives(model: pin.Model, description: Description) -> None:
+    """Add a turning joint without mass for each motor that turns several joints."""
+    unlimited = np.full(1, np.inf)
+    for name in description.drives:
+        if model.existJointName(name):
+            raise RobotFileError(f"drives: {name} is the name of a joint", joint=name)
+        limits = unlimited, unlimited, -unlimited, unlimited
+        index = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), name, *limits)
+        model.addJointFrame(index, 0)
+
+
 def _locks(source: TreeSource, names: Iterable[str]) -> dict[str, Chain]:
     """What is left of joints that are locked: nothing, or hinges of a ball with locked turns."""
     whole: list[str] = []
@@ -119,6 +135,9 @@ def _locks(source: TreeSource, names: Iterable[str]) -> dict[str, Chain]:
     joints = list(model.names)[1:]  # of texts that Pinocchio could not take, too
     lengths = {closure.joint for closure in source.description.all_closures}
     for name in names:
+        if name in source.description.drives:
+            turned = ", ".join(source.description.drives[name])
+            raise OptionError(f"{name} cannot be locked: lock what it turns, {turned}", given=name)
         if name in (*lengths, *source.description.lengths):
             raise OptionError(
                 f"{name} cannot be locked, as a cable has that length: a rod of one length is a "
@@ -141,6 +160,33 @@ def _locks(source: TreeSource, names: Iterable[str]) -> dict[str, Chain]:
         if name not in joints:
             raise OptionError.unknown("joint to lock", name, joints)
     return {joint: _hinges(axes) for joint, axes in left.items()} | dict.fromkeys(whole, ())
+
+
+def _named_values(
+    model: pin.Model, given: Sequence[str]
+) -> tuple[tuple[str, ...], dict[str, float]]:
+    """Joints to lock, and the values of those that have one behind their name."""
+    values: dict[str, float] = {}
+    names = []
+    for text in given:
+        name, sign, number = text.rpartition("=")
+        if not sign or model.existJointName(text):
+            names.append(text)
+            continue
+        names.append(name)
+        if not model.existJointName(name):
+            continue  # refused as any unknown joint
+        try:
+            values[name] = float(number)
+        except ValueError:
+            values[name] = np.nan
+        if model.joints[model.getJointId(name)].nv != 1 or not np.isfinite(values[name]):
+            raise OptionError(
+                f"lock {text!r} must be JOINT=VALUE, a joint with one coordinate and a number in "
+                "rad or m",
+                given=text,
+            )
+    return tuple(names), values
 
 
 def _locked_values(source: TreeSource, names: Mapping[str, None]) -> dict[str, float | None]:

@@ -7,7 +7,7 @@ from .preparing import (
     prepare_recording as prepare_recording,
     read_recordings as read_recordings,
 )
-from .reading import read_log as read_log
+from .reading import locked_as_logged as locked_as_logged, read_log as read_log
 from .recording import (
     FilterOptions as FilterOptions,
     MaskOptions as MaskOptions,

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
-from loopid.errors import DataWarning, FileError, LogError, OptionError, warn
+from loopid.errors import DataWarning, FileError, LogError, ModelWarning, OptionError, warn
 from loopid.files import require_name, why_no_file
 from loopid.logs.columns import ColumnFinder
 from loopid.logs.formats import LogFormat, numbers_in, stream_name
@@ -80,15 +80,9 @@ def read_log(
     <Log 'five_bar': 2241 samples of left_crank_joint, right_crank_joint over 22.40 s in 1 stretch>
     """
     require_name(path, "the log")
-    place = Path(path)
-    if not isinstance(mapping, LogMapping):
-        mapping = LogMapping() if mapping is None else read_mapping(mapping)
+    mapping = mapping if isinstance(mapping, LogMapping) else _mapping(mapping)
     require_known_motion(robot, mapping.free)
-    reason = why_no_file(place)
-    if reason == "does not exist":
-        raise FileError(f"there is no log {place}", file=place)
-    if reason not in ("", "is a folder"):
-        raise LogError(f"log {place} {reason}", file=place)
+    place = _existing(path)
     for wrench in mapping.wrenches:
         frame_index(robot, wrench.frame)
     found = read_streams(
@@ -100,6 +94,21 @@ def read_log(
     log = Log.from_streams(name, streams, robot.actuated, mapping, tolerances)
     check_rates(log, tolerances)
     return log
+
+
+def _mapping(path: str | Path | None) -> LogMapping:
+    return LogMapping() if path is None else read_mapping(path)
+
+
+def _existing(path: str | Path) -> Path:
+    """A log that is there."""
+    place = Path(path)
+    reason = why_no_file(place)
+    if reason == "does not exist":
+        raise FileError(f"there is no log {place}", file=place)
+    if reason not in ("", "is a folder"):
+        raise LogError(f"log {place} {reason}", file=place)
+    return place
 
 
 def read_streams(
@@ -145,6 +154,22 @@ def refuse_moved(
     source: str, log: LogFormat, finder: ColumnFinder, locked: Mapping[str, float | None]
 ) -> None:
     """Refuse a log in which a joint that is locked stands elsewhere, or moves."""
+    for joint, value in _elsewhere(source, log, finder, locked).items():
+        raise LogError(
+            f"{source}: {joint} is locked at {locked[joint]:.6g}, but stands at {value:.6g}: load "
+            f'the robot with lock=["{joint}={value:.6g}"]',
+            source=source,
+            joint=joint,
+            given=value,
+            tolerance=LOCKED,
+        )
+
+
+def _elsewhere(
+    source: str, log: LogFormat, finder: ColumnFinder, locked: Mapping[str, float | None]
+) -> dict[str, float]:
+    """Where a log has joints that are locked elsewhere; one in which they move is refused."""
+    found = {}
     for joint, value in locked.items():
         column = finder.own_position(joint)
         if value is None or column is None:
@@ -163,15 +188,49 @@ def refuse_moved(
             )
         middle = float(np.nanmedian(positions))
         if abs(middle - value) > LOCKED:
-            raise LogError(
-                f"{source}: {joint} is locked at {value:.6g}, but column {place.column!r} has it "
-                f"at {middle:.6g}: a YAML beside the robot's file locks it there: reference: "
-                f"{{{joint}: {middle:.6g}}}",
-                source=source,
-                joint=joint,
-                given=middle,
-                tolerance=LOCKED,
-            )
+            found[joint] = middle
+    return found
+
+
+@checked
+def locked_as_logged(
+    robot: Mechanism, path: str | Path, *, mapping: LogMapping | str | Path | None = None
+) -> Mechanism:
+    """The robot, its locked joints where a log has them.
+
+    Parameters
+    ----------
+    robot : Mechanism
+        Of a file; others stay as they are, and ``read_log`` says which ``lock`` would do.
+    path, mapping
+        As of ``read_log``.
+
+    Raises
+    ------
+    LogError
+        When a joint that is locked moves.
+
+    Warns
+    -----
+    ModelWarning
+        Of joints that are locked elsewhere for the log.
+    """
+    from loopid.loading.load import load_mechanism  # logs are read without it
+
+    if not any(value is not None for value in robot.locked.values()):
+        return robot
+    mapping = mapping if isinstance(mapping, LogMapping) else _mapping(mapping)
+    log = open_log(_existing(path), mapping)
+    finder = ColumnFinder(str(path), log.columns(), mapping, log.ordered, log.choice)
+    found = _elsewhere(str(path), log, finder, robot.locked)
+    if not found or robot.path is None:
+        return robot
+    places = ", ".join(f"{joint} at {value:.6g}" for joint, value in found.items())
+    warn(f"{path}: locked where the log has it: {places}", ModelWarning)
+    given = robot.options["lock"]
+    lock = [each for each in given if (each.rpartition("=")[0] or each) not in found]
+    lock += [f"{joint}={value:.6g}" for joint, value in found.items()]
+    return load_mechanism(robot.path, **{**robot.options, "lock": lock})
 
 
 def open_log(path: Path, mapping: LogMapping) -> LogFormat:

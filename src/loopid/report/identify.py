@@ -21,7 +21,6 @@ from loopid.logs.recording import Recording
 from loopid.numbers import interval, number, with_error
 from loopid.parameters import KINDS, Parameter
 from loopid.plots.identified import (
-    ALONE,
     delays_chart,
     filter_chart,
     friction_chart,
@@ -376,9 +375,9 @@ def _clear(low: float, high: float) -> str:
 
 
 def _shown(fit: FitResult) -> list[Estimate]:
-    """Estimates without points of friction curves, but for what there is more at standstill."""
+    """Estimates without terms that the evidence sizes: the friction of each motor has these."""
     shown = zip(fit.parameters, fit.estimates, strict=True)
-    return [one for each, one in shown if not grouped(each.kind) or each.kind.startswith(ALONE)]
+    return [one for each, one in shown if not grouped(each.kind)]
 
 
 def _essential_table(study: Study) -> Table:

@@ -321,9 +321,9 @@ class Mechanism:
 
     @cached_property
     def following(self) -> frozenset[str]:
-        """Joints whose limits count for nothing, as files give mimics some that leaders break.
+        """Joints whose limits are ignored: files give mimics limits that their leaders break.
 
-        Of a coupling that tells a length these are the joints that only count it.
+        Of a coupling that measures a length these are the joints that only count it.
         """
         moved = [body.joint_id for body in self.bodies]
         moved += [self.model.frames[k].parentJoint for k in self.closure_frames[0]]
@@ -647,7 +647,7 @@ def motion_subspace(model: pin.Model, joint: int) -> FloatArray:
 
 
 def scratch_data(model: pin.Model) -> pin.Data:
-    """Pinocchio's data of the model that a thread asked for last: large ones take long to make."""
+    """Per-thread cached data of the last model: large ones take long to make."""
     if getattr(_thread, "model", None) is not model:
         _thread.model, _thread.data = model, model.createData()
     data: pin.Data = _thread.data

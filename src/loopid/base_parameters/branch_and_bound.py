@@ -127,17 +127,17 @@ def one_between(
     block: Block,
     box: tuple[float, float],
     budget: Budget,
-    efforts: Iterable[float],
+    node_limits: Iterable[float],
     *,
     settled: tuple[IntArray, IntArray] = (NONE, NONE),
     leaves: Leaves | None = None,
 ) -> IntArray | None:
     """A selection (k,) as ``selections_between`` yields them, None if there is none.
 
-    Each rule gets so many nodes, then so many more; OutOfBudgetError where none decides it.
+    Each rule gets the nodes of each limit in turn; OutOfBudgetError where none decides it.
     """
-    for effort, rule in ((nodes, rule) for nodes in efforts for rule in RULES):
-        part = budget.part(effort)
+    for most, rule in ((nodes, rule) for nodes in node_limits for rule in RULES):
+        part = budget.part(most)
         walk = selections_between(block, *box, part, settled=settled, rule=rule, leaves=leaves)
         try:
             return next(walk, None)

@@ -1,0 +1,261 @@
+"""Which model a log asks for: gravity alone, or full dynamics.
+
+A gravity model is right where motion is so slow that inertia does not show. What a model lacks goes
+into its other parameters. Inertia may be left out where the forces, once gravity and friction are
+fitted, could not tell the inertia of the robot file from none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from loopid.arguments import FloatArray, checked
+from loopid.errors import DataError, OptionError
+from loopid.findings import Finding
+from loopid.identification.delay import directions
+from loopid.identification.estimator import inverse_deviations
+from loopid.identification.force_model import AUTOMATIC
+from loopid.identification.information import body_sizes
+from loopid.identification.leaving_out import LeftOut
+from loopid.identification.prediction import error_ratio
+from loopid.identification.problem import FitSamples
+from loopid.kinematics.projection import ClosedMotion, closed_motion
+from loopid.logs.recording import Recording
+from loopid.parameters import MODELS, ParameterSet
+from loopid.records import record
+from loopid.regressors.closed_loop import motion_regressor
+from loopid.robot.mechanism import Mechanism
+from loopid.workers import one_blas_thread
+
+USE_FULL = 'use model="full"'
+UNLOGGED = "gravity"  # where nothing is logged
+# What is fitted of each motor beside the bodies.
+DRIVES = {"gravity": ("Fc", "Fv", "Fo"), "full": ("Fc", "Fv", "Fo", "Ia")}
+SAMPLES = 2000  # that are looked at, evenly spread
+CLEAR = 2.0  # standard errors
+BLOCKS = 20  # of time, whose errors count as independent of each other
+ROUNDS = 3  # of weights: sizes of errors need only be about right
+UNKNOWN = 1e-6  # relative singular values, below which directions stay as in the robot file
+
+
+@record
+class ModelChoice:
+    """Which model some recordings ask for, and why.
+
+    Attributes
+    ----------
+    model : str
+        ``"full"``, or ``"gravity"`` where inertia does not show.
+    motors : tuple of str
+    shares : FloatArray
+        (dof,), inertial and Coriolis forces by the robot file, in parts of each motor's force, in
+        the root mean square where it moves; NaN where it does not.
+    factor_error : float
+        Standard error of a factor of these forces: above 0.5 the factor may as well be zero.
+    errors : mapping
+        By model (dof,): errors on stretches left out, in parts of each motor's force. Bodies near
+        the robot file and friction of the motors, in the full model also their rotors, were fitted
+        to the other stretches.
+    """
+
+    model: str
+    motors: tuple[str, ...]
+    shares: FloatArray
+    factor_error: float
+    errors: Mapping[str, FloatArray]
+
+    @property
+    def share(self) -> float:
+        """The largest of the shares."""
+        return float(np.nanmax(self.shares, initial=0.0))
+
+    @property
+    def shown(self) -> bool:
+        """Whether the recordings could tell the inertia of the robot file from none."""
+        return CLEAR * self.factor_error < 1
+
+    @property
+    def least_share(self) -> float:
+        """The share from which on the recordings show inertia."""
+        return CLEAR * self.factor_error * self.share
+
+    @property
+    def finding(self) -> Finding:
+        """What to know of a gravity model: that inertia does not show, or is missing."""
+        share = f"by the robot file it is at most {_percent(self.share)} of a motor's force"
+        if self.model == "gravity":
+            title = "the motion is too slow for inertia to show"
+            if np.isfinite(self.least_share):
+                share += f", and the log shows {_percent(self.least_share)} or more"
+            return Finding("note", title, share)
+        gravity, full = (
+            _percent(float(np.nanmax(self.errors[each], initial=0.0))) for each in MODELS
+        )
+        why = f"errors on stretches left out are at most {gravity}, and {full} with the full model"
+        why = f"{share}, and the log shows it; {why}" if self.shown else why
+        return Finding("warning", "inertia is missing in the gravity model", why, USE_FULL)
+
+
+def _percent(part: float) -> str:
+    return f"{100 * part:.2g} %"
+
+
+@checked
+def choose_model(mechanism: Mechanism, recordings: Sequence[Recording]) -> ModelChoice:
+    """Choose the model that recordings ask for.
+
+    The full one, unless the recordings could not tell the inertia of the robot file from none, and
+    fitted inertia of bodies and rotors predicts stretches left out no better. Errors count as alike
+    within blocks of time, and as independent between them (sandwich covariance).
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    recordings : sequence of Recording
+        At least one.
+
+    Raises
+    ------
+    DataError
+        Without recordings.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> run = loopid.prepare_recording(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
+    >>> loopid.identification.choose_model(robot, [run]).model
+    'full'
+    """
+    if not recordings:
+        raise DataError("a model is chosen for recordings: give at least one")
+    step = max(1, -(-sum(map(len, recordings)) // SAMPLES))
+    runs = [run.select(slice(None, None, step)) for run in recordings]
+    states = [(m.configurations, m.velocities, m.accelerations) for m in (r.motion for r in runs)]
+    motions = [closed_motion(mechanism, *state) for state in states]
+    fits = {model: _Fit(mechanism, runs, motions, model) for model in MODELS}
+    gravity, full = fits["gravity"], fits["full"]
+    inertia = full.forces_of_file - gravity.forces_of_file
+    with one_blas_thread():
+        predicted = {model: fit.left_out(runs) for model, fit in fits.items()}
+        # Rows between those that are looked at tell more, if not quite as much.
+        error = _factor_error(gravity, inertia, full) / np.sqrt(step)
+    (ratio, spread), _ = error_ratio(full.samples, predicted["full"], predicted["gravity"])
+    found = ModelChoice(
+        "gravity",
+        full.samples.actuators,
+        _shares(full.samples, inertia),
+        float(error),
+        {
+            model: _shares(full.samples, full.samples.force - own)
+            for model, own in predicted.items()
+        },
+    )
+    better, worse = ratio + CLEAR * spread < 1, ratio - CLEAR * spread > 1
+    return replace(found, model="full") if better or (found.shown and not worse) else found
+
+
+def chosen_model(mechanism: Mechanism, model: str, recordings: Sequence[Recording]) -> str:
+    """A model by its name; for ``"auto"`` the one that recordings ask for, gravity without any."""
+    if model != AUTOMATIC:
+        return require_model(model)
+    return choose_model(mechanism, recordings).model if recordings else UNLOGGED
+
+
+def require_model(model: str) -> str:
+    """Refuse the name of a model that there is not."""
+    if model not in (known := (AUTOMATIC, *MODELS)):
+        raise OptionError.unknown("model", model, known)
+    return model
+
+
+def _shares(samples: FitSamples, forces: FloatArray) -> FloatArray:
+    """Forces (N, dof) in parts of the measured ones (dof,), in the root mean square."""
+    squares = np.where(samples.used, forces**2, 0.0).sum(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.sqrt(squares / samples.problem.force_squares()))
+
+
+class _Fit:
+    """A model of bodies and motors whose standard parameters are fitted to recordings."""
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        recordings: Sequence[Recording],
+        motions: Sequence[ClosedMotion],
+        model: str,
+    ) -> None:
+        bodies = mechanism.standard_parameters(model)
+        driven = [k for k, name in enumerate(mechanism.independent) if name not in mechanism.free]
+        kinds = DRIVES[model]
+        names = [f"{mechanism.independent[k]}.{kind}" for kind in kinds for k in driven]
+        parts = []
+        for run, motion in zip(recordings, motions, strict=True):
+            rates, ones = run.motion.velocities, np.ones_like(run.force)
+            signals = directions(run), rates, ones, run.motion.accelerations
+            eye = np.eye(len(mechanism.independent))[:, driven]
+            own = [each[:, :, None] * eye for each in signals[: len(kinds)]]
+            W = np.concatenate([motion_regressor(mechanism, motion, model), *own], axis=2)
+            parameters = mechanism.parameters(model) + ParameterSet.from_labels(names)
+            used = run.used & np.isin(np.arange(W.shape[1]), driven)
+            parts.append(FitSamples.of(parameters, run.actuators, W, run.force, used=used))
+        self.samples = FitSamples.combined(parts)
+        self.file = np.append(bodies, np.zeros(len(names)))
+        # Bodies are about as in the file, unless no mass is known. No friction is far larger than
+        # the motor's force.
+        known = 1 / body_sizes(mechanism, model) if bodies.any() else np.zeros(len(bodies))
+        problem = self.samples.problem
+        effects = np.linalg.norm(problem.factors[:, :, len(bodies) : -1], axis=1)
+        forces = np.sqrt(problem.force_squares())[:, None]
+        drives = np.divide(effects, forces, out=np.zeros(effects.shape), where=forces > 0)
+        self.rows = np.diag(np.append([*known, *drives.max(axis=0)], 0.0))[:-1]
+
+    @property
+    def forces_of_file(self) -> FloatArray:
+        """Of its bodies (N, dof)."""
+        return self.samples.predicted(self.file)
+
+    def weighed(self, samples: FitSamples) -> tuple[FloatArray, FloatArray]:
+        """Values (n,) and weights of the motors (dof,), one over their errors."""
+        problem, values = samples.problem, self.file
+        sizes = problem.force_rms
+        weights = np.divide(1.0, sizes, out=np.zeros(len(sizes)), where=sizes > 0)
+        freedom = np.maximum(problem.samples * (problem.freedom / max(problem.rows, 1)), 1.0)
+        for _ in range(ROUNDS):
+            rows = problem.weighted(weights, self.rows)
+            X, y = rows[:, :-1], rows[:, -1] - rows[:, :-1] @ self.file
+            lengths = np.linalg.norm(X, axis=0)
+            lengths = np.where(lengths > 0, lengths, 1.0)
+            values = self.file + np.linalg.lstsq(X / lengths, y, rcond=UNKNOWN)[0] / lengths
+            weights = inverse_deviations(problem, problem.residual_squares(values), freedom)
+        return values, weights
+
+    def left_out(self, recordings: Sequence[Recording]) -> FloatArray:
+        """Forces (N, dof) of each stretch, predicted by fits to the others."""
+        refits = {"": lambda part: self.weighed(part)[0]}
+        return LeftOut.of(self.samples, recordings, refits).predicted("", self.samples)
+
+
+def _factor_error(gravity: _Fit, inertia: FloatArray, full: _Fit) -> float:
+    """Standard error of a factor of inertial forces (N, dof) beside gravity and friction."""
+    values, weights = full.weighed(full.samples)
+    used = full.samples.used
+
+    def rows(forces: FloatArray) -> FloatArray:
+        scaled = forces * weights.reshape(-1, *([1] * (forces.ndim - 2)))
+        return scaled[used]
+
+    X, x = rows(gravity.samples.regressor), rows(inertia)
+    lengths = np.linalg.norm(X, axis=0)
+    X = X / np.where(lengths > 0, lengths, 1.0)
+    own = x - X @ np.linalg.lstsq(X, x, rcond=UNKNOWN)[0]
+    if not own @ own > (UNKNOWN * np.linalg.norm(x)) ** 2:
+        return np.inf
+    scores = own * rows(full.samples.residual(values))
+    blocks = np.broadcast_to(np.arange(len(used))[:, None] * BLOCKS // len(used), used.shape)[used]
+    sums = np.bincount(blocks, scores, BLOCKS)
+    return float(np.sqrt((sums**2).sum() * BLOCKS / (BLOCKS - 1)) / (own @ own))

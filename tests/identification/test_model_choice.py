@@ -1,0 +1,115 @@
+"""The model that a log asks for: full dynamics, unless its motion is too slow to show inertia."""
+
+import re
+import warnings
+
+import numpy as np
+import pytest
+
+import loopid
+from loopid import JointTerms, find_force_model, identify
+from loopid.diagnosis import StudyOptions, study_logs
+from loopid.errors import DataError, OptionError
+from loopid.identification import choose_model
+from loopid.motion import scaled_bodies
+from loopid.regressors import force_parts
+from made_runs import quietly, record, wander
+
+NOISE, REACH = 0.05, (0.6, 0.6)
+
+
+@pytest.fixture(scope="module")
+def five_bar(load_once):
+    return load_once("five_bar")
+
+
+def run_of(robot, seconds, noise=NOISE, seed=0, standard=None, terms="Fc=0.1,Fv=0.05"):
+    """A motion with so long a period, of bodies 20 % off."""
+    motion = wander(robot, 7, seconds=seconds, rate=300 / seconds, size=REACH, harmonics=3)
+    bodies = scaled_bodies(robot, 0.2, 3) if standard is None else standard
+    return record(robot, motion, JointTerms.with_values(robot, terms), bodies, noise, seed)
+
+
+def test_slower_and_slower_motion_asks_for_gravity_in_the_end(five_bar):
+    choices = [choose_model(five_bar, [run_of(five_bar, T)]) for T in (10.0, 30.0, 300.0)]
+    assert [each.model for each in choices] == ["full", "full", "gravity"]
+    assert choices[1].share > choices[1].least_share
+    assert choices[2].share < choices[2].least_share
+    shares = np.array([each.share for each in choices])
+    np.testing.assert_allclose(shares[1:] / shares[:-1], [1 / 9, 1 / 100], rtol=0.1)
+
+
+def test_shares_are_those_of_the_forces_by_cause(five_bar):
+    run = run_of(five_bar, 30.0)
+    motion = run.motion
+    state = motion.configurations, motion.velocities, motion.accelerations
+    parts = force_parts(five_bar, *state)
+    expected = np.linalg.norm(parts.inertial + parts.coriolis, axis=0)
+    expected /= np.linalg.norm(run.force, axis=0)
+    np.testing.assert_allclose(choose_model(five_bar, [run]).shares, expected, rtol=1e-9)
+
+
+def test_the_standard_error_is_that_of_a_factor_of_inertia(five_bar):
+    """Of logs with other noise: how far the factor that fits best scatters."""
+    runs = [run_of(five_bar, 30.0, noise=0.2, seed=seed) for seed in range(10)]
+    motion = runs[0].motion
+    state = motion.configurations, motion.velocities, motion.accelerations
+    parts = force_parts(five_bar, *state)
+    rates = [motion.velocities, np.sign(motion.velocities), np.ones_like(motion.velocities)]
+    own = [each[:, :, None] * np.eye(2) for each in rates]
+    gravity = loopid.gravity_regressor(five_bar, motion.configurations)
+    inertia = (parts.inertial + parts.coriolis)[:, :, None]
+    W = np.concatenate([inertia, gravity, *own], axis=2).reshape(runs[0].force.size, -1)
+    W /= np.maximum(np.linalg.norm(W, axis=0), 1e-12)
+    scale = np.linalg.norm(inertia)
+    factors = [np.linalg.lstsq(W, r.force.ravel(), rcond=1e-8)[0][0] / scale for r in runs]
+    told = np.mean([choose_model(five_bar, [run]).factor_error for run in runs[:4]])
+    assert told == pytest.approx(np.std(factors, ddof=1), rel=0.5)
+
+
+def test_identify_and_studies_of_a_robot_choose(five_bar):
+    slow = run_of(five_bar, 300.0)
+    found = quietly(identify, five_bar, [slow])
+    assert found.force_model.model == found.choice.model == "gravity"
+    assert found.force_model.automatic
+    share = f"inertia is at most {100 * found.choice.share:.2g} % of them"
+    assert share in str(found.verdict)
+    (said,) = [each for each in found.findings if "too slow for inertia" in each.title]
+    assert said.severity == "note"
+    study = quietly(study_logs, five_bar, [slow], options=StudyOptions(terms="Fc"))
+    assert study.identification.force_model.model == "gravity"
+
+
+def test_a_gravity_model_of_fast_motion_is_a_finding_with_the_errors_of_both(five_bar):
+    run = run_of(five_bar, 10.0, noise=0.01)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        found = identify(find_force_model(five_bar, "gravity"), [run])
+    finding = found.choice.finding
+    assert str(finding) in [str(each.message) for each in said]
+    assert finding in found.findings
+    assert "and as parameters" not in found.verdict.use
+    assert found.verdict.improvement == finding.do == 'use model="full"'
+    gravity, full = (float(x) for x in re.findall(r"([\d.e+-]+) %", finding.why)[-2:])
+    better = quietly(identify, five_bar, [run])
+    assert better.force_model.model == "full"
+    assert full == pytest.approx(100 * better.verdict.error, rel=0.3)
+    assert gravity == pytest.approx(100 * found.verdict.error, rel=0.5)
+    assert gravity > 3 * full
+    assert not any("gravity" in each.title for each in better.findings)
+
+
+def test_inertia_that_the_file_knows_nothing_of_shows_by_what_it_predicts(five_bar):
+    run = run_of(five_bar, 100.0, terms="Fc=0.1,Fv=0.05,Ia=20")
+    found = choose_model(five_bar, [run])
+    assert not found.shown
+    assert found.model == "full"
+    assert choose_model(five_bar, [run_of(five_bar, 100.0)]).model == "gravity"
+    assert "by the robot file" not in found.finding.why
+
+
+def test_an_unknown_model_is_refused_with_the_choices(five_bar):
+    with pytest.raises(OptionError, match="'slow': choose one of auto, gravity, full"):
+        StudyOptions(model="slow").require_terms(five_bar)
+    with pytest.raises(DataError, match="give at least one"):
+        choose_model(five_bar, [])
