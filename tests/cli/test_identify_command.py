@@ -332,6 +332,8 @@ def test_values_of_the_robot_file_are_marked_everywhere(
     done = run(*command, "--out", tmp_path)
     assert done.code == 0, done.err
     assert "unidentifiable combinations; " in " ".join(done.out.split())
+    assert f"loopid excite {arm_files[0]} --for " in " ".join(done.out.split())
+    assert "design_excitation" not in done.out
     assert "unidentifiable" not in done.err  # said once
     record = json.loads((tmp_path / "identification.json").read_text())
     told, assumed = record["identifiability"], record["all_parameters"]["estimate"]["assumed"]

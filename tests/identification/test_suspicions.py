@@ -95,6 +95,7 @@ CASES = [
     ("five_bar", exchanged(False, True), "the forces of {0} and {1} are exchanged", "mapping"),
     ("five_bar", geared(2.0, 1), "the positions of {1} are ", "position_scale: {{{1}: 0."),
     ("five_bar", geared(-1.0, 1), "positions of {1} have the wrong sign", "_scale: {{{1}: -1}}"),
+    ("five_bar", geared(-1.0, slice(None)), "of all motors have the wrong sign", "_scale: -1 in"),
     ("3ups_rpu", times(2.0, 1), "the force of {1} is ", "force_scale: {{{1}: 0.5"),
     ("3ups_rpu", exchanged(True, True), "positions and forces of {0} and {1}", "mapping"),
 ]

@@ -77,9 +77,9 @@ ROUNDS = 2
 CLEARLY = 3.0
 # Terms of a group that the data tell, below which it has no effect.
 NO_EFFECT = 0.01
-# Part of the friction at the slowest, or fastest, rate that it may differ by far beyond: a usual
-# size of what curves show there.
-DOUBT = 0.1
+# Part of the friction at the slowest, or fastest, rate that it may differ by far beyond: Stribeck
+# friction of half as much more, two deviations, is not unusual.
+DOUBT = 0.25
 LINE_POINTS = 200  # rates that a line is fitted at
 
 

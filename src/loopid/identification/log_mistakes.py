@@ -202,7 +202,8 @@ def _finds(model: Evidence, found: Explanation, *, assembled: bool) -> list[_Fin
     first, tried = model.of_few() if assembled else model, list[list[Tried]]()
     for name, kind in KINDS.items():
         count = kind.motors or len(model.present)
-        if kind.assembled != assembled or (name == "common_gain" and count == 1):
+        of_one = kind.motors == 0 and count == 1 and kind.fields != ("time",)  # as another kind is
+        if kind.assembled != assembled or of_one:
             continue
         for motors in combinations(model.present, count):
             anyway = kind.fields == ("gain",) or kind.fields == ("time",)

@@ -196,8 +196,8 @@ POSITION_CAUSES = (
     *((factor, "") for factor in (2.0, 0.5, 4.0, 0.25)),  # edges of an encoder, counted otherwise
 )
 RATIOS = tuple(np.logspace(-2, 2, 9).tolist())
-TIME_CAUSES = tuple((factor, "") for factor in (2.0, 0.5, 5.0, 0.2, 10.0, 0.1))
-TIMES = tuple(np.logspace(-1.25, 1.25, 11).tolist())
+TIME_CAUSES = tuple((factor, "") for factor in (2.0, 0.5, 5.0, 0.2, 10.0, 0.1, 60.0, 1 / 60))
+TIMES = tuple(np.logspace(-2, 2, 17).tolist())
 ZERO_CAUSES = tuple((turn * pi, "") for turn in (0.5, -0.5, 1.0, -1.0))
 ZEROS = tuple(np.geomspace(0.05, 4.0, 7).tolist())
 PLACES = ("positions", "ratio", "zero")  # of what belongs to positions
@@ -211,6 +211,7 @@ KINDS = {
     "ratio": MistakeKind(("ratio",), 1, _position, RATIOS, BOTH, POSITION_CAUSES),
     # A sign alone, where the size hardly matters.
     "turned": MistakeKind(("ratio",), 1, _position, (), (-1.0,), POSITION_CAUSES),
+    "all turned": MistakeKind(("ratio",), 0, _position, (), (-1.0,), POSITION_CAUSES),
     "zero": MistakeKind(("zero",), 1, _zero, ZEROS, BOTH, ZERO_CAUSES, 0.02),
     "forces": MistakeKind(("forces", "gain"), 2, _exchanged("forces")),
     "positions": MistakeKind(PLACES, 2, _exchanged("positions")),
