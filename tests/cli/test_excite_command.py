@@ -2,8 +2,10 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import loopid
+from loopid.excitation import ExcitationDesign
 
 QUICK = ("--starts", "1", "--evaluations", "5", "--time-limit", "120", "--solver", "slsqp")
 KEYS = {
@@ -15,6 +17,22 @@ KEYS = {
     "duration",
     "seconds",
 }
+
+
+@pytest.fixture(autouse=True)
+def few_evaluations_are_enough(monkeypatch, request):
+    """They gain nothing, which is refused in another test."""
+    if "gained" not in request.node.name:
+        monkeypatch.setattr(ExcitationDesign, "require_gain", lambda self: None)
+
+
+def test_a_design_that_gained_nothing_is_refused_and_writes_nothing(run, tmp_path):
+    words = "--shape", "poses", "--duration", "8", *QUICK, "--evaluations", "1", "--out", tmp_path
+    done = run("excite", "five_bar", *words)
+    assert done.code == 2
+    assert "tells more than the first motion tried" in done.err
+    assert "--evaluations" in done.err
+    assert not list(tmp_path.iterdir())
 
 
 def test_files_say_what_the_record_says(run, tmp_path):

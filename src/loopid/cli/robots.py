@@ -312,6 +312,7 @@ def excite(
             payload=payload,
             progress=watch,
         )
+    found.require_gain()
     answer.show(excitation_report(found))
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from loopid.arguments import FloatArray, checked, row_blocks
-from loopid.errors import AccuracyWarning, DataWarning, OptionError, warn
+from loopid.errors import AccuracyWarning, DataError, DataWarning, OptionError, warn
 from loopid.excitation.criteria import Criteria, Known, OfCombinations, Unknown
 from loopid.excitation.limits import Bounds, MotionLimits
 from loopid.excitation.problem import Coordinates, DesignOptions, Problem, file_forces
@@ -52,6 +52,7 @@ CHUNK = 2048
 # Relative singular values of an observation that count as zero, and the part of a parameter that
 # may lie there.
 UNEXCITED, PART_UNEXCITED = 1e-8, 1e-4
+LEAST_GAIN = 1.01  # ratio of standard errors below which a design gained nothing
 
 
 @record
@@ -157,6 +158,34 @@ class ExcitationDesign:
     def standard_errors(self) -> FloatArray:
         """(z,) of the parameters by a fit of a run; infinite where nothing tells one."""
         return self.expected.standard_errors
+
+    @property
+    def gain(self) -> float:
+        """Standard errors before over those with the motion, the median; NaN for none before."""
+        before, now = self.before.standard_errors, self.standard_errors
+        known = np.isfinite(before) & np.isfinite(now) & (now > 0)
+        if (np.isinf(before) & np.isfinite(now)).any():
+            return float("inf")  # something is told that was not
+        return float(np.median(before[known] / now[known])) if known.any() else float("nan")
+
+    def require_gain(self) -> None:
+        """Refuse a motion that tells no more than what there was before.
+
+        Raises
+        ------
+        DataError
+            When standard errors are not smaller by a hundredth.
+        """
+        if not self.gain < LEAST_GAIN:
+            return
+        earlier = "the logs alone do" if self.after_logs else "the first motion tried does"
+        raise DataError(
+            f"no motion of {self.motion.duration:g} s was found that tells more than {earlier}: "
+            f"allow more evaluations={4 * max(self.evaluations, 1)}, or a longer "
+            f"duration={2 * self.motion.duration:g}",
+            given=self.gain,
+            tolerance=LEAST_GAIN,
+        )
 
     @property
     def violations(self) -> int:

@@ -29,7 +29,7 @@ from loopid.parameters import ParameterSet
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
-CHANCE = 0.01  # that any force is called clear in data where none is missing
+CHANCE = 0.001  # that any force is called clear in data where none is missing
 HELPS = 0.9  # of squared errors on stretches left out that may be left with a force that is named
 ROWS = 20  # samples of a motor for each column, at least
 MOST_WAVES, STEEPEST = 30, 120.0  # over the range of a motor; and in 2 π rad or metres

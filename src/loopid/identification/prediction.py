@@ -178,6 +178,7 @@ def force_model_of(fit: SavedFit | FitResult, robot: Mechanism | ForceModel) -> 
 BATCHES = 8
 INTERVAL = 1.96  # standard deviations of a normal 95 % interval
 MUCH_WORSE = 2.0  # ratio of errors of a motor
+WORSE = 1.05  # ratio of errors: less is not worth bodies whose intervals nobody knows
 NO_DIFFERENCE = 1e-9  # of mean squared errors: smaller ones are round-off
 
 
@@ -238,13 +239,15 @@ class Candidate:
 
     @property
     def loses_to_baseline(self) -> bool:
-        """Whether the validation error is larger by more than two standard errors.
+        """Whether the validation error is clearly larger than the baseline's.
 
-        Or larger, and more than twice that of the baseline in some motor.
+        By a twentieth and by more than two standard errors; or it is larger, and more than twice
+        that of the baseline in some motor.
         """
         ratio, error = self.error_ratio
-        far = float(np.nanmax(self.motor_ratios, initial=0.0)) > MUCH_WORSE**2
-        return ratio - 1.0 > (0.0 if far else 2 * error) + NO_DIFFERENCE
+        if float(np.nanmax(self.motor_ratios, initial=0.0)) > MUCH_WORSE**2:
+            return ratio > 1.0 + NO_DIFFERENCE
+        return ratio > max(1.0 + 2 * error, WORSE**2)
 
     @property
     def verdict(self) -> str:

@@ -1,0 +1,22 @@
+"""A design that gained nothing is no success."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from loopid import DesignOptions, design_excitation, find_force_model
+from loopid.errors import DataError
+
+
+def test_a_design_that_gained_nothing_is_refused_with_advice(load_once):
+    model = find_force_model(load_once("four_bar"), "full", None)
+    options = DesignOptions(duration=4.0, starts=1, evaluations=3, solver="slsqp")
+    found = design_excitation(model, options=options)
+    assert found.gain > 0
+    none = replace(found, before=found.expected)
+    assert none.gain == 1.0
+    with pytest.raises(DataError, match=r"tells more than the first motion tried.*evaluations=\d+"):
+        none.require_gain()
+    untold = replace(found.expected, standard_errors=np.full(len(found.parameters), np.inf))
+    replace(found, before=untold).require_gain()  # it tells what nothing told
