@@ -86,11 +86,11 @@ def test_bands_spans_and_dots_have_their_ends():
     loop = back(points(band.get("d"))[0], ends)
     assert band.get("d").endswith("z")
     np.testing.assert_allclose(loop[:, 1], [0, 1, 2, 6, 5, 4], atol=0.01)
-    numbers = re.findall(r"M(-?\d+) (-?\d+)H(-?\d+)", span.get("d"))
+    numbers = re.findall(r"M(-?\d+) (-?\d+)h(-?\d+)", span.get("d"))
     assert len(numbers) == 3
     (left, right), _ = ends
     for (a, _, b), first, last in zip(numbers, low, high, strict=True):
-        placed = [left + int(n) * (right - left) / WIDE for n in (a, b)]
+        placed = [left + n * (right - left) / WIDE for n in (int(a), int(a) + int(b))]
         np.testing.assert_allclose(placed, [first, last], atol=0.01)
 
 

@@ -13,9 +13,10 @@ from ruamel.yaml import YAML
 
 from loopid.findings import SEVERITIES, Finding
 from loopid.identification import SavedFit, find_force_model, friction_curve, identify
+from loopid.identification.unseen import WHERE
 from loopid.plots import Chart, friction_chart
 from loopid.report import identification_report
-from loopid.report.identify import identification_record
+from loopid.report.identify import _card, identification_record
 from loopid.report.look import json_value, rounded
 from made_runs import modelled, quietly, wander
 
@@ -88,7 +89,7 @@ def test_the_page_holds_all_tables_and_charts(files, report):
 def test_the_record_is_on_the_page_and_beside_it(files, report):
     (data,) = fromstring(files["report.html"]).xpath("//script[@id='data']/text()")
     assert json.loads(files["identification.json"]) == report.data
-    beside = {"fit", "all_parameters"}
+    beside = {"fit", "all_parameters", "robot", "identifiability", "expressions"}
     kept = {name: each for name, each in report.data.items() if name not in beside}
     assert json.loads(data) == rounded(kept)
     assert beside < report.data.keys()
@@ -132,8 +133,6 @@ def test_values_in_the_tables_are_those_of_the_fit(report, study):
             assert (clear[k] == "clear") == (low > 0 or high < 0)
     bodies = [float(file[j]) for j in model.body_columns]
     np.testing.assert_allclose(bodies, model.prior[model.body_columns], rtol=1e-3, atol=1e-12)
-    (shown,) = (t for t in report.tables() if str(t.columns[-1].header) == "std")
-    assert [cell.more for cell in shown.columns[0].cells] == list(fit.parameters.expressions)
 
 
 def test_tables_of_the_essential_parameters_name_their_sums_and_file_values(report, study):
@@ -175,8 +174,14 @@ def test_errors_are_those_of_the_candidates_the_largest_first(study, report):
             assert point.x[0] == pytest.approx(100 * error, rel=1e-9)
             key = "fit" if candidate is found.recommended else "robot_file"
             assert told[panel.motor][key]["error"] == pytest.approx(error, rel=1e-9)
-        sizes.append(point.x[0])
+        (where,) = marks(panel, "where it is worst")
+        shares = told[panel.motor]["where"]
+        others = [share for name, share in shares.items() if share is not None and name != "whole"]
+        assert where.x[0] == pytest.approx(100 * max(others))
+        assert f" {panel.labels[2]}" in WHERE.values()
+        sizes.append(max(where.x[0], point.x[0]))
     assert sizes == sorted(sizes, reverse=True)
+    assert sizes[0] == pytest.approx(100 * study.verdict.error)
 
 
 def test_what_is_left_of_forces_is_by_fits_that_have_not_seen_them(study, report):
@@ -295,6 +300,36 @@ def test_a_mistake_is_the_verdict_everywhere_and_gains_are_listed(study):
     assert "Do: set it to 0.001" in page
     assert "Next: set it to 0.001." in page
     assert [figure.sure for figure in report.card.figures] == [False, False, False, True]
+
+
+@pytest.mark.parametrize(
+    ("use", "word", "said", "chips"),
+    [
+        (
+            "Fit for predicting forces and as parameters of the robot",
+            *("✓ Fit", "for predicting forces and as parameters of the robot", ("yes", "yes")),
+        ),
+        (
+            "Fit for rough predictions of forces in motions like these, but not one by one",
+            *("≈ Rough", "predictions of forces in motions like these, but not one by one"),
+            ("roughly", "no"),
+        ),
+        (
+            "Not fit for use, as a mass is negative",
+            "✗ Not fit",
+            "as a mass is negative",
+            ("no", "no"),
+        ),
+    ],
+)
+def test_the_card_says_the_verdict(study, use, word, said, chips):
+    judged = replace(study.verdict, use=use)
+    card = _card(study.identification, judged, "loopid excite")
+    assert (card.said, card.use) == (word, said)
+    assert tuple(text.split(": ")[1] for _, text in card.chips) == chips
+    error, *_, mistakes = card.figures
+    assert error.gauge == (judged.error, 0.1, 0.3)
+    assert (error.value, mistakes.value) == (f"{100 * judged.error:.2g} %", "0")
 
 
 @pytest.mark.parametrize(

@@ -38,17 +38,18 @@ SIGNS = {"motor": "o", "slide": "s", "joint": "o", "closure": "D"}
 UPRIGHT = "upright", "shade"  # kinds that reach over all of y
 POINTS = {"dots": ".", "disc": "o", "ring": "o", "box": "s"}
 # Of a line, with its least and largest value in each: half a column of a page shows no more.
-STEPS = 400
-MOST_DOTS = 300
+STEPS = 250
+MOST_DOTS = 1500
 MOST_GROUPS, MOST_ROWS = (
     6,
     40,
 )  # motors, and rows of a table, that are seen before the others unfold
-WIDE, HIGH = 20_000, 2_000  # of the square that marks are drawn in
+WIDE, HIGH = 10_000, 1_000  # of the square that marks are drawn in
 ROW = 100  # height of a row of a table with pictures
 MARGIN = 0.04  # of an axis beyond the marks, on either side
 ROOM = 0.08  # about a robot, in parts of it, for the signs at its ends
 NEAR = 5.0  # % of an axis next to its ends, where numbers stand inwards
+ALIKE = 1e-5  # relative difference of values that have one place on an axis
 TICKS = 5  # of an axis, about
 PLAIN = 3  # powers of 10 that are written out
 COLUMN, RESOLUTION = 3.5, 220  # inches: a column of a two-column page; dots per inch of a PNG
@@ -116,12 +117,11 @@ class Mark:
 
     def thinned(self) -> Mark:
         """As much of it as can be seen."""
-        count, many = len(self.x), self.kind in ("dots", "band")
-        if not many and (self.kind != "line" or count <= 2 * STEPS):
+        count = len(self.x)
+        most = {"line": 2 * STEPS, "band": STEPS // 4, "dots": MOST_DOTS}.get(self.kind, count)
+        if count <= most:
             return self
-        if many and count <= MOST_DOTS:
-            return self
-        rows = spread_rows(count, MOST_DOTS) if many else self._extremes()
+        rows = self._extremes() if self.kind == "line" else spread_rows(count, most)
         to = None if self.to is None else self.to[rows]
         return Mark(self.name, self.x[rows], self.y[rows], self.look, self.kind, to)
 
@@ -322,7 +322,7 @@ class Panel:
             svg = self._svg(across, (k + 0.5, k - 0.5), within, ROW, [at for at, _ in places])
             name = E.td(
                 {"class": "name"},
-                short_or_whole(self.labels[k], self.wholes[k] if self.wholes else ""),
+                _short_or_whole(self.labels[k], self.wholes[k] if self.wholes else ""),
             )
             texts = (E.td({"class": "number"}, column[k]) for column in self.columns.values())
             body.append(E.tr(name, E.td({"class": "picture"}, svg), *texts))
@@ -402,9 +402,22 @@ class Chart:
             ends = group[0], group[-1]
             drawn = (p.html(headed=p is ends[0], ticked=p is ends[1]) for p in group)
             grid.append(E.div({"class": "lanes"}, *drawn))
+            self._draw_once(grid[-1], group[0].motor)
             if self.x_label:
                 grid[-1].append(E.div({"class": "along"}, self.x_label))
         return grid
+
+    def _draw_once(self, lanes: HtmlElement, name: str) -> None:
+        """What is shaded alike in all lanes is said in the first one."""
+        shades = dict[str, str]()
+        for path in [each for each in lanes.iter("path") if "shade" in each.get("class", "")]:
+            own, known = f"{self.name}-{name}-{len(shades)}", path.get("d")
+            if known in shades:
+                path.addprevious(E.use(href=f"#{shades[known]}"))
+                path.drop_tree()
+            elif known:
+                shades[known] = own
+                path.set("id", own)
 
     def files(self) -> dict[str, bytes]:
         """The chart by matplotlib as ``name.svg`` and ``name.png``; the same bytes every time.
@@ -484,7 +497,7 @@ def _within(mark: Mark, row: int) -> Mark:
     return Mark(mark.name, mark.x[own], mark.y[own], mark.look, mark.kind, to)
 
 
-def short_or_whole(short: str, whole: str) -> HtmlElement | str:
+def _short_or_whole(short: str, whole: str) -> HtmlElement | str:
     """A name that unfolds to what it is short for, if it is."""
     if whole in ("", short):
         return short
@@ -528,9 +541,10 @@ def _path(mark: Mark, log: str, across: Ends, high: Ends, height: float) -> str:
     known = np.isfinite(x) & np.isfinite(y) & np.isfinite(to)
     rows = list(zip(*(each[known].tolist() for each in (x, y, to)), strict=True))
     if mark.kind == "span":
-        return "".join(f"M{a:.0f} {up:.0f}H{b:.0f}" for a, up, b in rows)
+        return "".join(f"M{a:.0f} {up:.0f}h{round(b) - round(a)}" for a, up, b in rows)
     if mark.kind == "shade":
-        return "".join(f"M{a:.0f} 0H{b:.0f}V{height:g}H{a:.0f}z" for a, _, b in rows)
+        wide = [(round(a), round(b) - round(a)) for a, _, b in rows]
+        return "".join(f"M{a} 0h{size}v{height:g}h{-size}z" for a, size in wide)
     if mark.kind == "upright":
         return "".join(f"M{a:.0f} 0v{height:g}" for a, _, _ in rows)
     if mark.kind in POINTS:
@@ -574,7 +588,8 @@ def _ends(parts: Iterable[FloatArray]) -> tuple[float, float]:
     if not len(all_):
         return 0.0, 1.0
     low, high = float(all_.min()), float(all_.max())
-    room = MARGIN * (high - low) or 0.5 * abs(low) or 0.5
+    spread = high - low if high - low > ALIKE * max(abs(low), abs(high)) else 0.0
+    room = MARGIN * spread or 0.5 * abs(low) or 0.5
     return low - room, high + room
 
 

@@ -22,57 +22,81 @@ from loopid.identification.log_mistakes import Suspicions
 from loopid.identification.pipeline import Identification
 from loopid.identification.prediction import INTERVAL
 from loopid.identification.result import Estimate
+from loopid.identification.unseen import WHERE
 from loopid.identification.verdict import GOOD
 from loopid.logs.recording import Recording
 from loopid.numbers import number, with_error
 from loopid.parameters import KINDS, Parameter
-from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel
+from loopid.plots.chart import Chart, Mark, Panel
 from loopid.plots.pictures import force_unit, of_motor
 from loopid.regressors.joint_laws import grouped, joint_term
 from loopid.robot.mechanism import Mechanism
 
 MOST, ROOM = 0.95, 1.3  # quantile of the friction's band, and times that, that an axis shows
 CURVE_POINTS = 50  # of a friction curve on either side of standstill
+DOTS = 240  # of the forces that it explains
 # Of the kinds whose size the evidence decides: those that say something alone.
 ALONE = "Fk0", "Ft"
 
 
 @checked
 def model_errors_chart(found: Identification, *, worst: str = "") -> Chart:
-    """Errors on new data of each motor, by the robot file and by the fit, the largest first."""
+    """Errors on new data of each motor, by the robot file and by the fit, the largest first.
+
+    Below stands where the fit's errors are largest: that is what a verdict counts.
+    """
     mechanism, panels = found.force_model.mechanism, list[Panel]()
-    rows = (
+    fits = (
         ("robot file", "file", "box", found.baseline),
         ("this fit", "fit", "disc", found.recommended),
     )
-    parts = [np.multiply(100, found.relative_errors(each)) for *_, each in rows]
-    most = 1.04 * float(np.nanmax([part.sum(axis=0) + part[1] for part in parts], initial=1e-9))
+    parts = [np.multiply(100, found.relative_errors(each)) for *_, each in fits]
+    names = [name for name, text in WHERE.items() if text]
+    shares = 100 * np.nan_to_num([found.unseen.shares[name] for name in names])
+    largest = np.maximum(shares.max(axis=0), np.nan_to_num(parts[1][0]))
+    ends = [*(part.sum(axis=0) + part[1] for part in parts), largest]
+    most = 1.04 * float(np.nanmax(ends, initial=1e-9))
     ratios = np.sqrt(found.recommended.motor_ratios)
-    for k in np.argsort(-np.nan_to_num(parts[1][0]), kind="stable").tolist():
-        motor, marks = mechanism.independent[k], list[Mark]()
-        marks += (
-            [Mark.upright("limit of fit", 100 * GOOD, look="limit")] if most > 100 * GOOD else []
-        )
-        for y, ((name, look, kind, _), (error, spread)) in enumerate(zip(rows, parts, strict=True)):
+    for k in np.argsort(-largest, kind="stable").tolist():
+        motor, marks, labels = mechanism.independent[k], list[Mark](), list[str]()
+        if most > 100 * GOOD:
+            marks.append(Mark.upright("limit of fit", 100 * GOOD, look="limit"))
+        for y, ((name, look, kind, _), (error, spread)) in enumerate(zip(fits, parts, strict=True)):
             at, reach = np.array([error[k]]), INTERVAL * spread[k]
             interval = "95 % interval" if y else ""
             marks.append(Mark(interval, at - reach, np.full(1, y), look, "span", at + reach))
             marks.append(Mark(name, at, np.full(1, y), look, kind))
+            labels.append(name)
+        if shares[:, k].any():
+            marks.append(
+                Mark(
+                    "where it is worst",
+                    shares[:, k].max(keepdims=True),
+                    np.full(1, 2),
+                    "fit",
+                    "ring",
+                )
+            )
+            labels.append(WHERE[names[int(shares[:, k].argmax())]].strip())
         rms, errors = found.recommended.validation.residual_rms, found.recommended.rms_errors[1]
         note = " ± ".join(with_error(float(rms[k]), float(errors[k])))
         note = f"{note} {force_unit(mechanism, motor)}, {_beside(float(ratios[k]))}"
-        said = of_motor(mechanism, motor, worst)
-        labels = tuple(name for name, *_ in rows)
         panels.append(
-            Panel("", tuple(marks), x_limits=(0.0, most), labels=labels, note=note, **said)
+            Panel(
+                "",
+                tuple(marks),
+                x_limits=(0.0, most),
+                labels=tuple(labels),
+                note=note,
+                **of_motor(mechanism, motor, worst),
+            )
         )
     caption = (
         "Root mean square of the error on data that were not fitted, in % of the motor's force, on "
         "one scale. The robot file stands with fitted joint terms."
     )
-    return Chart(
-        "errors", caption, "% of the motor's force", tuple(panels), _beside_each_other(panels)
-    )
+    beside = _beside_each_other(panels)
+    return Chart("errors", caption, "% of the motor's force", tuple(panels), beside)
 
 
 def _beside(ratio: float) -> str:
@@ -95,7 +119,7 @@ def friction_chart(found: Identification, *, worst: str = "") -> Chart:
     """Friction of each motor by the recommended fit, over the forces that it explains."""
     fit, data, mechanism = found.fit, found.data, found.force_model.mechanism
     velocities = np.concatenate([run.motion.velocities for run in found.training])
-    rows, panels, notes = spread_rows(len(data), MOST_DOTS), list[Panel](), _friction_notes(found)
+    rows, panels, notes = spread_rows(len(data), DOTS), list[Panel](), _friction_notes(found)
     residual = data.residual(fit.values)[rows]
     for joint in (joint for joint in frictional_joints(fit) if joint in data.actuators):
         k, own = data.actuators.index(joint), friction_columns(fit, joint)

@@ -76,10 +76,8 @@ def robot_chart(
             texts = tuple(number.get(mechanism.joints[k], "") for k in np.flatnonzero(rows))
             marks.append(Mark(said, x[rows], y[rows], look, kind, texts=texts))
     motors_said = "; ".join(f"{k} {name}" for name, k in number.items())
-    cuts = "; ".join(f"{c.frame_a} and {c.frame_b}" for c in mechanism.closures)
-    caption = f"{motors_said}. {f'Loops are cut where frames meet: {cuts}. ' * bool(cuts)}"
     at = "at its reference" if configuration is None else "at a configuration"
-    caption += f"It is {extent.max():.3g} m large {at}."
+    caption = f"{motors_said}. It is {extent.max():.3g} m large {at}."
     panel = Panel("", tuple(mark for mark in marks if len(mark.x)), equal=True)
     return Chart("robot", caption, "", (panel,))
 
@@ -283,7 +281,7 @@ def comparison_chart(fits: Mapping[str, SavedFit]) -> Chart:
         look, at = RUNS[k % len(RUNS)], middle[:, k]
         marks += [Mark("", at - reach[:, k], place, look, "span", at + reach[:, k])]
         marks += [Mark(name, at, place, look, ("disc", "box", "ring")[k % 3])]
-    title = "less the mean of the fits, in the largest standard error"
+    title = "Less the mean, in the largest standard error"
     panel = Panel(title, tuple(marks), labels=tuple(names.values()))
     return Chart("parameters", "Values of each fit with 95 % intervals.", "", (panel,))
 
@@ -321,6 +319,6 @@ def errors_chart(found: ExcitationDesign) -> Chart:
         Mark("with this motion", found.standard_errors[worst], place, "fit", "disc"),
     )
     labels = tuple(found.parameters.names[j] for j in worst)
-    panel = Panel("standard error (kg, kg m, kg m², ...)", marks, labels=labels, log="x")
+    panel = Panel("Standard error (kg, kg m, kg m², ...)", marks, labels=labels, log="x")
     caption = "Predicted standard errors; one dot alone: unidentifiable without the motion."
     return Chart("errors", caption, "", (panel,))

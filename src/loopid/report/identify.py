@@ -16,7 +16,8 @@ from loopid.identification.pipeline import Identification
 from loopid.identification.prediction import Candidate, Prediction, prediction_reach
 from loopid.identification.result import Estimate, FitResult
 from loopid.identification.saved import SavedFit
-from loopid.identification.verdict import GOOD, ROUGH, Verdict
+from loopid.identification.unseen import WHERE
+from loopid.identification.verdict import GOOD, NOT_FIT, ROUGH, Verdict
 from loopid.logs.recording import Recording
 from loopid.numbers import interval, number, with_error
 from loopid.parameters import KINDS, Parameter
@@ -36,7 +37,7 @@ from loopid.plots.identified import (
 )
 from loopid.plots.pictures import force_unit, forces_chart, robot_chart
 from loopid.regressors.joint_laws import grouped
-from loopid.report.look import Words, json_fields, json_value, plain_table, table_of
+from loopid.report.look import json_fields, json_value, plain_table, table_of
 from loopid.report.page import Card, Figure, Part, Report, Section, Tone
 
 # Values that the terminal shows where they do not fit in two columns.
@@ -44,6 +45,7 @@ SHOWN = 14
 OPEN = 20  # values of a table that is not folded
 USES = "forces", "single_parameters"
 ROBOT = "name", "value", "standard_error", "interval", "unit", "told"
+BESIDE = "fit", "all_parameters", "robot", "identifiability", "expressions"
 TONES: dict[str, Tone] = {"yes": "good", "roughly": "rough", "no": "bad"}  # of uses
 WORDS = {"yes": "Fit", "roughly": "Rough", "no": "Not fit"}
 
@@ -77,7 +79,7 @@ def identification_report(study: Study, command: str = "", *, anyway: bool = Fal
         under=_under(found),
         findings=study.findings,
         checks=study.checks,
-        beside=("fit", "all_parameters"),
+        beside=BESIDE,
     )
 
 
@@ -104,12 +106,14 @@ def _card(found: Identification, judged: Verdict, command: str) -> Card:
     change, more = f"{100 * (root - 1):+.0f} %".replace("-", "−"), f"± {50 * spread / root:.1g} %"
     if root >= 3:
         change, more = f"{root:.2g} times", ""
-    use = judged.use.removeprefix(WORDS[judged.forces]).removeprefix(" for rough").strip(", ")
+    use = (
+        judged.use.removeprefix(NOT_FIT).removeprefix("Fit").removeprefix(" for rough").strip(", ")
+    )
     percent = f"{100 * judged.error:.2g} %"
     return Card(
         tone=tone,
         word=WORDS[judged.forces],
-        use="until a mistake is mended" if not sure else use,
+        use=use if sure else "until a mistake is mended",
         chips=(
             (tone, f"Forces: {judged.forces}"),
             ("good", "Single parameters: yes")
@@ -119,7 +123,7 @@ def _card(found: Identification, judged: Verdict, command: str) -> Card:
         figures=(
             Figure(
                 percent,
-                f"of its force: largest error on new data ({judged.motor})",
+                f"of its force: largest error on new data ({judged.motor}{WHERE[judged.where]})",
                 gauge=(judged.error, GOOD, ROUGH),
                 sure=sure,
             ),
@@ -281,6 +285,7 @@ def _errors(found: Identification, k: int) -> dict[str, Any]:
     for name, candidate in (("fit", found.recommended), ("robot_file", found.baseline)):
         error, spread = (float(each[k]) for each in found.relative_errors(candidate))
         said[name] = {"error": json_value(error), "standard_error": json_value(spread)}
+    said["where"] = {name: json_value(float(each[k])) for name, each in found.unseen.shares.items()}
     return said
 
 
@@ -357,7 +362,7 @@ def _estimates_table(found: Identification) -> Table:
     bodies = {fit.parameters.names[j] for j in model.body_columns}
     known = dict(zip(fit.parameters.names, model.prior.tolist(), strict=True))
     columns = {
-        "parameter": lambda each: Words(each.name, more=each.expression),
+        "parameter": "name",
         ">value ± std": lambda each: value_text(each, fit.assumed),
         ">robot file": lambda each: number(known[each.name]) if each.name in bodies else "-",
         ">95 % interval": lambda each: interval(*each.interval),

@@ -30,10 +30,9 @@ MOST_ROWS = 16  # of a table that is not folded
 class Words:
     """Text in a cell: it breaks between words, and a word that is too long loses its middle."""
 
-    def __init__(self, text: str, style: str = "", whole: bool = False, more: str = "") -> None:
+    def __init__(self, text: str, style: str = "", whole: bool = False) -> None:
         self.text, self.style = "\n".join(map(one_line, text.split("\n"))), style
         self.whole = whole  # as a number is: never broken, never shortened
-        self.more = more  # what the text is short for, which pages unfold
 
     def __str__(self) -> str:
         return self.text
@@ -78,9 +77,8 @@ def plain_table(title: str, columns: Sequence[str], rows: Iterable[Iterable[obje
         side: Any = "right" if whole else "left"
         table.add_column(Heading(name.removeprefix(">")), justify=side, no_wrap=whole)
     for row in rows:
-        cells = zip(row, numbers, strict=True)
         table.add_row(
-            *(c if isinstance(c, Words) else Words(str(c), whole=own) for c, own in cells)
+            *(Words(str(cell), whole=own) for cell, own in zip(row, numbers, strict=True))
         )
     return table
 
@@ -112,14 +110,12 @@ def table_of(title: str, columns: Mapping[str, Any], things: Iterable[Any]) -> T
     return plain_table(title, tuple(columns), rows)
 
 
-def _cell(thing: Any, column: Any) -> str | Words:
+def _cell(thing: Any, column: Any) -> str:
     if not isinstance(column, str):
         value, form = column(thing), ""
     else:
         name, _, form = column.partition(":")
         value = thing[name] if isinstance(thing, Mapping) else getattr(thing, name)
-    if isinstance(value, Words):
-        return value
     if value is None or (isinstance(value, float) and not (form and math.isfinite(value))):
         return number(value)
     return format(value, form)

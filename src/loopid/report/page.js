@@ -1,7 +1,7 @@
 "use strict";
 // Charts: the values under the pointer; a span that is dragged along time is zoomed to, in all lanes
 // of that time, and a double click shows all again. Positions are in the square of chart.py.
-const WIDE = 20000, HIGH = 2000;
+const WIDE = 10000, HIGH = 1000;
 
 function points(path) { // of a line in whole numbers, from point to point
   let x = 0, y = 0;

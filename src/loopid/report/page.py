@@ -20,9 +20,9 @@ from rich.table import Table
 
 from loopid.errors import counted
 from loopid.findings import Finding, most_important_first
-from loopid.plots.chart import MOST_ROWS, Chart, E, Panel, short_or_whole, unfolding
+from loopid.plots.chart import MOST_ROWS, Chart, E, Panel, unfolding
 from loopid.records import record
-from loopid.report.look import Words, facts, json_text, json_value, plain_table, rounded
+from loopid.report.look import facts, json_text, json_value, plain_table, rounded
 
 LIBRARIES = "loopid", "pin", "numpy", "scipy"
 VERSION = 1  # of the records' forms, which ``schema.py`` tells: a new one where programs notice
@@ -125,7 +125,7 @@ def _table(table: Table, some: slice) -> HtmlElement:
     sides = [{"class": "number"} if column.justify == "right" else {} for column in table.columns]
     rows = list(zip(*(column.cells for column in table.columns), strict=True))[some]
     body = (
-        E.tr(*(E.td(side, _cell(each)) for side, each in zip(sides, row, strict=True)))
+        E.tr(*(E.td(side, str(each)) for side, each in zip(sides, row, strict=True)))
         for row in rows
     )
     found = E.table(E.tbody(*body))
@@ -137,11 +137,6 @@ def _table(table: Table, some: slice) -> HtmlElement:
         found.insert(0, E.caption(str(table.title)))
     note = [E.p({"class": "note"}, str(table.caption))] if table.caption else []
     return E.div({"class": "table", "tabindex": "0"}, found, *note)
-
-
-def _cell(cell: object) -> HtmlElement | str:
-    more = cell.more if isinstance(cell, Words) else ""
-    return short_or_whole(str(cell), more)
 
 
 @record
@@ -355,7 +350,7 @@ class Page:
         main.extend(each.html() for each in self.sections)
         body = E.body(self._header(), self._bar(), main)
         if self.data is not None:
-            numbers = json.dumps(rounded(self.data)).replace("<", r"\u003c")
+            numbers = json.dumps(rounded(self.data), separators=(",", ":")).replace("<", r"\u003c")
             body.append(E.script({"id": "data", "type": "application/json"}, numbers))
         body.append(E.script(script))
         page = E.html({"lang": "en"}, head, body)

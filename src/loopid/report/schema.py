@@ -159,7 +159,10 @@ FORMS: dict[str, dict[Any, Any]] = {
         **{"robot_file": [float], "essential": [float], "recommended": str},
         **{"fit": FIT, "all_parameters": FIT, "prior_deviation": Real},
         "judged": {**of(Verdict), **of(Verdict, *USES)},
-        "errors": [{"motor": str, "number": int, "unit": str, "fit": _ERROR, "robot_file": _ERROR}],
+        "errors": [
+            {"motor": str, "number": int, "unit": str, "where": {str: Real}}
+            | {"fit": _ERROR, "robot_file": _ERROR}
+        ],
         "robot": [of(RobotEstimate, *ROBOT)],
         **{"cutoff": (of(CutoffChoice), None), "delay": (of(Delay), None)},
         "suspicions": [of(Suspicions)],
