@@ -1,0 +1,95 @@
+"""What verdicts and intervals say of robots with forces that loopid does not model: a Monte Carlo.
+
+    python benchmarks/model_errors.py [--runs N] [--seed N] [--robot NAME ...] [--case NAME ...]
+
+Plants of MuJoCo follow a motion; the fit of its log is judged by the truth and by another motion:
+in how many runs the verdict says "as parameters of the robot" and a force is named as missing, how
+many 95 % intervals of bodies hold the truth, how many new forces are in the band, and in how many
+runs the verdict's error is at least that on the other motion.
+"""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from loopid import find_force_model, identify, predict, prepare_recording
+from loopid.identification.verdict import PARAMETERS
+from loopid.parameters import KINDS
+from loopid.workers import one_blas_thread
+from plants import DRIVES, Plant, Sensors
+from tables import show
+
+CASES: dict[str, dict[str, float]] = {
+    "clean": {},
+    "noise 5 %": {},
+    "repeated": {},
+    "cogging": {"cogging": 0.3},
+    "load": {"load": 0.1},
+    "drift": {"drift": 0.2},
+    "bent": {"bend": 1.0},
+    "Stribeck": {"stribeck": 0.3},
+    "spring": {"spring": 2.0},
+    "bristles": {"bristle": 0.002},
+    "length": {"length": 0.02},
+}
+
+
+def judged(name: str, case: str, seed: int) -> dict[str, float]:
+    """What is said of one run, and what is true."""
+    plant = Plant(name=name, seed=seed, **CASES[case])  # type: ignore[arg-type]
+    sensors = Sensors(noise=0.05 if case == "noise 5 %" else 0.01)
+    pace = "repeated" if case == "repeated" else "fast"
+    log = plant.follow(plant.motion(pace)).log(sensors, seed)
+    other = replace(plant, seed=seed + 500).motion("fast")
+    new = plant.follow(other).log(sensors, seed + 500)
+    model = find_force_model(plant.robot, "full")
+    found = identify(model, [prepare_recording(plant.robot, log)])
+    truth, fit = plant.values(found.force_model.base), found.fit
+    bodies = [
+        j
+        for j, parameter in enumerate(fit.parameters)
+        if parameter.kind in KINDS and fit.parameters.names[j] not in fit.assumed
+    ]
+    low, high = fit.intervals()[bodies].T
+    prediction = predict(fit, found.force_model, prepare_recording(plant.robot, new))
+    used, force = prediction.recording.used, prediction.recording.force
+    sizes = np.sqrt((np.where(used, force, 0.0) ** 2).sum(axis=0) / used.sum(axis=0))
+    error = float((prediction.moving.residual_rms / sizes).max())
+    inside = prediction.inside
+    return {
+        "as parameters": float(PARAMETERS in str(found.verdict)),
+        "missing": float(any(each.named for each in found.missing)),
+        "repeats": float(any("repeats" in each.title for each in found.findings)),
+        "bodies hold": float(((low <= truth[bodies]) & (truth[bodies] <= high)).mean()),
+        "band holds": float("nan") if inside is None else float(np.nanmin(inside)),
+        "claim holds": float(found.verdict.error >= error),
+    }
+
+
+def main() -> None:
+    """Print a table."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--runs", type=int, default=20, help="of each robot and case")
+    parser.add_argument("--seed", type=int, default=0, help="of the first run")
+    parser.add_argument("--robot", choices=list(DRIVES), nargs="+", default=["five_bar", "ur5"])
+    parser.add_argument("--case", choices=list(CASES), nargs="+", default=list(CASES))
+    arguments = parser.parse_args()
+    warnings.simplefilter("ignore")
+    rows: list[dict[str, Any]] = []
+    for name in arguments.robot:
+        for case in arguments.case:
+            seeds = range(arguments.seed, arguments.seed + arguments.runs)
+            with one_blas_thread():
+                every = [judged(name, case, seed) for seed in seeds]
+            means = {what: float(np.mean([each[what] for each in every])) for what in every[0]}
+            rows.append({"robot": name, "case": case, **means})
+    show(f"errors of models, {arguments.runs} runs a row", rows)
+
+
+if __name__ == "__main__":
+    main()
