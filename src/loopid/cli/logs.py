@@ -203,27 +203,30 @@ def payload(
     from loopid.diagnosis.payload import identify_payload
     from loopid.identification.force_model import find_force_model
     from loopid.identification.log_mistakes import suspicions_by_log
-    from loopid.identification.model_choice import chosen_model, require_model
+    from loopid.identification.model_choice import chosen_model
     from loopid.logs.reading import locked_as_logged
     from loopid.report.forces import gains_report, payload_report
 
     inputs = [name for name in (robot.path, mapping, *unloaded, *loaded_log) if name is not None]
     answer.require(*inputs)
     _require_gains(known_mass, centre, write_mapping, inputs)
-    require_model(model)
     robot = locked_as_logged(robot, unloaded[0], mapping=mapping)
-    light = recordings(robot, unloaded, mapping, cutoff, rows)
-    heavy = recordings(robot, loaded_log, mapping, cutoff, rows)
-    force_model = find_force_model(robot, chosen_model(robot, model, [*light, *heavy]), terms)
-    runs: dict[str, Any] = {"unloaded": light, "loaded": heavy, "estimator": estimator}
+    runs: dict[str, Sequence[Recording]] = {
+        "unloaded": recordings(robot, unloaded, mapping, cutoff, rows),
+        "loaded": recordings(robot, loaded_log, mapping, cutoff, rows),
+    }
+    logged = [*runs["unloaded"], *runs["loaded"]]
+    force_model = find_force_model(robot, chosen_model(robot, model, logged), terms)
     if known_mass is None:
-        report = payload_report(identify_payload(force_model, link, **runs))
+        report = payload_report(identify_payload(force_model, link, **runs, estimator=estimator))
     else:
         load = KnownLoad(known_mass, None if centre is None else numbers(centre, "--centre", 3))
-        gains = drive_gains(force_model, link, load, **runs)
-        _write_gains(write_mapping, gains, [*light, *heavy], mapping)
+        gains = drive_gains(force_model, link, load, **runs, estimator=estimator)
+        _write_gains(write_mapping, gains, logged, mapping)
         report = gains_report(gains)
-    answer.show(_vetoed(report, suspicions_by_log(robot, light, force_model.joint_terms)))
+    answer.show(
+        _vetoed(report, suspicions_by_log(robot, runs["unloaded"], force_model.joint_terms))
+    )
 
 
 def _require_gains(
