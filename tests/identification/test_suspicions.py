@@ -256,6 +256,17 @@ def test_nothing_is_suspected_of_what_stands_or_is_short(load_once, name):
         assert suspicions(robot, [run]).mistakes == ()
 
 
+def test_curves_of_friction_explain_no_mistake(load_once):
+    """Their columns do not grow with the time axis as those of bodies do."""
+    robot = load_once("five_bar")
+    motion = wander(robot, 3, rate=100.0)
+    run = record(robot, motion, (JointTerms(robot.actuated), np.full(4, 0.3)), noise=0.01)
+    kinds = {joint: ("Fc", "Fv", "Fk0~0.05", "Fk~0.1", "Fk~0.5") for joint in robot.actuated}
+    assert suspicions(robot, [run], JointTerms.of_kinds(kinds)) == suspicions(
+        robot, [run], JointTerms(robot.actuated)
+    )
+
+
 def test_nothing_is_suspected_of_the_real_robots(mechanism, real_recording):
     assert suspicions(mechanism, real_recording.split(0.6)).mistakes == ()
 

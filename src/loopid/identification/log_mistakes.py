@@ -23,6 +23,7 @@ from loopid.arguments import FloatArray, checked
 from loopid.findings import Finding
 from loopid.identification.delay import in_motion_band
 from loopid.identification.evidence import Evidence, Explanation, SuspicionOptions, Undone
+from loopid.identification.force_model import parted
 from loopid.identification.log_timing import held_values, late_by_seconds
 from loopid.identification.mistake_kinds import KINDS, Motors, called
 from loopid.logs.recording import Recording
@@ -108,7 +109,8 @@ def suspicions(
         late = late_by_seconds(mechanism, recordings, options)
         if late is not None:  # all else would be judged with forces of other positions
             return replace(nothing, mistakes=(late, *held))
-        model = Evidence(mechanism, recordings, joint_terms, options)
+        # Terms of groups follow the past or how fast a joint is: undone mistakes do not scale them.
+        model = Evidence(mechanism, recordings, parted(joint_terms)[0], options)
         if not model.present:
             return nothing
         found, undone = model.weighed(model.recorded), list[_Find]()

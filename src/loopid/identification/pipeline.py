@@ -33,7 +33,7 @@ from loopid.identification.estimator import (
     equal_weights,
 )
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
-from loopid.identification.force_model import ForceModel, find_force_model, parted, samples_of
+from loopid.identification.force_model import ForceModel, find_force_model, samples_of
 from loopid.identification.friction import motor_use, with_friction
 from loopid.identification.information import (
     Excitation,
@@ -478,7 +478,7 @@ def identify(
         n_jobs=options.n_jobs,
     )
     runs = *training, *judging, *friction
-    suspected = suspicions_by_log(mechanism, runs, parted(force_model.joint_terms)[0])
+    suspected = suspicions_by_log(mechanism, runs, force_model.joint_terms)
     for each in (found for one in suspected for found in one.mistakes):
         each.warn()  # before what a wrong log may end in
     if cutoff is not None:
