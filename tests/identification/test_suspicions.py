@@ -261,7 +261,7 @@ def test_curves_of_friction_explain_no_mistake(load_once):
     robot = load_once("five_bar")
     motion = wander(robot, 3, rate=100.0)
     run = record(robot, motion, (JointTerms(robot.actuated), np.full(4, 0.3)), noise=0.01)
-    kinds = {joint: ("Fc", "Fv", "Fk0~0.05", "Fk~0.1", "Fk~0.5") for joint in robot.actuated}
+    kinds = dict.fromkeys(robot.actuated, ("Fc", "Fv", "Fk0~0.05", "Fk~0.1", "Fk~0.5"))
     assert suspicions(robot, [run], JointTerms.of_kinds(kinds)) == suspicions(
         robot, [run], JointTerms(robot.actuated)
     )
