@@ -24,7 +24,7 @@ terms, friction = loopid.JointTerms.with_values(robot, "Fc=0.8,Fv=0.4")
 measured = loopid.simulate_measurement(
     robot,
     design.joint_motion,
-    loopid.Noise(gaussian=0.3),
+    loopid.Noise(gaussian=0.1),
     standard_parameters=loopid.motion.scaled_bodies(robot, 0.2, seed=1),
     joint_terms=terms,
     joint_values=friction,

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure  # noqa: E402
 @pytest.fixture(scope="module")
 def prediction(study):
     found = study.identification
-    return loopid.predict(found.fit, found.force_model, found.training[0])
+    return loopid.predict(found.fit, found.force_model, found.training[0].between(0.0, 20.0))
 
 
 def test_lines_are_forces_and_residuals(prediction, knee):

@@ -182,7 +182,7 @@ def test_reports_hold_rows_without_a_motor(identified):
         "crank_joint",
         "ball.wx",
     ]
-    assert "ball.wx: force" in report.page().html()
+    assert "</i>ball.wx</h3>" in report.page().html()
 
 
 def test_a_spin_that_moves_no_mass_identifies_nothing(model_of, fallen):

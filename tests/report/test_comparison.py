@@ -15,6 +15,7 @@ def fits(study):
     """A fit of all parameters, and the same with two values moved by so many standard errors."""
     found = study.identification
     fit = found["all parameters"].fit
+    fit = replace(fit, degrees_of_freedom=np.full(len(fit.values), 1000.0))
     moved = fit.values.copy()
     moved[3] += 5.0 * np.sqrt(2.0) * fit.standard_errors[3]
     moved[7] -= 2.0 * np.sqrt(2.0) * fit.standard_errors[7]

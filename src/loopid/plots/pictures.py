@@ -212,7 +212,7 @@ def forces_chart(
     >>> prediction = loopid.predict(found.fit, found.force_model, recording)
     >>> chart = loopid.plots.forces_chart(robot, prediction, motors=["left_crank_joint"])
     >>> [panel.title for panel in chart.panels]
-    ['measured force (N m)', 'left by this fit (N m), rms 0.012']
+    ['measured force (N m)', 'left by this fit (N m), rms 0.0098']
     >>> chart.draw(Figure().subplots(2))
     """
     run, panels = found.recording, list[Panel]()
