@@ -33,11 +33,16 @@ PRINTED = {
     "payload_on_the_knee": ("PID+G online 0.", "a leg came after 6 s, changes were found at [6."),
     "serial_arm": ("upper.mx + 0.4 lower.m", "shoulder.Fc: 0.", "payload.m: 0."),
 }
+LONG = ("real_log",)  # takes half a minute
+SCRIPTS = [
+    pytest.param(script, id=script.stem, marks=[pytest.mark.validate] * (script.stem in LONG))
+    for script in sorted(FOLDER.glob("*.py"))
+]
 NEEDED = {"mujoco_model": "mujoco", "cluster_of_logs": "dask"}
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("script", sorted(FOLDER.glob("*.py")), ids=lambda script: script.stem)
+@pytest.mark.parametrize("script", SCRIPTS)
 def test_an_example_prints_what_it_promises(script, request, capsys, monkeypatch, tmp_path):
     if script.stem in NEEDED:
         pytest.importorskip(NEEDED[script.stem])
