@@ -19,7 +19,7 @@ import numpy as np
 from loopid.arguments import FloatArray, IntArray, checked
 from loopid.errors import LoopidError
 from loopid.findings import Finding
-from loopid.identification.estimator import inverse_deviations
+from loopid.identification.estimator import nearest_to_file
 from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import FitProblem
 from loopid.logs.preparing import motion_band, prepare_again
@@ -43,8 +43,6 @@ LOWER = 2.0
 GROWTH, BEYOND = 10.0, 4.0  # looked at from so many bands of the motion on
 # Of the motors' errors: where predictions change by more up to the last, motion is lost.
 CLEAR = 1.0
-WEIGHTED = 3  # rounds of weights: sizes of errors need only be about right
-UNKNOWN = 1e-6  # relative singular values, below which directions stay as in the robot file
 
 
 @record
@@ -224,19 +222,11 @@ def _fitted(
 
     Values are those of the robot file where nothing is known.
     """
-    prior = force_model.prior
     try:
         runs = recordings if cutoff is None else prepared_at(force_model, recordings, cutoff)
         problem = FitProblem.combined(force_model.samples(run, n_jobs).problem for run in runs)
-        weights = 1.0 / np.where(problem.force_rms > 0, problem.force_rms, 1.0)
         freedom = np.asarray(problem.samples * (problem.freedom / problem.rows))
-        for _ in range(WEIGHTED):
-            rows = (weights[:, None, None] * problem.factors).reshape(-1, len(prior) + 1)
-            X, y = rows[:, :-1], rows[:, -1] - rows[:, :-1] @ prior
-            lengths = np.linalg.norm(X, axis=0)
-            lengths = np.where(lengths > 0, lengths, 1.0)
-            values = prior + np.linalg.lstsq(X / lengths, y, rcond=UNKNOWN)[0] / lengths
-            weights = inverse_deviations(problem, problem.residual_squares(values), freedom)
+        values, weights = nearest_to_file(problem, force_model.prior, freedom)
     except LoopidError:
         return None
     return _Fitted(problem, values, weights)

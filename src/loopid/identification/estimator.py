@@ -154,6 +154,33 @@ def equal_weights(problem: FitProblem) -> FloatArray:
     return np.where(problem.samples > 0, 1.0, 0.0)
 
 
+ROUNDS = 3  # of weights: sizes of errors need only be about right
+UNKNOWN = 1e-6  # relative singular values, below which directions stay as in the robot file
+
+
+def nearest_to_file(
+    problem: FitProblem,
+    file: FloatArray,
+    freedom: FloatArray,
+    prior: FloatArray | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Values (n,) that are those of the robot file where nothing is known, and weights (dof,).
+
+    Weights are one over the errors of the actuators, by their freedom (dof,). Rows (k, n + 1) of a
+    prior are fitted, too.
+    """
+    sizes, values = problem.force_rms, file
+    weights = np.divide(1.0, sizes, out=np.zeros(len(sizes)), where=sizes > 0)
+    for _ in range(ROUNDS):
+        rows = problem.weighted(weights, prior)
+        X, y = rows[:, :-1], rows[:, -1] - rows[:, :-1] @ file
+        lengths = np.linalg.norm(X, axis=0)
+        lengths = np.where(lengths > 0, lengths, 1.0)
+        values = file + np.linalg.lstsq(X / lengths, y, rcond=UNKNOWN)[0] / lengths
+        weights = inverse_deviations(problem, problem.residual_squares(values), freedom)
+    return values, weights
+
+
 def inverse_deviations(problem: FitProblem, squares: FloatArray, freedom: FloatArray) -> FloatArray:
     """Weights (dof,) from sums of squared residuals (dof,) over each actuator's freedom (dof,).
 

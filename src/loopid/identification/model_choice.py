@@ -16,7 +16,7 @@ from loopid.arguments import FloatArray, checked
 from loopid.errors import DataError, OptionError
 from loopid.findings import Finding
 from loopid.identification.delay import directions
-from loopid.identification.estimator import inverse_deviations
+from loopid.identification.estimator import UNKNOWN, nearest_to_file
 from loopid.identification.force_model import AUTOMATIC
 from loopid.identification.information import body_sizes
 from loopid.identification.leaving_out import LeftOut
@@ -37,8 +37,6 @@ DRIVES = {"gravity": ("Fc", "Fv", "Fo"), "full": ("Fc", "Fv", "Fo", "Ia")}
 SAMPLES = 2000  # that are looked at, evenly spread
 CLEAR = 2.0  # standard errors
 BLOCKS = 20  # of time, whose errors count as independent of each other
-ROUNDS = 3  # of weights: sizes of errors need only be about right
-UNKNOWN = 1e-6  # relative singular values, below which directions stay as in the robot file
 
 
 @record
@@ -221,18 +219,9 @@ class _Fit:
 
     def weighed(self, samples: FitSamples) -> tuple[FloatArray, FloatArray]:
         """Values (n,) and weights of the motors (dof,), one over their errors."""
-        problem, values = samples.problem, self.file
-        sizes = problem.force_rms
-        weights = np.divide(1.0, sizes, out=np.zeros(len(sizes)), where=sizes > 0)
+        problem = samples.problem
         freedom = np.maximum(problem.samples * (problem.freedom / max(problem.rows, 1)), 1.0)
-        for _ in range(ROUNDS):
-            rows = problem.weighted(weights, self.rows)
-            X, y = rows[:, :-1], rows[:, -1] - rows[:, :-1] @ self.file
-            lengths = np.linalg.norm(X, axis=0)
-            lengths = np.where(lengths > 0, lengths, 1.0)
-            values = self.file + np.linalg.lstsq(X / lengths, y, rcond=UNKNOWN)[0] / lengths
-            weights = inverse_deviations(problem, problem.residual_squares(values), freedom)
-        return values, weights
+        return nearest_to_file(problem, self.file, freedom, self.rows)
 
     def left_out(self, recordings: Sequence[Recording]) -> FloatArray:
         """Forces (N, dof) of each stretch, predicted by fits to the others."""
