@@ -8,7 +8,7 @@ from math import isnan
 import pinocchio as pin
 
 from loopid.arguments import checked
-from loopid.errors import DataError, ModelWarning, OptionError, warn
+from loopid.errors import DataError, ModelWarning, warn
 from loopid.identification.force_model import ForceModel
 from loopid.identification.friction import nearest_line
 from loopid.identification.plausibility import require_sane
