@@ -166,7 +166,7 @@ def check_record(mechanism: Mechanism) -> dict[str, Any]:
         "undetermined": list(mechanism.free),
         "motors_known": mechanism.motors_known,
         "held_motors": list(found.held),
-        "undeclared_loops": list(mechanism.undeclared),
+        "undeclared_loops": [*map(str, mechanism.undeclared)],
         "redundant_actuation": list(mechanism.redundant),
         "closure_residual": found.residual,
         "singularity_measure": measure,
