@@ -71,6 +71,7 @@ SPANS = {
 # Rate in m/s over which friction of the controllers is smoothed, and speed of adaptation; with 400
 # the loop is unstable.
 SMOOTHING, ADAPTATION = 2e-4, 120.0
+MANY = 400  # samples at once
 HOURS = 10  # of an observer
 
 
@@ -198,6 +199,11 @@ def speed(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
         "Dynamics.gravity": lambda: model.gravity(u + next(steps)),
         "Dynamics.mass_matrix": lambda: model.mass_matrix(u + next(steps)),
         "Dynamics.coriolis": lambda: model.coriolis(u + next(steps), rate),
+    }
+    many, rates = model.pose(q=np.tile(q, (MANY, 1))), np.tile(rate, (MANY, 1))
+    calls |= {
+        f"Dynamics.inverse of {MANY} poses": lambda: model.inverse(many, rates, rates),
+        f"Dynamics.mass_matrix of {MANY} poses": lambda: model.mass_matrix(many),
     }
     for kind in ("none", "exponential", "directional"):
         rls = RecursiveLeastSquares(np.zeros(23), 1e3 * np.eye(23), np.ones(4), forgetting=kind)

@@ -341,13 +341,12 @@ class Dynamics:
         self._loads = None if loads is None else _Bodies(robot, self.kind, loads, exact)
         self._term_values = standard[count:]
         self._bodies = _Bodies(robot, self.kind, standard[:count], exact)
-        # Places of bodies among the values, which of the standard parameters they are, and places
-        # of joint terms; -1 for those that lead no combination.
-        self._own = np.flatnonzero(leading < count)
-        self._leading = leading[self._own]
-        self._places = np.full(len(self._term_values), -1)
-        places = np.flatnonzero(leading >= count)
-        self._places[leading[places] - count] = places
+        # Places of bodies among the values, and of joint terms; and which they are. Those that lead
+        # no combination have none.
+        self._own, self._places = np.flatnonzero(leading < count), np.flatnonzero(leading >= count)
+        self._leading, self._leading_terms = leading[self._own], leading[self._places] - count
+        links = [each.link for each in self._terms.parameters(robot)]
+        self._joints = robot.velocity_indices(links)
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: own for name, own in vars(self).items() if name != "_memory"}
@@ -631,24 +630,25 @@ class Dynamics:
         self, K: FloatArray, pose: Pose, v: FloatArray, a: FloatArray, laws: list[_Law]
     ) -> None:
         """Put the columns of laws of joints into regressors K (N, k, dof, n)."""
-        loads = self._loads_of(pose, v, a, laws)
-        for law in laws:
-            places = self._places.take(law.columns)
-            signal = self._signal(pose, law, v, a, loads)[:, :, None]
-            K[..., places[places >= 0]] = (pose.to_rows.take(law.joints, axis=2)[:, None] * signal)[
-                ..., places >= 0
-            ]
+        signals = self._signals(pose, v, a, laws).take(self._leading_terms, axis=2)
+        joints = self._joints.take(self._leading_terms)
+        K[..., self._places] = pose.to_rows.take(joints, axis=2)[:, None] * signals[:, :, None]
 
     # Forces in joints.
 
     def _of_joints(self, pose: Pose, v: FloatArray, a: FloatArray, laws: list[_Law]) -> FloatArray:
         """(N, k, dof) for k motions (N, k, nv) of each pose."""
-        force = np.zeros((*v.shape[:2], self.dof))
+        signals = self._signals(pose, v, a, laws)
+        signals *= self._term_values
+        return signals @ pose.maps.take(self._joints, axis=1)
+
+    def _signals(self, pose: Pose, v: FloatArray, a: FloatArray, laws: list[_Law]) -> FloatArray:
+        """What the coefficients of all joint terms multiply, (N, k, t); 0 of other laws."""
+        found = np.zeros((*v.shape[:2], len(self._joints)))
         loads = self._loads_of(pose, v, a, laws)
         for law in laws:
-            signal = self._signal(pose, law, v, a, loads) * self._term_values.take(law.columns)
-            force += signal @ pose.maps.take(law.joints, axis=1)
-        return force
+            found[:, :, law.columns] = self._signal(pose, law, v, a, loads)
+        return found
 
     def _loads_of(
         self, pose: Pose, v: FloatArray, a: FloatArray, laws: list[_Law]
@@ -661,7 +661,7 @@ class Dynamics:
     def _signal(
         self, pose: Pose, law: _Law, v: FloatArray, a: FloatArray, loads: FloatArray | None
     ) -> FloatArray:
-        """What the coefficients (j,) of a law multiply, (N, k, j) or 1 for N or k."""
+        """What the coefficients (j,) of a law multiply, that broadcasts to (N, k, j)."""
         position: Any = None
         if law.needs("position"):
             q = pose.configurations
@@ -673,8 +673,7 @@ class Dynamics:
             state = state._replace(torque=loads.take(law.rows, axis=2))
         if law.slips is not None and pose is self._memory.pose:
             state = state._replace(slips={law.term.at: self.slips[law.slips]})
-        found = np.asarray(law.term.law(state, law.term.at))
-        return found if found.ndim == 3 else np.broadcast_to(found, (1, 1, len(law.joints)))
+        return np.asarray(law.term.law(state, law.term.at))
 
     def _carried(self, pose: Pose, law: _Law, v: FloatArray, a: FloatArray) -> FloatArray | None:
         """Forces (N, 1, k) in N that bearings carry, of the bodies of the robot file."""
