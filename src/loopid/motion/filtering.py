@@ -7,6 +7,7 @@ of the equations lose the same frequencies [Gautier1997].
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Annotated
 
 import numpy as np
@@ -73,11 +74,19 @@ class LowPass:
                 f"{len(signal)} samples are too few to filter at {self.cutoff:g} Hz: it takes "
                 f"{padding + 1} at {rate:g} Hz"
             )
-        from scipy.signal import butter, sosfiltfilt  # slow to import
+        from scipy.signal import sosfiltfilt  # slow to import
 
-        sections = butter(self.order, self.cutoff, fs=rate, output="sos")
+        sections = _sections(self.order, self.cutoff, rate)
         filtered = sosfiltfilt(sections, signal, axis=0, padlen=padding)
         return np.asarray(filtered, dtype=np.float64)
+
+
+@lru_cache
+def _sections(order: int, cutoff: float, rate: float) -> FloatArray:
+    """Sections (k, 6) of a filter; a log is filtered by the same one many times."""
+    from scipy.signal import butter  # slow to import
+
+    return np.asarray(butter(order, cutoff, fs=rate, output="sos"), dtype=np.float64)
 
 
 @checked
