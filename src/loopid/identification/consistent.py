@@ -37,7 +37,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dtrtri
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, Positive, checked, finite
 from loopid.errors import DataError, ModelWarning, OptionError, warn
@@ -422,7 +422,7 @@ class _Step:
     def _root(self) -> FloatArray:
         """R⁻¹ (q, q)."""
         R = self._triangle[:, :-1]
-        return np.asarray(solve_triangular(R, np.eye(len(R)), check_finite=False))
+        return np.asarray(dtrtri(R)[0]) if len(R) else R
 
     def solution(self, rows: FloatArray, least: FloatArray) -> FloatArray:
         """The best z (q,) with rows (m, q) z ≥ least (m,)."""

@@ -287,7 +287,7 @@ class ErrorModel:
         least: float = 0.0,
     ) -> None:
         shares, turn = np.linalg.eigh(columns.T @ columns)
-        self._turn = turn[:, shares > ROUND_OFF]
+        self._turn = turn[:, (shares > ROUND_OFF) | (shares == shares[-1])]
         self._columns, self._used, self._pieces = columns @ self._turn, used, pieces
         self._observed = burg_covariances(residual, run_lengths(used, pieces))
         self._observed[0] = max(self._observed[0], least**2)

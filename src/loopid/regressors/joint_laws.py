@@ -495,7 +495,6 @@ def joint_term(kind: str, others: Iterable[str] = ()) -> JointTerm:
         raise OptionError.unknown("joint term", kind, (*JOINT_TERMS, *others))
     term = JOINT_TERMS[name]
     if not mark:
-        JOINT_TERMS.found[kind] = term
         return term
     try:
         at = float(number)
