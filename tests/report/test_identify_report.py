@@ -83,8 +83,10 @@ def test_the_page_holds_all_tables_and_charts(files, report):
         "Values of bodies and joints",
         "To reproduce this run",
     ]
-    words = page.find("body/main").text_content() + files["identification.json"]
+    words = page.find("body/main").text_content() + page.xpath("string(//script[@id='data'])")
     assert not re.search(r"R²|r_squared|\bsizes\b|squared error", words)
+    for each in report.findings:
+        assert len(each.title.split()) <= 8
 
 
 def test_the_record_is_on_the_page_and_beside_it(files, report):
