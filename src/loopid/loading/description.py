@@ -158,7 +158,7 @@ class ClosureDescription(Section):
             known += ["offset"] * (name == COUPLING) + ["axis"] * getattr(kind, "one_axis", False)
             shown = {"type": {"enum": [name, *kind.aliases]}}
             shown |= {each: keys[each] for each in ("name", *known)}
-            must = ["type", "joints"] if name == COUPLING else ["type", *needed]
+            must = ["joints"] if name == COUPLING else ["type", *needed]
             form = {"title": name, "type": "object", "additionalProperties": False}
             forms.append(form | {"properties": shown, "required": must})
         return {"anyOf": forms}
