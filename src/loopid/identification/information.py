@@ -273,7 +273,7 @@ class WeakDirection:
     @property
     def said(self) -> str:
         """The sum and its standard error."""
-        error = f" ± {self.standard_error:.2g} times its size" if not self.unidentifiable else ""
+        error = f" ± {self.standard_error:.2g} times the file's" if not self.unidentifiable else ""
         return self.text + error
 
 
@@ -385,7 +385,7 @@ class Identifiability:
             title = counted(len(self.unidentifiable), "unidentifiable combination")
             said.append(Finding("warning", title, self.unidentifiable_message, do))
         if self.weak:
-            title = f"{counted(len(self.weak), 'combination')} known worse than by the robot file"
+            title = f"{counted(len(self.weak), 'combination')} weakly identifiable"
             said.append(Finding("warning", title, self.weak_message, do))
         return tuple(said)
 
