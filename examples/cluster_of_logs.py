@@ -19,10 +19,10 @@ terms, friction = loopid.JointTerms.with_values(robot, "Fc=0.1,Fv=0.05")
 @delayed
 def recording(seed):
     """What a worker reads; here it makes it."""
+    motion, noise = loopid.joint_motion(robot, program), loopid.Noise(gaussian=0.05)
     measured = loopid.simulate_measurement(
-        robot, loopid.joint_motion(robot, program), loopid.Noise(gaussian=0.05), seed=seed,
-        joint_terms=terms, joint_values=friction,
-    )  # fmt: skip
+        robot, motion, noise, seed=seed, joint_terms=terms, joint_values=friction
+    )
     log = loopid.Log.from_arrays(measured.time, measured.position, measured.force, robot.actuated)
     return loopid.prepare_recording(robot, log)
 

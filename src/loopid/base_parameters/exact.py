@@ -66,7 +66,8 @@ class ExactSearch(SearchStrategy):
     --------
     >>> import loopid
     >>> observation = loopid.structural_observation(loopid.load_mechanism("four_bar"))
-    >>> base = loopid.find_base_parameters(observation, loopid.ExactSearch(proof=True))
+    >>> proven = loopid.ExactSearch(proof=True)
+    >>> base = loopid.find_base_parameters(observation, proven)
     >>> base.search.certified, base.search.gap
     (True, 1.0)
     """

@@ -66,7 +66,9 @@ class RankTolerances:
     --------
     >>> import loopid
     >>> observation = loopid.structural_observation(loopid.load_mechanism("five_bar"))
-    >>> coarse = loopid.RankTolerances(least=0.1)  # what forces hardly depend on does not count
+    What forces hardly depend on does not count:
+
+    >>> coarse = loopid.RankTolerances(least=0.1)
     >>> base = loopid.find_base_parameters(observation, tolerances=coarse)
     >>> len(base), len(base.doubtful), base.structure.tolerances.least
     (4, 2, 0.1)

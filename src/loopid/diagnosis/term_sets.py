@@ -128,13 +128,14 @@ def compare_terms(found: Identification, *, choices: Sequence[str] = ()) -> Term
     A five-bar that has viscous friction only:
 
     >>> import loopid, numpy as np
+    >>> from loopid.motion import FourierSeries, Noise
     >>> robot = loopid.load_mechanism("five_bar")
     >>> friction, values = loopid.JointTerms.with_values(robot, "Fv=1")
     >>> sine, cosine = 0.1 * np.random.default_rng(0).normal(size=(2, 2, 4))
-    >>> series = loopid.FourierSeries(robot.actuated, 0.02, np.array([1.7, 0.7]), sine, cosine)
+    >>> series = FourierSeries(robot.actuated, 0.02, np.array([1.7, 0.7]), sine, cosine)
     >>> motion = loopid.joint_motion(robot, series.motion(100.0, 5.0))
     >>> log = loopid.simulate_measurement(
-    ...     robot, motion, loopid.Noise(gaussian=0.01), joint_terms=friction, joint_values=values
+    ...     robot, motion, Noise(gaussian=0.01), joint_terms=friction, joint_values=values
     ... )
     >>> run = loopid.logs.Recording.of_motion(motion, log.force, robot.actuated)
     >>> found = loopid.identify(loopid.find_force_model(robot, "gravity", "Fc,Fv"), [run])

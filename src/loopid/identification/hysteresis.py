@@ -141,7 +141,8 @@ def hysteresis_loop(
     >>> rng = np.random.default_rng(0)
     >>> W = rng.normal(size=(500, 1, 2))
     >>> force = W @ [2.0, 1.0] + 0.1 * rng.normal(size=(500, 1))
-    >>> fit = loopid.fit(loopid.identification.FitSamples.of(names, ["elbow"], W, force))
+    >>> samples = loopid.identification.FitSamples.of(names, ["elbow"], W, force)
+    >>> fit = loopid.fit(samples)
     >>> print(loopid.identification.hysteresis_loop(fit, "elbow").sentence)
     friction of elbow builds up over 2.5 mrad after each reversal
     """

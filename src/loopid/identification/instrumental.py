@@ -50,7 +50,7 @@ class InstrumentalVariables(Estimator):
     >>> measured = W + 0.3 * rng.normal(size=W.shape)
     >>> samples = loopid.identification.FitSamples.of(names, ["motor"], measured, force)
     >>> samples = samples.with_instruments(W)
-    >>> loopid.fit(samples, loopid.identification.InstrumentalVariables()).values.round(1).tolist()
+    >>> loopid.fit(samples, "iv").values.round(1).tolist()
     [2.0, 0.5]
     """
 

@@ -193,8 +193,8 @@ def review_motion(
     >>> import loopid
     >>> robot = loopid.load_mechanism("four_bar")
     >>> series = loopid.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
-    >>> review = loopid.review_motion(robot, loopid.joint_motion(robot, series.motion(rate=20)))
-    >>> review.problems
+    >>> motion = loopid.joint_motion(robot, series.motion(rate=20))
+    >>> loopid.review_motion(robot, motion).problems
     ()
     """
     ranges = []

@@ -162,8 +162,8 @@ def run_experiment(
 ) -> Experiment:
     """Move the robot through the nine trajectories, or some, at a sample rate (Hz)."""
     friction = JointTerms(mechanism.actuated, ("Fc", "Fv"), dead_zone=STANDING)
-    force_model = find_force_model(mechanism, "gravity", friction)
-    order = np.array([*rows_of_table_ii(force_model.base), *force_model.joint_columns])
+    model = find_force_model(mechanism, "gravity", friction)
+    order = np.array([*rows_of_table_ii(model.base), *model.joint_columns])
     program = read_motion_program(mechanism.name)
     motions, reviews, parts, samples = {}, {}, {}, {}
     names = names or tuple(program.motions)
@@ -173,10 +173,10 @@ def run_experiment(
         motions[name], reviews[name] = motion, review_motion(mechanism, motion)
         parts[name] = force_parts(mechanism, *state)
         recording = Recording.of_motion(motion, parts[name].total, mechanism.actuated, name=name)
-        samples[name] = force_model.samples(recording).select(order)
+        samples[name] = model.samples(recording).select(order)
         if progress is not None:
             progress(done, len(names))
-    return Experiment(force_model, order, rate, motions, reviews, parts, samples)
+    return Experiment(model, order, rate, motions, reviews, parts, samples)
 
 
 @record
