@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from loopid.arguments import FloatArray, IntArray, checked, row_blocks
+from loopid.arguments import FloatArray, IntArray, checked, row_blocks, samples
 from loopid.base_parameters.base import BaseParameters, find_base_parameters
 from loopid.base_parameters.choice import KeptChoice, SearchStrategy
 from loopid.errors import DataError, MissingExtraError, ModelWarning, OptionError, warn
@@ -90,6 +90,29 @@ class ForceModel:
             f"ForceModel({self.mechanism.name}, {self.model}: {bodies} base parameters of bodies, "
             f"{joints} of joint terms)"
         )
+
+    def __str__(self) -> str:
+        """A table: a base parameter a line, with its value by the robot file."""
+        base, units = self.base, [each.unit or "1" for each in self.parameters]
+        values = [f"{value:.4g} {unit}" for value, unit in zip(self.prior, units, strict=True)]
+        width = max(map(len, ["in file", *values]))
+        lines = [
+            f"{number:4}  {value:{width}}  {expression}"
+            for number, (value, expression) in enumerate(
+                zip(values, base.expressions, strict=True), start=1
+            )
+        ]
+        head = (
+            f"{self.model} model of {self.mechanism.name}: {len(base)} base parameters of "
+            f"{len(base.parameters)} (rank gap {base.structure.rank_gap:.1e}, {base.search.name} "
+            "search)"
+        )
+        return "\n".join([head, f"      {'in file':{width}}  base parameter", *lines])
+
+    @property
+    def matrix(self) -> FloatArray:
+        """M (n, p) of base parameters φ = M π of standard parameters and joint terms."""
+        return self.base.matrix
 
     @property
     def parameters(self) -> ParameterSet:
@@ -289,8 +312,16 @@ class ForceModel:
         )
         return ForceModel(self.mechanism, self.model, terms, wide, self.automatic)
 
-    def regressor(self, motion: JointMotion, n_jobs: int = 1) -> FloatArray:
-        """Forces (N, dof, n) per unit of each parameter, by so many processes."""
+    def regressor(self, motion: JointMotion | FloatArray, n_jobs: int = 1) -> FloatArray:
+        """Forces (N, dof, n) per unit of each parameter along a motion, using ``n_jobs``.
+
+        Or what holds the robot in closed configurations (nq,) or (N, nq): (dof, n) or (N, dof, n).
+        """
+        if not isinstance(motion, JointMotion):
+            q = samples(motion, self.mechanism.model.nq, "configurations")
+            still = np.zeros((len(q), len(self.mechanism.independent)))
+            K = self.loaded(self.base.regressor(self.standard_regressor(q, still, still)))
+            return K[0] if np.ndim(motion) == 1 else K
         q, v, a = motion.configurations, motion.velocities, motion.accelerations
         terms = self.joint_terms
         slips = {} if terms is None else terms.slips(self.mechanism, q)
