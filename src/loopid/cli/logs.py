@@ -226,17 +226,15 @@ def payload(
         "loaded": recordings(robot, loaded_log, mapping, cutoff, rows),
     }
     logged = [*runs["unloaded"], *runs["loaded"]]
-    force_model = find_force_model(robot, chosen_model(robot, model, logged), terms)
+    fitted = find_force_model(robot, chosen_model(robot, model, logged), terms)
     if known_mass is None:
-        report = payload_report(identify_payload(force_model, link, **runs, estimator=estimator))
+        report = payload_report(identify_payload(fitted, link, **runs, estimator=estimator))
     else:
         load = KnownLoad(known_mass, None if centre is None else numbers(centre, "--centre", 3))
-        gains = drive_gains(force_model, link, load, **runs, estimator=estimator)
+        gains = drive_gains(fitted, link, load, **runs, estimator=estimator)
         _write_gains(write_mapping, gains, logged, mapping)
         report = gains_report(gains)
-    answer.show(
-        _vetoed(report, suspicions_by_log(robot, runs["unloaded"], force_model.joint_terms))
-    )
+    answer.show(_vetoed(report, suspicions_by_log(robot, runs["unloaded"], fitted.joint_terms)))
 
 
 def _require_gains(

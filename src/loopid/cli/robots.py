@@ -310,12 +310,11 @@ def excite(
     require_model(model)
     robot = locked_as_logged(robot, after[0], mapping=mapping) if after else robot
     logged = recordings(robot, after, mapping)
-    force_model = find_force_model(
-        robot, chosen_model(robot, model, logged), JointTerms.of(robot, terms)
-    )
+    chosen = chosen_model(robot, model, logged)
+    fitted = find_force_model(robot, chosen, JointTerms.of(robot, terms))
     with progress_bar(criterion) as watch:
         found = design_excitation(
-            force_model,
+            fitted,
             limits=limits,
             options=options,
             after=logged,

@@ -176,8 +176,8 @@ def _sections(study: Study, worst: str) -> Iterator[Section]:
     yield Section("Checks of the model", tuple(model), folded=True, short="Model")
     values = _estimates_table(found)
     yield Section("All values", (values,), folded=values.row_count > OPEN)
-    if robot := _robot_tables(found):
-        yield Section("Values of bodies and joints", tuple(robot), folded=True, short="Robot")
+    if tables := _robot_tables(found):
+        yield Section("Values of bodies and joints", tuple(tables), folded=True, short="Robot")
 
 
 def _forces(found: Identification, motors: tuple[str, ...], worst: str) -> Iterator[Part]:
