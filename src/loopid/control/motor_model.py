@@ -23,9 +23,8 @@ from loopid.arguments import FloatArray, IntArray, NotNegative, checked, finite
 from loopid.errors import DataError, MobilityError, OptionError
 from loopid.identification.force_model import ForceModel
 from loopid.identification.plausibility import require_sane
-from loopid.identification.prediction import force_model_of
-from loopid.identification.result import FitResult
-from loopid.identification.saved import SavedFit
+from loopid.identification.result import Fit
+from loopid.identification.saved import on_robot
 from loopid.kinematics.assembly import USUAL, AssemblyOptions, follow_paths, required, same_side
 from loopid.kinematics.constraint import Constraint, scaled_jacobian
 from loopid.kinematics.measured import JointCoordinates, measured_coordinates
@@ -102,8 +101,8 @@ class MotorModel:
     Parameters
     ----------
     robot : Mechanism or ForceModel
-        The robot of a saved fit; the force model of other values.
-    fit : SavedFit, FitResult or FloatArray, optional
+        The robot of a fit; the force model of other values.
+    fit : Fit or FloatArray, optional
         Values with or without their covariance; by default those of the robot file.
     near : float
         Positions this near to those of the last pose, in m or rad, share it.
@@ -129,7 +128,7 @@ class MotorModel:
     Raises
     ------
     OptionError
-        When a fit that is not saved comes without its force model, its joints have friction that
+        When values come without their force model, its joints have friction that
         depends on what bearings carry, or it breaks a law.
     MobilityError
         When the robot has independent coordinates that no joint position gives.
@@ -148,7 +147,7 @@ class MotorModel:
     def __init__(
         self,
         robot: Mechanism | ForceModel,
-        fit: SavedFit | FitResult | FloatArray | None = None,
+        fit: Fit | FloatArray | None = None,
         *,
         near: NotNegative = 0.0,
         smoothing: NotNegative | None = None,
@@ -459,25 +458,22 @@ def _numbers(given: FloatArray, width: int, name: str) -> FloatArray:
 
 
 def _values_of(
-    robot: Mechanism | ForceModel, fit: SavedFit | FitResult | FloatArray | None, anyway: bool
+    robot: Mechanism | ForceModel, fit: Fit | FloatArray | None, anyway: bool
 ) -> tuple[ForceModel, FloatArray, FloatArray]:
     """The force model of a fit, its values (n,) and their covariance (n, n)."""
-    if isinstance(fit, SavedFit | FitResult):
-        model = force_model_of(fit, robot)
-        result = fit.result if isinstance(fit, SavedFit) else fit
-        require_sane(result, model.joint_terms, anyway)
-        values, covariance = fit.values, None if result is None else result.covariance
+    if not isinstance(fit, Fit):
+        if isinstance(robot, Mechanism):
+            raise OptionError(
+                f"values of {robot.name} need its ForceModel: give "
+                "find_force_model(robot, 'full'), or a fit"
+            )
+        fit = robot.fit_of(robot.prior if fit is None else fit)
     elif isinstance(robot, Mechanism):
-        raise OptionError(
-            f"values of {robot.name} need its ForceModel: give find_force_model(robot, 'full'), or "
-            "a saved fit"
-        )
-    else:
-        model, covariance = robot, None
-        values = model.prior if fit is None else _numbers(fit, len(model.parameters), "values")
-        model = model if fit is None else model.with_loads(values)
-    phi = _numbers(values, len(model.parameters), "values")
-    return model, phi, np.zeros(2 * phi.shape) if covariance is None else np.array(covariance)
+        fit = on_robot(fit, robot)
+    elif fit.model is None:
+        fit = robot.fit_of(fit)
+    require_sane(fit, anyway)
+    return fit.require_model(), np.array(fit.values), np.array(fit.covariance)
 
 
 def _laws_of(model: ForceModel) -> Iterator[_Law]:

@@ -13,7 +13,7 @@ from loopid.base_parameters.choice import SearchResult
 from loopid.errors import OptionError
 from loopid.excitation.design import ExcitationDesign
 from loopid.identification.prediction import Prediction
-from loopid.identification.saved import SavedFit
+from loopid.identification.result import Fit
 from loopid.numbers import number
 from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel
 from loopid.robot.mechanism import Mechanism
@@ -209,7 +209,7 @@ def forces_chart(
     >>> log = loopid.read_log(robot.path.parent / "logs" / "five_bar.csv", robot)
     >>> recording = loopid.prepare_recording(robot, log)
     >>> found = loopid.identify(loopid.find_force_model(robot, "full"), [recording])
-    >>> prediction = loopid.predict(found.fit, found.force_model, recording)
+    >>> prediction = found.fit.predict(recording)
     >>> chart = loopid.plots.forces_chart(robot, prediction, motors=["left_crank_joint"])
     >>> [panel.title for panel in chart.panels]
     ['measured force (N m)', 'left by this fit (N m), rms 0.0098']
@@ -264,14 +264,13 @@ def _spans(time: FloatArray, chosen: BoolArray) -> Any:
 
 
 @checked
-def comparison_chart(fits: Mapping[str, SavedFit]) -> Chart:
+def comparison_chart(fits: Mapping[str, Fit]) -> Chart:
     """Values of fits with 95 % intervals, each less their mean, by the name of their run."""
-    names = {e.expression: e.name for fit in fits.values() for e in fit.base_parameters}
+    names = {e.expression: e.name for fit in fits.values() for e in fit.parameters}
     x, s = np.full((2, len(names), len(fits)), np.nan)
     for k, fit in enumerate(fits.values()):
-        rows = [[*names].index(each.expression) for each in fit.base_parameters]
-        x[rows, k] = [each.value for each in fit.base_parameters]
-        s[rows, k] = [each.standard_error or 0.0 for each in fit.base_parameters]
+        rows = [[*names].index(each.expression) for each in fit.parameters]
+        x[rows, k], s[rows, k] = fit.values, fit.standard_errors
     size = np.nanmax(s, axis=1, keepdims=True)
     size = np.where(size > 0, size, np.nanmax(np.abs(x), axis=1, keepdims=True))
     middle = (x - np.nanmean(x, axis=1, keepdims=True)) / np.where(size > 0, size, 1.0)
