@@ -123,7 +123,7 @@ def test_terms_of_single_joints_are_fitted_and_compared(run_json, run, arm_files
     for option in ("--terms", "--compare-terms"):
         done = run("identify", robot, log, option, "wrist: Fc")
         assert done.code == 2
-        assert "unknown joint 'wrist': choose one of shoulder, elbow, passive" in done.err
+        assert "unknown joint 'wrist': choose among shoulder, elbow, passive" in done.err
 
 
 def test_the_usual_terms_are_the_default(run_json, arm_files):

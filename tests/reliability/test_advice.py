@@ -332,7 +332,7 @@ OF_ROBOTS = {
         Robot("arm.yaml", COUPLED.format("")),
     ),
     "a turn of a hinge": (locked("elbow.wx"), "lock elbow, or a turn of a", locked("elbow")),
-    "an unknown joint to lock": (locked("elbows"), "choose one of shoulder,", locked("shoulder")),
+    "an unknown joint to lock": (locked("elbows"), "choose among shoulder,", locked("shoulder")),
     "a name that Pinocchio has": (
         urdf('joint name="elbow"', 'joint name="universe"'),
         "rename it",
@@ -933,8 +933,8 @@ OF_FILES = {
     ),
     "a robot that was moved": (
         moved(),
-        'say where it is, file="FILE"',
-        moved(file="new/other.yaml"),
+        'say where it is, robot="FILE"',
+        moved(robot="new/other.yaml"),
     ),
 }
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 from typer import Argument, Option
 
+from loopid.cli import completion
 from loopid.cli.robots import FILE, LOGGED_MODEL, MAPPING, TERMS, numbers, of_robot, recordings
 from loopid.cli.shell import answering, with_options
 from loopid.errors import LoopidError, OptionError
@@ -35,7 +36,11 @@ LOGS = Argument(
 CUTOFF = Option(
     None, help="Cut-off of the low-pass filter in Hz; by default where estimates change least."
 )
-AUTOMATIC_TERMS = Option("auto", help=f"{TERMS[:-1]}; auto: the usual ones, and what LOG asks for.")
+AUTOMATIC_TERMS = Option(
+    "auto",
+    help=f"{TERMS[:-1]}; auto: the usual ones, and what LOG asks for.",
+    autocompletion=completion.terms,
+)
 ROWS = Option(None, metavar="M:N", help="Rows of each LOG to use, counted from 1.")
 
 
@@ -151,8 +156,8 @@ def predict(
     answer: Answer,
     fit: str = Argument(..., metavar="FIT", help="Saved fit of 'loopid identify'."),
     logs: list[str] = LOGS,
-    file: str | None = Option(
-        None, "--robot", metavar="FILE", help="The fit's robot; by default where it was then."
+    robot: str | None = Option(
+        None, metavar="FILE", help="The fit's robot; by default where it was then."
     ),
     mapping: str | None = MAPPING,
     cutoff: float | None = CUTOFF,
@@ -164,19 +169,23 @@ def predict(
     from loopid.report.forces import prediction_report
 
     answer.require(fit, mapping, *logs)
-    saved = load_fit(fit, file)
-    robot, model = saved.robot, saved.require_model()
-    runs = recordings(robot, logs, mapping, cutoff, rows)
-    suspected = suspicions_by_log(robot, runs, model.joint_terms)
+    saved = load_fit(fit, robot)
+    runs = recordings(saved.robot, logs, mapping, cutoff, rows)
+    suspected = suspicions_by_log(saved.robot, runs, saved.require_model().joint_terms)
     found = saved.predict(runs)
-    answer.show(_vetoed(prediction_report(robot, found), suspected))
+    answer.show(_vetoed(prediction_report(saved.robot, found), suspected))
 
 
 @of_robot
 def payload(
     robot: Mechanism,
     answer: Answer,
-    link: str = Argument(..., metavar="LINK", help="Link that the payload is fixed to."),
+    link: str = Argument(
+        ...,
+        metavar="LINK",
+        help="Link that the payload is fixed to.",
+        autocompletion=completion.links,
+    ),
     unloaded: list[str] = Option(..., metavar="LOG", help="Log without it; repeatable."),
     loaded_log: list[str] = Option(..., "--loaded", metavar="LOG", help="Log with it; repeatable."),
     known_mass: float | None = Option(

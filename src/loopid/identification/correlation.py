@@ -20,6 +20,7 @@ from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import Fit, NoiseModel
+from loopid.motion.filtering import recursion
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
@@ -96,13 +97,11 @@ class Autoregression:
         coefficients has them as its impulse response: Ω X is X filtered forwards and backwards in
         time, less γ_0 X, which both count.
         """
-        from scipy.signal import lfilter  # slow to import
-
         numerator = np.convolve(self.polynomial, self.covariances)[: max(self.order, 1)]
         found = -self.covariances[0] * rows
         for piece in pieces:
-            found[piece] += lfilter(numerator, self.polynomial, rows[piece], axis=0)
-            found[piece] += lfilter(numerator, self.polynomial, rows[piece][::-1], axis=0)[::-1]
+            found[piece] += recursion(numerator, self.polynomial, rows[piece])
+            found[piece] += recursion(numerator, self.polynomial, rows[piece][::-1])[::-1]
         return np.asarray(found, dtype=np.float64)
 
     def sum_variance(self, present: BoolArray, pieces: Pieces) -> float:

@@ -111,9 +111,9 @@ class FitOptions:
     Examples
     --------
     >>> import loopid
-    >>> loopid.FitOptions(estimator="wsl")
+    >>> loopid.FitOptions(estimator="mean")
     Traceback (most recent call last):
-    loopid.errors.OptionError: unknown estimator 'wsl': choose one of ols, wls, bisquare, iv
+    loopid.errors.OptionError: unknown estimator 'mean': choose among ols, wls, bisquare, iv
     """
 
     estimator: str | Estimator = "wls"

@@ -24,6 +24,7 @@ from loopid.arguments import LARGEST, FloatArray, Number, checked, finite, froze
 from loopid.base_parameters.base import BaseParameters, expression
 from loopid.base_parameters.choice import SearchResult
 from loopid.base_parameters.structure import analyse
+from loopid.border import refusal
 from loopid.errors import DataError, FileError, OptionError
 from loopid.files import require_other_file, why_no_file, write_file
 from loopid.identification.force_model import ForceModel
@@ -260,10 +261,7 @@ class FitFile(_Section):
         try:
             found, record = cls.model_validate_json(document), json.loads(document)
         except ValidationError as error:
-            detail = error.errors(include_url=False)[0]
-            where = ".".join(map(str, detail["loc"]))
-            said = ": ".join(filter(None, (where, detail["msg"].removeprefix("Value error, "))))
-            raise DataError(f"{path} is not a saved fit: {said}", field=where) from error
+            raise refusal(error, where=f"{path} is not a saved fit", kind=DataError) from error
         except (TypeError, OverflowError) as error:  # of whole numbers that are none
             raise DataError(f"{path} is not a saved fit: {error}") from error
         if found.digest != digest(record):

@@ -336,6 +336,7 @@ def _in_order(fit: Fit, order: IntArray) -> Fit:
     """The same parameters in another order."""
     return replace(
         fit,
+        model=None,
         parameters=fit.parameters.select(order),
         values=fit.values[order],
         covariance=fit.covariance[np.ix_(order, order)],

@@ -28,7 +28,8 @@ from loopid.logs.recording import Recording
 from loopid.numbers import number, with_error
 from loopid.parameters import KINDS, Parameter
 from loopid.plots.chart import Chart, Mark, Panel
-from loopid.plots.pictures import force_unit, of_motor
+from loopid.plots.pictures import of_motor
+from loopid.plots.structure import force_unit
 from loopid.regressors.joint_laws import grouped, joint_term
 from loopid.robot.mechanism import Mechanism
 

@@ -12,7 +12,8 @@ from loopid.arguments import FloatArray
 from loopid.excitation.design import ExcitationDesign
 from loopid.files import csv_text
 from loopid.motion.trajectories import FourierCurve, SplineCurve, Waypoint
-from loopid.plots.pictures import errors_chart, force_unit, motion_chart, robot_chart
+from loopid.plots.excitation import errors_chart, motion_chart
+from loopid.plots.structure import force_unit, robot_chart
 from loopid.report.look import facts, json_fields, json_value, plain_table, table_of
 from loopid.report.page import Card, Figure, Report, Section
 from loopid.yaml_files import yaml_writer

@@ -16,7 +16,8 @@ from loopid.errors import RankError
 from loopid.identification.prediction import Prediction
 from loopid.identification.verdict import GOOD, ROUGH
 from loopid.numbers import interval, number, with_error
-from loopid.plots.pictures import forces_chart, robot_chart
+from loopid.plots.pictures import forces_chart
+from loopid.plots.structure import robot_chart
 from loopid.report.look import json_fields, json_value, plain_table
 from loopid.report.page import Card, Figure, Report, Section, Tone
 from loopid.robot.mechanism import Mechanism

@@ -35,7 +35,8 @@ from loopid.plots.identified import (
     used_chart,
     value_text,
 )
-from loopid.plots.pictures import force_unit, forces_chart, robot_chart
+from loopid.plots.pictures import forces_chart
+from loopid.plots.structure import force_unit, robot_chart
 from loopid.regressors.joint_laws import grouped
 from loopid.report.look import json_fields, json_value, plain_table, table_of
 from loopid.report.page import Card, Figure, Part, Report, Section, Tone

@@ -19,7 +19,7 @@ from loopid.kinematics import mobility
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.projection import NEAR_SINGULARITY, Factorisation, singularity_measure
 from loopid.loading.checks import inertia_defects, odd_masses, unequal_links
-from loopid.plots.pictures import robot_chart, search_chart
+from loopid.plots.structure import robot_chart, search_chart
 from loopid.regressors.joint_terms import OF_FILE, FileForce, file_forces
 from loopid.report.look import facts, json_fields, json_value, plain_table, table_of
 from loopid.report.page import Card, Figure, Report, Section, Tone
@@ -166,7 +166,7 @@ def check_record(mechanism: Mechanism) -> dict[str, Any]:
         "undetermined": list(mechanism.free),
         "motors_known": mechanism.motors_known,
         "held_motors": list(found.held),
-        "undeclared_loops": list(mechanism.undeclared),
+        "undeclared_loops": [*map(str, mechanism.undeclared)],
         "redundant_actuation": list(mechanism.redundant),
         "closure_residual": found.residual,
         "singularity_measure": measure,
