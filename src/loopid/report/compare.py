@@ -14,7 +14,7 @@ from loopid.errors import DataError, OptionError
 from loopid.identification.result import Fit
 from loopid.identification.saved import FitFile
 from loopid.numbers import with_error
-from loopid.plots.pictures import comparison_chart
+from loopid.plots.pictures import alone, comparison_chart
 from loopid.report.look import json_value, plain_table, table_of
 from loopid.report.page import Card, Figure, Report, Section
 
@@ -41,7 +41,8 @@ def comparison_report(files: dict[str, FitFile]) -> Report:
     fits = {name: file.fit() for name, file in files.items()}
     pairs = _pairs(files, fits)
     record = _record(files, fits, pairs)
-    rows, names = record["parameters"], list(fits)
+    shown = {each.expression for fit in fits.values() for each in alone(fit)}
+    rows, names = [row for row in record["parameters"] if row["expression"] in shown], list(fits)
     tables = [_table(rows, names, k) for k in range(0, len(names), BESIDE)]
     return Report(
         name="comparison",
