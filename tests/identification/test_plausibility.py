@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from loopid import (
-    MotorModel,
+    Dynamics,
     find_force_model,
     friction_curve,
     identify,
@@ -114,7 +114,7 @@ ROUTES = {
     "to_robot_file": lambda fit, folder, **kw: fit.to_robot_file(folder / "a.urdf", **kw),
     "to_c": lambda fit, folder, **kw: fit.to_c(folder, **kw),
     "to_pinocchio": lambda fit, _, **kw: fit.to_pinocchio(**kw),
-    "MotorModel": lambda fit, _, **kw: MotorModel(fit.robot, fit, **kw),
+    "Dynamics": lambda fit, _, **kw: Dynamics(fit.robot, fit, **kw),
 }
 
 
@@ -139,4 +139,4 @@ def test_what_terms_break_on_a_log_is_kept_by_the_fit(found, tmp_path):
     place = fit.save(tmp_path / "a.yaml", anyway=True)
     assert load_fit(place).broken == (said,)
     with pytest.raises(OptionError, match=said):
-        MotorModel(found.force_model.mechanism, load_fit(place))
+        Dynamics(found.force_model.mechanism, load_fit(place))

@@ -8,13 +8,12 @@ from math import isnan
 import pinocchio as pin
 
 from loopid.arguments import checked
-from loopid.errors import ModelWarning, OptionError, warn
+from loopid.errors import ModelWarning, warn
 from loopid.identification.friction import nearest_line
 from loopid.identification.plausibility import require_fit_for_use
 from loopid.identification.result import Fit
 from loopid.loading.pinocchio_robot import MODEL_FIELDS
 from loopid.regressors.joint_laws import grouped
-from loopid.robot.closures import CLOSURE_KINDS
 from loopid.robot.mechanism import Mechanism, shortened
 
 
@@ -43,7 +42,7 @@ def to_pinocchio(robot: Mechanism) -> tuple[pin.Model, pin.StdVec_RigidConstrain
     >>> tree.nv, [loop.type.name for loop in loops]
     (4, ['CONTACT_3D'])
     """
-    return _with_terms(robot, robot.model.copy(), robot.joint_values), _constraints(robot)
+    return _with_terms(robot, robot.model.copy(), robot.joint_values), robot.constraint_models
 
 
 def pinocchio_of(
@@ -65,7 +64,7 @@ def pinocchio_of(
             straight = {kind: value for kind, value in kinds.items() if not grouped(kind)}
             terms[joint] = straight | {"Fc": line.coulomb, "Fv": line.viscous}
     robot = model.mechanism
-    return _with_terms(robot, robot.tree(values[:count]), terms), _constraints(robot)
+    return _with_terms(robot, robot.tree(values[:count]), terms), robot.constraint_models
 
 
 def _with_terms(
@@ -84,28 +83,3 @@ def _with_terms(
     if others:
         warn(f"Pinocchio's model has no place for {shortened(others)}: left out", ModelWarning)
     return tree
-
-
-def _constraints(mechanism: Mechanism) -> pin.StdVec_RigidConstraintModel:
-    found = pin.StdVec_RigidConstraintModel()
-    if mechanism.couplings:
-        raise OptionError(
-            f"Pinocchio has no contact for {mechanism.couplings[0].name}, a coupling of joints",
-            given=mechanism.couplings[0].name,
-        )
-    for closure in mechanism.closures:
-        contact = CLOSURE_KINDS[closure.kind].contact
-        if contact is None:
-            valid = tuple(name for name, kind in CLOSURE_KINDS.items() if kind.contact is not None)
-            raise OptionError(
-                f"Pinocchio has no contact for {closure.name} of kind {closure.kind}: describe it "
-                f"by closures of the kinds {', '.join(valid)}",
-                given=closure.kind,
-                valid=valid,
-            )
-        frames = [mechanism.model.frames[k] for k in closure.frame_ids]
-        ends = [part for frame in frames for part in (frame.parentJoint, frame.placement)]
-        constraint = pin.RigidConstraintModel(contact, mechanism.model, *ends, pin.LOCAL)
-        constraint.name = closure.name
-        found.append(constraint)
-    return found

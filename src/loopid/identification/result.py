@@ -479,6 +479,20 @@ class Fit(OfArrays, Tabular):
         reach[[name in self.assumed for name in self.parameters.names]] = np.inf
         return np.stack([self.values - reach, self.values + reach], axis=1)
 
+    def model_for(self, robot: Mechanism | ForceModel, *, anyway: bool = False) -> ForceModel:
+        """The force model of the values, for a robot or its force model; ``Dynamics`` takes it.
+
+        Raises
+        ------
+        OptionError
+            When the fit breaks a law of sane ones (``absurdities``), and is not taken anyway.
+        DataError
+            When the robot is another one.
+        """
+        from loopid.identification.saved import on_robot  # stands on this
+
+        return on_robot(self, robot, anyway=anyway)
+
     def __getitem__(self, name: str) -> Estimate:
         names, sums = self.parameters.names, self.parameters.expressions
         if name in sums:

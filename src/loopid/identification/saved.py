@@ -45,8 +45,8 @@ from loopid.loading.closure import Closure, Coupling
 from loopid.loading.files import bundled_directory, files_of
 from loopid.loading.load import load_mechanism
 from loopid.parameters import Parameter, ParameterSet
-from loopid.regressors.closed_loop import motion_parameters
 from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.motion_regressors import motion_parameters
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
 from loopid.yaml_files import LARGE, load_yaml
@@ -437,17 +437,15 @@ def load_fit(path: str | Path, robot: Mechanism | str | Path | None = None) -> F
     return file.fit(file.model_of(own))
 
 
-def on_robot(fit: Fit, robot: Mechanism) -> Fit:
-    """The fit with its force model of a robot, which is the fit's or has other inertials alone.
-
-    Raises
-    ------
-    DataError
-        When the robot is another one.
-    """
-    if fit.robot is robot or fit.robot == robot:
-        return fit
-    return replace(fit, model=FitFile.of(fit).model_of(robot))
+def on_robot(fit: Fit, robot: Mechanism | ForceModel, *, anyway: bool = False) -> ForceModel:
+    """The force model of a fit, of a robot that is the fit's or has other inertials alone."""
+    if fit.model is None and isinstance(robot, ForceModel):
+        fit = robot.fit_of(fit)
+    own = robot if isinstance(robot, Mechanism) else robot.mechanism
+    require_sane(fit, anyway)
+    if fit.robot != own:
+        fit = FitFile.of(fit).model_of(own).fit_of(fit)
+    return fit.require_model()
 
 
 def _require_own_bodies(fit: Fit, model: ForceModel) -> None:
