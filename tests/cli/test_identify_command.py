@@ -236,7 +236,7 @@ def test_no_progress_bar_is_drawn_where_no_terminal_is(run, arm_files):
         (("--train", "0"), ["between 0 and 1", "0"]),
         (("--train", "1.5"), ["between 0 and 1", "1.5"]),
         (("--train", "nan"), ["fraction", "nan"]),
-        (("--cutoff", "-1"), ["cutoff", "greater than 0"]),
+        (("--cutoff", "-1"), ["cutoff", "above 0"]),
         (("--cutoff", "1000"), ["cut-off", "half the sample rate"]),
         (("--mapping", "nowhere.yaml"), ["nowhere.yaml"]),
         (("--validate", "nowhere.csv"), ["nowhere.csv"]),

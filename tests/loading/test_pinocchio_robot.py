@@ -172,6 +172,7 @@ def moved(tree):
     return constraint
 
 
+@pytest.mark.filterwarnings("ignore:.*doubtful combinations:loopid.errors.AccuracyWarning")
 def test_a_model_of_a_rounded_file_is_the_robot_of_the_file(linkage, write_files):
     file = write_files(*cad_export(linkage("five-bar")))
     with pytest.warns(AccuracyWarning, match="its numbers are rounded"):

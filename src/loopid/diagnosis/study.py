@@ -23,6 +23,7 @@ from loopid.progress import Progress
 from loopid.records import record
 from loopid.regressors.joint_terms import NO_TERMS, JointTerms
 from loopid.robot.mechanism import Mechanism
+from loopid.workers import one_blas_thread
 
 NAMED = 4  # parameters that a note names
 IDLE = 0.3  # part of a motor's samples left out, above which it is worth a word
@@ -249,6 +250,7 @@ def study_logs(
 
 
 @checked
+@one_blas_thread()
 def examine(
     found: Identification,
     *,
