@@ -24,7 +24,6 @@ from loopid.motion.joints import JointMotion
 from loopid.parameters import KINDS, ParameterSet, model_kinds
 from loopid.progress import Progress
 from loopid.records import record
-from loopid.regressors.closed_loop import motion_regressor
 from loopid.regressors.joint_laws import JointState, grouped, joint_term
 from loopid.regressors.joint_terms import (
     JointTerms,
@@ -34,6 +33,7 @@ from loopid.regressors.joint_terms import (
     with_loads,
 )
 from loopid.regressors.maxwell_slip import Slips, slips_along, slips_at
+from loopid.regressors.motion_regressors import motion_regressor
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import ordered_map

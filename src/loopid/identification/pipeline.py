@@ -66,8 +66,8 @@ from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.parameters import ParameterSet, html_table
 from loopid.records import record
-from loopid.regressors.closed_loop import force_parts
 from loopid.regressors.joint_laws import joint_term
+from loopid.regressors.motion_regressors import force_parts
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import one_blas_thread, require_processes
 
