@@ -97,3 +97,12 @@ urdf_dialects: Registry[Any] = Registry("sign of a dialect of URDF")
 # By the ending of the tree's file: a class of it with the ``inertials`` of its links, ``edited``
 # (its content with other ones, and other joint terms) and ``joint_terms`` of such a content.
 editable_files: Registry[Any] = Registry("ending of a robot file that can be edited")
+# What a fit becomes: functions of a ``Fit``, and of where to.
+fit_exports: Registry[Any] = Registry(
+    "form of a fit",
+    {
+        "robot file": "loopid.export.robot_file:robot_file_of",
+        "C source": "loopid.export.c_code:c_code_of",
+        "Pinocchio": "loopid.export.pinocchio_model:pinocchio_of",
+    },
+)
