@@ -63,7 +63,7 @@ def judged(name: str, case: str, seed: int) -> dict[str, float]:
     inside = prediction.inside
     return {
         "as parameters": float(PARAMETERS in str(found.verdict)),
-        "missing": float(any(each.named for each in found.missing)),
+        "missing": float(bool(found.missing)),
         "repeats": float(any("repeats" in each.title for each in found.findings)),
         "bodies hold": float(((low <= truth[bodies]) & (truth[bodies] <= high)).mean()),
         "band holds": float("nan") if inside is None else float(np.nanmin(inside)),
