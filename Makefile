@@ -53,6 +53,7 @@ lint: .venv/lint
 
 # What each one measures: docs/benchmarks.md.
 bench: .venv/test peers
+	$(BIN)/python benchmarks/startup.py
 	$(BIN)/python benchmarks/search.py
 	$(BIN)/python benchmarks/ranks.py
 	$(BIN)/python benchmarks/symbolic.py

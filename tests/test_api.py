@@ -60,8 +60,8 @@ def test_the_page_of_public_names_lists_them_all_and_no_others():
 
 
 def imported(*words):
-    """Top-level modules that are loaded after some Python, in a process of its own."""
-    script = "; ".join([*words, "import sys; print(*{m.partition('.')[0] for m in sys.modules})"])
+    """Modules that are loaded after some Python, in a process of its own."""
+    script = "; ".join([*words, "import sys; print(*sys.modules)"])
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return set(done.stdout.split())
@@ -70,9 +70,12 @@ def imported(*words):
 def test_importing_loopid_and_its_command_line_loads_no_library_of_the_work():
     heavy = {"numpy", "scipy", "pinocchio", "pydantic", "yourdfpy", "polars"}
     assert not imported("import loopid, loopid.cli") & heavy
-    found = imported("import loopid, loopid.cli", "loopid.load_mechanism('3ups_rpu')")
-    assert {"pinocchio", "pydantic", "yourdfpy"} <= found
+    report = "loopid.report.structure.check_report(loopid.load_mechanism('3ups_rpu'))"
+    found = imported("import loopid, loopid.cli, loopid.report.structure", report)
+    assert {"pinocchio", "pydantic", "yourdfpy", "loopid.report.structure"} <= found
     assert not {"mujoco", "dask", "sympy", "matplotlib", "polars"} & found
+    later = {"loopid.identification.result", "loopid.excitation.design", "loopid.logs.log"}
+    assert not later & found, "check waits for what it does not use"
 
 
 def test_type_checkers_see_the_same_names():

@@ -10,6 +10,7 @@ import pytest
 SOURCE = Path(__file__).parents[1] / "src" / "loopid"
 GROUND = (
     "errors",
+    "border",
     "numbers",
     "registry",
     "arguments",
@@ -18,7 +19,6 @@ GROUND = (
     "workers",
     "progress",
     "files",
-    "sections",
     "yaml_files",
     "parameters",
     "inertia",

@@ -8,16 +8,22 @@ from typing import Literal
 
 import numpy as np
 import pytest
+from pydantic import BaseModel, ValidationError
 
+import loopid
 from loopid import random_configurations, structural_observation
-from loopid.arguments import FloatArray, checked
+from loopid.arguments import MADE_BY, FloatArray, checked
 from loopid.errors import OptionError
-from loopid.kinematics import random_motions
+from loopid.kinematics import mobility, random_motions
 
 
 @dataclass(frozen=True)
 class Thing:
     array: FloatArray
+
+
+class Form(BaseModel):
+    number: int
 
 
 class _Hidden:
@@ -36,6 +42,7 @@ TYPES = {
     "a path": (str | Path, ("a", Path("a")), (1, None)),
     "a Generator": (np.random.Generator, (np.random.default_rng(0),), (1,)),
     "a Thing": (Thing, (Thing(np.zeros(1)),), (1, {}, {"array": 1})),
+    "a Form": (Form, (Form(number=1),), (1, {}, {"number": 1})),
     "a Hidden or None": (_Hidden | None, (None,), (1, {})),
     "a function": (Callable[[int], int], (len,), (1,)),
     "a mapping of names to whole numbers": (Mapping[str, int], ({"a": 1},), (1, [1])),
@@ -68,8 +75,40 @@ def test_a_wrong_entry_is_named():
 
     with pytest.raises(OptionError, match=r"^several\[1\] must be of type Thing, not 3"):
         function([Thing(np.zeros(1)), 3])
-    with pytest.raises(OptionError, match=r"^table must be a valid number"):
+    with pytest.raises(OptionError, match=r"^table must be a number, not 'x'"):
         function(table={"a": "x"})
+
+
+def test_names_in_an_array_are_a_sequence():
+    @checked
+    def function(names: Sequence[str] = (), counts: tuple[int, ...] | None = None) -> object:
+        return names, counts
+
+    assert function(np.array(["a", "b"]), counts=np.array([1, 2])) == (["a", "b"], (1, 2))
+    for wrong in (np.array([1.5]), np.array("a")):
+        with pytest.raises(OptionError, match=r"^names"):
+            function(wrong)
+
+
+def test_the_errors_of_a_function_are_its_own():
+    """Its traceback has one frame beside its own; errors of pydantic inside it pass."""
+
+    @checked
+    def function(value: int) -> None:
+        Form(number="far")
+
+    with pytest.raises(ValidationError) as raised:
+        function(1)
+    assert [frame.name for frame in raised.traceback][1:3] == ["call", "function"]
+    with pytest.raises(TypeError, match="unexpected keyword argument 'valeu'"):
+        function(valeu=1)
+
+
+def test_what_gives_an_object_is_named(knee):
+    with pytest.raises(OptionError, match=r"of type Mechanism, not 'knee': load\w* gives one"):
+        mobility("knee")
+    for maker in MADE_BY.values():
+        assert callable(getattr(loopid, maker))
 
 
 def test_functions_mappings_paths_and_arrays():
@@ -100,7 +139,7 @@ def test_what_python_refuses_itself_stays_its_own():
 
     assert function(1, "a", "b", key=2, other=3) == (1, ("a", "b"), 2, {"other": 3})
     assert (function.__name__, function.__doc__) == ("function", "What it does.")
-    with pytest.raises(TypeError, match="missing a required argument"):
+    with pytest.raises(TypeError, match=r"missing 1 required .* argument: 'value'"):
         function()
     with pytest.raises(OptionError, match=r"^key must be "):
         function(1, key="x")

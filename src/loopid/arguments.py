@@ -6,7 +6,7 @@ functions that take them, which know their shapes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import is_dataclass
 from functools import cache, wraps
 from inspect import signature
@@ -27,6 +27,7 @@ from typing import (
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import (
+    BaseModel,
     BeforeValidator,
     ConfigDict,
     Field,
@@ -34,8 +35,10 @@ from pydantic import (
     ValidationError,
     validate_call,
 )
+from pydantic_core import ErrorDetails
 from pydantic_core.core_schema import is_instance_schema
 
+from loopid.border import worded
 from loopid.errors import DataError, OptionError
 
 P = ParamSpec("P")
@@ -182,28 +185,47 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     """
 
     @cache  # made by the first call: importing loopid does not wait for it
-    def validated() -> Callable[P, R]:
+    def validated() -> Callable[P, tuple[Any, Any]]:
         @wraps(function)
-        def plain(*args: P.args, **kwargs: P.kwargs) -> R:
-            return function(*args, **kwargs)
+        def taken(*args: P.args, **kwargs: P.kwargs) -> Any:
+            return args, kwargs
 
         hints = get_type_hints(function, include_extras=True)
-        plain.__annotations__ = {name: _instances(hint) for name, hint in hints.items()}
+        taken.__annotations__ = {name: _instances(hint) for name, hint in hints.items()}
         config = ConfigDict(arbitrary_types_allowed=True, allow_inf_nan=False)
-        validator: Callable[P, R] = validate_call(config=config)(plain)
-        return validator
+        return validate_call(config=config)(taken)
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
-            return validated()(*args, **kwargs)
+            args, kwargs = validated()(*args, **kwargs)
         except ValidationError as error:
-            if error.title not in (function.__name__, function.__qualname__):
-                raise
-            signature(function).bind(*args, **kwargs)  # a TypeError as Python words it
-            raise _refusal(error, list(signature(function).parameters)) from None
+            details = error.errors(include_url=False)
+            if details[0]["type"] not in SAID_BY_PYTHON:
+                raise _refusal(details, list(signature(function).parameters)) from None
+        return function(*args, **kwargs)  # or a TypeError in Python's words
 
     return call
+
+
+# What gives users an object of a kind.
+MADE_BY = {
+    "Mechanism": "load_mechanism",
+    "ForceModel": "find_force_model",
+    "Log": "read_log",
+    "Recording": "prepare_recording",
+    "FitResult": "identify",
+    "SavedFit": "read_fit",
+}
+# Which arguments there are is said by the call itself, with the function's name.
+SAID_BY_PYTHON = (
+    "missing_argument",
+    "missing_positional_only_argument",
+    "missing_keyword_only_argument",
+    "unexpected_keyword_argument",
+    "unexpected_positional_argument",
+    "multiple_argument_values",
+)
 
 
 class _Instance:
@@ -218,32 +240,42 @@ def _instances(hint: Any) -> Any:
     """The annotation with instances for dataclasses, which pydantic would make of dictionaries."""
     kind, parts = get_origin(hint), get_args(hint)
     if isinstance(hint, type) and kind is None:
-        return Annotated[hint, _Instance] if is_dataclass(hint) else hint
+        own = is_dataclass(hint) or issubclass(hint, BaseModel)
+        return Annotated[hint, _Instance] if own else hint
     if kind is Annotated:
         return Annotated[(_instances(parts[0]), *parts[1:])]
     if kind in (Union, UnionType):
         return Union[tuple(map(_instances, parts))]  # noqa: UP007
     if kind in (None, Literal, Callable):
         return hint
-    return kind[tuple(map(_instances, parts))]
+    several = kind[tuple(map(_instances, parts))]
+    listed = kind in (Sequence, Iterable, Collection, list, tuple)
+    return Annotated[several, BeforeValidator(_listed)] if listed else several
 
 
-# By the type of error, where pydantic's words do not fit in a sentence.
-UNCLEAR = {"missing": "longer", "sequence_str": "a sequence"}
+def _listed(given: Any) -> Any:
+    """The list of an array's entries, as of names; all else as it is."""
+    return given.tolist() if hasattr(given, "tolist") and hasattr(given, "__len__") else given
 
 
-def _refusal(error: ValidationError, names: list[str]) -> OptionError:
-    """What pydantic says of the first wrong argument."""
-    detail = error.errors(include_url=False)[0]
+def _refusal(details: list[ErrorDetails], names: list[str]) -> OptionError:
+    """What is first wrong with the arguments; of alternatives all that there are."""
+    detail = details[0]
     place, *inside = detail["loc"]
     name = names[min(place, len(names) - 1)] if isinstance(place, int) else str(place)
     at = name + "".join(f"[{part!r}]" for part in inside if isinstance(part, int))
-    must = detail["msg"].partition(",")[0].removeprefix("Input should be ")
-    must = UNCLEAR.get(detail["type"], must).replace("an instance of", "of type")
-    must = must.replace(" _", " ")
-    given = detail["input"]
-    shown = repr(given) if isinstance(given, str | int | float | None) else type(given).__name__
-    return OptionError(f"{at} must be {must}, not {shown:.60}", argument=name, given=given)
+    said = worded(detail, _shown)
+    if detail["type"] == "is_instance_of":
+        same = (other.get("ctx", {}) for other in details if other["loc"][0] == place)
+        kinds = list(dict.fromkeys(each["class"].lstrip("_") for each in same if "class" in each))
+        makers = " or ".join(MADE_BY[each] for each in kinds if each in MADE_BY)
+        said = f"must be of type {' or '.join(kinds)}, not {_shown(detail['input']):.60}"
+        said += f": {makers} gives one" if makers else ""
+    return OptionError(f"{at} {said}", argument=name, given=detail["input"])
+
+
+def _shown(given: Any) -> str:
+    return repr(given) if isinstance(given, str | int | float | None) else type(given).__name__
 
 
 def random_generator(seed: int, stream: int = 0) -> np.random.Generator:

@@ -6,8 +6,9 @@ import sys
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 
 def one_line(text: str) -> str:
@@ -28,6 +29,20 @@ def short_name(name: str, longest: int) -> str:
     width = cell_len(line)
     half = (longest - 1) * len(line) // max(2 * width, 1)
     return line if width <= longest else f"{line[:half]}…{line[len(line) - half :]}"
+
+
+def unknown_word(what: str, given: object, valid: Iterable[str], where: str = "") -> str:
+    """Which word is unknown, what it likely was to be, and which words are valid."""
+    known = (*valid,)
+    listed = ", ".join(known) or "none"
+    return f"unknown {what} {given!r:.60}{where}{near(given, known)}: choose among {listed}"
+
+
+def near(given: object, valid: Iterable[str]) -> str:
+    """Which of the valid words a given one likely was to be; nothing where none is near."""
+    known = {word.lower(): word for word in valid}
+    found = get_close_matches(str(given).lower(), known, n=1)
+    return f" (did you mean {known[found[0]]!r}?)" if found else ""
 
 
 class LoopidError(Exception):
@@ -55,6 +70,15 @@ class LoopidError(Exception):
     def __str__(self) -> str:
         return one_line(str(self.args[0]) if self.args else "")
 
+    @classmethod
+    def unknown(
+        cls, what: str, given: object, valid: Iterable[str], where: str = "", **facts: Any
+    ) -> Self:
+        """Say which word was given, and which are valid."""
+        known = (*valid,)
+        message = unknown_word(what, given, known, where)
+        return cls(message, given=given, valid=known, **facts)
+
     def __reduce__(self) -> tuple[Any, ...]:
         return _rebuilt, (type(self), self.args, self.facts)  # so that a worker can send it
 
@@ -67,13 +91,6 @@ def _rebuilt(kind: type[LoopidError], args: tuple[Any, ...], facts: dict[str, An
 
 class OptionError(LoopidError, ValueError):
     """An argument is not one of those that are valid, or asks for what cannot be done."""
-
-    @classmethod
-    def unknown(cls, what: str, given: object, valid: Iterable[str]) -> OptionError:
-        """Say which choice was given and which are valid."""
-        choices = tuple(valid)
-        message = f"unknown {what} {given!r}: choose one of {', '.join(choices)}"
-        return cls(message, given=given, valid=choices)
 
 
 class MissingExtraError(LoopidError, ImportError):
@@ -143,7 +160,8 @@ class AccuracyWarning(UserWarning):
 def warn(message: str, category: type[Warning]) -> None:
     """Warn at the line that called loopid, however deep inside it the reason was found."""
     level, frame = 2, sys._getframe(1)
-    inside = ("loopid.", "pydantic.")  # pydantic checks arguments in between
+    # Between them pydantic checks arguments, and contextlib enters contexts.
+    inside = ("loopid.", "pydantic.", "contextlib")
     while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith(inside):
         level, frame = level + 1, frame.f_back
     warnings.warn(one_line(message), category, stacklevel=level)

@@ -32,7 +32,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
     3.0
     >>> roots["cube"]
     Traceback (most recent call last):
-    loopid.errors.OptionError: unknown root 'cube': choose one of square
+    loopid.errors.OptionError: unknown root 'cube': choose among square
     """
 
     def __init__(self, what: str, entries: Mapping[str, Entry | str] | None = None) -> None:

@@ -1,9 +1,11 @@
-"""YAML files, checked against a model of what they may say; one sentence for what is wrong."""
+"""YAML files, checked against a form of what they may say."""
 
 from __future__ import annotations
 
 import io
 import re
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -11,12 +13,13 @@ from pydantic import BaseModel, ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent, ScalarEvent
+from ruamel.yaml.nodes import MappingNode, SequenceNode
 from ruamel.yaml.parser import Parser
 from ruamel.yaml.representer import SafeRepresenter
 
+from loopid.border import refusal
 from loopid.errors import FileError, LoopidError, RobotFileError
 from loopid.files import why_no_file
-from loopid.sections import first_problem
 
 # Far more than files that people write have: a few KB of YAML can ask for all the memory, and the
 # parser takes seconds for 100 KB.
@@ -42,7 +45,23 @@ def read_yaml(
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        raise failure(f"{path}: {first_problem(error)}") from error
+        raise refusal(error, content, path, failure, partial(line_of, path)) from error
+
+
+def line_of(path: Path, keys: Sequence[Any]) -> int | None:
+    """The line in which what a path of keys leads to begins, in a file that was read before."""
+    node = YAML(typ="safe", pure=True).compose(path.read_text("utf-8"))
+    line = None
+    for key in keys:
+        if isinstance(node, MappingNode):
+            named = {name.value: (name, value) for name, value in node.value}
+            there, node = named.get(str(key), (None, None))
+        elif isinstance(node, SequenceNode) and isinstance(key, int):
+            there = node = node.value[key] if key < len(node.value) else None
+        else:
+            break
+        line = line if there is None else there.start_mark.line + 1
+    return line
 
 
 def load_yaml(

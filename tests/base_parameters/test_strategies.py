@@ -106,7 +106,7 @@ def test_searches_and_results_are_records(observation):
 
 
 def test_an_unknown_criterion_is_refused_with_the_choices(observation):
-    expected = "unknown criterion 'cond': choose one of nullspace, regressor"
+    expected = "unknown criterion 'cond': choose among nullspace, regressor"
     for refused in (
         lambda: find_base_parameters(observation, criterion="cond"),
         lambda: ChoiceProblem(random_structure(5, 2), "cond"),

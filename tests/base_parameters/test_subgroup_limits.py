@@ -69,9 +69,7 @@ def test_the_condition_limit_must_exceed_one(limit):
 
 
 def test_an_unknown_variant_is_refused_with_the_choices():
-    with pytest.raises(
-        OptionError, match="unknown variant 'figure': choose one of gap, pseudocode"
-    ):
+    with pytest.raises(OptionError, match="unknown variant 'figure': choose among gap, pseudocode"):
         SubgroupSearch(variant="figure")
 
 

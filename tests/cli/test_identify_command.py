@@ -100,7 +100,7 @@ def test_figures_for_papers_are_drawn_where_asked_for(run, arm_files, tmp_path):
     assert done.code == 0, done.err
     drawn = {"errors", "filter", "forces", "friction", "parameters", "robot", "terms"}
     for name in drawn:
-        assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert (tmp_path / f"{name}.pdf").read_bytes().startswith(b"%PDF")
         assert "<svg" in (tmp_path / f"{name}.svg").read_text()
 
 
@@ -123,7 +123,7 @@ def test_terms_of_single_joints_are_fitted_and_compared(run_json, run, arm_files
     for option in ("--terms", "--compare-terms"):
         done = run("identify", robot, log, option, "wrist: Fc")
         assert done.code == 2
-        assert "unknown joint 'wrist': choose one of shoulder, elbow, passive" in done.err
+        assert "unknown joint 'wrist': choose among shoulder, elbow, passive" in done.err
 
 
 def test_the_usual_terms_are_the_default(run_json, arm_files):

@@ -65,7 +65,7 @@ def test_it_is_found_with_its_way_and_predicts_another_motion(robot, found):
     for joint in robot.actuated:
         loop = hysteresis_loop(fit, joint)
         assert loop.way == pytest.approx(SLIP, rel=0.5)
-        assert f"friction of {joint} builds up over " in loop.sentence
+        assert loop.finding[0] == f"friction of {joint} builds up after reversals"
         assert fit[f"{joint}.Fc"].value == pytest.approx(0.1, rel=0.03)
         assert loop.force.max() == pytest.approx(0.1, rel=0.05)
     other = prepare_recording(robot, log_of(robot, 5, SLIP))

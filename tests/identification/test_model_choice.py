@@ -109,7 +109,7 @@ def test_inertia_that_the_file_knows_nothing_of_shows_by_what_it_predicts(five_b
 
 
 def test_an_unknown_model_is_refused_with_the_choices(five_bar):
-    with pytest.raises(OptionError, match="'slow': choose one of auto, gravity, full"):
+    with pytest.raises(OptionError, match="'slow': choose among auto, gravity, full"):
         StudyOptions(model="slow").require_terms(five_bar)
     with pytest.raises(DataError, match="give at least one"):
         choose_model(five_bar, [])

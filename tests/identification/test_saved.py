@@ -237,11 +237,11 @@ def changed(record, value, *path):
         ("format", "loopid base 1", ("format",)),
         ("version", 2, ("version",)),
         ("covariance", [[1.0], [1.0, 2.0]], ("covariance",)),
-        ("base_parameters: .*at least 1 item", [], ("base_parameters",)),
-        ("rows: .*at least 1 item", [], ("force_model", "rows")),
-        (r"base_parameters\.0\.value: Field required", None, ("base_parameters", 0, "value")),
+        ("base_parameters: .*at least 1, not 0", [], ("base_parameters",)),
+        ("rows: .*at least 1, not 0", [], ("force_model", "rows")),
+        (r"base_parameters\.0\.value: is missing", None, ("base_parameters", 0, "value")),
         (r"base_parameters\.0\.value: .*finite", float("nan"), ("base_parameters", 0, "value")),
-        (r"base_parameters\.0\.terms: .*Field required", None, ("base_parameters", 0, "terms")),
+        (r"base_parameters\.0\.terms: .*is missing", None, ("base_parameters", 0, "terms")),
         ("check", [], ("check",)),
         ("joint_terms", ["Fz"], ("force_model", "joint_terms", "kinds")),
         ("force_model.model", "slow", ("force_model", "model")),
@@ -350,7 +350,7 @@ def test_files_that_are_no_fits_are_refused(tmp_path, name, content):
 def test_other_refusals(model, fits, tmp_path):
     with pytest.raises(FileError, match=r"none\.json"):
         read_fit(tmp_path / "none.json")
-    with pytest.raises(OptionError, match=r"'\.txt': choose one of \.yaml, \.yml, \.json"):
+    with pytest.raises(OptionError, match=r"'\.txt': choose among \.yaml, \.yml, \.json"):
         save_fit(tmp_path / "fit.txt", model, fits["plain"])
     (tmp_path / "file").write_text("")
     with pytest.raises(FileError):

@@ -107,7 +107,7 @@ def test_joints_that_a_tendon_sums_keep_their_limits(load_files):
         ({"cables": {"a": ["left", "gone"]}}, "unknown frame 'gone'"),
         (
             {"closures": [{"type": "cable", "frames": ["left", "eye"]}]},
-            "needs the 'joint' whose value is its length",
+            "needs 'joint': the sliding joint whose coordinate",
         ),
         (
             {"closures": [{"type": "cable", "frames": ["left", "eye"], "joint": "elbow"}]},

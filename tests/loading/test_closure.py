@@ -55,16 +55,22 @@ def test_a_saved_fit_loads_the_robot_with_its_closures(given, tmp_path):
 
 
 REFUSED = {
-    "an unknown kind": (lambda: loopid.Closure("a", "b", "4d"), "a-b: the kind .* one of '3d'"),
+    "an unknown kind": (
+        lambda: loopid.Closure("a", "b", "4d"),
+        "a-b: unknown kind of closure '4d': choose among 3d, 6d",
+    ),
     "one axis": (
         lambda: loopid.Closure("a", "b", "hinge", axes=AXES[0]),
         "two 'axes', one in each",
     ),
-    "no length": (lambda: loopid.Closure("a", "b", "distance"), "needs its 'length' in m"),
-    "a length": (lambda: loopid.Closure("a", "b", "3d", length=1.0), "has no 'length'"),
+    "no length": (lambda: loopid.Closure("a", "b", "distance"), "needs 'length': of the rod, in m"),
+    "a length": (
+        lambda: loopid.Closure("a", "b", "3d", length=1.0),
+        "unknown key of a 3d closure 'length'",
+    ),
     "a coupling": (lambda: loopid.Closure("a", "b", "gear"), "give a Coupling"),
-    "no joint": (lambda: loopid.Coupling({}), "needs a joint at least"),
-    "a zero": (lambda: loopid.Coupling({"a": 0.0}), "coefficient zero"),
+    "no joint": (lambda: loopid.Coupling({}), "joints: must have at least 1"),
+    "a zero": (lambda: loopid.Coupling({"a": 0.0}), "joints.a: a coefficient is zero"),
 }
 
 

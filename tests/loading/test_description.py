@@ -36,8 +36,8 @@ BROKEN_YAML = {
     "platform frame": ("frame: platform", "frame: table", ("'table'", "platform", "base")),
     "key": ("name_mot:", "motors:", ("'motors'", *ALL_KEYS)),
     "platform key": ("  frame:", "  link:", ("link", "frame", "coordinates")),
-    "closure type": ("'3d']", "'5d']", ("'5d'", "'3d'", "'6d'")),
-    "platform motion": ("x_m: x", "x_m: pitch", ("x_m", "'pitch'", "'rx'", "'z'")),
+    "closure type": ("'3d']", "'5d']", ("'5d'", "among 3d, 6d, ")),
+    "platform motion": ("x_m: x", "x_m: pitch", ("x_m", "'pitch'", " rx, ", " z, ")),
     "joint type": (
         "\nplatform:",
         "\njoint_name: [platform_yaw]\njoint_type: [UJOINT]\nplatform:",
@@ -177,8 +177,8 @@ GEAR = coupled({"shoulder": 1, "elbow": 2})
 # What one closure says wrong, and words of the refusal.
 CLOSURES = {
     "joint": (coupled({"wrist": 1, "elbow": 1}), ("'wrist'", "coupling", "shoulder")),
-    "no joint": (coupled({}), ("closures.0", "needs a joint")),
-    "coefficient zero": (coupled({"rail": 0, "elbow": 1}), ("closures.0", "rail", "zero")),
+    "no joint": (coupled({}), ("closures.0.joints", "at least 1, not 0")),
+    "coefficient zero": (coupled({"rail": 0, "elbow": 1}), ("closures.0.joints.rail", "is zero")),
     "coefficient NaN": (coupled({"rail": NAN}), ("closures.0.joints.rail", "NaN")),
     "offset": (coupled({"rail": 1}, offset=INF), ("closures.0.offset", "finite")),
     "offset huge": (coupled({"rail": 1}, offset=1e200), ("closures.0.offset", "1e+200")),
@@ -203,8 +203,11 @@ CLOSURES = {
     "frame": (tie("3d", ("tip", "toe")), ("'toe'", "palm", "ground")),
     "half a pair": ({"type": "3d", "frames": ["tip"]}, ("closures.0.frames.1", "missing")),
     "no frames": ({"type": "3d"}, ("closures.0", "'frames'")),
-    "kind": (tie("magnet", ENDS), ("closures.0.type", "'magnet'", "'distance'")),
-    "kind is a number": (tie(3, ENDS), ("closures.0.type", "not 3")),
+    "kind": (tie("magnet", ENDS), ("closures.0.type", "'magnet'", " distance, ")),
+    "kind is a number": (
+        tie(3, ENDS),
+        ("closures.0.type", "closure 3 (did you mean '3d'?)"),
+    ),
     "frames and joints": (tie("3d", ENDS, joints={"rail": 1}), ("closures.0", "'joints'")),
 }
 # What else a description says wrong.
@@ -270,7 +273,7 @@ DESCRIPTIONS = {
     ),
     "steep curve": (
         {"couplings": [{"joints": {"elbow": 1}, "of": {"rail": 1}, "polynomial": [0] * 6}]},
-        ("couplings.0.polynomial", "5 items"),
+        ("couplings.0.polynomial", "at most 5, not 6"),
     ),
     "nothing to remove": (
         {"remove_closures": ["tip-slide"]},

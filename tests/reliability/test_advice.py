@@ -332,7 +332,7 @@ OF_ROBOTS = {
         Robot("arm.yaml", COUPLED.format("")),
     ),
     "a turn of a hinge": (locked("elbow.wx"), "lock elbow, or a turn of a", locked("elbow")),
-    "an unknown joint to lock": (locked("elbows"), "choose one of shoulder,", locked("shoulder")),
+    "an unknown joint to lock": (locked("elbows"), "choose among shoulder,", locked("shoulder")),
     "a name that Pinocchio has": (
         urdf('joint name="elbow"', 'joint name="universe"'),
         "rename it",

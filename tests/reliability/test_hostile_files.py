@@ -143,7 +143,7 @@ def mjcf(rest="", body=BODY):
         ("none", "no valid XML"),
         (
             mjcf(body=BODY.replace("<joint ", '<joint stiffness="1e308" springref="9000" ')),
-            "joint_terms.j.Fo: Input should be a finite number",
+            "joint_terms.j.Fo: must be a finite number",
         ),
     ],
 )

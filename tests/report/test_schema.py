@@ -95,5 +95,5 @@ def test_records_have_the_form_that_is_told_and_pages_are_valid(kind, request):
 def test_all_forms_are_tested_and_others_unknown():
     tested = {kind.split(",")[0] for kind in REPORTS}
     assert set(FORMS) - tested == {"payload", "export"}  # by tests of commands, as all are
-    with pytest.raises(OptionError, match="choose one of check"):
+    with pytest.raises(OptionError, match="choose among check"):
         json_schema("chek")

@@ -12,25 +12,28 @@ import sys
 import typer
 
 from loopid.cli.logs import compare, export, identify, paper, payload, predict
-from loopid.cli.robots import base, check, excite, motions, simulate, view
+from loopid.cli.robots import base, check, excite, init, motions, schema, simulate, view
 from loopid.cli.shell import Command
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
-for command in (
-    check,
-    base,
-    view,
-    motions,
-    simulate,
-    excite,
-    identify,
-    predict,
-    payload,
-    compare,
-    export,
-    paper,
-):
-    app.command(cls=Command)(command)
+# Each with an example, in the order of the work.
+for command, example in {
+    init: "loopid init leg.urdf run.csv",
+    schema: "loopid schema robot > robot.schema.json",
+    check: "loopid check leg.yaml --lock ankle=0.1",
+    base: "loopid base leg.yaml --model full --terms Fc,Fv --out base",
+    view: "loopid view leg.yaml run.csv found/parameters.yaml",
+    motions: "loopid motions 3ups_rpu",
+    simulate: "loopid simulate leg.yaml motion/motion.yaml --noise 0.05 --out run.csv",
+    excite: "loopid excite leg.yaml --model full --max-speed 2 --out motion",
+    identify: "loopid identify leg.yaml run.csv --mapping run.yaml --out found",
+    predict: "loopid predict found/parameters.yaml other.csv",
+    payload: "loopid payload leg.yaml shank --unloaded run.csv --loaded held.csv",
+    compare: "loopid compare found again",
+    export: "loopid export leg.yaml found/parameters.yaml --urdf new.urdf --c controller",
+    paper: "loopid paper --out out",
+}.items():
+    app.command(cls=Command, epilog=f"Example: {example}")(command)
 
 
 def _show_version(wanted: bool) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 from typer import Argument, Option
 
+from loopid.cli import completion
 from loopid.cli.robots import FILE, LOGGED_MODEL, MAPPING, TERMS, numbers, of_robot, recordings
 from loopid.cli.shell import answering, with_options
 from loopid.errors import LoopidError, OptionError
@@ -35,7 +36,11 @@ LOGS = Argument(
 CUTOFF = Option(
     None, help="Cut-off of the low-pass filter in Hz; by default where estimates change least."
 )
-AUTOMATIC_TERMS = Option("auto", help=f"{TERMS[:-1]}; auto: the usual ones, and what LOG asks for.")
+AUTOMATIC_TERMS = Option(
+    "auto",
+    help=f"{TERMS[:-1]}; auto: the usual ones, and what LOG asks for.",
+    autocompletion=completion.terms,
+)
 ROWS = Option(None, metavar="M:N", help="Rows of each LOG to use, counted from 1.")
 
 
@@ -177,7 +182,12 @@ def predict(
 def payload(
     robot: Mechanism,
     answer: Answer,
-    link: str = Argument(..., metavar="LINK", help="Link that the payload is fixed to."),
+    link: str = Argument(
+        ...,
+        metavar="LINK",
+        help="Link that the payload is fixed to.",
+        autocompletion=completion.links,
+    ),
     unloaded: list[str] = Option(..., metavar="LOG", help="Log without it; repeatable."),
     loaded_log: list[str] = Option(..., "--loaded", metavar="LOG", help="Log with it; repeatable."),
     known_mass: float | None = Option(

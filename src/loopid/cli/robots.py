@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import re
+import shlex
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import typer
 from typer import Argument, Option
 
+from loopid.cli import completion
 from loopid.cli.shell import answering, with_options
 from loopid.errors import OptionError
 from loopid.files import require_name, require_other_file, require_own_kind, write_file, write_files
@@ -20,17 +23,24 @@ if TYPE_CHECKING:
     from loopid.robot.mechanism import Mechanism
 
 FILE = Argument(
-    ..., metavar="FILE", help="Robot: a YAML, URDF, MJCF or SDF, or a bundled one's name."
+    ...,
+    metavar="FILE",
+    help="Robot: a YAML, URDF, MJCF or SDF, or a bundled one's name.",
+    autocompletion=completion.robots,
 )
+XACRO = Option(None, metavar="KEY:=VALUE", help="Argument of a xacro; repeatable.")
 MOTIONS = Argument(None, metavar="MOTIONS", help="Motion YAML; by default the robot's bundled one.")
 LOG_ENDINGS = (".csv", ".txt", ".tsv")
 MODELS = "gravity (slow motion) or full (all ten parameters a body)"
-MODEL = Option("gravity", help=f"{MODELS}.")
-LOGGED_MODEL = Option("auto", help=f"{MODELS}; auto: the one that LOG asks for.")
+MODEL = Option("gravity", help=f"{MODELS}.", autocompletion=completion.models)
+LOGGED_MODEL = Option(
+    "auto", help=f"{MODELS}; auto: the one that LOG asks for.", autocompletion=completion.models
+)
 TERMS = (
     "Forces in the joints: of all motors, as Fc,Fv,Fo; with some joints' own, as "
     '"Fc,Fv; elbow: Ks; passive: Fv"; file: those that the robot file gives; none.'
 )
+GIVEN_TERMS = Option("none", help=TERMS, autocompletion=completion.terms)
 MAPPING = Option(None, metavar="YAML", help="File that says which columns of LOG are what.")
 
 
@@ -40,6 +50,7 @@ def loaded(
         None,
         metavar="JOINT[=VALUE]",
         help="Lock a joint, or a turn such as ball.wz, at its reference or a value; repeatable.",
+        autocompletion=completion.joints,
     ),
     rounding: float | None = Option(
         None, help="Rounding of the file's numbers in m and rad: loops may be open by it."
@@ -53,16 +64,11 @@ def loaded(
     tied: bool = Option(
         False, "--tied", help="Links that the YAML calls identical share parameters."
     ),
-    xacro: list[str] | None = Option(
-        None, metavar="KEY:=VALUE", help="Argument of a xacro; repeatable."
-    ),
+    xacro: list[str] | None = XACRO,
 ) -> Any:
     """The robot (``Mechanism``) that the options of a command ask for."""
     from loopid.loading.load import load_mechanism
 
-    arguments = dict(text.partition(":=")[::2] for text in xacro or ())
-    if not all(":=" in text for text in xacro or ()):
-        raise OptionError(f"--xacro takes KEY:=VALUE, not {' '.join(xacro or ())!r:.60}")
     with progress_bar("robot"):
         return load_mechanism(
             file,
@@ -71,7 +77,7 @@ def loaded(
             free_mimics=free_mimics,
             tied=tied,
             rounding=rounding,
-            xacro=arguments,
+            xacro=macro_arguments(xacro),
         )
 
 
@@ -102,7 +108,7 @@ def base(
     variant: str | None = Option(
         None, help="Subgroup search: gap, by default, or pseudocode, as printed in the paper."
     ),
-    terms: str = Option("none", help=TERMS),
+    terms: str = GIVEN_TERMS,
     criterion: str = Option("nullspace", help="nullspace (cond V22) or regressor (cond W_B)."),
     samples: int | None = Option(None, help="Number of random closed poses; enough by default."),
     seed: int = Option(0, help="Seed of the random poses."),
@@ -206,9 +212,11 @@ def excite(
     robot: Mechanism,
     answer: Answer,
     model: str = Option(
-        "auto", help=f"{MODELS}; auto: the one that the logs of --after ask for, gravity without."
+        "auto",
+        help=f"{MODELS}; auto: the one that the logs of --after ask for, gravity without.",
+        autocompletion=completion.models,
     ),
-    terms: str = Option("none", help=TERMS),
+    terms: str = GIVEN_TERMS,
     criterion: str = Option("D", help="What is optimised: D, A, E or condition."),
     shape: str = Option("fourier", help="fourier, spline, or poses to stand in (gravity)."),
     size: int | None = Option(
@@ -248,7 +256,10 @@ def excite(
         None, "--for", metavar="PARAMETER", help="One that the motion should excite; repeatable."
     ),
     payload: str | None = Option(
-        None, metavar="LINK", help="Link whose parameters alone are unknown."
+        None,
+        metavar="LINK",
+        help="Link whose parameters alone are unknown.",
+        autocompletion=completion.links,
     ),
     starts: int = Option(4, help="Random motions to begin with."),
     evaluations: int = Option(400, help="Motions that are tried; more never give a worse one."),
@@ -337,6 +348,49 @@ def view(
             pictures = enumerate(viewer.pictures(count))
             written = write_files(out, {f"{robot.name}_{k:03d}.png": png for k, png in pictures})
             typer.echo("\n".join(map(str, written)))
+
+
+def init(
+    file: str = Argument(..., metavar="FILE", help="Robot: a URDF, MJCF, SDF or xacro."),
+    log: str | None = Argument(None, metavar="[LOG]", help="A log, whose columns are named."),
+    out: str = Option(".", metavar="DIR", help="Folder to write to."),
+    floating_base: bool = Option(False, "--floating-base", help="The root moves freely."),
+    xacro: list[str] | None = XACRO,
+) -> None:
+    """Write a YAML and a mapping to fill in, with the closures that a file shows."""
+    from loopid.export.first_files import write_first_files
+
+    with progress_bar("robot"):
+        yaml, mapping = write_first_files(
+            file, log, folder=out, floating_base=floating_base, xacro=macro_arguments(xacro)
+        )
+    typer.echo(next_commands(yaml, log or "LOG", mapping))
+
+
+def next_commands(yaml: object, log: str, mapping: object) -> str:
+    """The commands that follow ``init``."""
+    robot, log, mapping = (shlex.quote(str(each)) for each in (yaml, log, mapping))
+    return f"""\
+Fill in {robot} and {mapping}. Then:
+  loopid check {robot}
+  loopid view {robot}
+  loopid base {robot} --model full
+  loopid excite {robot} --model full --out motion
+  loopid identify {robot} {log} --mapping {mapping} --out found"""
+
+
+def schema(kind: str = Argument(..., metavar="KIND", help="robot, mapping or motions.")) -> None:
+    """Print the JSON schema of a YAML, by which editors complete keys and mark mistakes."""
+    from loopid.export.first_files import file_schema
+
+    typer.echo(json.dumps(file_schema(kind), indent=1, ensure_ascii=False))
+
+
+def macro_arguments(given: Sequence[str] | None) -> dict[str, str]:
+    """KEY:=VALUE by key."""
+    if not all(":=" in text for text in given or ()):
+        raise OptionError(f"--xacro takes KEY:=VALUE, not {' '.join(given or ())!r:.60}")
+    return dict(text.partition(":=")[::2] for text in given or ())
 
 
 def ranges(given: Sequence[str] | None, option: str) -> dict[str, tuple[float, float]]:

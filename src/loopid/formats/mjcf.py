@@ -15,6 +15,7 @@ from numpy.polynomial import Polynomial
 from pydantic import ValidationError
 
 from loopid.arguments import BoolArray
+from loopid.border import refusal
 from loopid.errors import OptionError, RobotFileError, naming
 from loopid.formats.mjcf_scene import (
     DRIVES_JOINT,
@@ -35,7 +36,6 @@ from loopid.formats.mjcf_scene import (
 from loopid.loading.description import ClosureDescription, Description
 from loopid.loading.tree import NearCoupling, TreeSource, add_frame
 from loopid.robot.mechanism import shortened
-from loopid.sections import first_problem
 
 # Gain, bias and dynamics of an actuator whose force is its control times a constant.
 DIRECT = "fixed", "none", "none"
@@ -76,7 +76,7 @@ def read_mjcf(path: Path, floating_base: bool = False, free_mimics: bool = False
             joint_terms=terms,
         )
     except ValidationError as error:
-        raise RobotFileError(f"{path}: {first_problem(error)}") from error
+        raise refusal(error, where=path) from error
     heavy = (compiled.body_mass != 0) | (compiled.body_inertia != 0).any(axis=1)
     return TreeSource(
         name=name,

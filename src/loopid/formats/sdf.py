@@ -185,8 +185,8 @@ class _Sdf:
         for full in (scope + name, f"{scope}{name}::{MODEL}"):
             if full in self.placed:
                 return full
-        there = shortened([each for each in self.placed if not each.endswith(MODEL)])
-        raise RobotFileError(f"unknown link or frame {name!r}: choose among {there}")
+        there = [each for each in self.placed if not each.endswith(MODEL)]
+        raise RobotFileError.unknown("link or frame", name, there)
 
     def place(self, scope: str, name: str) -> pin.SE3:
         """Placement of an element in the world."""

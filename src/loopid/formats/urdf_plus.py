@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import pinocchio as pin
 from pydantic import ValidationError
 
+from loopid.border import refusal
 from loopid.errors import RobotFileError, naming
 from loopid.loading.description import ClosureDescription
 from loopid.loading.urdf import SEVERAL, Dialect, closure_of, linked
@@ -20,7 +21,6 @@ from loopid.loading.xml_elements import (
     placement,
     required,
 )
-from loopid.sections import first_problem
 
 if TYPE_CHECKING:
     from yourdfpy.urdf import Joint
@@ -74,7 +74,7 @@ def _couplings(urdf: UrdfFile) -> dict[str, ClosureDescription]:
             try:
                 coupling = ClosureDescription(type="coupling", name=name, joints=joints)
             except ValidationError as error:
-                raise RobotFileError(first_problem(error)) from error
+                raise refusal(error) from error
         found[to_successor[-1]] = coupling
     return found
 

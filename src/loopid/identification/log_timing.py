@@ -88,8 +88,6 @@ def _errors_by_lag(
     mechanism: Mechanism, recording: Recording, options: SuspicionOptions
 ) -> tuple[FloatArray, FloatArray]:
     """Shifts (L,) in s, and what is left of the forces at each, in parts of them."""
-    from scipy.signal import correlate  # slow to import
-
     motion, force = recording.motion, recording.motor_force
     steps = np.diff(motion.time)
     step = float(np.median(steps)) if len(steps) else 1.0
@@ -97,7 +95,7 @@ def _errors_by_lag(
     part = max((slice(a, b) for a, b in pairwise(breaks.tolist())), key=lambda p: p.stop - p.start)
     count = part.stop - part.start
     most = min(2 * count // 3, round(options.latest / step))
-    lags = np.arange(-most, most + 1)
+    lags, length = np.arange(-most, most + 1), 1 << (2 * count - 1).bit_length()
     whole = closed_motion(
         mechanism, motion.configurations[part], motion.velocities[part], motion.accelerations[part]
     )
@@ -117,7 +115,8 @@ def _errors_by_lag(
 
         def at_lags(a: FloatArray, b: FloatArray) -> FloatArray:
             """Sums of a at a time times b a lag before, (L,)."""
-            return np.asarray(correlate(a, b, method="fft")[count - 1 - most : count + most])
+            product = np.fft.rfft(a, length) * np.fft.rfft(b, length).conj()
+            return np.roll(np.fft.irfft(product, length), most)[: len(lags)]
 
         n = X.shape[1]
         H = np.empty((len(lags), n, n))

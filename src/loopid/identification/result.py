@@ -156,7 +156,7 @@ class FileDeviation(OfArrays):
         off = (f"{name} {100 * own:.2g} %" for name, own in self.rows if own > self.common)
         also = ", ".join(off)
         return (
-            f"the bodies of the robot file {'are assumed' if bound else 'count as'} right to "
+            f"the given bodies {'are assumed' if bound else 'count as'} right to "
             f"{100 * self.common:.2g} %{f', but {also}' if also else ''}"
         )
 

@@ -24,6 +24,7 @@ from loopid.arguments import LARGEST, FloatArray, Number, checked, finite, froze
 from loopid.base_parameters.base import BaseParameters, expression
 from loopid.base_parameters.choice import SearchResult
 from loopid.base_parameters.structure import analyse
+from loopid.border import refusal
 from loopid.errors import DataError, FileError, OptionError
 from loopid.files import require_other_file, why_no_file, write_file
 from loopid.identification.force_model import ForceModel
@@ -599,11 +600,7 @@ def read_fit(path: str | Path) -> SavedFit:
     try:
         saved = SavedFit.model_validate_json(document)
     except ValidationError as error:
-        detail = error.errors(include_url=False)[0]
-        where = ".".join(map(str, detail["loc"]))
-        found = ": ".join(filter(None, (where, detail["msg"].removeprefix("Value error, "))))
-        facts = getattr(detail.get("ctx", {}).get("error"), "facts", {})
-        raise DataError(f"{path} is not a saved fit: {found}", field=where, **facts) from error
+        raise refusal(error, where=f"{path} is not a saved fit", kind=DataError) from error
     except (TypeError, OverflowError) as error:  # of whole numbers that are none
         raise DataError(f"{path} is not a saved fit: {error}") from error
     if saved.digest != _digest(json.loads(document)):

@@ -12,15 +12,8 @@ import pinocchio as pin
 
 from loopid.errors import MobilityError, ModelWarning, OptionError, RobotFileError, naming, warn
 from loopid.loading.checks import warn_of_findings
-from loopid.loading.description import (
-    LARGEST_ROUNDING,
-    Description,
-    find_closures,
-    find_couplings,
-    frame_named,
-    joint_named,
-    merged,
-)
+from loopid.loading.description import LARGEST_ROUNDING, Description, merged
+from loopid.loading.model_closures import find_closures, find_couplings, frame_named, joint_named
 from loopid.loading.reference import close_reference, with_lengths
 from loopid.loading.tree import TreeSource, build_tree, written_reference
 from loopid.loading.undeclared import undeclared_loops
@@ -192,12 +185,8 @@ def _joint_values(
         elif name in mechanism.coordinates:
             found |= {name: given} if given else {}
         elif not (name in tree.locked or whole.existJointName(name)):
-            listed = ", ".join(mechanism.coordinates)
-            raise RobotFileError(
-                f"joint_terms: unknown joint {name!r}: choose among {listed}",
-                given=name,
-                valid=mechanism.coordinates,
-            )
+            known = mechanism.coordinates
+            raise RobotFileError.unknown("joint", name, known, " in joint_terms")
         elif given and name not in tree.locked and not {*tree.replaced.get(name, ())} & described:
             warn(
                 f"{mechanism.source}: other joints have taken the place of {name}, so its "

@@ -7,12 +7,12 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from loopid.errors import OptionError
-from loopid.loading.description import ClosureDescription, Description
+from loopid.border import refusal
+from loopid.errors import OptionError, naming
+from loopid.loading.description import ClosureDescription, Description, closure_kind
 from loopid.loading.tree import Reference
 from loopid.records import record
-from loopid.robot.closures import Axis, JointCoupling
-from loopid.sections import first_problem
+from loopid.robot.closures import CLOSURE_KINDS, Axis, JointCoupling
 
 
 @record(checked=True)
@@ -59,6 +59,9 @@ class Closure:
                 "give a Coupling",
                 given=self.kind,
             )
+        if closure_kind(self.kind) is None:
+            with naming(f"closure {self.frame_a}-{self.frame_b}"):
+                raise OptionError.unknown("kind of closure", self.kind, CLOSURE_KINDS)
         _ = self.description  # or an OptionError
 
     @property
@@ -114,9 +117,7 @@ def _described(what: str, content: dict[str, Any]) -> ClosureDescription:
     try:
         return ClosureDescription.model_validate(content)
     except ValidationError as error:
-        raise OptionError(
-            f"{what}: {first_problem(error).removeprefix('type: ')}", given=content
-        ) from None
+        raise refusal(error, content, what, OptionError) from None
 
 
 def with_more(

@@ -7,24 +7,18 @@ say some of it themselves fill in the same description, and the YAML has the las
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
-import numpy as np
-import pinocchio as pin
-from numpy.polynomial import Polynomial
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
-from loopid.errors import ModelWarning, RobotFileError, warn
-from loopid.robot.closures import CLOSURE_KINDS, JointCoupling, LoopClosure
-from loopid.robot.mechanism import link_frames
-from loopid.sections import Section
+from loopid.border import Section, unknown
+from loopid.errors import RobotFileError
+from loopid.robot.closures import CLOSURE_KINDS, JointCoupling
 
 COUPLING = JointCoupling.kind
 Vector = tuple[float, float, float]
-Component = Annotated[float, Field(gt=-1e30, lt=1e30)]
 JointType = Annotated[
     Literal["FIXED", "SPHERICAL", "UJOINT_XY", "UJOINT_XZ", "UJOINT_YX", "UJOINT_YZ", "UJOINT_ZX",
             "UJOINT_ZY"],
@@ -34,47 +28,76 @@ JointType = Annotated[
 
 
 LARGEST_ROUNDING = 1e-2  # m and rad
-ROUND_OFF = 1e-10  # of linear couplings, relative to their largest coefficients
+LARGEST, LEAST = 1e30, 1e-30  # of coefficients and offsets
 
 
-def _known_kind(value: Any) -> str:
-    """The own name of a kind of closure, or of the coupling of joints."""
-    kind = value.lower() if isinstance(value, str) else ""
-    if kind in CLOSURE_KINDS:
+def key(default: Any, says: str, **limits: Any) -> Any:
+    """A key of the file: its default, what editors say of it, and what its value keeps."""
+    return Field(default=default, description=says, **limits)
+
+
+def closure_kind(given: Any) -> str | None:
+    """The own name of a kind of closure, or of the coupling of joints; None where there is none."""
+    kind = given.lower() if isinstance(given, str) else ""
+    if kind in (*CLOSURE_KINDS, COUPLING):
         return kind
-    if kind in (COUPLING, *JointCoupling.aliases):
+    if kind in JointCoupling.aliases:
         return COUPLING
-    for name, known in CLOSURE_KINDS.items():
-        if kind in known.aliases:
-            return name
-    valid = ", ".join(map(repr, (*CLOSURE_KINDS, COUPLING)))
-    raise ValueError(f"the kind of a closure must be one of {valid}, not {value!r:.60}")
+    return next((name for name, known in CLOSURE_KINDS.items() if kind in known.aliases), None)
 
 
-def _known_or_none(value: Any) -> str:
-    try:
-        return _known_kind(value)
-    except ValueError:
-        return ""
+def _known_kind(given: Any) -> str:
+    if (kind := closure_kind(given)) is None:
+        raise unknown("kind of closure", given, (*CLOSURE_KINDS, COUPLING))
+    return kind
 
 
-Kind = Annotated[str, BeforeValidator(_known_kind)]
+def _has_size(coefficient: float) -> float:
+    if not LEAST < abs(coefficient) < LARGEST:
+        said = "is zero" if coefficient == 0 else f"{coefficient:g} is beyond all measure"
+        raise ValueError(f"a coefficient {said}: leave the joint out, or check its value")
+    return coefficient
+
+
+def _has_direction(axis: Vector) -> Vector:
+    if not any(axis):
+        raise ValueError("an axis is zero: give it a direction")
+    return axis
+
+
+KINDS = [*CLOSURE_KINDS, *(name for kind in CLOSURE_KINDS.values() for name in kind.aliases)]
+Kind = Annotated[str, BeforeValidator(_known_kind), WithJsonSchema({"enum": KINDS})]
+Direction = Annotated[Vector, AfterValidator(_has_direction)]
+Component = Annotated[float, Field(gt=-LARGEST, lt=LARGEST)]
+Coefficients = Annotated[
+    dict[str, Annotated[float, AfterValidator(_has_size)]], Field(min_length=1)
+]
+
+
+def keys_of(kind: str, curved: bool = False) -> tuple[list[str], list[str]]:
+    """Keys that a closure of a kind may have beside its type and name, and those it needs."""
+    if kind == COUPLING:
+        curve = ["of", "polynomial"] if curved else []
+        return ["joints", *(curve or ["offset"])], ["joints", *curve]
+    known = CLOSURE_KINDS[kind]
+    needed = ["frames"] + ["length"] * known.has_length + ["joint"] * known.has_joint
+    return needed + ["axes"] * bool(known.axes), needed
 
 
 class ClosureDescription(Section):
     """One closure: of two frames, or a coupling of joints, ``joints`` = polynomial of ``of``."""
 
     type: Kind
-    name: str | None = None
-    frames: tuple[str, str] | None = None
-    axes: tuple[Vector, Vector] | None = None
-    length: float | None = Field(default=None, ge=1e-9, le=1e9)
-    joint: str | None = None
-    joints: dict[str, float] | None = None
-    offset: float = Field(default=0.0, gt=-1e30, lt=1e30)
-    of: dict[str, float] | None = None
-    polynomial: list[Annotated[float, Field(gt=-1e30, lt=1e30)]] | None = Field(
-        default=None, min_length=1, max_length=5
+    name: str | None = key(None, "By default of its frames, or of the joint that follows.")
+    frames: tuple[str, str] | None = key(None, "Two links, joints or sites that meet.")
+    axes: tuple[Direction, Direction] | None = key(None, "The axis in each of the two frames.")
+    length: float | None = key(None, "Of the rod, in m.", ge=1e-9, le=1e9)
+    joint: str | None = key(None, "The sliding joint whose coordinate is the length.")
+    joints: Coefficients | None = key(None, "Coefficients of joint coordinates, which add up.")
+    offset: Component = key(0.0, "What the sum is, in m or rad.")
+    of: Coefficients | None = key(None, "Coefficients of the sum that the polynomial is of.")
+    polynomial: list[Component] | None = key(
+        None, "Its coefficients, the constant one first.", min_length=1, max_length=5
     )
 
     @model_validator(mode="before")
@@ -83,20 +106,21 @@ class ClosureDescription(Section):
         """``axes`` of a kind that one ``axis`` is enough for; the form of two where it is not."""
         if not isinstance(content, dict):
             return content
-        key = "axis" if "axis" in content else "axes"
-        axis, kind = content.get(key), CLOSURE_KINDS.get(_known_or_none(content.get("type")))
+        word = "axis" if "axis" in content else "axes"
+        axis = content.get(word)
+        kind = CLOSURE_KINDS.get(closure_kind(content.get("type")) or "")
         single = isinstance(axis, list) and len(axis) == 3 and not isinstance(axis[0], list)
-        if kind is None or not kind.axes or not (key == "axis" or single):
+        if kind is None or not kind.axes or not (word == "axis" or single):
             return content
         if not kind.one_axis:
             pair = f"[{axis}, {axis}]" if single else "[[0, 0, 1], [0, 0, 1]]"
             raise ValueError(
-                f"{key}: a {content['type']} closure has two 'axes', one in each frame, such as "
+                f"{word}: a {content['type']} closure has two 'axes', one in each frame, such as "
                 f"axes: {pair}"
             )
-        if key == "axis" and "axes" in content:
+        if word == "axis" and "axes" in content:
             raise ValueError("give either 'axis' or 'axes'")
-        rest = {name: value for name, value in content.items() if name != key}
+        rest = {name: value for name, value in content.items() if name != word}
         return rest | {"axes": [axis, axis] if single else axis}
 
     @property
@@ -106,45 +130,38 @@ class ClosureDescription(Section):
 
     @model_validator(mode="after")
     def _keys_fit(self) -> ClosureDescription:
-        needed, optional = "joints", ["offset"] if self.of is None else ["of", "polynomial"]
-        if self.type != COUPLING:
-            kind = CLOSURE_KINDS[self.type]
-            needed, optional = "frames", ["axes"] * bool(kind.axes) + ["length"] * kind.has_length
-            optional += ["joint"] * kind.has_joint
-        if getattr(self, needed) is None:
-            raise ValueError(f"a {self.type} closure needs '{needed}'")
         if (self.of is None) != (self.polynomial is None):
             raise ValueError("a coupling has 'of' and 'polynomial' together, or neither")
-        allowed = {"type", "name", needed, *optional}
-        for key in sorted(self.model_fields_set - allowed):
-            valid = ", ".join(sorted(allowed))
-            raise ValueError(f"a {self.type} closure has no {key!r}: choose among {valid}")
-        if "length" in optional and self.length is None:
-            raise ValueError(f"a {self.type} closure needs its 'length' in m")
-        if "joint" in optional and self.joint is None:
-            raise ValueError(f"a {self.type} closure needs the 'joint' whose value is its length")
-        return self
-
-    @model_validator(mode="after")
-    def _values_fit(self) -> ClosureDescription:
-        if any(not any(axis) for axis in self.axes or ()):
-            raise ValueError("axes: an axis is zero")
+        known, needed = keys_of(self.type, curved=self.of is not None)
+        for each in sorted(self.model_fields_set - {"type", "name", *known}):
+            raise unknown(f"key of a {self.type} closure", each, ("type", "name", *known))
+        for each in needed:
+            if getattr(self, each) is None:
+                says = type(self).model_fields[each].description
+                raise ValueError(f"a {self.type} closure needs {each!r}: {str(says).lower()[:-1]}")
         same = self.type != COUPLING and CLOSURE_KINDS[self.type].same_axes
         if same and self.axes and self.axes[0] != self.axes[1]:
             raise ValueError(
                 f"a {self.type} closure turns neither frame: its two axes must be alike"
             )
-        for joints in (self.joints, self.of):
-            if joints is not None and not joints:
-                raise ValueError("a coupling closure needs a joint at least")
-            for name, coefficient in (joints or {}).items():
-                if coefficient == 0:
-                    raise ValueError(f"joint {name} has coefficient zero in a coupling")
-                if not 1e-30 < abs(coefficient) < 1e30:
-                    raise ValueError(
-                        f"joint {name} has a coefficient beyond all measure, {coefficient:g}"
-                    )
         return self
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: Any, handler: Any) -> dict[str, Any]:
+        """A form for each kind, so that editors offer its own keys."""
+        keys = handler.resolve_ref_schema(handler(core))["properties"]
+        keys["axis"] = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
+        forms = []
+        for name in (*CLOSURE_KINDS, COUPLING):
+            known, needed = keys_of(name, curved=True)
+            kind = JointCoupling if name == COUPLING else CLOSURE_KINDS[name]
+            known += ["offset"] * (name == COUPLING) + ["axis"] * getattr(kind, "one_axis", False)
+            shown = {"type": {"enum": [name, *kind.aliases]}}
+            shown |= {each: keys[each] for each in ("name", *known)}
+            must = ["joints"] if name == COUPLING else ["type", *needed]
+            form = {"title": name, "type": "object", "additionalProperties": False}
+            forms.append(form | {"properties": shown, "required": must})
+        return {"anyOf": forms}
 
 
 class PlatformDescription(Section):
@@ -168,31 +185,45 @@ def _is_coupling(content: Any) -> Any:
 class Description(Section):
     """What a robot file may say; all of it may be left out for a serial robot."""
 
-    urdf: str | None = None
-    mjcf: str | None = None
-    xacro: dict[str, str | float | bool] = Field(default={})
-    floating_base: bool = False
-    closures: list[ClosureDescription] = Field(default=[])
-    closed_loop: list[tuple[str, str]] = Field(default=[])
-    type: list[Kind] = Field(default=[])
-    couplings: list[Annotated[ClosureDescription, BeforeValidator(_is_coupling)]] = Field(
-        default=[]
+    urdf: str | None = key(None, "File of the tree, relative to this one.")
+    mjcf: str | None = key(None, "File of the tree, relative to this one.")
+    xacro: dict[str, str | float | bool] = key({}, "Arguments of the macros.")
+    floating_base: bool = key(False, "Whether the root moves freely.")
+    closures: list[ClosureDescription] = key([], "What closes the loops.")
+    closed_loop: list[tuple[str, str]] = key([], "Pairs of frames that meet; kinds are in 'type'.")
+    type: list[Kind] = key([], "The kind of closure of each pair of 'closed_loop'.")
+    couplings: list[Annotated[ClosureDescription, BeforeValidator(_is_coupling)]] = key(
+        [], "Joints that move together, as by gears."
     )
-    cables: dict[str, list[str]] = Field(default={})
-    drives: dict[str, dict[str, float]] = Field(default={})
-    remove_closures: list[str] = Field(default=[])
-    name_mot: list[str] | str | None = None
-    joint_name: list[str] = Field(default=[])
-    joint_type: list[JointType] = Field(default=[])
-    reference: dict[str, float | list[float]] = Field(default={})
-    limits: dict[str, tuple[float, float] | None] = Field(default={})
-    gravity: tuple[Component, Component, Component] | None = None
-    rounding: float | None = Field(default=None, ge=0, le=LARGEST_ROUNDING)
-    margin: float | None = Field(default=None, ge=0, lt=1)
-    closure_rank_tolerance: float | None = Field(default=None, gt=0, lt=1)
-    joint_terms: Mapping[str, Mapping[str, float | None]] = Field(default={})
-    platform: PlatformDescription | None = None
-    identical: dict[str, list[str]] = Field(default={})
+    cables: dict[str, list[str]] = key({}, "Cable to the frames that it runs through.")
+    drives: dict[str, dict[str, float]] = key(
+        {}, "Motor to the joints that it turns, each with its ratio."
+    )
+    remove_closures: list[str] = key([], "Closures of the tree's file that do not hold.")
+    name_mot: list[str] | str | None = key(
+        None, "The actuated joints, or a text that their names contain."
+    )
+    joint_name: list[str] = key([], "Joints to be locked or replaced.")
+    joint_type: list[JointType] = key([], "What each of 'joint_name' becomes.")
+    reference: dict[str, float | list[float]] = key(
+        {}, "Joint to its value in a closed configuration, in m or rad."
+    )
+    limits: dict[str, tuple[float, float] | None] = key(
+        {}, "Joint to lower and upper limit, in m or rad; null for none."
+    )
+    gravity: tuple[Component, Component, Component] | None = key(None, "In m/s².")
+    rounding: float | None = key(
+        None, "To what numbers are rounded, in m and rad; 0: exact.", ge=0, le=LARGEST_ROUNDING
+    )
+    margin: float | None = key(None, "Least singularity measure of random poses.", ge=0, lt=1)
+    closure_rank_tolerance: float | None = key(
+        None, "Part of the largest singular value that counts as zero.", gt=0, lt=1
+    )
+    joint_terms: Mapping[str, Mapping[str, float | None]] = key(
+        {}, "Joint to values of its terms; null where unknown."
+    )
+    platform: PlatformDescription | None = key(None, "A frame and its coordinates.")
+    identical: dict[str, list[str]] = key({}, "Name to links with equal parameters.")
 
     @model_validator(mode="after")
     def _lists_match(self) -> Description:
@@ -298,13 +329,8 @@ def merged(own: Description, given: Description) -> Description:
     labels = [closure.label for closure in own.closures]
     for name in given.remove_closures:
         if name not in labels:
-            listed = ", ".join(labels) or "none"
-            raise RobotFileError(
-                f"remove_closures: unknown closure {name!r}: choose among those of the tree's own "
-                f"file: {listed}",
-                given=name,
-                valid=tuple(labels),
-            )
+            where = " of the tree's own file, in remove_closures"
+            raise RobotFileError.unknown("closure", name, labels, where)
     again = [set(closure.frames or ()) for closure in given.all_closures]
     kept = [
         closure
@@ -334,168 +360,3 @@ def _motors(own: Description, given: Description) -> list[str] | str | None:
         return own.name_mot if given.name_mot is None else given.name_mot
     left = (name for name in own.name_mot if name not in (*given.driven, *given.drives))
     return [*given.drives, *left]
-
-
-def warn_of_size(where: str, axis: Iterable[float]) -> None:
-    """Warn of an axis whose length hardly is that of a rounded unit vector."""
-    numbers = [*axis]
-    if not 0.9 < math.hypot(*numbers) < 1.1:
-        text = ", ".join(f"{number:g}" for number in numbers)
-        warn(f"{where}: axis ({text}) is no unit vector: its direction counts", ModelWarning)
-
-
-# What is described, in the model of the tree.
-
-
-def joint_named(model: pin.Model, name: str, where: str) -> pin.JointModel:
-    """Joint of a name; where there is none, an error that lists the joints."""
-    names = tuple(model.names)[1:]
-    if name not in names:
-        raise RobotFileError(
-            f"unknown joint {name!r} {where}: choose among {', '.join(names)}",
-            given=name,
-            valid=names,
-        )
-    return model.joints[model.getJointId(name)]
-
-
-def find_closures(
-    where: object, model: pin.Model, described: Iterable[ClosureDescription]
-) -> tuple[LoopClosure, ...]:
-    """Closures, each between frames of two bodies of the model."""
-    found = tuple(
-        _closure(where, model, closure, *closure.frames)
-        for closure in described
-        if closure.frames is not None
-    )
-    for k, closure in enumerate(found):
-        ends = (closure.kind, set(closure.frame_ids))
-        if any((other.kind, set(other.frame_ids)) == ends for other in found[:k]):
-            raise RobotFileError(
-                f"closure {closure.name} ({closure.kind}) is listed twice", closure=closure.name
-            )
-    return found
-
-
-def _closure(
-    where: object, model: pin.Model, closure: ClosureDescription, frame_a: str, frame_b: str
-) -> LoopClosure:
-    name, ids = f"{frame_a}-{frame_b}", (frame_named(model, frame_a), frame_named(model, frame_b))
-    joints = [model.frames[frame].parentJoint for frame in ids]
-    if joints[0] == joints[1] and closure.joint is None:
-        raise RobotFileError(
-            f"closure {name} joins two frames of one body: it closes no loop, leave it out",
-            closure=name,
-        )
-    default = CLOSURE_KINDS[closure.type].axes or ((0.0, 0.0, 1.0),) * 2
-    first, second = closure.axes or default
-    for axis in dict.fromkeys((first, second)):
-        warn_of_size(f"{where}: closure {name}", axis)
-    axes, indices = (_unit(first), _unit(second)), None
-    if closure.joint is not None:
-        sliding = joint_named(model, closure.joint, f"in closure {name}")
-        if not sliding.shortname().startswith("JointModelP") or sliding.nv > 1:
-            raise RobotFileError(
-                f"closure {name}: joint {closure.joint} must slide, as its value is a length",
-                joint=closure.joint,
-            )
-        indices = sliding.idx_q, sliding.idx_v
-    numbers = closure.length or 0.0, closure.joint, indices
-    return LoopClosure(closure.type, frame_a, frame_b, ids, axes, *numbers)
-
-
-def _unit(axis: Vector) -> Vector:
-    # Of size one first, so that no square overflows or vanishes.
-    direction = np.array(axis) / np.abs(axis).max()
-    x, y, z = (float(part) for part in direction / np.linalg.norm(direction))
-    return x, y, z
-
-
-def frame_named(model: pin.Model, name: str) -> int:
-    """Index of the frame of a link or, where no link has the name, of a joint or site."""
-    links = link_frames(model)
-    if name in links:
-        return links[name]
-    # Joints have frames too; a link of the same name comes first.
-    for frame_id, frame in enumerate(model.frames):
-        if frame.name == name:
-            return frame_id
-    raise RobotFileError(
-        f"unknown frame {name!r}: choose among {', '.join(links)}", given=name, valid=tuple(links)
-    )
-
-
-def find_couplings(
-    where: object,
-    model: pin.Model,
-    described: Iterable[ClosureDescription],
-    locked: Mapping[str, float | None],
-) -> tuple[JointCoupling, ...]:
-    """Couplings; joints that are locked count with their values."""
-    held = {name: value for name, value in locked.items() if value is not None}
-    couplings = (closure for closure in described if closure.joints is not None)
-    found = [each for c in couplings if (each := _coupling(model, c, held)) is not None]
-    _refuse_contradictions(where, [each for each in found if not each.powers])
-    return tuple(found)
-
-
-def _coupling(
-    model: pin.Model, closure: ClosureDescription, locked: Mapping[str, float]
-) -> JointCoupling | None:
-    joints, argument = dict(closure.joints or {}), dict(closure.of or {})
-    held = sum(factor * locked.get(name, 0.0) for name, factor in joints.items())
-    shift = sum(factor * locked.get(name, 0.0) for name, factor in argument.items())
-    # In terms of what moves; a constant and a slope are linear.
-    curve = Polynomial(closure.polynomial or [closure.offset])(Polynomial([shift, 1.0]))
-    moving = {name: c for name, c in joints.items() if name not in locked}
-    argument = {name: factor for name, factor in argument.items() if name not in locked}
-    constant, slope, *powers = [*curve.coef.tolist(), 0.0][: max(2, len(curve.coef))]
-    for name, factor in argument.items():
-        moving[name] = moving.get(name, 0.0) - slope * factor
-    if not argument or not any(powers):
-        argument, powers = {}, []
-        moving = {name: c for name, c in moving.items() if c != 0}
-    if not moving:
-        return None
-    models = [_single_joint(model, name) for name in moving]
-    return JointCoupling(
-        joints=tuple(moving),
-        coefficients=tuple(moving.values()),
-        offset=constant - held,
-        q_indices=tuple(joint.idx_q for joint in models),
-        v_indices=tuple(joint.idx_v for joint in models),
-        argument=tuple(argument.get(name, 0.0) for name in moving) if argument else (),
-        powers=tuple(powers),
-    )
-
-
-def _single_joint(model: pin.Model, name: str) -> pin.JointModel:
-    joint = joint_named(model, name, "in a coupling")
-    if joint.nq != 1:
-        raise RobotFileError(f"joint {name} in a coupling has {joint.nv} coordinates", joint=name)
-    return joint
-
-
-def _refuse_contradictions(where: object, couplings: list[JointCoupling]) -> None:
-    """Refuse linear equations that no coordinates satisfy, and name those that say nothing new."""
-    if not couplings:
-        return
-    before = 0
-    matrix = np.zeros((len(couplings), 1 + max(max(c.q_indices) for c in couplings)))
-    for row, coupling in zip(matrix, couplings, strict=True):
-        row[list(coupling.q_indices)] = coupling.coefficients
-    matrix /= np.abs(matrix).max(axis=1, keepdims=True)
-    offsets = np.array([c.offset / max(map(abs, c.coefficients)) for c in couplings])
-    for k in range(1, len(couplings) + 1):
-        name = couplings[k - 1].name
-        solution, _, rank, _ = np.linalg.lstsq(matrix[:k], offsets[:k], rcond=ROUND_OFF)
-        left = np.abs(matrix[:k] @ solution - offsets[:k]).max()
-        if left > 10 * ROUND_OFF * max(1.0, np.abs(offsets).max()):
-            raise RobotFileError(
-                f"coupling {name} contradicts the ones before it: leave one of them out, those of "
-                "the tree's own file by 'remove_closures' in a YAML",
-                coupling=name,
-            )
-        if rank == before:
-            warn(f"{where}: coupling {name} follows from the ones before it", ModelWarning)
-        before = rank

@@ -12,7 +12,8 @@ from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, OptionError
 from loopid.loading.build import build_robot
 from loopid.loading.closure import Closure, Coupling, with_more
-from loopid.loading.description import Description, frame_named
+from loopid.loading.description import Description
+from loopid.loading.model_closures import frame_named
 from loopid.loading.tree import Reference, TreeSource, read_joint
 from loopid.robot.closures import CLOSURE_KINDS
 from loopid.robot.mechanism import LeftOut, Mechanism, coordinate_names, link_frames

@@ -11,7 +11,8 @@ import pinocchio as pin
 
 from loopid.arguments import FloatArray
 from loopid.errors import OptionError, RobotFileError
-from loopid.loading.description import ClosureDescription, Description, frame_named, joint_named
+from loopid.loading.description import ClosureDescription, Description
+from loopid.loading.model_closures import frame_named, joint_named
 from loopid.robot.mechanism import LeftOut, motion_subspace
 
 HINGES = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}

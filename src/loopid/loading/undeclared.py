@@ -13,7 +13,7 @@ import pinocchio as pin
 from loopid.arguments import BoolArray, FloatArray, random_generator
 from loopid.kinematics.poses import frame_poses, integrate
 from loopid.loading.tree import TreeSource
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.mechanism import Mechanism, UndeclaredLoops
 
 # Last words of two names that are alike but for them.
 ENDINGS = [{"a", "b"}, {"1", "2"}, {"0", "1"}, {"parent", "child"}, {"predecessor", "successor"},
@@ -24,14 +24,16 @@ POSES = 4  # random ones, in which frames that a hinge holds together still meet
 FAR = 0.5  # rad, or characteristic lengths, that joints move to these
 
 
-def undeclared_loops(mechanism: Mechanism, around: FloatArray, tree: TreeSource) -> tuple[str, ...]:
-    """Sentences about signs of loops, each with what to write where it is one.
+def undeclared_loops(
+    mechanism: Mechanism, around: FloatArray, tree: TreeSource
+) -> tuple[UndeclaredLoops, ...]:
+    """Signs of loops, each with what to write where it is one.
 
     ``around`` (n, nq) are closed configurations around the reference. Signs are frames without mass
     on two branches that are named alike or meet in the reference pose, links named alike that meet
     there, and what the reader of the file has seen.
     """
-    signs = [*tree.signs] if not mechanism.rows else []
+    signs = [] if mechanism.rows else [UndeclaredLoops(sign) for sign in tree.signs]
     if pairs := _pairs(mechanism, around, tree):
         if mechanism.path is None:
             advice = f"closures=[{', '.join(f'Closure{pair}' for pair in pairs)}]"
@@ -40,10 +42,8 @@ def undeclared_loops(mechanism: Mechanism, around: FloatArray, tree: TreeSource)
             advice = f"a YAML beside the file says it: closures: [{closures}]"
         (first, how), *more = pairs.items()
         others = f", as {len(more)} more pairs" if more else ""
-        signs.append(
-            f"links {first[0]} and {first[1]} {how}{others}, as where a loop closes: if so, "
-            f"{advice}"
-        )
+        said = f"links {first[0]} and {first[1]} {how}{others}, as where a loop closes: if so, "
+        signs.append(UndeclaredLoops(said + advice, tuple(pairs)))
     return tuple(signs)
 
 

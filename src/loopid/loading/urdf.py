@@ -17,8 +17,10 @@ from lxml import etree
 from pydantic import ValidationError
 
 from loopid.arguments import number
+from loopid.border import refusal
 from loopid.errors import RobotFileError, naming
-from loopid.loading.description import ClosureDescription, Description, warn_of_size
+from loopid.loading.description import ClosureDescription, Description
+from loopid.loading.model_closures import warn_of_size
 from loopid.loading.tree import TreeSource, add_frame
 from loopid.loading.urdf_tree import LEAST_AXIS, ROOT_JOINT, UrdfFile, build_model, read_urdf_file
 from loopid.loading.xml_elements import (
@@ -36,7 +38,6 @@ from loopid.loading.xml_elements import (
 )
 from loopid.registry import urdf_dialects
 from loopid.robot.mechanism import LeftOut, shortened
-from loopid.sections import first_problem
 
 if TYPE_CHECKING:
     from yourdfpy.urdf import Joint
@@ -178,8 +179,7 @@ def linked(
         tag = child(element, side)
         found.append((tag.get("link") or tag.text or "").strip())
         if found[-1] not in links:
-            listed = ", ".join(links)
-            raise RobotFileError(f"unknown link {found[-1]!r} in <{side}>: choose among {listed}")
+            raise RobotFileError.unknown("link", found[-1], links, f" in <{side}>")
     if found[0] == found[1]:
         raise RobotFileError(f"link {found[0]!r} is at both its ends")
     return found[0], found[1]
@@ -202,8 +202,7 @@ def closure_of(
     given = (element.get("type") or "").strip()
     kind = (LOOPS | ALSO).get(given)
     if kind is None:
-        listed = ", ".join(sorted(LOOPS))
-        raise RobotFileError(f"unknown type {given!r}: choose among {listed}", given=given)
+        raise RobotFileError.unknown("type", given, sorted(LOOPS))
     name = element.get("name", "").strip()
     content = {"axes": _axes(element, kind, axes)} if kind in AXIAL else {}
     return mounted(model, kind, name, links, places, sides=sides, **content)
@@ -230,7 +229,7 @@ def mounted(
             {"type": kind, "name": name, "frames": frames} | content
         )
     except ValidationError as error:
-        raise RobotFileError(first_problem(error)) from error
+        raise refusal(error) from error
 
 
 def _axes(
@@ -275,8 +274,8 @@ def _motors(
         for joint in transmission.findall("joint"):
             named.append((joint.get("name") or "").strip())
             if named[-1] not in joints:
-                what, listed = f"unknown joint {named[-1]!r}", ", ".join(joints)
-                raise RobotFileError(f"{label(transmission)}: {what}: choose among {listed}")
+                with naming(label(transmission)):
+                    raise RobotFileError.unknown("joint", named[-1], joints)
     if not named and not followers:
         return None
     return [name for name in moving if name in (named or moving) and name not in followers]

@@ -152,8 +152,7 @@ def _sound(element: Element) -> Element:
 
 def _check_joint(joint: Joint) -> None:
     if joint.type not in JOINT_TYPES:
-        listed = ", ".join(JOINT_TYPES)
-        raise RobotFileError(f"unknown type {joint.type!r}: choose among {listed}")
+        raise RobotFileError.unknown("type", joint.type, JOINT_TYPES)
     if np.abs(joint.axis).max() < LEAST_AXIS:
         raise RobotFileError("<axis> is zero")
     limit = joint.limit

@@ -11,12 +11,12 @@ import numpy as np
 from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationError, model_validator
 
 from loopid.arguments import NotNegative, Positive, checked
+from loopid.border import Section, refusal, unknown
 from loopid.errors import LogError, OptionError
 from loopid.files import UNPACKED_RATIO
 from loopid.logs.wrenches import COMPONENTS
 from loopid.records import digest
 from loopid.registry import log_formats
-from loopid.sections import Section, first_problem
 from loopid.yaml_files import read_yaml, yaml_writer
 
 # All that is read, in this order.
@@ -115,7 +115,9 @@ class WrenchColumns(StreamColumns):
 
 def _columns_tag(value: Any) -> str:
     listed = isinstance(value, StreamColumns)
-    listed = listed or (isinstance(value, dict) and bool({"stream", "columns"} & set(value)))
+    if isinstance(value, dict):  # a list stands in no mapping of joints to columns
+        lists = any(isinstance(each, list) for each in value.values())
+        listed = lists or bool({"stream", "columns"} & {*value})
     return "<several>" if listed else "<by joint>"
 
 
@@ -132,8 +134,12 @@ OneOrEach = Annotated[
 
 def _known_format(name: str) -> str:
     if name not in log_formats:
-        raise ValueError(f"must be one of {', '.join(log_formats)}, not {name!r}")
+        raise unknown("log format", name, log_formats)
     return name
+
+
+# In schemas for editors.
+KnownFormats = Field(json_schema_extra=lambda schema: schema.update(enum=[*log_formats]))
 
 
 class LogMapping(Section):
@@ -159,7 +165,7 @@ class LogMapping(Section):
         Naming the key, the value and what is valid.
     """
 
-    format: Annotated[str, AfterValidator(_known_format)] | None = None
+    format: Annotated[str, AfterValidator(_known_format), KnownFormats] | None = None
     topic: str | None = None
     group: str | None = None
     time: TimeColumns | None = None
@@ -189,7 +195,7 @@ class LogMapping(Section):
         try:
             super().__init__(**content)
         except ValidationError as error:
-            raise OptionError(first_problem(error)) from error
+            raise refusal(error, content, kind=OptionError) from error
 
     def __hash__(self) -> int:
         return hash((type(self), digest(dict(self))))

@@ -515,8 +515,6 @@ def standing(
     Friction can be anything while a motor stands, and the filter spreads it. A motor that turns
     back is slow for less long: there friction tells how it builds up.
     """
-    from scipy.ndimage import maximum_filter1d, minimum_filter1d  # slow to import
-
     if log.idle_speed is None:
         speeds = idle_speeds(robot, velocity[rows], masks)
     else:  # at a speed of zero no motor counts as standing
@@ -524,11 +522,9 @@ def standing(
     idle, cutoff = np.abs(velocity) <= speeds, provisional_cutoff(robot, log)
     for part in log.parts():
         rate = log.rate(part)
-        length = 1 + 2 * int(masks.standstill * rate / (2 * cutoff))
-        width = length + 2 * reach_of(lowpass, rate)
-        slow = idle[part].view(np.uint8)
-        long = minimum_filter1d(slow, length, axis=0, mode="nearest")
-        idle[part] |= maximum_filter1d(long, width, axis=0, mode="nearest").view(bool)
+        half = int(masks.standstill * rate / (2 * cutoff))
+        long = ~_within_reach(~idle[part], half)  # slow for a whole standstill
+        idle[part] |= _within_reach(long, half + reach_of(lowpass, rate))
     return idle[rows]
 
 
@@ -583,13 +579,18 @@ def near_saturation(
     log: Log, limits: FloatArray, lowpass: LowPass | None, masks: MaskOptions
 ) -> BoolArray:
     """Where each force (N, m) is at its limit (m,), or within the filter's reach of that."""
-    from scipy.ndimage import maximum_filter1d  # slow to import
-
     flags = np.abs(log.force) >= limits * (1.0 - masks.near_saturation)
     for part in log.parts():
-        width = 2 * reach_of(lowpass, log.rate(part)) + 1
-        flags[part] = maximum_filter1d(flags[part].view(np.uint8), width, axis=0).view(bool)
+        flags[part] = _within_reach(flags[part], reach_of(lowpass, log.rate(part)))
     return flags
+
+
+def _within_reach(flags: BoolArray, reach: int) -> BoolArray:
+    """Samples (N, m) at most so many steps from one with a flag."""
+    before = np.concatenate([np.zeros((1, flags.shape[1]), np.int64), np.cumsum(flags, axis=0)])
+    first = np.arange(len(flags)) - reach
+    last = np.minimum(first + 2 * reach + 1, len(flags))
+    return np.asarray(before[last] > before[np.maximum(first, 0)])
 
 
 def _flagged(log: Log, how: str, flags: BoolArray, time: FloatArray) -> list[Dropped]:

@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from loopid.arguments import FloatArray, Positive, checked, number
+from loopid.border import Section
 from loopid.errors import DataError, FileError, LogError, OptionError, RobotFileError
 from loopid.files import text_blocks, why_no_file
 from loopid.loading.files import find_motion_file
@@ -28,7 +29,6 @@ from loopid.motion.trajectories import (
     point_to_point,
 )
 from loopid.records import record
-from loopid.sections import Section
 from loopid.yaml_files import read_yaml
 
 # References drawn with straight lines have steps in velocity. At 2 Hz these become accelerations

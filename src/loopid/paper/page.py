@@ -31,7 +31,7 @@ from loopid.paper.reproduction import (
 )
 from loopid.paper.structure import EXHAUSTIVE, TABLE_I, TABLE_II, TIMES, BaseComparison, Transfer
 from loopid.plots.chart import Chart, Mark, Panel
-from loopid.plots.pictures import robot_chart, search_chart
+from loopid.plots.structure import robot_chart, search_chart
 from loopid.report.look import json_fields, json_value, plain_table
 from loopid.report.page import Card, Figure, Part, Report, Section, Tone
 from loopid.report.searches import groups_table, search_record, subgroup_facts

@@ -1,4 +1,5 @@
 from .chart import Chart as Chart, Mark as Mark, Panel as Panel
+from .excitation import errors_chart as errors_chart, motion_chart as motion_chart
 from .identified import (
     delays_chart as delays_chart,
     filter_chart as filter_chart,
@@ -12,11 +13,5 @@ from .identified import (
     terms_chart as terms_chart,
     used_chart as used_chart,
 )
-from .pictures import (
-    comparison_chart as comparison_chart,
-    errors_chart as errors_chart,
-    forces_chart as forces_chart,
-    motion_chart as motion_chart,
-    robot_chart as robot_chart,
-    search_chart as search_chart,
-)
+from .pictures import comparison_chart as comparison_chart, forces_chart as forces_chart
+from .structure import robot_chart as robot_chart, search_chart as search_chart

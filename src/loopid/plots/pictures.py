@@ -1,4 +1,4 @@
-"""Pictures of results, as charts for pages, notebooks and papers; a function a picture."""
+"""Pictures of forces and of several fits."""
 
 from __future__ import annotations
 
@@ -8,168 +8,19 @@ from typing import Any
 import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, checked, spread_rows
-from loopid.base_parameters.account import SubgroupAccount
-from loopid.base_parameters.choice import SearchResult
 from loopid.errors import OptionError
-from loopid.excitation.design import ExcitationDesign
 from loopid.identification.prediction import Prediction
 from loopid.identification.saved import SavedFit
 from loopid.numbers import number
+from loopid.parameters import Parameter
 from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel
+from loopid.plots.structure import force_unit
+from loopid.regressors.joint_laws import grouped
 from loopid.robot.mechanism import Mechanism
-from loopid.view.scene import link_rods, placed
 
-FLAT = 1e-6  # part of the largest extent below which a robot is flat
-VIEWS = (0, 2), (0, 1), (1, 2)  # axes that go right and up
-ACROSS = np.array([[0.82, -0.57, 0.0], [-0.25, -0.36, 0.9]])  # right and up, from a corner
-SIGN = 0.09  # least distance of signs of motors, in extents of the robot
 ROOM = 1.06  # times the largest error, that an axis shows
-HIGHEST = 1e20  # condition number that is drawn; larger ones are drawn there
-MOST_ERRORS = 40  # parameters whose standard errors are drawn
 RUNS = "fit", "file", "other", "weak", "measured", "faint"  # looks of fits beside each other
 ZOOM = "Drag along time to zoom in, double-click to see all again."
-
-
-def force_unit(mechanism: Mechanism, joint: str) -> str:
-    """Unit of a motor's force: N where it slides, N m where it turns."""
-    return "N" if mechanism.velocity_indices([joint])[0] in mechanism.prismatic else "N m"
-
-
-@checked
-def robot_chart(
-    mechanism: Mechanism, configuration: FloatArray | None = None, *, worst: str = ""
-) -> Chart:
-    """Links, motors by their numbers, passive joints and closures at a configuration (nq,).
-
-    By default that is the reference. A flat robot is seen from its front, any other from a corner.
-    The worst motor is marked.
-    """
-    q = mechanism.reference if configuration is None else configuration
-    rods = link_rods(mechanism)
-    places, ends, met = placed(mechanism, rods, q)
-    joints, met = np.array([place.translation for place in places[1:]]), met.reshape(-1, 3)
-    slides = np.zeros(len(joints), dtype=bool)
-    for ((base, _), (joint, _)), both in zip(rods, ends, strict=True):
-        if base != joint:  # a slide, in its middle: at its ends are other joints
-            joints[joint - 1], slides[joint - 1] = both.mean(axis=0), True
-    extent = np.ptp(np.vstack([joints, met, ends.reshape(-1, 3)]), axis=0)
-    flat = [axes for axes in VIEWS if extent.sum() - extent[[*axes]].sum() <= FLAT * extent.max()]
-    right, up = np.eye(3)[[*flat[0]]] if flat else ACROSS
-    fixed = np.array([first == 0 for (first, _), _ in rods], dtype=bool)
-    gaps = np.concatenate([ends, np.full((len(ends), 1, 3), np.nan)], axis=1)
-    number = {name: str(k) for k, name in enumerate(mechanism.independent, start=1)}
-    motors = np.isin(mechanism.joints, mechanism.actuated)
-    bad = np.array([name == worst for name in mechanism.joints])
-    marks = [
-        Mark("", *_seen(gaps[~fixed], right, up), "links"),
-        Mark("base", *_seen(gaps[fixed], right, up), "limit"),
-        Mark("loop closed here", *_seen(met, right, up), "file", "closure"),
-        Mark("passive joint", *_seen(joints[~motors], right, up), "measured", "joint"),
-    ]
-    kinds = (("motor", motors & ~slides, "motor"), ("sliding motor", motors & slides, "slide"))
-    x, y = _apart(*_seen(joints, right, up), motors, SIGN * extent.max())
-    for name, own, kind in kinds:
-        for said, look, rows in (
-            (name, "measured", own & ~bad),
-            ("largest error", "fit", own & bad),
-        ):
-            texts = tuple(number.get(mechanism.joints[k], "") for k in np.flatnonzero(rows))
-            marks.append(Mark(said, x[rows], y[rows], look, kind, texts=texts))
-    motors_said = "; ".join(f"{k} {name}" for name, k in number.items())
-    at = "at its reference" if configuration is None else "at a configuration"
-    caption = f"{motors_said}. It is {extent.max():.3g} m large {at}."
-    panel = Panel("", tuple(mark for mark in marks if len(mark.x)), equal=True)
-    return Chart("robot", caption, "", (panel,))
-
-
-def _seen(points: FloatArray, right: FloatArray, up: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points (..., 3) in a plane."""
-    flat = points.reshape(-1, 3)
-    return flat @ right, flat @ up
-
-
-def _apart(
-    x: FloatArray, y: FloatArray, some: BoolArray, least: float
-) -> tuple[FloatArray, FloatArray]:
-    """Places of which some are moved up and to the right until none covers another."""
-    x, y, put = x.copy(), y.copy(), list[int]()
-    for k in np.flatnonzero(some):
-        while any(np.hypot(x[k] - x[j], y[k] - y[j]) < least for j in put):
-            x[k], y[k] = x[k] + 0.5 * least, y[k] + 0.6 * least
-        put.append(int(k))
-    return x, y
-
-
-@checked
-def search_chart(searches: Sequence[SearchResult]) -> Chart:
-    """Condition numbers of the combinations that subgroup searches tried, a column a search.
-
-    Above stand all of them, below those of full rank.
-
-    Raises
-    ------
-    OptionError
-        When a search is not one by subgroups.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> observation = loopid.structural_observation(loopid.load_mechanism("four_bar"))
-    >>> base = loopid.find_base_parameters(observation, "subgroup")
-    >>> loopid.plots.search_chart([base.search]).panels[0].title
-    'cond(V22), rank by a gap'
-    """
-    for search in searches:
-        if search.subgroups is None:
-            raise OptionError(f"search_chart shows subgroup searches, not {search.name} search")
-    accounts = [search.subgroups for search in searches if search.subgroups is not None]
-    caption = (
-        "Condition number of each combination tried, in turn; lines part the groups. Of those that "
-        f"are rank-deficient it is round-off, drawn up to {HIGHEST:.0e}."
-    )
-    panels = (*map(_tried_panel, accounts), *map(_full_rank_panel, accounts))
-    return Chart("search", caption, "combination tried", panels, columns=len(accounts) or 1)
-
-
-def _tried_panel(account: SubgroupAccount) -> Panel:
-    place, conditions, full_rank = _tried(account)
-    marks = (
-        _group_ends(account, 1.0, conditions.max()),
-        Mark("rank-deficient", place[~full_rank], conditions[~full_rank], "faint", "dots"),
-        Mark("limit", place[[0, -1]], np.full(2, account.condition_limit), "limit"),
-        *_full_rank_marks(account),
-    )
-    return Panel(f"cond(V22), {account.rule}", marks, log="y")
-
-
-def _full_rank_panel(account: SubgroupAccount) -> Panel:
-    place, conditions, full_rank = _tried(account)
-    shown = conditions[full_rank]
-    lines = _group_ends(account, shown.min(initial=np.inf), shown.max(initial=1.0))
-    ends = Mark("", place[[0, -1]], np.full(2, np.nan))  # as long as the panel above
-    return Panel(f"of full rank, {account.rule}", (ends, lines, *_full_rank_marks(account)))
-
-
-def _full_rank_marks(account: SubgroupAccount) -> list[Mark]:
-    place, conditions, full_rank = _tried(account)
-    marks = [Mark("full rank", place[full_rank], conditions[full_rank], "fit", "dots")]
-    if account.found_in is not None:
-        before = sum(map(len, account.groups[: account.found_in]))
-        at = [before + int(account.groups[account.found_in].best or 0)]
-        marks.append(Mark("best", place[at], conditions[at], "file", "dots"))
-    return marks
-
-
-def _tried(account: SubgroupAccount) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Places, condition numbers and whether of full rank, of all combinations in turn."""
-    conditions = np.concatenate([group.condition_numbers for group in account.groups])
-    full_rank = np.concatenate([group.full_rank for group in account.groups])
-    return np.arange(1.0, len(conditions) + 1), np.minimum(conditions, HIGHEST), full_rank
-
-
-def _group_ends(account: SubgroupAccount, low: float, high: float) -> Mark:
-    ends = np.cumsum([len(group) for group in account.groups])[:-1]
-    return Mark("", np.repeat(ends + 0.5, 3), np.tile([low, high, np.nan], len(ends)), "faint")
 
 
 def of_motor(mechanism: Mechanism, name: str, worst: str = "") -> dict[str, Any]:
@@ -263,15 +114,22 @@ def _spans(time: FloatArray, chosen: BoolArray) -> Any:
     return time[first], np.zeros(len(first)), "faint", "shade", ends
 
 
+def alone(fit: SavedFit) -> list[Any]:
+    """Base parameters of a fit without points of curves, which say nothing alone."""
+    first = (Parameter.parse(each.name.split()[0]) for each in fit.base_parameters)
+    pairs = zip(first, fit.base_parameters, strict=True)
+    return [each for parameter, each in pairs if not grouped(parameter.kind)]
+
+
 @checked
 def comparison_chart(fits: Mapping[str, SavedFit]) -> Chart:
     """Values of fits with 95 % intervals, each less their mean, by the name of their run."""
-    names = {e.expression: e.name for fit in fits.values() for e in fit.base_parameters}
+    names = {each.expression: each.name for fit in fits.values() for each in alone(fit)}
     x, s = np.full((2, len(names), len(fits)), np.nan)
     for k, fit in enumerate(fits.values()):
-        rows = [[*names].index(each.expression) for each in fit.base_parameters]
-        x[rows, k] = [each.value for each in fit.base_parameters]
-        s[rows, k] = [each.standard_error or 0.0 for each in fit.base_parameters]
+        rows = [[*names].index(each.expression) for each in alone(fit)]
+        x[rows, k] = [each.value for each in alone(fit)]
+        s[rows, k] = [each.standard_error or 0.0 for each in alone(fit)]
     size = np.nanmax(s, axis=1, keepdims=True)
     size = np.where(size > 0, size, np.nanmax(np.abs(x), axis=1, keepdims=True))
     middle = (x - np.nanmean(x, axis=1, keepdims=True)) / np.where(size > 0, size, 1.0)
@@ -284,41 +142,3 @@ def comparison_chart(fits: Mapping[str, SavedFit]) -> Chart:
     title = "Less the mean, in the largest standard error"
     panel = Panel(title, tuple(marks), labels=tuple(names.values()))
     return Chart("parameters", "Values of each fit with 95 % intervals.", "", (panel,))
-
-
-@checked
-def motion_chart(found: ExcitationDesign) -> Chart:
-    """Position of each motor with its limits, and its force below."""
-    motors, mechanism, panels = found.motors, found.force_model.mechanism, list[Panel]()
-    limits = {check.name: (check.lower, check.upper) for check in found.checks}
-    span = motors.time[[0, -1]]
-    for k, name in enumerate(motors.names):
-        unit = force_unit(mechanism, name)
-        marks = [Mark("position", motors.time, motors.position[:, k], "measured")]
-        for end in limits.get(f"position of {name}", ()):
-            if np.isfinite(end):
-                marks.append(Mark("limit", span, np.full(2, end), "limit"))
-        force = Mark("force by the robot file", motors.time, found.forces[:, k], "file")
-        title, said = f"position ({'m' if unit == 'N' else 'rad'})", of_motor(mechanism, name)
-        panels.append(Panel(title, tuple(marks), **said))
-        panels.append(Panel(f"force ({unit})", (force,), small=True))
-    caption = f"Position with its limits, and force by the robot file. {ZOOM}"
-    return Chart(
-        "motion", caption, "time (s)", tuple(panels), min(2, len(motors.names)), 2, "motion"
-    )
-
-
-@checked
-def errors_chart(found: ExcitationDesign) -> Chart:
-    """Standard errors of the least known parameters, before and after."""
-    worst = np.sort(np.argsort(-found.standard_errors, kind="stable")[:MOST_ERRORS])
-    place = np.arange(float(len(worst)))
-    before = "with the logs" if found.after_logs else "first motion"
-    marks = (
-        Mark(before, found.before.standard_errors[worst], place, "file", "box"),
-        Mark("with this motion", found.standard_errors[worst], place, "fit", "disc"),
-    )
-    labels = tuple(found.parameters.names[j] for j in worst)
-    panel = Panel("Standard error (kg, kg m, kg m², ...)", marks, labels=labels, log="x")
-    caption = "Predicted standard errors; one dot alone: unidentifiable without the motion."
-    return Chart("errors", caption, "", (panel,))

@@ -9,6 +9,7 @@ from .mechanism import (
     LeftOut as LeftOut,
     LinkGroup as LinkGroup,
     Mechanism as Mechanism,
+    UndeclaredLoops as UndeclaredLoops,
     lock_options as lock_options,
 )
 from .platform import ROTATIONS as ROTATIONS, TRANSLATIONS as TRANSLATIONS, Platform as Platform

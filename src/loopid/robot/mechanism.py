@@ -80,6 +80,17 @@ class LeftOut:
     is_force: bool = True
 
 
+@record(checked=True)
+class UndeclaredLoops:
+    """Signs that a robot file leaves out what closes its loops."""
+
+    said: str  # the sign, and what to write
+    pairs: tuple[tuple[str, str], ...] = ()  # links that may meet
+
+    def __str__(self) -> str:
+        return self.said
+
+
 @record
 class Loop:
     """Closures that share passive joints: they open and close together."""
@@ -143,8 +154,8 @@ class Mechanism:
         Forces of the file that no model has.
     locked : mapping
         Joints that are locked, with the value of those that have one coordinate.
-    undeclared : tuple of str
-        Sentences about loops that the file shows but does not declare.
+    undeclared : tuple of UndeclaredLoops
+        Loops that the file shows but does not declare.
     options : mapping
         Arguments of ``load_mechanism`` beside the path, to load the same robot again.
 
@@ -178,7 +189,7 @@ class Mechanism:
     margin: float | None = None
     joint_values: Mapping[str, Mapping[str, Number]] = field(default_factory=dict)
     left_out: tuple[LeftOut, ...] = ()
-    undeclared: tuple[str, ...] = ()
+    undeclared: tuple[UndeclaredLoops, ...] = ()
     locked: Mapping[str, float | None] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=dict)
 

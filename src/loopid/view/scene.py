@@ -8,9 +8,6 @@ import numpy as np
 import pinocchio as pin
 
 from loopid.arguments import FloatArray, checked, samples
-from loopid.errors import DataError
-from loopid.identification.saved import SavedFit
-from loopid.inertia import central_moments, centre, pseudo_inertia
 from loopid.kinematics import assembly_modes, measured_coordinates, singularity_measure
 from loopid.kinematics.assembly import largest_opening, try_assemble
 from loopid.kinematics.constraint import scaled_residual
@@ -44,21 +41,6 @@ class Pose:
     open_by: FloatArray  # (closures,), the largest residual of each
     residual: float  # the largest one, of couplings too
     singularity: float  # see ``Projection.singularity``
-
-
-@record
-class BodyMass:
-    """Where the mass of a body is, in the frame of the joint that carries it.
-
-    A homogeneous ellipsoid of these radii has the body's mass, centre and inertia.
-    """
-
-    link: str
-    joint: int  # index in the Pinocchio model
-    mass: float  # in kg
-    centre: FloatArray  # (3,) in m
-    axes: FloatArray  # (3, 3), as columns
-    radii: FloatArray  # (3,) in m along the axes; zero where no inertia is known or possible
 
 
 class Scene:
@@ -183,54 +165,3 @@ def placed(
     places, frames = list(data.oMi), [data.oMf[k].translation for k in robot.closure_frames[0]]
     ends = [places[joint].act(point) for rod in rods for joint, point in rod]
     return places, np.reshape(ends, (-1, 2, 3)), np.reshape(frames, (-1, 2, 3))
-
-
-@checked
-def body_masses(mechanism: Mechanism, parameters: FloatArray | None = None) -> tuple[BodyMass, ...]:
-    """Where the masses of all bodies are.
-
-    Parameters
-    ----------
-    parameters : FloatArray, optional
-        (bodies, 10) standard parameters, or (bodies, 4) without inertias; by default those of the
-        robot file.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> loopid.view.body_masses(loopid.load_mechanism("five_bar"))[0].mass
-    1.3
-    """
-    inertias = [mechanism.model.inertias[body.joint_id] for body in mechanism.bodies]
-    own = np.array([inertia.toDynamicParameters() for inertia in inertias])
-    rows, found = own if parameters is None else parameters, []
-    for body, row in zip(mechanism.bodies, rows, strict=True):
-        P = pseudo_inertia(np.append(row, np.zeros(10 - len(row))))
-        moments, axes = np.linalg.eigh(central_moments(P))  # a homogeneous ellipsoid's are m r² / 5
-        known = len(row) == 10 and row[0] > 0 and moments[0] >= 0
-        radii = np.sqrt(5.0 * moments / row[0]) if known else np.zeros(3)
-        axes *= np.linalg.det(axes)  # right-handed
-        found.append(BodyMass(body.link, body.joint_id, float(row[0]), centre(P), axes, radii))
-    return tuple(found)
-
-
-@checked
-def fitted_masses(mechanism: Mechanism, fit: SavedFit) -> tuple[BodyMass, ...]:
-    """Where a saved fit says that the masses are.
-
-    Raises
-    ------
-    DataError
-        When the fit is one of another robot, or has values of base parameters alone.
-    """
-    labels = mechanism.parameters(fit.force_model.model).labels
-    known = dict(zip(fit.standard.labels, fit.standard_values, strict=True))
-    values = np.array([known.get(label, np.nan) for label in labels])
-    if np.isnan(values).any():
-        raise DataError(
-            f"the fit of {fit.robot.name} does not say where the masses of {mechanism.name} are: "
-            "the recommended fit of the same robot does",
-            robot=fit.robot.name,
-        )
-    tied = mechanism.tie_indices
-    return body_masses(mechanism, values.reshape(tied.max() + 1, -1)[tied])

@@ -27,7 +27,8 @@ from loopid.logs.preparing import read_recordings
 from loopid.motion.files import read_motion_program
 from loopid.motion.joints import JointMotion, joint_motion
 from loopid.robot.mechanism import Mechanism
-from loopid.view.scene import BodyMass, Pose, Scene, body_masses, fitted_masses
+from loopid.view.masses import BodyMass, body_masses, fitted_masses
+from loopid.view.scene import Pose, Scene
 from loopid.view.solids import read_solids
 
 # Of the user, with some above to go on to: the server waits for ever for one that cannot be had.

@@ -1,0 +1,139 @@
+"""The border: forms of what users write, and one voice for what does not fit them.
+
+Pydantic checks files and arguments. What it finds is worded here alone: the file, the line, the
+path of keys, what must stand there, what was given, and what was likely meant.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic_core import ErrorDetails, PydanticCustomError
+
+from loopid.errors import LoopidError, RobotFileError, near, unknown_word
+
+# In place of pydantic's words, with numbers that one can read.
+WORDS = {
+    "missing": "is missing",
+    "missing_argument": "is missing",
+    "too_short": "must have at least {min_length}, not {actual_length}",
+    "too_long": "must have at most {max_length}, not {actual_length}",
+    "greater_than": "must be above {gt:g}",
+    "greater_than_equal": "must be {ge:g} or more",
+    "less_than": "must be below {lt:g}",
+    "less_than_equal": "must be {le:g} or less",
+    "sequence_str": "must be a sequence",
+}
+SHORTER = {
+    "Input should be": "must be",
+    " a valid integer": " a whole number",
+    " a valid ": " a ",
+    "an instance of": "of type",
+    "of type _": "of type ",
+}
+UNKNOWN = "unknown_word"
+# Their sentences name the value themselves.
+COMPLETE = ("missing", "too_short", "too_long", "value_error", UNKNOWN)
+
+
+class Section(BaseModel):
+    """Part of a file: known keys only, finite numbers only, names that may look like numbers."""
+
+    model_config = ConfigDict(
+        extra="forbid", allow_inf_nan=False, coerce_numbers_to_str=True, frozen=True
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _keys_are_known(cls, content: Any) -> Any:
+        for key in content if isinstance(content, dict) else ():
+            if key not in cls.model_fields:
+                raise unknown("key", key, cls.model_fields)
+        return content
+
+
+def unknown(what: str, given: Any, valid: Iterable[str]) -> PydanticCustomError:
+    """What a validator raises of a word that is none of the valid ones."""
+    known = (*valid,)
+    facts = {"said": unknown_word(what, given, known), "given": given, "valid": known}
+    return PydanticCustomError(UNKNOWN, "{said}", facts)
+
+
+def worded(detail: ErrorDetails, shown: Callable[[Any], str] = repr) -> str:
+    """What is wrong, to follow the name of the value: "must be a number, not 'far'".
+
+    ``shown`` is how the value is printed.
+    """
+    kind, context, given = detail["type"], detail.get("ctx", {}), detail["input"]
+    if kind == "value_error":
+        return str(context["error"])
+    if kind == "literal_error":
+        valid = re.findall(r"'([^']*)'", context["expected"])
+        return f"must be one of {', '.join(valid)}, not {shown(given):.60}{near(given, valid)}"
+    said = WORDS[kind].format(**context) if kind in WORDS else detail["msg"]
+    for old, new in SHORTER.items():
+        said = said.replace(old, new)
+    said = said.partition(", unable")[0].partition(", got")[0]
+    return said if kind in COMPLETE else f"{said}, not {shown(given):.60}"
+
+
+def refusal(
+    error: ValidationError,
+    content: Any = None,
+    where: object = "",
+    kind: type[LoopidError] = RobotFileError,
+    line_of: Callable[[Sequence[Any]], int | None] | None = None,
+) -> LoopidError:
+    """The error that says what is first wrong with a content, and how much more is.
+
+    Parameters
+    ----------
+    error : pydantic.ValidationError
+    content : object
+        What was checked, as its file has it; None where a program made it.
+    where : object
+        The file, or what the content is of.
+    kind : type
+        Of the error.
+    line_of : callable, optional
+        The line of the file that a path of keys leads to.
+    """
+    details = error.errors(include_url=False)
+    paths = [key_path(detail, content) for detail in details]
+    detail, path, more = details[0], paths[0], len({*paths}) - 1
+    context = detail.get("ctx", {})
+    facts: dict[str, Any] = {"given": detail["input"], "key": ".".join(map(str, path))}
+    facts |= {key: context[key] for key in ("given", "valid") if key in context}
+    facts |= getattr(context.get("error"), "facts", {})
+    key = (*path, facts["given"]) if detail["type"] == UNKNOWN else path
+    line = None if line_of is None else line_of(key)
+    place = ", ".join(filter(None, (f"line {line}" if line else "", facts["key"])))
+    said = worded(detail) + (f" (and {more} more)" if more else "")
+    text = ": ".join(filter(None, (str(where), place, said)))
+    return kind(text, **facts, **({"line": line} if line else {}))
+
+
+def key_path(detail: ErrorDetails, content: Any) -> tuple[Any, ...]:
+    """Keys and places in lists that lead to a problem, without the names of alternatives."""
+    if content is None:
+        return detail["loc"]
+    path = []
+    for part in detail["loc"]:
+        try:
+            content = content[part]
+        except (KeyError, IndexError, TypeError):
+            continue
+        path.append(part)
+    return (*path, *detail["loc"][-1:]) if detail["type"] == "missing" else (*path,)
+
+
+def editor_schema(form: type[Section], title: str) -> dict[str, Any]:
+    """JSON Schema of a file: editors complete its keys and mark what does not fit."""
+    return (
+        {"$schema": "http://json-schema.org/draft-07/schema#"}
+        | form.model_json_schema()
+        | {"title": title}
+    )

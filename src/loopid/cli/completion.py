@@ -1,0 +1,64 @@
+"""What a shell completes: robots, joints, models and terms; all else it knows from the options."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from contextlib import suppress
+from glob import escape
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from loopid.errors import LoopidError
+
+
+def robots(incomplete: str) -> list[str]:
+    """Bundled robots, and robot files and folders."""
+    from loopid.loading.files import YAML, bundled_robots
+    from loopid.registry import robot_formats
+
+    folder, start = os.path.split(incomplete)
+    places = [*Path(folder).glob(f"{escape(start)}*")] if Path(folder).is_dir() else []
+    files = [str(place) for place in places if place.suffix in (*YAML, *robot_formats)]
+    files += [f"{place}/" for place in places if place.is_dir()]
+    return [name for name in bundled_robots() if name.startswith(incomplete)] + sorted(files)
+
+
+def joints(context: typer.Context, incomplete: str) -> list[str]:
+    """Joints of the robot that the words before name."""
+    return [name for name in _names(context, "joints") if name.startswith(incomplete)]
+
+
+def links(context: typer.Context, incomplete: str) -> list[str]:
+    """Links of the robot that the words before name."""
+    return [name for name in _names(context, "links") if name.startswith(incomplete)]
+
+
+def _names(context: typer.Context, kind: str) -> list[Any]:
+    """Names of a robot; none where it cannot be loaded."""
+    from loopid.loading.load import load_mechanism
+
+    # An option that waits for its value keeps the words before it from their parameters.
+    robot = context.params.get("file") or next(iter(context.args), "")
+    with suppress(LoopidError), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return list(getattr(load_mechanism(robot), kind))
+    return []
+
+
+def models(incomplete: str) -> list[str]:
+    """Models of the forces."""
+    from loopid.parameters import MODELS
+
+    return [name for name in (*MODELS, "auto") if name.startswith(incomplete)]
+
+
+def terms(incomplete: str) -> list[str]:
+    """Terms of the joints, after those that stand there, as in ``Fc,Fv``."""
+    from loopid.regressors.joint_laws import JOINT_TERMS
+
+    before, comma, last = incomplete.rpartition(",")
+    words = JOINT_TERMS if comma else ("file", "none", "auto", *JOINT_TERMS)
+    return [before + comma + word for word in words if word.startswith(last)]

@@ -1,0 +1,259 @@
+"""Files to begin with: a YAML of what the tree's file leaves out, and a mapping for a log."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from loopid.arguments import checked
+from loopid.border import Section, editor_schema
+from loopid.errors import FileError, LogError, LoopidError, OptionError, counted, one_line
+from loopid.files import write_files
+from loopid.loading.closure import Closure
+from loopid.loading.description import Description
+from loopid.loading.files import YAML, find_files
+from loopid.loading.load import load_mechanism
+from loopid.logs.columns import ColumnFinder
+from loopid.logs.mapping import LogMapping
+from loopid.logs.reading import open_log
+from loopid.motion.files import ProgramDescription
+from loopid.robot.mechanism import Mechanism
+
+MJCF = (".xml", ".mjcf")
+COLUMN = "COLUMN"  # in place of a name that only the user knows
+# Files that users write, by what they are of.
+FORMS: dict[str, type[Section]] = {
+    "robot": Description,
+    "mapping": LogMapping,
+    "motions": ProgramDescription,
+}
+PLAIN = re.compile(r"(\.\./)*[A-Za-z_/][\w./-]*|\dd")  # texts that need no quotes in YAML
+WORDS_OF_YAML = ("true", "false", "null")
+
+
+@checked
+def write_first_files(
+    robot: str | Path,
+    log: str | Path | None = None,
+    *,
+    folder: str | Path = ".",
+    floating_base: bool = False,
+    xacro: Mapping[str, str] | None = None,
+) -> tuple[Path, Path]:
+    """Write a YAML for a robot that has none, and a mapping for a log of it, to be filled in.
+
+    Both are commented. The YAML has the closures that the tree's file shows but does not declare,
+    if the loops close with them; what only the user knows stands in comments.
+
+    Parameters
+    ----------
+    robot : str or Path
+        A URDF, MJCF, SDF or xacro; of a YAML or a bundled robot only the mapping is written.
+    log : str or Path, optional
+        A log, whose columns the mapping names.
+    folder : str or Path
+        Where to write.
+    floating_base, xacro
+        As of ``load_mechanism``; the YAML says them.
+
+    Returns
+    -------
+    tuple of Path
+        The YAML, or the robot as it was given where it has one, and the mapping.
+
+    Raises
+    ------
+    FileError
+        When one of the files is there already.
+    LoopidError
+        When the robot or the log cannot be read.
+
+    Examples
+    --------
+    >>> import loopid.export, tempfile
+    >>> with tempfile.TemporaryDirectory() as place:
+    ...     _, mapping = loopid.export.write_first_files("five_bar", folder=place)
+    ...     mapping.name
+    'five_bar_mapping.yaml'
+    """
+    files = find_files(robot)
+    options: dict[str, Any] = {"floating_base": floating_base, "xacro": dict(xacro or {})}
+    drawn, stem = _loaded(robot, options), files.tree.name.partition(".")[0]
+    texts = {f"{stem}_mapping.yaml": _mapping_text(drawn, log)}
+    own = files.named.suffix not in YAML
+    if own:
+        texts[f"{stem}.yaml"] = _robot_text(drawn, os.path.relpath(files.tree, folder), options)
+    for name in texts:
+        if (place := Path(folder, name)).exists():
+            raise FileError(f"{place} is there already: move it away, or write to another folder")
+    write_files(folder, texts)
+    yaml = Path(folder, f"{stem}.yaml") if own else Path(robot)
+    return yaml, Path(folder, f"{stem}_mapping.yaml")
+
+
+def file_schema(kind: str) -> dict[str, Any]:
+    """JSON Schema of a YAML, for editors: they complete its keys and mark what does not fit.
+
+    Parameters
+    ----------
+    kind : str
+        One of ``FORMS``: ``"robot"``, ``"mapping"`` or ``"motions"``.
+
+    Raises
+    ------
+    OptionError
+        When the kind is another.
+
+    Examples
+    --------
+    >>> from loopid.export import file_schema
+    >>> file_schema("robot")["properties"]["gravity"]["description"]
+    'In m/s².'
+    """
+    if kind not in FORMS:
+        raise OptionError.unknown("kind of file", kind, FORMS)
+    return editor_schema(FORMS[kind], f"loopid {kind} file")
+
+
+def _robot_text(drawn: Mechanism, tree: str, options: Mapping[str, Any]) -> str:
+    """The YAML of a robot whose tree is in a file."""
+    pairs, whole, refused = _closed(drawn, options)
+    declared = [*(each.name for each in drawn.closures), *(each.name for each in drawn.couplings)]
+    closures = [{"type": "3d", "frames": list(pair)} for pair in pairs or [("LINK", "LINK")]]
+    pose = whole.reference_values(whole.reference)
+    degrees = counted(len(whole.independent), "degree")
+    joint = whole.actuated[0]
+    return _file(
+        f"{whole.name}: what {Path(tree).name} does not say. Every key may be left out.",
+        _Key("mjcf" if tree.endswith(MJCF) else "urdf", tree, sure=True),
+        *(_Key(key, value, sure=True) for key, value in options.items() if value),
+        "",
+        "Where loops were cut open in the tree: frames that meet, as links or joints. Kinds: 3d (a",
+        "ball), 6d (a weld), hinge, universal, 2d, cylindrical, prismatic, distance, cable.",
+        *([f"The tree's file has these: {', '.join(declared)}."] if declared else []),
+        *([f"These look like some, but: {refused}"] if refused else []),
+        _Key("closures", closures, sure=bool(pairs) and not refused),
+        "",
+        "Joints with motors, in the order of the forces in logs.",
+        *([] if drawn.motors_known else ["The tree's file does not say: keep those with motors."]),
+        f"{'With its closures' if whole.rows else 'Without closures'} it has {degrees} of freedom.",
+        _Key("name_mot", list(drawn.actuated), sure=drawn.motors_known),
+        "",
+        "The pose in which the loops were closed, in m and rad: another branch has another one.",
+        _Key("reference", pose),
+        "",
+        "Limits in m and rad, and what is known of forces in the joints.",
+        _Key("limits", {joint: [-1.0, 1.0]}),
+        _Key("joint_terms", {joint: {"Ia": 0.01, "Fc": 0.5}}),
+    )
+
+
+def _closed(
+    drawn: Mechanism, options: Mapping[str, Any]
+) -> tuple[list[tuple[str, str]], Mechanism, str]:
+    """Pairs of frames that the file shows as closures, the robot with them, or why it has none."""
+    pairs = [pair for loops in drawn.undeclared for pair in loops.pairs]
+    try:
+        return pairs, _loaded(drawn.path, options, pairs), ""
+    except LoopidError as error:
+        return pairs, drawn, str(error)
+
+
+def _loaded(path: Any, options: Mapping[str, Any], pairs: Any = ()) -> Mechanism:
+    """The robot with closures of pairs of frames; ``loopid check`` says what is odd about it."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return load_mechanism(path, closures=[Closure(*pair) for pair in pairs], **options)
+
+
+def _mapping_text(robot: Mechanism, log: str | Path | None = None) -> str:
+    """The mapping of a log of a robot: its columns, where they are found by name."""
+    name = "A log" if log is None else Path(log).name
+    found, said = ({}, []) if log is None else _found(robot, Path(log))
+    columns: dict[str, Any] = {"time": {"column": COLUMN, "unit": "s"}}
+    columns |= {what: dict.fromkeys(robot.actuated, COLUMN) for what in ("position", "force")}
+    return _file(
+        f"{name} of {robot.name}: which columns are what. Every key may be left out.",
+        *said,
+        *(_Key(key, found.get(key, example), key in found) for key, example in columns.items()),
+        "",
+        "Factors to m or rad, and to N or N m, of all or by joint, where no header has a unit.",
+        _Key("position_scale", 0.001),
+        _Key("force_scale", 0.001),
+        "",
+        "The rate of the rows in Hz, where no column has their times.",
+        _Key("rate", 1000.0),
+        "",
+        "How much later the forces are than the positions, in s.",
+        _Key("delay", 0.002),
+    )
+
+
+def _found(robot: Mechanism, path: Path) -> tuple[dict[str, Any], list[str]]:
+    """What the names of a log's columns say, and sentences about them."""
+    if not path.exists():
+        raise FileError(f"{path} does not exist", file=path)
+    log = open_log(path, LogMapping())
+    streams, found = log.columns(), dict[str, Any]()
+    said = [f"Columns of {stream}: {', '.join(names)}." for stream, names in streams.items()]
+    finder = ColumnFinder(str(path), streams, LogMapping(), log.ordered, log.choice)
+    try:
+        for stream, channels in finder.channels(robot.actuated).items():
+            before = f"{stream}:" if len(streams) > 1 else ""
+            for each in channels:
+                found.setdefault(each.quantity, {})[each.joint] = before + each.column
+            if len(streams) == 1 and (time := finder.time(stream)).rest is None:
+                found["time"] = {"column": time.name}
+    except LogError as error:
+        said.append(f"Not found by name: {error}")
+    return found, said
+
+
+# Files with comments.
+
+
+class _Key(NamedTuple):
+    """A key with a value; in a comment unless it is sure."""
+
+    name: str
+    value: Any
+    sure: bool = False
+
+
+def _file(*parts: str | _Key) -> str:
+    """A YAML of comments and keys."""
+    lines: list[str] = []
+    for part in parts:
+        if isinstance(part, str):
+            lines += [f"# {one_line(part)}" if part else ""]
+        else:
+            own = _lines(part.name, part.value)
+            lines += own if part.sure else [f"# {line}" for line in own]
+    return "\n".join(lines) + "\n"
+
+
+def _lines(name: str, value: Any) -> list[str]:
+    """A key with its value; entries of mappings, and mappings in lists, on lines of their own."""
+    if isinstance(value, list) and value and isinstance(value[0], dict):
+        return [f"{name}:", *(f"  - {_flow(each)}" for each in value)]
+    if isinstance(value, dict) and len(value) > 1 and name != "time":
+        return [f"{name}:", *(f"  {_flow(key)}: {_flow(each)}" for key, each in value.items())]
+    return [f"{name}: {_flow(value)}"]
+
+
+def _flow(value: Any) -> str:
+    """A value on one line."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{_flow(key)}: {_flow(each)}" for key, each in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_flow, value)) + "]"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, str) and PLAIN.fullmatch(value) and value.lower() not in WORDS_OF_YAML:
+        return value
+    return json.dumps(value, ensure_ascii=False)  # which YAML reads

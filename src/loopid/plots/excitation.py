@@ -1,0 +1,51 @@
+"""Pictures of a designed motion."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from loopid.arguments import checked
+from loopid.excitation.design import ExcitationDesign
+from loopid.plots.chart import Chart, Mark, Panel
+from loopid.plots.pictures import ZOOM, of_motor
+from loopid.plots.structure import force_unit
+
+MOST_ERRORS = 40  # parameters whose standard errors are drawn
+
+
+@checked
+def motion_chart(found: ExcitationDesign) -> Chart:
+    """Position of each motor with its limits, and its force below."""
+    motors, mechanism, panels = found.motors, found.force_model.mechanism, list[Panel]()
+    limits = {check.name: (check.lower, check.upper) for check in found.checks}
+    span = motors.time[[0, -1]]
+    for k, name in enumerate(motors.names):
+        unit = force_unit(mechanism, name)
+        marks = [Mark("position", motors.time, motors.position[:, k], "measured")]
+        for end in limits.get(f"position of {name}", ()):
+            if np.isfinite(end):
+                marks.append(Mark("limit", span, np.full(2, end), "limit"))
+        force = Mark("force by the robot file", motors.time, found.forces[:, k], "file")
+        title, said = f"position ({'m' if unit == 'N' else 'rad'})", of_motor(mechanism, name)
+        panels.append(Panel(title, tuple(marks), **said))
+        panels.append(Panel(f"force ({unit})", (force,), small=True))
+    caption = f"Position with its limits, and force by the robot file. {ZOOM}"
+    return Chart(
+        "motion", caption, "time (s)", tuple(panels), min(2, len(motors.names)), 2, "motion"
+    )
+
+
+@checked
+def errors_chart(found: ExcitationDesign) -> Chart:
+    """Standard errors of the least known parameters, before and after."""
+    worst = np.sort(np.argsort(-found.standard_errors, kind="stable")[:MOST_ERRORS])
+    place = np.arange(float(len(worst)))
+    before = "with the logs" if found.after_logs else "first motion"
+    marks = (
+        Mark(before, found.before.standard_errors[worst], place, "file", "box"),
+        Mark("with this motion", found.standard_errors[worst], place, "fit", "disc"),
+    )
+    labels = tuple(found.parameters.names[j] for j in worst)
+    panel = Panel("Standard error (kg, kg m, kg m², ...)", marks, labels=labels, log="x")
+    caption = "Predicted standard errors; one dot alone: unidentifiable without the motion."
+    return Chart("errors", caption, "", (panel,))

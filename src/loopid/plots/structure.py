@@ -1,0 +1,163 @@
+"""Pictures of a robot, and of searches for its base parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from loopid.arguments import BoolArray, FloatArray, checked
+from loopid.base_parameters.account import SubgroupAccount
+from loopid.base_parameters.choice import SearchResult
+from loopid.errors import OptionError
+from loopid.plots.chart import Chart, Mark, Panel
+from loopid.robot.mechanism import Mechanism
+from loopid.view.scene import link_rods, placed
+
+FLAT = 1e-6  # part of the largest extent below which a robot is flat
+VIEWS = (0, 2), (0, 1), (1, 2)  # axes that go right and up
+ACROSS = np.array([[0.82, -0.57, 0.0], [-0.25, -0.36, 0.9]])  # right and up, from a corner
+SIGN = 0.09  # least distance of signs of motors, in extents of the robot
+HIGHEST = 1e20  # condition number that is drawn; larger ones are drawn there
+
+
+def force_unit(mechanism: Mechanism, joint: str) -> str:
+    """Unit of a motor's force: N where it slides, N m where it turns."""
+    return "N" if mechanism.velocity_indices([joint])[0] in mechanism.prismatic else "N m"
+
+
+@checked
+def robot_chart(
+    mechanism: Mechanism, configuration: FloatArray | None = None, *, worst: str = ""
+) -> Chart:
+    """Links, motors by their numbers, passive joints and closures at a configuration (nq,).
+
+    By default that is the reference. A flat robot is seen from its front, any other from a corner.
+    The worst motor is marked.
+    """
+    q = mechanism.reference if configuration is None else configuration
+    rods = link_rods(mechanism)
+    places, ends, met = placed(mechanism, rods, q)
+    joints, met = np.array([place.translation for place in places[1:]]), met.reshape(-1, 3)
+    slides = np.zeros(len(joints), dtype=bool)
+    for ((base, _), (joint, _)), both in zip(rods, ends, strict=True):
+        if base != joint:  # a slide, in its middle: at its ends are other joints
+            joints[joint - 1], slides[joint - 1] = both.mean(axis=0), True
+    extent = np.ptp(np.vstack([joints, met, ends.reshape(-1, 3)]), axis=0)
+    flat = [axes for axes in VIEWS if extent.sum() - extent[[*axes]].sum() <= FLAT * extent.max()]
+    right, up = np.eye(3)[[*flat[0]]] if flat else ACROSS
+    fixed = np.array([first == 0 for (first, _), _ in rods], dtype=bool)
+    gaps = np.concatenate([ends, np.full((len(ends), 1, 3), np.nan)], axis=1)
+    number = {name: str(k) for k, name in enumerate(mechanism.independent, start=1)}
+    motors = np.isin(mechanism.joints, mechanism.actuated)
+    bad = np.array([name == worst for name in mechanism.joints])
+    marks = [
+        Mark("", *_seen(gaps[~fixed], right, up), "links"),
+        Mark("base", *_seen(gaps[fixed], right, up), "limit"),
+        Mark("loop closed here", *_seen(met, right, up), "file", "closure"),
+        Mark("passive joint", *_seen(joints[~motors], right, up), "measured", "joint"),
+    ]
+    kinds = (("motor", motors & ~slides, "motor"), ("sliding motor", motors & slides, "slide"))
+    x, y = _apart(*_seen(joints, right, up), motors, SIGN * extent.max())
+    for name, own, kind in kinds:
+        for said, look, rows in (
+            (name, "measured", own & ~bad),
+            ("largest error", "fit", own & bad),
+        ):
+            texts = tuple(number.get(mechanism.joints[k], "") for k in np.flatnonzero(rows))
+            marks.append(Mark(said, x[rows], y[rows], look, kind, texts=texts))
+    motors_said = "; ".join(f"{k} {name}" for name, k in number.items())
+    at = "at its reference" if configuration is None else "at a configuration"
+    caption = f"{motors_said}. It is {extent.max():.3g} m large {at}."
+    panel = Panel("", tuple(mark for mark in marks if len(mark.x)), equal=True)
+    return Chart("robot", caption, "", (panel,))
+
+
+def _seen(points: FloatArray, right: FloatArray, up: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points (..., 3) in a plane."""
+    flat = points.reshape(-1, 3)
+    return flat @ right, flat @ up
+
+
+def _apart(
+    x: FloatArray, y: FloatArray, some: BoolArray, least: float
+) -> tuple[FloatArray, FloatArray]:
+    """Places of which some are moved up and to the right until none covers another."""
+    x, y, put = x.copy(), y.copy(), list[int]()
+    for k in np.flatnonzero(some):
+        while any(np.hypot(x[k] - x[j], y[k] - y[j]) < least for j in put):
+            x[k], y[k] = x[k] + 0.5 * least, y[k] + 0.6 * least
+        put.append(int(k))
+    return x, y
+
+
+@checked
+def search_chart(searches: Sequence[SearchResult]) -> Chart:
+    """Condition numbers of the combinations that subgroup searches tried, a column a search.
+
+    Above stand all of them, below those of full rank.
+
+    Raises
+    ------
+    OptionError
+        When a search is not one by subgroups.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> observation = loopid.structural_observation(loopid.load_mechanism("four_bar"))
+    >>> base = loopid.find_base_parameters(observation, "subgroup")
+    >>> loopid.plots.search_chart([base.search]).panels[0].title
+    'cond(V22), rank by a gap'
+    """
+    for search in searches:
+        if search.subgroups is None:
+            raise OptionError(f"search_chart shows subgroup searches, not {search.name} search")
+    accounts = [search.subgroups for search in searches if search.subgroups is not None]
+    caption = (
+        "Condition number of each combination tried, in turn; lines part the groups. Of those that "
+        f"are rank-deficient it is round-off, drawn up to {HIGHEST:.0e}."
+    )
+    panels = (*map(_tried_panel, accounts), *map(_full_rank_panel, accounts))
+    return Chart("search", caption, "combination tried", panels, columns=len(accounts) or 1)
+
+
+def _tried_panel(account: SubgroupAccount) -> Panel:
+    place, conditions, full_rank = _tried(account)
+    marks = (
+        _group_ends(account, 1.0, conditions.max()),
+        Mark("rank-deficient", place[~full_rank], conditions[~full_rank], "faint", "dots"),
+        Mark("limit", place[[0, -1]], np.full(2, account.condition_limit), "limit"),
+        *_full_rank_marks(account),
+    )
+    return Panel(f"cond(V22), {account.rule}", marks, log="y")
+
+
+def _full_rank_panel(account: SubgroupAccount) -> Panel:
+    place, conditions, full_rank = _tried(account)
+    shown = conditions[full_rank]
+    lines = _group_ends(account, shown.min(initial=np.inf), shown.max(initial=1.0))
+    ends = Mark("", place[[0, -1]], np.full(2, np.nan))  # as long as the panel above
+    return Panel(f"of full rank, {account.rule}", (ends, lines, *_full_rank_marks(account)))
+
+
+def _full_rank_marks(account: SubgroupAccount) -> list[Mark]:
+    place, conditions, full_rank = _tried(account)
+    marks = [Mark("full rank", place[full_rank], conditions[full_rank], "fit", "dots")]
+    if account.found_in is not None:
+        before = sum(map(len, account.groups[: account.found_in]))
+        at = [before + int(account.groups[account.found_in].best or 0)]
+        marks.append(Mark("best", place[at], conditions[at], "file", "dots"))
+    return marks
+
+
+def _tried(account: SubgroupAccount) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Places, condition numbers and whether of full rank, of all combinations in turn."""
+    conditions = np.concatenate([group.condition_numbers for group in account.groups])
+    full_rank = np.concatenate([group.full_rank for group in account.groups])
+    return np.arange(1.0, len(conditions) + 1), np.minimum(conditions, HIGHEST), full_rank
+
+
+def _group_ends(account: SubgroupAccount, low: float, high: float) -> Mark:
+    ends = np.cumsum([len(group) for group in account.groups])[:-1]
+    return Mark("", np.repeat(ends + 0.5, 3), np.tile([low, high, np.nan], len(ends)), "faint")
