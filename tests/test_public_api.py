@@ -54,7 +54,7 @@ def run(folder):
     model = loopid.find_force_model(robot, "full")
     recording = loopid.prepare_recording(robot, log)
     found = loopid.identify(model, [recording])
-    saved = loopid.save_fit(folder / "fit.yaml", model, found.fit)
+    saved = found.fit.save(folder / "fit.yaml")
     samples = model.samples(recording)
     options = loopid.DesignOptions(starts=1, evaluations=1, solver="slsqp", rate=20.0)
     program = loopid.read_motion_program("five_bar")
@@ -62,8 +62,8 @@ def run(folder):
     results = [
         *(robot, log, model, recording, found, samples, samples.problem, program, motion),
         loopid.structural_observation(robot),
-        loopid.read_fit(saved),
-        loopid.predict(loopid.read_fit(saved), robot, recording),
+        loopid.load_fit(saved),
+        loopid.load_fit(saved).predict(recording),
         loopid.identifiability(model, [recording]),
         loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=0.1)),
         loopid.review_motion(robot, motion),
@@ -174,14 +174,12 @@ def good(load_once):
         "force_model": model,
         "observation": loopid.structural_observation(robot),
         ("design_excitation", "model"): model,
-        ("export_c", "model"): model,
-        ("save_fit", "model"): model,
     }
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize(
-    "name", [n for n in names(loopid) if n not in ("LoopidError", "Mechanism")]
+    "name", [n for n in names(loopid) if n not in ("Fit", "LoopidError", "Mechanism")]
 )
 def test_wrong_types_are_refused_in_plain_words(name, good, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # "nonsense" may be a file to write

@@ -214,8 +214,7 @@ MADE_BY = {
     "ForceModel": "find_force_model",
     "Log": "read_log",
     "Recording": "prepare_recording",
-    "FitResult": "identify",
-    "SavedFit": "read_fit",
+    "Fit": "load_fit",
 }
 # Which arguments there are is said by the call itself, with the function's name.
 SAID_BY_PYTHON = (

@@ -58,7 +58,7 @@ def pages(study, knee):
 
 def prediction_of(study):
     found = study.identification
-    return loopid.predict(found.fit, found.force_model, found.training[0])
+    return found.fit.predict(found.training[0])
 
 
 def hostile():

@@ -25,7 +25,7 @@ from loopid.identification.force_model import ForceModel
 from loopid.identification.jackknife import Jackknife
 from loopid.identification.leaving_out import stretches_of
 from loopid.identification.lengths import length_forces
-from loopid.identification.result import FitResult
+from loopid.identification.result import Fit
 from loopid.logs.recording import Recording
 from loopid.parameters import ParameterSet
 from loopid.records import record
@@ -267,7 +267,7 @@ def _wrong_length(
     return test.missing(*told, number=float(x[0]))
 
 
-def with_missing(fit: FitResult, missing: Sequence[MissingForce]) -> FitResult:
+def with_missing(fit: Fit, missing: Sequence[MissingForce]) -> Fit:
     """A fit whose intervals hold the bias of forces that are missing."""
     biases = [np.outer(each.bias, each.bias) for each in missing]
     return replace(fit, covariance=sum(biases, fit.covariance)) if biases else fit

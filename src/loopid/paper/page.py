@@ -15,7 +15,7 @@ from rich.table import Table
 from loopid.arguments import FloatArray
 from loopid.base_parameters.base import expression
 from loopid.base_parameters.choice import SearchResult
-from loopid.identification.result import FitResult
+from loopid.identification.result import Fit
 from loopid.paper.reproduction import (
     CONDITION_NUMBERS,
     EIGHT,
@@ -487,7 +487,7 @@ def errors_table(actual: ActualFit) -> Table:
     return plain_table("rms errors of the forces on new data (N)", columns, rows)
 
 
-def _reach(result: FitResult, k: int, value: str = ".3g", reach: str = ".2g") -> str:
+def _reach(result: Fit, k: int, value: str = ".3g", reach: str = ".2g") -> str:
     low, high = result.intervals(LEVEL)[k]
     return f"{result.values[k]:{value}} ± {(high - low) / 2:{reach}}"
 
@@ -561,7 +561,7 @@ def _rows(numbers: Iterable[int]) -> dict[str, Any]:
 
 
 def _interval_marks(
-    name: str, fit: FitResult, middle: FloatArray, place: FloatArray, look: str
+    name: str, fit: Fit, middle: FloatArray, place: FloatArray, look: str
 ) -> tuple[Mark, Mark]:
     """The first parameters of a fit with their intervals, less other values."""
     low, high = fit.intervals(LEVEL)[: len(place)].T - middle
