@@ -18,7 +18,7 @@ from loopid.kinematics.constraint import Constraint, scaled_jacobian, scaled_res
 from loopid.kinematics.poses import integrate
 from loopid.kinematics.projection import Factorisation, closed_motion, partition
 from loopid.logs.recording import Recording
-from loopid.regressors.closed_loop import motion_regressor
+from loopid.regressors.motion_regressors import motion_regressor
 from loopid.robot.mechanism import Mechanism
 
 PART = 1e-4  # by which a length is changed, for its derivative
