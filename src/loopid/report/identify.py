@@ -172,7 +172,7 @@ def _sections(study: Study, worst: str) -> Iterator[Section]:
     yield Section("Checks of the log", (*log, *_log_tables(study)), folded=True, short="Log")
     model: list[Part] = [terms_chart(study.term_sets)]
     model += [] if found.cutoff is None else [filter_chart(found.cutoff)]
-    model += [*_candidates_tables(study), _essential_table(study)]
+    model += [_candidates_table(study), _essential_table(study)]
     yield Section("Checks of the model", tuple(model), folded=True, short="Model")
     values = _estimates_table(found)
     yield Section("All values", (values,), folded=values.row_count > OPEN)
@@ -421,30 +421,14 @@ def _of_body(estimate: Estimate) -> bool:
     return Parameter.parse(estimate.name).kind in KINDS
 
 
-def _candidates_tables(study: Study) -> list[Table]:
+def _candidates_table(study: Study) -> Table:
     """Errors on new data of the robot file, all parameters, the essential ones, and others."""
-    found, mechanism = study.identification, study.identification.force_model.mechanism
+    found = study.identification
     columns = {
         **{"fit": "name", ">fitted": "fitted", ">error over the file's": _over_file},
         "against the file": lambda each: _grade(each, found),
     }
-    rows = [
-        (
-            motor,
-            each.name,
-            " ± ".join(
-                with_error(float(each.validation.residual_rms[k]), float(each.rms_errors[1][k]))
-            ),
-            force_unit(mechanism, motor),
-        )
-        for k, motor in enumerate(mechanism.independent)
-        for each in _candidates(study)
-    ]
-    errors = "other fits: errors by motor, RMS ± std", ("motor", "fit", ">on new data", "unit")
-    return [
-        table_of("other fits: errors on new data", columns, _candidates(study)),
-        plain_table(*errors, rows),
-    ]
+    return table_of("other fits: errors on new data", columns, _candidates(study))
 
 
 def _over_file(each: Candidate) -> str:
