@@ -10,7 +10,7 @@ import numpy as np
 from loopid.findings import PAGE, Finding, most_important_first
 from loopid.identification.consistent import UNSETTLED
 from loopid.identification.missing import missing_findings
-from loopid.identification.result import FitResult
+from loopid.identification.result import Fit
 from loopid.records import record
 from loopid.regressors.joint_laws import grouped
 
@@ -160,8 +160,7 @@ def _better(found: Identification) -> Finding | None:
         "warning",
         f"all parameters predict {times:.2g} times better",
         "than any robot with solid bodies and friction that dissipates, on data left out",
-        "look for a sign, a zero or a length of the file that is wrong, as all parameters predict "
-        f"{times:.2g} times better than any robot with solid bodies",
+        "look for a wrong sign, zero or length of the file",
     )
 
 
@@ -311,7 +310,7 @@ def _least_known(found: Identification) -> tuple[str, ...]:
     return tuple(labels[j] for j in order if names[j] in weak)
 
 
-def insignificant(fit: FitResult) -> tuple[str, ...]:
+def insignificant(fit: Fit) -> tuple[str, ...]:
     """Names of parameters not clearly different from zero; points of a curve are none."""
     kinds = {each.name: each.kind for each in fit.parameters}
     return tuple(name for name in fit.insignificant() if not grouped(kinds[name]))
