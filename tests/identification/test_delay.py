@@ -1,6 +1,7 @@
 """Delays of forces: found within their intervals, undone, and not seen elsewhere."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -81,7 +82,8 @@ def test_forces_that_are_moved_are_those_of_a_log_that_is_prepared_again(case):
     run = prepare_recording(model.mechanism, noisy(log, 0.012), filter=every)
     found = find_delay(model, [run])
     (moved,) = without_delay(model, [run], found)
-    again = prepare_again(model.mechanism, run, log=run.log.delayed(found.undone))
+    late = replace(run, log=run.log.delayed(found.undone))
+    (again,) = prepare_again(model.mechanism, [late])
     shared = np.isin(moved.motion.time, again.motion.time)
     same = moved.select(shared & moved.used.any(axis=1))
     other = again.select(np.isin(again.motion.time, same.motion.time))
