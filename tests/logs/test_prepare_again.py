@@ -1,5 +1,7 @@
 """A recording prepared again: the same part of the log, filtered otherwise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,7 @@ def recording():
         robot, loopid.joint_motion(robot, series.motion(duration=10.0, rate=100.0))
     )
     log = loopid.Log.from_arrays(run.time, run.position, run.force, robot.actuated)
+    log = replace(log, checked=True)  # its limits are no matter
     return robot, loopid.prepare_recording(robot, log, filter=FilterOptions(cutoff=10.0))
 
 

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative, finite, samples
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    NotNegative,
+    finite,
+    rectangular,
+    samples,
+)
 from loopid.errors import DataError, OptionError
 from loopid.logs.grid import (
     Dropped,
@@ -158,8 +166,10 @@ class Log(Tabular):
     checked: bool = field(default=False, compare=False)
 
     def __post_init__(self) -> None:
+        if not self.joints:
+            raise DataError("joints must name the motors of a log", argument="joints")
         time = _row(self.time)
-        numbers: Any = np.asarray(self.stretches)
+        numbers = rectangular(self.stretches, "stretches")
         whole = numbers.shape == time.shape and numbers.dtype.kind in "iu"
         if not whole or (np.diff(numbers) < 0).any():
             raise DataError(f"stretches must be {len(time)} whole numbers that ascend")
