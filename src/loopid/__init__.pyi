@@ -25,7 +25,6 @@ from .base_parameters import (
     SearchOptions as SearchOptions,
     find_base_parameters as find_base_parameters,
 )
-from .control import MotorModel as MotorModel
 from .diagnosis import (
     drive_gains as drive_gains,
     identify_payload as identify_payload,
@@ -79,7 +78,6 @@ from .motion import (
     FourierSeries as FourierSeries,
     LowPass as LowPass,
     Noise as Noise,
-    forward_dynamics as forward_dynamics,
     joint_motion as joint_motion,
     read_motion_program as read_motion_program,
     review_motion as review_motion,
@@ -89,7 +87,7 @@ from .observation import Observation as Observation
 from .parameters import ParameterSet as ParameterSet
 from .progress import progress_bar as progress_bar
 from .regressors import (
-    ClosedLoop as ClosedLoop,
+    Dynamics as Dynamics,
     JointTerms as JointTerms,
     dynamic_regressor as dynamic_regressor,
     gravity_regressor as gravity_regressor,

@@ -160,7 +160,8 @@ class AccuracyWarning(UserWarning):
 def warn(message: str, category: type[Warning]) -> None:
     """Warn at the line that called loopid, however deep inside it the reason was found."""
     level, frame = 2, sys._getframe(1)
-    inside = ("loopid.", "pydantic.")  # pydantic checks arguments in between
+    # Between them pydantic checks arguments, and contextlib enters contexts.
+    inside = ("loopid.", "pydantic.", "contextlib")
     while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith(inside):
         level, frame = level + 1, frame.f_back
     warnings.warn(one_line(message), category, stacklevel=level)

@@ -23,6 +23,12 @@ def with_error(value: float, error: float) -> tuple[str, str]:
     return tuple(f"{round(x, decimals) + 0.0:.{max(decimals, 0)}f}" for x in (value, error))  # type: ignore[return-value]
 
 
+def root(square: float, error: float) -> tuple[float, float]:
+    """Square root of a value with its standard error, to first order."""
+    size = math.sqrt(square)
+    return size, error / (2 * size) if size else error
+
+
 def interval(low: float, high: float) -> str:
     """The ends of an interval to two digits of its half width, or to three where that is more."""
     if not (math.isfinite(low) and math.isfinite(high) and low < high):

@@ -100,7 +100,7 @@ def test_figures_for_papers_are_drawn_where_asked_for(run, arm_files, tmp_path):
     assert done.code == 0, done.err
     drawn = {"errors", "filter", "forces", "friction", "parameters", "robot", "terms"}
     for name in drawn:
-        assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert (tmp_path / f"{name}.pdf").read_bytes().startswith(b"%PDF")
         assert "<svg" in (tmp_path / f"{name}.svg").read_text()
 
 
@@ -236,7 +236,7 @@ def test_no_progress_bar_is_drawn_where_no_terminal_is(run, arm_files):
         (("--train", "0"), ["between 0 and 1", "0"]),
         (("--train", "1.5"), ["between 0 and 1", "1.5"]),
         (("--train", "nan"), ["fraction", "nan"]),
-        (("--cutoff", "-1"), ["cutoff", "greater than 0"]),
+        (("--cutoff", "-1"), ["cutoff", "above 0"]),
         (("--cutoff", "1000"), ["cut-off", "half the sample rate"]),
         (("--mapping", "nowhere.yaml"), ["nowhere.yaml"]),
         (("--validate", "nowhere.csv"), ["nowhere.csv"]),

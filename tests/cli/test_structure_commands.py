@@ -411,8 +411,8 @@ def test_a_loop_that_its_closure_hardly_takes_part_in_comes_before_thin_rods(run
     )
     told = run("check", tmp_path / "sliders.yaml").out
     said = " ".join(told.split())
-    assert "Look at this first: of the 6 rows of closure" in said
-    assert "the loop feels 1: look at its frames" in said
+    assert "Look at this first: the loop hardly feels closure" in said
+    assert "1 of its 6 rows (6d): look at its frames" in said
     assert "1 degree of freedom for 1 motor" in said
     assert "1 degrees" not in said
 

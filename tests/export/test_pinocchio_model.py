@@ -30,9 +30,10 @@ def test_pinocchio_closes_the_loops_of_its_model(name, load_once):
     forces[robot.velocity_indices(robot.independent)] = tau
     pin.initConstraintDynamics(tree, data, loops, contacts)
     settings = pin.ProximalSettings(1e-12, 1e-12, 100)  # as closures may be redundant
-    rates = loopid.ClosedLoop(robot).velocity_map(q) @ v
-    found = pin.constraintDynamics(tree, data, q, rates, forces, loops, contacts, settings)
-    expected = loopid.forward_dynamics(robot, q, v, forces=tau).accelerations[0]
+    dynamics = loopid.Dynamics(robot, start=q)
+    pose = dynamics.pose()
+    found = pin.constraintDynamics(tree, data, q, pose.G @ v, forces, loops, contacts, settings)
+    _, expected = dynamics.motion(pose, v, dynamics.forward(pose, v, tau))
     np.testing.assert_allclose(found, expected, atol=1e-10 * np.abs(expected).max())
 
 

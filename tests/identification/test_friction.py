@@ -197,7 +197,9 @@ def test_load_friction_is_found_and_predicted(robot, model, motion, tmp_path):
     assert high - low < 0.003
     summary = friction_summary(found.fit)
     assert summary.load[summary.joints.index(LEFT)].value == found.fit[f"{LEFT}.Ft"].value
-    assert friction_findings(found.fit) == [f"Friction of {LEFT} (0.08 of it) grows with load"]
+    assert friction_findings(found.fit) == [
+        (f"friction of {LEFT} grows with load", f"{LEFT} (0.08 of it)")
+    ]
     other = wander(robot, 9, 100.0, 10.0, size=(0.4, 0.4), harmonics=3)
     terms = JointTerms.with_values(robot, values)
     exact = simulated(robot, other, Noise(), 0, scaled_bodies(robot, 0.2), terms)

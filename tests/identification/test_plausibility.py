@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from loopid import (
-    MotorModel,
+    Dynamics,
     export_c,
     find_force_model,
     friction_curve,
@@ -124,8 +124,8 @@ ROUTES = {
         SavedFit.of(model, fit), model.mechanism, c=folder, **kw
     ),
     "export_c": lambda model, fit, folder, **kw: export_c(model, folder, values=fit, **kw),
-    "MotorModel": lambda model, fit, _, **kw: MotorModel(model, fit, **kw),
-    "MotorModel of a saved fit": lambda model, fit, _, **kw: MotorModel(
+    "Dynamics": lambda model, fit, _, **kw: Dynamics(model, fit, **kw),
+    "Dynamics of a saved fit": lambda model, fit, _, **kw: Dynamics(
         model.mechanism, SavedFit.of(model, fit), **kw
     ),
     "to_pinocchio": lambda model, fit, _, **kw: to_pinocchio(model, fit, **kw),
@@ -153,4 +153,4 @@ def test_what_terms_break_on_a_log_is_kept_by_the_fit(found, tmp_path):
     place = save_fit(tmp_path / "a.yaml", found.force_model, fit, anyway=True)
     assert read_fit(place).result.broken == (said,)
     with pytest.raises(OptionError, match=said):
-        MotorModel(found.force_model.mechanism, read_fit(place))
+        Dynamics(found.force_model.mechanism, read_fit(place))

@@ -90,22 +90,25 @@ def test_a_right_one_is(robot, models):
 
 
 def test_errors_are_looked_at_where_they_are_worst(robot, models):
-    """Of forces with more noise in a stretch, at low speed, and at standstill."""
+    """Of forces with more noise in a stretch and at low speed, and that are off at standstill."""
     found = quietly(identify, models["full"], [recording(robot)])
     run, new, rng = found.training[0], found.new, np.random.default_rng(0)
     rates = np.abs(run.motion.velocities)
     slow = rates <= np.percentile(rates, 10, axis=0)
     late = np.arange(len(run))[:, None] >= 0.8 * len(run)
 
-    def looked(rows, used=new.used):
-        force = new.force + np.where(rows, rng.normal(scale=0.5, size=new.force.shape), 0.0)
+    def looked(rows, used=new.used, scale=0.5, off=0.0):
+        force = new.force + np.where(rows, off + rng.normal(scale=scale, size=used.shape), 0.0)
         samples = replace(new, force=force, used=used)
         return UnseenErrors.of(found.recommended, found.force_model, samples, [run])
 
     assert looked(late).worst[0] == "part"
     assert looked(slow).worst[0] == "slow"
-    standing = looked(slow, new.used & ~slow)
+    standing = looked(slow, new.used & ~slow, 0.01, 1.0)
     assert standing.worst[0] == "standstill"
+    # A force that changes while nothing moves is carried by friction, or a brake.
+    braked = looked(slow, new.used & ~slow)
+    assert (braked.standstill < 0.5 * standing.standstill).all()
     # Breakaway is no error: a force may be anything up to it.
     held = replace(new, used=new.used & ~slow)
     alone = UnseenErrors.of(found.recommended, found.force_model, held, [run])

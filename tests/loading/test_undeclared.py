@@ -133,6 +133,6 @@ def test_a_motor_that_cannot_move_is_said_first(load):
              frame("nail", "ground", (0.3, 0, 0))]  # fmt: skip
     description = described([tie("3d", ("tip", "nail"))], ("first", "second"), {})
     _, verdict, _ = load(parts, description=description)
-    said = "Look at this first: the loops do not let the motors first move"
+    said = "Look at this first: loops do not let motors first move"
     assert verdict.startswith(said)
     assert "ready" not in verdict

@@ -454,10 +454,6 @@ def fitted(estimator, **samples):
     return lambda _: loopid.fit(sampled(**samples), estimator)
 
 
-def motor_model(robot, fit=None):
-    return lambda _: loopid.MotorModel(robot, fit)
-
-
 @cache
 def designed(**options):
     """A design, as short as can be."""
@@ -677,21 +673,16 @@ OF_FITS = {
         "write it anew by save_fit",
         saved("four_bar", fit=True),
     ),
-    "no values": (
-        motor_model(load("four_bar")),
-        "give find_force_model(robot, 'full')",
-        motor_model(forces(model="full")),
-    ),
     "masses in a gravity model": (
-        lambda _: loopid.MotorModel(forces()).mass([1.0]),
+        lambda _: loopid.Dynamics(forces()).mass_matrix([1.0]),
         "identify with the model 'full'",
-        lambda _: loopid.MotorModel(forces(model="full")).mass([1.0]),
+        lambda _: loopid.Dynamics(forces(model="full")).mass_matrix([1.0]),
     ),
     "an observer without deviations": (
-        lambda _: WrenchObserver(loopid.MotorModel(forces(model="full")), 0.01, frame="rocker"),
+        lambda _: WrenchObserver(loopid.Dynamics(forces(model="full")), 0.01, frame="rocker"),
         "give noise, or what is unmodelled",
         lambda _: WrenchObserver(
-            loopid.MotorModel(forces(model="full")), 0.01, frame="rocker", noise=0.1
+            loopid.Dynamics(forces(model="full")), 0.01, frame="rocker", noise=0.1
         ),
     ),
     "values that are not told yet": (
@@ -776,14 +767,9 @@ OF_ANALYSES = {
         follow(locked("root_joint", floating_base=True)),
     ),
     "motors of a base that floats": (
-        lambda folder: loopid.MotorModel(quick(FLOATING(folder))),
+        lambda folder: loopid.Dynamics(FLOATING(folder)).gravity([1.0, 1.0]),
         "load it with lock=['root_joint']",
-        lambda folder: loopid.MotorModel(quick(locked("root_joint", floating_base=True)(folder))),
-    ),
-    "friction by loads, of motors alone": (
-        lambda _: loopid.MotorModel(loaded("Fl")),
-        "identify with terms that do not",
-        lambda _: loopid.MotorModel(loaded("Fc")),
+        lambda folder: loopid.Dynamics(locked("root_joint", floating_base=True)(folder)).pose(),
     ),
     "friction by loads, in C": (
         lambda _: c_source(loaded("Fl")),

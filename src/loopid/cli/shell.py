@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import typer
 from typer.core import TyperCommand
 
-from loopid.errors import LoopidError, one_line
+from loopid.errors import LoopidError, counted, one_line
 from loopid.files import require_folder, require_other_file, write_files
 
 if TYPE_CHECKING:
@@ -168,6 +168,7 @@ class Answer:
 
         A report whose files are refused is printed before the refusal.
         """
+        from loopid.findings import Finding
         from loopid.report.look import json_text
         from loopid.report.page import Run
 
@@ -175,7 +176,11 @@ class Answer:
         found = {str(each) for each in report.findings}
         told = self.context.obj  # what is a finding is said once
         told[:] = [text for text in told if not any(text in each for each in found)]
-        run = Run(command=shlex.join(["loopid", *sys.argv[1:]]), warnings=tuple(told))
+        if told:
+            title = f"{counted(len(told), 'warning')} of robot and log files"
+            note = Finding("note", title, "; ".join(told))
+            report = replace(report, findings=[*report.findings, note])
+        run = Run(command=shlex.join(["loopid", *sys.argv[1:]]))
         written: list[Path] = []
         if self.folder is not None:
             try:
@@ -241,7 +246,7 @@ def answering(
         None, metavar="DIR", help="Write report.html and results to a folder."
     ),
     figures: bool = typer.Option(
-        False, "--figures", help="With --out: figures for papers, as SVG and PNG."
+        False, "--figures", help="With --out: figures for papers, as SVG and PDF."
     ),
     verbose: bool = typer.Option(False, "--verbose", "-v", help="All tables, whole warnings."),
     as_json: bool = typer.Option(False, "--json", help="Print JSON instead of text."),

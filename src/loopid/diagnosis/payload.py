@@ -114,8 +114,8 @@ class MotorMasses:
         low, high = int(self.values.argmin()), int(self.values.argmax())
         return (
             f"motors disagree on the mass: {self.values[low]:.3g} kg by {self.actuators[low]}, "
-            f"{self.values[high]:.3g} kg by {self.actuators[high]}; gains of drives are off, or "
-            "the model lacks a force: drive_gains finds the gains by a load of known mass, as by "
+            f"{self.values[high]:.3g} kg by {self.actuators[high]}, gains of drives are off, or "
+            "the model lacks a force; drive_gains finds the gains by a load of known mass, as by "
             f"known_mass={np.median(self.values):.3g}"
         )
 

@@ -23,6 +23,7 @@ from loopid.progress import Progress
 from loopid.records import record
 from loopid.regressors.joint_terms import NO_TERMS, JointTerms
 from loopid.robot.mechanism import Mechanism
+from loopid.workers import one_blas_thread
 
 NAMED = 4  # parameters that a note names
 IDLE = 0.3  # part of a motor's samples left out, above which it is worth a word
@@ -121,7 +122,7 @@ class Study:
             (
                 known == every,
                 "all known better than by the file",
-                f"{every - known} known worse than by the file",
+                f"{every - known} less known than by the file",
             ),
             (pay, "fitted bodies predict better", "fitted bodies do not predict clearly better"),
         ]
@@ -160,8 +161,8 @@ def _notes(study: Study) -> Iterator[Finding]:
         notes.append(("motors stand still for much of the log", why))
     if frames := dict.fromkeys(frame for run in runs for frame in run.wrenches):
         notes.append(("measured wrenches are part of the forces", f"on {', '.join(frames)}"))
-    notes += [(sentence, "") for sentence in friction_findings(fit)]
-    notes += [(hysteresis_loop(fit, joint).sentence, "") for joint in hysteretic_joints(fit)]
+    notes += friction_findings(fit)
+    notes += [hysteresis_loop(fit, joint).finding for joint in hysteretic_joints(fit)]
     if told.unidentifiable:
         title = "unidentifiable combinations are as in the robot file"
         notes.append((title, f"the values of {', '.join(told.assumed)} rest on it"))
@@ -171,9 +172,7 @@ def _notes(study: Study) -> Iterator[Finding]:
 def _terms_note(found: TermComparison) -> str:
     with_file, fitted = (
         f"{'these are' if each is found.chosen else f'{each.choice} are'} enough with {bodies}"
-        for each, bodies in zip(
-            found.enough, ("the bodies of the robot file", "fitted bodies"), strict=True
-        )
+        for each, bodies in zip(found.enough, ("the given bodies", "fitted bodies"), strict=True)
     )
     said = (
         f"On new data {fitted}, {with_file}: fitted bodies are "
@@ -251,6 +250,7 @@ def study_logs(
 
 
 @checked
+@one_blas_thread()
 def examine(
     found: Identification,
     *,

@@ -13,6 +13,7 @@ from loopid.errors import DataError
 from loopid.identification.force_model import ForceModel, parted, samples_of
 from loopid.identification.information import body_sizes
 from loopid.identification.pipeline import Identification, split_recordings
+from loopid.numbers import root
 from loopid.parameters import KINDS
 from loopid.records import record
 from loopid.regressors.joint_laws import grouped
@@ -47,6 +48,11 @@ class TermSet:
     parameters: tuple[int, int]
     errors: tuple[PredictionError, PredictionError]
 
+    @property
+    def rms(self) -> tuple[tuple[float, float], ...]:
+        """Root mean squares of the same errors, each with its standard error."""
+        return tuple(root(each.mean, each.standard_error) for each in self.errors)
+
 
 @record
 class TermComparison:
@@ -68,8 +74,9 @@ class TermComparison:
 
     def __repr__(self) -> str:
         lines = (
-            f"  {each.choice}: {each.errors[1].mean:.3g} ± {each.errors[1].standard_error:.2g}, "
-            f"robot file {each.errors[0].mean:.3g} ± {each.errors[0].standard_error:.2g}"
+            "  {}: {:.3g} ± {:.2g}, robot file {:.3g} ± {:.2g}".format(
+                each.choice, *each.rms[1], *each.rms[0]
+            )
             for each in self.sets
         )
         return "\n".join([f"TermComparison(enough: {self.enough[1].choice})", *lines])

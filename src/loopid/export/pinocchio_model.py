@@ -8,7 +8,7 @@ from math import isnan
 import pinocchio as pin
 
 from loopid.arguments import checked
-from loopid.errors import DataError, ModelWarning, OptionError, warn
+from loopid.errors import DataError, ModelWarning, warn
 from loopid.identification.force_model import ForceModel
 from loopid.identification.friction import nearest_line
 from loopid.identification.plausibility import require_sane
@@ -17,7 +17,6 @@ from loopid.identification.result import FitResult
 from loopid.identification.saved import SavedFit
 from loopid.loading.pinocchio_robot import MODEL_FIELDS
 from loopid.regressors.joint_laws import grouped
-from loopid.robot.closures import CLOSURE_KINDS
 from loopid.robot.mechanism import Mechanism, shortened
 
 
@@ -81,7 +80,7 @@ def to_pinocchio(
     tree.lowerDryFrictionLimit = -tree.friction
     if others:
         warn(f"Pinocchio's model has no place for {shortened(others)}: left out", ModelWarning)
-    return tree, _constraints(mechanism)
+    return tree, mechanism.constraint_models
 
 
 def _identified(
@@ -105,28 +104,3 @@ def _identified(
             straight = {kind: value for kind, value in kinds.items() if not grouped(kind)}
             terms[joint] = straight | {"Fc": line.coulomb, "Fv": line.viscous}
     return model.mechanism.tree(values[:count]), terms
-
-
-def _constraints(mechanism: Mechanism) -> pin.StdVec_RigidConstraintModel:
-    found = pin.StdVec_RigidConstraintModel()
-    if mechanism.couplings:
-        raise OptionError(
-            f"Pinocchio has no contact for {mechanism.couplings[0].name}, a coupling of joints",
-            given=mechanism.couplings[0].name,
-        )
-    for closure in mechanism.closures:
-        contact = CLOSURE_KINDS[closure.kind].contact
-        if contact is None:
-            valid = tuple(name for name, kind in CLOSURE_KINDS.items() if kind.contact is not None)
-            raise OptionError(
-                f"Pinocchio has no contact for {closure.name} of kind {closure.kind}: describe it "
-                f"by closures of the kinds {', '.join(valid)}",
-                given=closure.kind,
-                valid=valid,
-            )
-        frames = [mechanism.model.frames[k] for k in closure.frame_ids]
-        ends = [part for frame in frames for part in (frame.parentJoint, frame.placement)]
-        constraint = pin.RigidConstraintModel(contact, mechanism.model, *ends, pin.LOCAL)
-        constraint.name = closure.name
-        found.append(constraint)
-    return found

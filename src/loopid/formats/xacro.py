@@ -15,13 +15,13 @@ from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 from typing import Any
-from unittest.mock import patch
 
 from loopid.errors import MissingExtraError, OptionError, RobotFileError, naming
 from loopid.formats.sdf import read_sdf
 from loopid.loading.tree import TreeSource
 from loopid.loading.urdf import read_urdf
 from loopid.loading.xml_elements import Element, parsed_xml
+from loopid.registry import exchanged
 
 try:
     import xacro
@@ -53,7 +53,7 @@ def _written_out(path: Path, arguments: Mapping[str, str]) -> tuple[Element, lis
     """The file without macros, and what xacro warns of."""
     given, heard = _Arguments(arguments), io.StringIO()
     try:
-        with redirect_stderr(heard), patch.dict(sys.modules, _packages(path)):
+        with redirect_stderr(heard), exchanged(sys.modules, **_packages(path)):
             document = xacro.process_file(str(path), mappings=given)
             content = document.toxml("utf-8")
     except Exception as error:  # of any expression in the file

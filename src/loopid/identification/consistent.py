@@ -37,6 +37,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg.lapack import dtrtri
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, Positive, checked, finite, rectangular
 from loopid.errors import DataError, ModelWarning, OptionError, warn
@@ -44,7 +45,7 @@ from loopid.findings import Finding
 from loopid.identification.correlation import within_runs
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.force_model import ForceModel
-from loopid.identification.information import Excitation, body_sizes
+from loopid.identification.information import body_sizes, joint_sizes
 from loopid.identification.jackknife import with_scatter
 from loopid.identification.joint_priors import JointPriors
 from loopid.identification.problem import FitProblem, FitSamples
@@ -70,7 +71,7 @@ FLAT = 10.0
 PRECISION, MASSLESS = 1e-8, 1e-3
 # Of the minimum, in units of the log-likelihood; relative change of the deviations that ends their
 # iteration; iterations of either, at most.
-TOLERANCE, SETTLED, ITERATIONS = 1e-8, 1e-4, 200
+TOLERANCE, SETTLED, ITERATIONS = 1e-8, 3e-4, 200
 
 
 @record(kw_only=True, checked=True)
@@ -218,19 +219,22 @@ def consistent_parameters(
     Parameters
     ----------
     like : FitResult, optional
-        A consistent fit of more data, whose deviations of the robot file and of groups of joint
-        terms are taken; without it, those that are most likely.
+        Of more data, by ``consistent_fit`` or ``fit_terms``, whose deviations of the robot file and
+        of groups of joint terms are taken; without it, those that are most likely.
     """
     _, program = _posed(force_model, data, noise, None, None)
     with one_blas_thread():
-        if like is None or like.deviation is None:
-            state, _ = _most_likely(program, options)
-        else:
-            state = replace(program.first(like.deviation.common), deviations=like.deviation.own)
-            if like.term_deviations is not None:
-                state = replace(state, groups=like.term_deviations.own)
-            state = _minimised(program, _approached(program, state))
-        return program.standard(state)
+        if like is None:
+            return program.standard(_most_likely(program, options)[0])
+        bodies, far = 0.0 * force_model.standard_prior, like.deviation
+        if far is None:
+            program, bodies = _terms_alone(force_model, program)
+        state = program.first(1.0)
+        if far is not None:
+            state = replace(state, deviations=far.own)
+        if like.term_deviations is not None:
+            state = replace(state, groups=like.term_deviations.own)
+        return bodies + program.standard(_minimised(program, _approached(program, state)))
 
 
 @checked
@@ -243,17 +247,10 @@ def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> F
         Parameters of bodies alone are ``assumed``; those that joint terms fold into are not.
     """
     weights, program = _posed(force_model, data, noise, None, None)
-    standard, base = force_model.standard_prior, force_model.base
+    base, (program, standard) = force_model.base, _terms_alone(force_model, program)
     first = len(standard) - len(program.terms.start)
-    J, bodies = base.matrix[:, first:], np.append(standard[:first], 0 * standard[first:])
-    program = replace(
-        program,
-        target=program.target - program.effects @ bodies,
-        names=(),
-        file=program.file[:0],
-        columns=program.columns[:0],
-    )
-    left = data.less(data.predicted(base.values(bodies))).along(J)
+    J = base.matrix[:, first:]
+    left = data.less(data.predicted(base.values(standard))).along(J)
     with one_blas_thread():
         state, _ = _most_likely(program, ConsistentOptions())
         standard[first:] = state.joints
@@ -283,6 +280,20 @@ def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> F
         uncertainty=RobotUncertainty(base.parameters, none, variances, file, known),
         term_deviations=groups,
     )
+
+
+def _terms_alone(force_model: ForceModel, program: _Program) -> tuple[_Program, FloatArray]:
+    """The program with the bodies of the robot file, and their standard parameters (p,)."""
+    bodies = force_model.standard_prior
+    bodies[len(bodies) - len(program.terms.start) :] = 0.0
+    alone = replace(
+        program,
+        target=program.target - program.effects @ bodies,
+        names=(),
+        file=program.file[:0],
+        columns=program.columns[:0],
+    )
+    return alone, bodies
 
 
 def _posed(
@@ -342,7 +353,7 @@ def _joint_priors(
     deviations: FloatArray | None,
 ) -> JointPriors:
     """What is known of the joint terms; deviations are finite."""
-    sizes = FLAT * Excitation.of(force_model, problem).joint_sizes
+    sizes = FLAT * joint_sizes(force_model, problem)
     given = force_model.joint_values if values is None else finite(values, "joint values")
     spread = np.full(len(sizes), np.inf) if deviations is None else deviations
     spread = rectangular(spread, "deviations")
@@ -411,7 +422,8 @@ class _Step:
     @cached_property
     def _root(self) -> FloatArray:
         """R⁻¹ (q, q)."""
-        return np.asarray(np.linalg.inv(self._triangle[:, :-1]))
+        R = self._triangle[:, :-1]
+        return np.asarray(dtrtri(R)[0]) if len(R) else R
 
     def solution(self, rows: FloatArray, least: FloatArray) -> FloatArray:
         """The best z (q,) with rows (m, q) z ≥ least (m,)."""

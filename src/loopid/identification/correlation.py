@@ -273,7 +273,8 @@ class ErrorModel:
 
     Of weighted columns x (N, n), orthonormal over all actuators and zero where a sample is not
     used, weighted residuals (N,), the stretches' rows, and the least deviation of the errors.
-    ``sums`` (n, n) is the covariance of Σ_t x_t e_t under the ``model`` of the errors e.
+    ``sums`` (n, n) is the covariance of Σ_t x_t e_t under the ``model`` of the errors e. One
+    actuator tells few combinations of all parameters: what is computed again and again is of those.
     """
 
     def __init__(
@@ -284,13 +285,15 @@ class ErrorModel:
         pieces: Pieces,
         least: float = 0.0,
     ) -> None:
-        self._columns, self._used, self._pieces = columns, used, pieces
+        shares, turn = np.linalg.eigh(columns.T @ columns)
+        self._turn = turn[:, (shares > ROUND_OFF) | (shares == shares[-1])]
+        self._columns, self._used, self._pieces = columns @ self._turn, used, pieces
         self._observed = burg_covariances(residual, run_lengths(used, pieces))
         self._observed[0] = max(self._observed[0], least**2)
         apart = [_apart(pieces, k) for k in range(len(self._observed))]
-        zero = np.zeros(2 * columns.shape[1:])
+        x = self._columns
         self._grams = np.array(
-            [sum((columns[a].T @ columns[b] for a, b in rows), zero) for rows in apart]
+            [sum((x[a].T @ x[b] for a, b in rows), np.zeros(2 * x.shape[1:])) for rows in apart]
         )
         # How many pairs of used samples are so far apart.
         self._pairs = np.array([sum((used[a] & used[b]).sum() for a, b in rows) for rows in apart])
@@ -305,7 +308,8 @@ class ErrorModel:
 
         With ``sums`` (n, n) those over all actuators.
         """
-        left = np.einsum("ij,kij->k", sums, self._grams[: len(self._shared)])
+        own = self._turn.T @ sums @ self._turn
+        left = np.tensordot(self._grams[: len(self._shared)], own)
         return np.asarray(self._shared - left, dtype=np.float64)
 
     def correct(self, sums: FloatArray) -> None:
@@ -339,7 +343,7 @@ class ErrorModel:
         """
         self.model, X = model, self._columns
         turned = model.filtered(X, self._pieces)
-        self.sums = X.T @ turned
+        self.sums = self._turn @ (X.T @ turned) @ self._turn.T
         turned *= self._used[:, None]
         self._shared = np.array(
             [

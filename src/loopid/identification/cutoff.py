@@ -84,7 +84,7 @@ class CutoffChoice:
         if not self.bound:
             return ()
         why = BOUNDS[self.bound].format(self.chosen)
-        return (Finding("warning", "the cut-off is at a bound of its range", why),)
+        return (Finding("warning", "cut-off is at a bound of its range", why),)
 
     def warn(self) -> None:
         """Tell of a choice at a bound of its range."""

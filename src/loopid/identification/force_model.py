@@ -24,7 +24,6 @@ from loopid.motion.joints import JointMotion
 from loopid.parameters import KINDS, ParameterSet, model_kinds
 from loopid.progress import Progress
 from loopid.records import record
-from loopid.regressors.closed_loop import motion_regressor
 from loopid.regressors.joint_laws import JointState, grouped, joint_term
 from loopid.regressors.joint_terms import (
     JointTerms,
@@ -34,6 +33,7 @@ from loopid.regressors.joint_terms import (
     with_loads,
 )
 from loopid.regressors.maxwell_slip import Slips, slips_along, slips_at
+from loopid.regressors.motion_regressors import motion_regressor
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import ordered_map
@@ -362,7 +362,7 @@ class ForceModel:
         rates = mechanism.velocity_indices(links)
         q = recording.motion.configurations
         shares = [project(mechanism, q[rows]).G[:, rates] for rows in row_blocks(len(q))]
-        found = np.empty((len(q), len(recording.actuators), len(columns)))
+        signals = np.empty((len(history.velocity), len(columns)))
         for joint in dict.fromkeys(links):
             own = [k for k, link in enumerate(links) if link == joint]
             state = self._state_of_log(recording, joint, [columns[k] for k in own])
@@ -370,10 +370,10 @@ class ForceModel:
                 load = np.abs(loads[:, mechanism.independent.index(joint)])
                 size = np.interp(np.arange(len(state.rate)), history.rows, load)
                 state = state._replace(torque=size)
-            laws = [joint_term(self.parameters[columns[k]].kind) for k in own]
-            signals = np.stack([law.signal(state, len(state.rate)) for law in laws], axis=1)
-            found[:, :, own] = history.lowpassed(signals)[:, None]
-        return found * np.concatenate(shares).swapaxes(1, 2)
+            for k in own:
+                law = joint_term(self.parameters[columns[k]].kind)
+                signals[:, k] = law.signal(state, len(signals))
+        return history.lowpassed(signals)[:, None] * np.concatenate(shares).swapaxes(1, 2)
 
     def _state_of_log(self, recording: Recording, joint: str, columns: Sequence[int]) -> JointState:
         """State (M,) of a joint at the rate of the log, as far as its terms need it."""

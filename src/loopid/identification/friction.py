@@ -414,15 +414,15 @@ def friction_summary(fit: FitResult) -> FrictionSummary:
     )
 
 
-def friction_findings(fit: FitResult) -> list[str]:
-    """What friction a fit has beside Coulomb and viscous friction: a sentence each."""
+def friction_findings(fit: FitResult) -> list[tuple[str, str]]:
+    """What friction a fit has beside Coulomb and viscous friction, and of which joints."""
     groups, summary = fit.term_deviations, friction_summary(fit)
     clear = () if groups is None else np.flatnonzero(groups.evidence >= CLEARLY)
     parted = [groups.names[k].rpartition(": ")[::2] for k in clear] if groups else []
 
     said = {
         CURVE.name: (
-            "is a curve of the rate",
+            "is curved over its rate",
             summary.standstill,
             " ({0.value:+.2g} {0.unit} at standstill)",
         ),
@@ -437,7 +437,8 @@ def friction_findings(fit: FitResult) -> list[str]:
             joint + (more.format(known[joint]) if known.get(joint) else "") for joint in joints
         ]
         if texts:
-            found.append(f"Friction of {', '.join(texts)} {sentence}")
+            whose = joints[0] if len(joints) == 1 else f"{len(joints)} joints"
+            found.append((f"friction of {whose} {sentence}", ", ".join(texts)))
     return found
 
 

@@ -106,10 +106,10 @@ class HysteresisLoop(Tabular):
     band: FloatArray
 
     @property
-    def sentence(self) -> str:
-        """As in "friction of elbow builds up over 1.4 mrad after each reversal"."""
-        way = f"{1e3 * self.way:.2g} m{self.unit}"
-        return f"friction of {self.joint} builds up over {way} after each reversal"
+    def finding(self) -> tuple[str, str]:
+        """Title and size, as in "friction of elbow builds up after reversals", "over 1.4 mrad"."""
+        way = f"over {1e3 * self.way:.2g} m{self.unit}"
+        return f"friction of {self.joint} builds up after reversals", way
 
     def _table(self) -> dict[str, FloatArray]:
         low, high = self.band.T

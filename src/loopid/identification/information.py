@@ -30,6 +30,7 @@ from loopid.logs.recording import Recording
 from loopid.parameters import KINDS, ParameterSet
 from loopid.records import record
 from loopid.robot.mechanism import Mechanism
+from loopid.workers import one_blas_thread
 
 # Part of a parameter's size that must be unidentifiable for its value to rest on the robot file.
 INVOLVED = 1e-3
@@ -58,6 +59,35 @@ def body_sizes(mechanism: Mechanism, model: str) -> FloatArray:
     return np.asarray((mass[:, None] * length[:, None] ** powers).ravel(), dtype=np.float64)
 
 
+def joint_sizes(force_model: ForceModel, problem: FitProblem) -> FloatArray:
+    """Sizes (k,) of all joint terms: each alone would make all of the force of some data."""
+    return _weighed(force_model, problem)[-1]
+
+
+def _weighed(
+    force_model: ForceModel, problem: FitProblem
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Weights (dof,) of data; what they make of its factor (n, n) and random rows (N, p); sizes.
+
+    Rows count in the root mean square; sizes (k,) are those of joint terms.
+    """
+    base, columns = force_model.base, force_model.columns_of(problem.parameters)
+    prior, random = force_model.standard_prior, force_model.random_regressor
+    n, bodies = len(columns), len(prior) - len(force_model.joint_values)
+    usual = (random[:, :, :bodies] @ prior[:bodies]) ** 2
+    squares = problem.force_squares() / np.maximum(problem.samples, 1)
+    force = np.sqrt(np.where(squares > 0, squares, usual.mean(axis=0)))
+    weights = 1.0 / np.where(force > 0, force, 1.0)
+    K = (weights[:, None] * random).reshape(-1, random.shape[2])
+    R = problem.weighted(weights)[:n, :n] / np.sqrt(max(problem.rows, 1))
+    # A joint term has its effect in the data, or that in random states if they hardly move it.
+    effect, leading = np.sqrt((K**2).mean(axis=0)), base.base[columns]
+    effect[base.base] *= HARDLY_MOVED
+    effect[leading] = np.maximum(effect[leading], np.linalg.norm(R, axis=0))
+    joints = effect[bodies:]
+    return weights, R, K, 1.0 / np.where(joints > 0, joints, 1.0)
+
+
 @record
 class Excitation:
     """Directions of n parameters, by what they do to the forces of some data.
@@ -74,8 +104,6 @@ class Excitation:
         (n, n), columns are the directions x, orthonormal.
     structural : FloatArray
         (n,), effects in random states of the robot, descending.
-    joint_sizes : FloatArray
-        (k,), sizes of all joint terms: each alone would make all of the force.
     rank : int
         Directions that the data excite, by the limit that a fit is refused by.
     """
@@ -85,34 +113,23 @@ class Excitation:
     effects: FloatArray
     directions: FloatArray
     structural: FloatArray
-    joint_sizes: FloatArray
     rank: int
 
     @classmethod
     def of(cls, force_model: ForceModel, problem: FitProblem) -> Excitation:
         """Of a fit problem of some or all parameters of a force model."""
         base, columns = force_model.base, force_model.columns_of(problem.parameters)
-        bodies = body_sizes(force_model.mechanism, force_model.model)
-        random = force_model.random_regressor
-        usual = (random[:, :, : len(bodies)] @ force_model.standard_prior[: len(bodies)]) ** 2
-        squares = problem.force_squares() / np.maximum(problem.samples, 1)
-        force = np.sqrt(np.where(squares > 0, squares, usual.mean(axis=0)))
-        weights = 1.0 / np.where(force > 0, force, 1.0)
-        K, n = weights[:, None] * random, len(columns)
-        R = problem.weighted(weights)[:n, :n] / np.sqrt(max(problem.rows, 1))
-        # A joint term has its effect in the data, or that in random states if they hardly move it.
-        effect, leading = np.sqrt((K**2).mean(axis=(0, 1))), base.base[columns]
-        usual = effect[leading]
-        effect[base.base] *= HARDLY_MOVED
-        effect[leading] = np.maximum(effect[leading], np.linalg.norm(R, axis=0))
-        joints = effect[len(bodies) :]
-        joint_sizes = 1.0 / np.where(joints > 0, joints, 1.0)
-        scaled = base.matrix[columns] * np.concatenate([bodies, joint_sizes])
-        L = np.asarray(np.linalg.qr(scaled.T, mode="r")).T
-        _, effects, right = np.linalg.svd(R @ L)
-        rows = K[:, :, leading].reshape(-1, n) @ L
-        structural = np.linalg.svd(rows, compute_uv=False) / np.sqrt(len(rows))
-        return cls(weights, L, effects, right.T, structural, joint_sizes, excited_rank(R, usual))
+        sizes = body_sizes(force_model.mechanism, force_model.model)
+        weights, R, K, joints = _weighed(force_model, problem)
+        with one_blas_thread():
+            scaled = base.matrix[columns] * np.concatenate([sizes, joints])
+            L = np.asarray(np.linalg.qr(scaled.T, mode="r")).T
+            _, effects, right = np.linalg.svd(R @ L)
+            leading = K[:, base.base[columns]]
+            structural = np.linalg.svd(leading @ L, compute_uv=False) / np.sqrt(len(K))
+            usual = np.sqrt((leading**2).mean(axis=0))
+            rank = excited_rank(R, usual)
+        return cls(weights, L, effects, right.T, structural, rank)
 
     @property
     def sizes(self) -> FloatArray:
@@ -256,7 +273,7 @@ class WeakDirection:
     @property
     def said(self) -> str:
         """The sum and its standard error."""
-        error = f" ± {self.standard_error:.2g} times its size" if not self.unidentifiable else ""
+        error = f" ± {self.standard_error:.2g} times the file's" if not self.unidentifiable else ""
         return self.text + error
 
 
@@ -368,7 +385,7 @@ class Identifiability:
             title = counted(len(self.unidentifiable), "unidentifiable combination")
             said.append(Finding("warning", title, self.unidentifiable_message, do))
         if self.weak:
-            title = f"{counted(len(self.weak), 'combination')} known worse than by the robot file"
+            title = f"{counted(len(self.weak), 'combination')} weakly identifiable"
             said.append(Finding("warning", title, self.weak_message, do))
         return tuple(said)
 

@@ -110,7 +110,7 @@ def _finding(alike: Sequence[MissingForce]) -> Finding:
     terms = "; ".join(f"{each.motor}: {each.term}" for each in alike)
     return Finding(
         "warning",
-        f"the force of {first.motor}{more} {first.law}{number}, by {100 * first.share:.2g} %",
+        f"force of {first.motor}{more} {first.law}{number}",
         "root mean squares in N or N m: " + ", ".join(sizes),
         first.do.replace("{terms}", terms),
     )

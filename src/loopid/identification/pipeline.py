@@ -66,10 +66,10 @@ from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.parameters import ParameterSet, html_table
 from loopid.records import record
-from loopid.regressors.closed_loop import force_parts
 from loopid.regressors.joint_laws import joint_term
+from loopid.regressors.motion_regressors import force_parts
 from loopid.robot.mechanism import Mechanism
-from loopid.workers import require_processes
+from loopid.workers import one_blas_thread, require_processes
 
 # Part of the forces that the robot file's bodies need, below which forces have another unit; and in
 # how many samples that is looked at.
@@ -412,6 +412,7 @@ def require_forces(mechanism: Mechanism, recordings: Sequence[Recording]) -> Non
 
 
 @checked
+@one_blas_thread()
 def identify(
     robot: Mechanism | ForceModel,
     recordings: Sequence[Recording],
@@ -594,7 +595,8 @@ def _refits(
         noise = fits[ROBOT_FILE].noise
         if noise is None or options.name != "wls":
             return fit_joint_terms(force_model, part, options=options).values
-        return fit_terms(force_model, part, noise).values
+        standard = consistent_parameters(force_model, part, noise, like=fits[ROBOT_FILE])
+        return force_model.base.values(standard)
 
     def every(part: FitSamples) -> FloatArray:
         if first is not None:

@@ -17,6 +17,7 @@ from loopid.records import Tabular, record
 
 if TYPE_CHECKING:
     from loopid.identification.force_model import ForceModel
+    from loopid.robot.mechanism import Mechanism
 
 # Squared deviation of a force from its mean, relative to its square, that is but round-off.
 CONSTANT_FORCE = 1e-12
@@ -156,7 +157,7 @@ class FileDeviation(OfArrays):
         off = (f"{name} {100 * own:.2g} %" for name, own in self.rows if own > self.common)
         also = ", ".join(off)
         return (
-            f"the bodies of the robot file {'are assumed' if bound else 'count as'} right to "
+            f"the given bodies {'are assumed' if bound else 'count as'} right to "
             f"{100 * self.common:.2g} %{f', but {also}' if also else ''}"
         )
 
@@ -445,6 +446,23 @@ class FitResult(OfArrays, Tabular):
         reach[self.degrees_of_freedom < LEAST_FREEDOM] = np.inf
         reach[[name in self.assumed for name in self.parameters.names]] = np.inf
         return np.stack([self.values - reach, self.values + reach], axis=1)
+
+    def model_for(self, robot: Mechanism | ForceModel, *, anyway: bool = False) -> ForceModel:
+        """The force model of the values, for a robot or its force model; ``Dynamics`` takes it.
+
+        Raises
+        ------
+        OptionError
+            When the fit breaks a law of sane ones (``absurdities``), and is not taken anyway.
+        DataError
+            When the robot is another one.
+        """
+        from loopid.identification.plausibility import require_sane
+        from loopid.identification.prediction import force_model_of
+
+        model = force_model_of(self, robot)
+        require_sane(self, model.joint_terms, anyway)
+        return model
 
     def __getitem__(self, name: str) -> Estimate:
         names, sums = self.parameters.names, self.parameters.expressions

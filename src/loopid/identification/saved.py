@@ -46,8 +46,8 @@ from loopid.loading.closure import Closure, Coupling
 from loopid.loading.files import bundled_robots, files_of
 from loopid.loading.load import load_mechanism
 from loopid.parameters import KINDS, Parameter, ParameterSet
-from loopid.regressors.closed_loop import motion_parameters, motion_regressor
 from loopid.regressors.joint_terms import JointTerms, load_places, with_loads
+from loopid.regressors.motion_regressors import motion_parameters, motion_regressor
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
 from loopid.yaml_files import LARGE, load_yaml
@@ -416,6 +416,11 @@ class SavedFit(_Section):
         standard = self.standard_values
         known = None if np.isnan(standard).any() else standard
         return ForceModel(mechanism, kind, terms, found).with_loads(self.values, known)
+
+    def model_for(self, robot: Mechanism | ForceModel, *, anyway: bool = False) -> ForceModel:
+        """As ``find_force_model``, of a fit that keeps the laws of sane ones: for ``Dynamics``."""
+        self.require_sane(anyway=anyway)
+        return self.find_force_model(robot if isinstance(robot, Mechanism) else robot.mechanism)
 
     def require_bodies(self) -> FloatArray:
         """Standard parameters and joint terms (p,), which a robot file can be made of.

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray
+from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.identification.force_model import ForceModel
 from loopid.identification.friction import friction_columns, friction_curve
 from loopid.identification.leaving_out import stretches_of
@@ -127,7 +127,7 @@ def _standing(
 ) -> tuple[FloatArray, BoolArray]:
     """Forces (N, dof) beyond breakaway, and where motors stand (N, dof)."""
     left, loads = new.residual(fit.values), np.abs(force_model.loads(new.regressor))
-    idle = MaskOptions().idle * np.percentile(rates, 99, axis=0)
+    standing = ~new.used & (rates <= MaskOptions().idle * np.percentile(rates, 99, axis=0))
     for k, motor in enumerate(new.actuators):
         own = [j for j, p in enumerate(fit.parameters) if (p.link, p.kind) == (motor, "Ft")]
         columns = friction_columns(fit, motor)
@@ -139,6 +139,19 @@ def _standing(
             )
             most = most + np.abs(curve.values).max()
         friction = new.regressor[:, k, columns + own] @ fit.values[columns + own]
-        left[:, k] = np.maximum(np.abs(left[:, k] + friction) - most, 0.0)
-    standing = ~new.used & (rates <= idle)
+        held = left[:, k] + friction
+        most = np.maximum(most, _carried(held, standing[:, k] * (1 + new.runs)))
+        left[:, k] = np.maximum(np.abs(held) - most, 0.0)
     return left, standing & (standing.mean(axis=0) >= STANDS)
+
+
+def _carried(force: FloatArray, spells: IntArray) -> float:
+    """What forces (N,) show that friction or a brake carries while a motor stands.
+
+    There the load is known, so that half of what forces span in a spell is none of it. Rows of a
+    spell have one number above 0.
+    """
+    ends = np.flatnonzero(np.diff(spells)) + 1
+    first = spells[np.r_[0, ends]] > 0
+    spans = (np.ptp(part) for part, own in zip(np.split(force, ends), first, strict=True) if own)
+    return max(spans, default=0.0) / 2

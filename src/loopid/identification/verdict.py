@@ -138,7 +138,7 @@ class Verdict:
         size = 100 * abs(1 - root)
         spread = f" ± {50 * error / root:.1g}" if np.isfinite(error) else ""
         side = "below" if below else "above"
-        return f", over all motors {size:.0f}{spread} % {side} those with the file's bodies"
+        return f", over all motors {size:.0f}{spread} % {side} those with the given bodies"
 
 
 # What judged, in words.
@@ -158,8 +158,8 @@ def _better(found: Identification) -> Finding | None:
         return None
     return Finding(
         "warning",
-        f"all parameters predict {times:.2g} times better than any robot with solid bodies",
-        "and friction that dissipates, on data left out",
+        f"all parameters predict {times:.2g} times better",
+        "than any robot with solid bodies and friction that dissipates, on data left out",
         "look for a sign, a zero or a length of the file that is wrong, as all parameters predict "
         f"{times:.2g} times better than any robot with solid bodies",
     )
@@ -181,7 +181,7 @@ def _use(found: Identification, error: float) -> str:
     if model is not None and model.severity == "note" and found.choice is not None:
         use += f" of slow motion (inertia is at most {100 * found.choice.share:.2g} % of them)"
     if found.recommended is found.baseline:
-        return f"{use} with the robot file's bodies, as fitted ones are clearly worse"
+        return f"{use} with the given bodies, as fitted ones are clearly worse"
     told = found.identifiability
     if error <= GOOD and told.well_determined == told.structural_rank and not _doubtful(found):
         return use + PARAMETERS
@@ -218,8 +218,9 @@ def _model_findings(found: Identification) -> Iterator[Finding]:
         motor, times = noisy
         yield Finding(
             "warning",
-            f"errors of {motor} are {times:.2g} times its sensor's noise",
-            "by what forces have above half the Nyquist frequency; the model lacks what makes them",
+            f"errors of {motor} exceed its sensor's noise",
+            f"they are {times:.2g} times it, by what forces have above half the Nyquist frequency; "
+            "the model lacks what makes them",
             f"see {PAGE} for what it may be",
         )
     if found.repeated > REPEATED:
@@ -258,7 +259,7 @@ def findings_of(found: Identification) -> tuple[Finding, ...]:
         said.append(
             Finding(
                 "warning",
-                "bodies would be as far off the robot file as they may be",
+                "bodies would be far off the robot file",
                 deviation.suspicion,
                 "look for a tool, a payload or a missing joint term",
             )
@@ -282,7 +283,7 @@ def _unexplained(found: Identification) -> Finding | None:
     if noise:
         return Finding(
             "warning",
-            f"the force of {_listed(noise)} does not follow the motion",
+            f"force of {_listed(noise)} does not follow the motion",
             f"all parameters together explain {100 * max(np.nanmin(explained), 0.0):.2g} % of its "
             "variance",
             "look at its column, its time stamps, and whether the motor drives the robot",
@@ -293,7 +294,7 @@ def _unexplained(found: Identification) -> Finding | None:
     at = AT.get(where, "")
     return Finding(
         "warning",
-        f"the force of {found.new.actuators[worst]} is not explained{at.replace(',', '')}",
+        f"force of {found.new.actuators[worst]} is not explained{at.replace(',', '')}",
         f"errors on new data are {100 * error:.2g} % of it",
         "look for brakes, or a counterweight that the file lacks"
         if where == "standstill"

@@ -54,8 +54,8 @@ def load_mechanism(  # noqa: PLR0913 (what a YAML says, and how it is read)
         Whether links that the file declares ``identical`` share their parameters.
     rounding : float, optional
         To what the numbers of the file are rounded, in m and rad; by default what the file's YAML
-        says, else six digits where loops would not close or not move otherwise. Closures are then
-        closed, by moving their frames as little as possible.
+        says, else six digits where loops would not close or not move otherwise. Loops then stay
+        open within it.
     xacro : mapping, optional
         Arguments of a ``.xacro`` by name, in addition to those of the YAML.
 

@@ -52,8 +52,8 @@ from loopid.paper.structure import (
 )
 from loopid.progress import Progress
 from loopid.records import record
-from loopid.regressors.closed_loop import ForceParts, force_parts
 from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.motion_regressors import ForceParts, force_parts
 from loopid.robot.mechanism import Mechanism
 
 # What the paper prints.

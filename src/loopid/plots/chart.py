@@ -1,4 +1,4 @@
-"""Charts: said once, drawn as SVG on a page, which a script zooms, and on axes of matplotlib.
+"""Charts: said once, drawn as SVG on a page, which a script zooms, and by matplotlib for papers.
 
 Marks are paths in a plain square whose sides the page stretches as wide as it is; the width of
 lines stays. Long lines are thinned to the least and the largest of each step of time.
@@ -52,10 +52,10 @@ NEAR = 5.0  # % of an axis next to its ends, where numbers stand inwards
 ALIKE = 1e-5  # relative difference of values that have one place on an axis
 TICKS = 5  # of an axis, about
 PLAIN = 3  # powers of 10 that are written out
-COLUMN, RESOLUTION = 3.5, 220  # inches: a column of a two-column page; dots per inch of a PNG
+COLUMN = 3.5  # inches: a column of a two-column page
 LONGEST, LEGEND = 44, 80  # characters of a name that is drawn, and in a line of a legend
-NAMES_STAY_TEXT: Any = {"text.parse_math": False}
-STYLE = NAMES_STAY_TEXT | {
+STYLE: Any = {
+    "text.parse_math": False,  # names stay text
     **dict.fromkeys(("font.size", "axes.titlesize", "axes.labelsize"), 7.5),
     **{"legend.fontsize": 7, "legend.frameon": False},
     **{"axes.spines.top": False, "axes.spines.right": False},
@@ -359,25 +359,6 @@ class Chart:
     lanes: int = 1
     zoom: str = ""
 
-    def draw(self, axes: Any) -> None:
-        """Draw on axes of matplotlib, one a panel.
-
-        Examples
-        --------
-        >>> import loopid
-        >>> from matplotlib.figure import Figure
-        >>> chart = loopid.plots.robot_chart(loopid.load_mechanism("five_bar"))
-        >>> chart.draw(Figure().subplots(len(chart.panels)))
-        """
-        import matplotlib as mpl
-
-        with mpl.rc_context(NAMES_STAY_TEXT):
-            for ax, panel in zip(np.ravel(axes), self.panels, strict=True):
-                panel.draw(ax)
-                if any(mark.name for mark in panel.marks):
-                    ax.legend()
-            ax.set_xlabel(self.x_label)
-
     def html(self) -> HtmlElement:
         """A figure of a page."""
         marks = (mark for panel in self.panels for mark in panel.marks if mark.name)
@@ -419,22 +400,27 @@ class Chart:
                 shades[known] = own
                 path.set("id", own)
 
-    def files(self) -> dict[str, bytes]:
-        """The chart by matplotlib as ``name.svg`` and ``name.png``; the same bytes every time.
+    def figure(self) -> Any:
+        """The chart as a figure of matplotlib, as wide as a column of a paper.
 
         Raises
         ------
         MissingExtraError
             When matplotlib is not installed.
+
+        Examples
+        --------
+        >>> import loopid
+        >>> chart = loopid.plots.robot_chart(loopid.load_mechanism("five_bar"))
+        >>> chart.figure().savefig("robot.pdf")  # doctest: +SKIP
         """
         require_matplotlib()
         import matplotlib as mpl
         from matplotlib.figure import Figure
 
-        columns, files = min(self.columns, 2) if self.lanes == 1 else 1, {}
+        columns = min(self.columns, 2) if self.lanes == 1 else 1
         heights = [panel.height for panel in self.panels[::columns]]
-        with mpl.rc_context(STYLE), warnings.catch_warnings():
-            warnings.filterwarnings("ignore", HARMLESS)
+        with mpl.rc_context(STYLE):
             figure = Figure(figsize=(COLUMN, sum(heights) + 0.4))
             axes = figure.subplots(len(heights), columns, squeeze=False, height_ratios=heights)
             for ax, panel in zip(axes.flat, self.panels, strict=False):
@@ -446,9 +432,21 @@ class Chart:
             if handles := {n: h for each in found for h, n in zip(*each, strict=True)}:
                 beside = min(len(handles), LEGEND // (10 + max(map(len, handles))) or 1)
                 figure.legend(handles.values(), handles, loc="outside lower center", ncols=beside)
-            for kind, metadata in (("svg", {"Date": None}), ("png", {"Software": None})):
+        return figure
+
+    def _repr_html_(self) -> str:
+        return self.files()[f"{self.name}.svg"].decode()
+
+    def files(self) -> dict[str, bytes]:
+        """The figure as ``name.svg`` and ``name.pdf``; the same bytes every time."""
+        figure, files = self.figure(), dict[str, bytes]()
+        import matplotlib as mpl
+
+        with mpl.rc_context(STYLE), warnings.catch_warnings():
+            warnings.filterwarnings("ignore", HARMLESS)
+            for kind, dated in (("svg", "Date"), ("pdf", "CreationDate")):
                 stream = io.BytesIO()
-                figure.savefig(stream, format=kind, dpi=RESOLUTION, metadata=metadata)
+                figure.savefig(stream, format=kind, metadata={dated: None})
                 files[f"{self.name}.{kind}"] = stream.getvalue()
                 figure.set_layout_engine("none")  # laid out once
         return files

@@ -358,21 +358,17 @@ def _expected(
 def terms_chart(found: TermComparison) -> Chart:
     """Errors on new data with each set of joint terms, bodies fitted or of the robot file."""
     marks, place = list[Mark](), np.arange(float(len(found.sets)))
-    sides = ((0, "robot file's bodies", "file", "box"), (1, "bodies fitted", "fit", "disc"))
+    sides = ((0, "given bodies", "file", "box"), (1, "bodies fitted", "fit", "disc"))
     texts = dict[str, tuple[str, ...]]()
     for k, name, look, kind in sides:
-        squares = np.array([each.errors[k].mean for each in found.sets])
-        spread = np.array([each.errors[k].standard_error for each in found.sets])
-        error = np.sqrt(squares)
-        reach = INTERVAL * spread / (2 * error)
+        error, spread = np.transpose([each.rms[k] for each in found.sets])
+        reach = INTERVAL * spread
         low = np.maximum(error - reach, 0.2 * error)
         marks.append(Mark("95 % interval" if k else "", low, place, look, "span", error + reach))
         marks.append(Mark(name, error, place, look, kind))
         texts[name] = tuple(
             " ± ".join(with_error(*pair)) + ("; enough" if each is found.enough[k] else "")
-            for each, *pair in zip(
-                found.sets, error.tolist(), (reach / INTERVAL).tolist(), strict=True
-            )
+            for each, *pair in zip(found.sets, error.tolist(), spread.tolist(), strict=True)
         )
     labels = tuple(
         f"{each.choice} (used)" if each is found.chosen else each.choice for each in found.sets

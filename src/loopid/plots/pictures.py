@@ -12,8 +12,10 @@ from loopid.errors import OptionError
 from loopid.identification.prediction import Prediction
 from loopid.identification.saved import SavedFit
 from loopid.numbers import number
+from loopid.parameters import Parameter
 from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel
 from loopid.plots.structure import force_unit
+from loopid.regressors.joint_laws import grouped
 from loopid.robot.mechanism import Mechanism
 
 ROOM = 1.06  # times the largest error, that an axis shows
@@ -112,15 +114,22 @@ def _spans(time: FloatArray, chosen: BoolArray) -> Any:
     return time[first], np.zeros(len(first)), "faint", "shade", ends
 
 
+def alone(fit: SavedFit) -> list[Any]:
+    """Base parameters of a fit without points of curves, which say nothing alone."""
+    first = (Parameter.parse(each.name.split()[0]) for each in fit.base_parameters)
+    pairs = zip(first, fit.base_parameters, strict=True)
+    return [each for parameter, each in pairs if not grouped(parameter.kind)]
+
+
 @checked
 def comparison_chart(fits: Mapping[str, SavedFit]) -> Chart:
     """Values of fits with 95 % intervals, each less their mean, by the name of their run."""
-    names = {e.expression: e.name for fit in fits.values() for e in fit.base_parameters}
+    names = {each.expression: each.name for fit in fits.values() for each in alone(fit)}
     x, s = np.full((2, len(names), len(fits)), np.nan)
     for k, fit in enumerate(fits.values()):
-        rows = [[*names].index(each.expression) for each in fit.base_parameters]
-        x[rows, k] = [each.value for each in fit.base_parameters]
-        s[rows, k] = [each.standard_error or 0.0 for each in fit.base_parameters]
+        rows = [[*names].index(each.expression) for each in alone(fit)]
+        x[rows, k] = [each.value for each in alone(fit)]
+        s[rows, k] = [each.standard_error or 0.0 for each in alone(fit)]
     size = np.nanmax(s, axis=1, keepdims=True)
     size = np.where(size > 0, size, np.nanmax(np.abs(x), axis=1, keepdims=True))
     middle = (x - np.nanmean(x, axis=1, keepdims=True)) / np.where(size > 0, size, 1.0)

@@ -486,14 +486,16 @@ def joint_term(kind: str, others: Iterable[str] = ()) -> JointTerm:
 
     Where other words than kinds would do, an OptionError names them too.
     """
+    if kind in JOINT_TERMS.found:
+        return JOINT_TERMS.found[kind]
     mark = next((mark for mark in MARKS if mark in kind), "")
     stem, _, number = kind.partition(mark) if mark else (kind, "", "")
     name = stem + mark + MARKS.get(mark, "")
     if name not in JOINT_TERMS:
         raise OptionError.unknown("joint term", kind, (*JOINT_TERMS, *others))
     term = JOINT_TERMS[name]
-    if not mark or kind in JOINT_TERMS.found:
-        return JOINT_TERMS.found.get(kind, term)
+    if not mark:
+        return term
     try:
         at = float(number)
     except ValueError:

@@ -13,7 +13,7 @@ from loopid.diagnosis.agreement import Agreement, compare_fits
 from loopid.errors import DataError, OptionError
 from loopid.identification.saved import SavedFit
 from loopid.numbers import with_error
-from loopid.plots.pictures import comparison_chart
+from loopid.plots.pictures import alone, comparison_chart
 from loopid.report.look import json_value, plain_table, table_of
 from loopid.report.page import Card, Figure, Report, Section
 
@@ -39,7 +39,8 @@ def comparison_report(fits: dict[str, SavedFit]) -> Report:
         raise OptionError(f"two fits or more can be compared, not {len(fits)}", given=len(fits))
     pairs = _pairs(fits)
     record = _record(fits, pairs)
-    rows, names = record["parameters"], list(fits)
+    shown = {each.expression for fit in fits.values() for each in alone(fit)}
+    rows, names = [row for row in record["parameters"] if row["expression"] in shown], list(fits)
     tables = [_table(rows, names, k) for k in range(0, len(names), BESIDE)]
     return Report(
         name="comparison",

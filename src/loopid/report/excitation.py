@@ -76,7 +76,9 @@ def _card(found: ExcitationDesign, broken: list[str]) -> Card:
             Figure(f"{found.min_singularity_measure:.3g}", "least singularity measure"),
             Figure(str(found.violations), "violations on the fine grid"),
         ),
-        next="" if found.converged else "more evaluations may do better.",
+        next="run motion.csv on the robot, and identify from its log."
+        if found.converged
+        else "more evaluations may do better.",
     )
 
 
@@ -100,7 +102,7 @@ def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
 
 def _summary(found: ExcitationDesign) -> Table:
     criteria, force_model = found.criteria, found.force_model
-    title = f"{force_model.mechanism.name}: a motion of {found.motion.duration:g} s"
+    title = f"a motion of {found.motion.duration:g} s"
     rows = {
         "criterion that was optimised": found.options.criterion,
         "condition number of the weighted observation": f"{criteria.condition_number:.4g}",

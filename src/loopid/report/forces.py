@@ -13,11 +13,12 @@ from loopid.arguments import FloatArray
 from loopid.diagnosis.gains import GainFit
 from loopid.diagnosis.payload import PayloadFit
 from loopid.errors import RankError
+from loopid.findings import Finding
 from loopid.identification.prediction import Prediction
 from loopid.identification.verdict import GOOD, ROUGH
 from loopid.numbers import interval, number, with_error
 from loopid.plots.pictures import forces_chart
-from loopid.plots.structure import robot_chart
+from loopid.plots.structure import force_unit, robot_chart
 from loopid.report.look import json_fields, json_value, plain_table
 from loopid.report.page import Card, Figure, Report, Section, Tone
 from loopid.robot.mechanism import Mechanism
@@ -29,11 +30,11 @@ def prediction_report(mechanism: Mechanism, predictions: Sequence[Prediction]) -
     grade = "Good" if worst <= GOOD else "Rough" if worst <= ROUGH else "Bad"
     tones: dict[str, Tone] = {"Good": "good", "Rough": "rough", "Bad": "bad"}
     samples = sum(int(found.moving.samples.sum()) for found in predictions)
-    tables, names = [*map(_prediction_table, predictions)], list[str]()
+    tables, names = [_prediction_table(mechanism, each) for each in predictions], list[str]()
     for found in predictions:
-        name = f"prediction_{PurePath(found.recording.name).name}"
+        name = stem = PurePath(found.recording.name).name
         while name in names:  # two logs of one name in different folders
-            name += "_"
+            name = f"{stem}_{len(names) + 1}"
         names.append(name)
     return Report(
         name="prediction",
@@ -55,19 +56,23 @@ def prediction_report(mechanism: Mechanism, predictions: Sequence[Prediction]) -
                 Figure(f"{samples:,}", "samples in motion"),
                 Figure(str(len(predictions)), "log" if len(predictions) == 1 else "logs"),
             ),
+            next="write the fit for a controller, with loopid export."
+            if grade == "Good"
+            else "identify from this log, too.",
         ),
         pictures=lambda: (robot_chart(mechanism, worst=motor),),
         record={"recordings": [*map(_prediction_record, predictions)]},
         brief=tables,
         sections=lambda: [
             Section(
-                found.recording.name,
-                (table, forces_chart(mechanism, found, worst=motor, name=name)),
+                name,
+                (table, forces_chart(mechanism, found, worst=motor, name=f"prediction_{name}")),
             )
             for name, found, table in zip(names, predictions, tables, strict=True)
         ],
         results=lambda: {
-            f"{name}.csv": found.csv() for name, found in zip(names, predictions, strict=True)
+            f"prediction_{name}.csv": found.csv()
+            for name, found in zip(names, predictions, strict=True)
         },
     )
 
@@ -86,20 +91,23 @@ def _prediction_record(found: Prediction) -> dict[str, Any]:
         "name": found.recording.name,
         "actuators": list(found.recording.actuators),
         **{
-            part: json_fields(quality, "samples", "r_squared")
-            | {"rms": json_value(quality.residual_rms)}
+            part: json_fields(quality, "samples") | {"rms": json_value(quality.residual_rms)}
             for part, quality in parts.items()
         },
+        "relative_errors": json_value(found.relative_errors),
         "in_95_percent_band": json_value(found.inside),
         "dropped": [str(dropped) for dropped in found.recording.dropped],
         "wrenches": list(found.recording.wrenches),
     }
 
 
-def _prediction_table(found: Prediction) -> Table:
-    columns = "motor", ">moving", ">RMS error", ">of its force", ">standing", ">RMS error"
+def _prediction_table(mechanism: Mechanism, found: Prediction) -> Table:
+    columns = "motor", ">moving", ">RMS error", ">of its force", ">standing", ">RMS error", "unit"
     rows = (
-        (motor, f"{n:,}", number(rms), f"{100 * part:.2g} %", f"{rest:,}", number(error))
+        (
+            *(motor, f"{n:,}", number(rms), f"{100 * part:.2g} %", f"{rest:,}", number(error)),
+            force_unit(mechanism, motor),
+        )
         for motor, n, rms, part, rest, error in zip(
             found.recording.actuators,
             *(found.moving.samples, found.moving.residual_rms, found.relative_errors),
@@ -147,22 +155,42 @@ def payload_report(found: PayloadFit) -> Report:
         record=told,
         brief=tables,
         card=_payload_card(found, told, verdict),
+        findings=_disagreement(found),
     )
+
+
+def _disagreement(found: PayloadFit) -> tuple[Finding, ...]:
+    """That motors disagree, where they do."""
+    if found.motors is None or not found.motors.disagreement:
+        return ()
+    title, said = found.motors.disagreement.split(": ", 1)
+    return (Finding("warning", title, *said.split("; ", 1)),)
 
 
 def _payload_card(found: PayloadFit, told: dict[str, Any], verdict: str) -> Card:
     """The mass, and whether the motors agree on it."""
     if told["mass"] is None:
         return Card(tone="rough", word="No mass", use=verdict)
-    apart = found.motors is not None and bool(found.motors.disagreement)
+    motors, apart = found.motors, _disagreement(found)
     ends = found.intervals()[told["values"].index(told["mass"])]
+    centre, reach = found.centre()
+    figures = [
+        Figure(_of_width(x, own), f"centre of mass along {axis}", "m")
+        for axis, x, own in zip("xyz", centre, reach, strict=True)
+        if np.isfinite(x)
+    ]
+    if motors is not None:
+        span = f"{motors.values.min():.3g} to {motors.values.max():.3g}"
+        figures.append(Figure(span, "mass by each motor alone", "kg"))
     return Card(
         tone="rough" if apart else "good",
         word=f"{_of_width(told['mass'], ends)} kg",
-        use=verdict,
+        use=f"on {found.link}, 95 %: {interval(*ends).replace('...', 'to')} kg",
         chips=(("rough", "Motors disagree") if apart else ("good", "Motors agree"),)
-        if found.motors is not None
+        if motors is not None
         else (),
+        figures=tuple(figures),
+        next=apart[0].do if apart else "",
     )
 
 
@@ -172,7 +200,7 @@ def _of_width(value: float, ends: FloatArray) -> str:
 
 
 def _motors_said(found: PayloadFit) -> str:
-    """Whether motors disagree, in brackets."""
+    """On what motors disagree, if they do."""
     motors = found.motors
     if motors is None or not motors.disagreement:
         return ""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
 from rich.table import Table
 
 from loopid.diagnosis.study import Study
@@ -19,7 +18,7 @@ from loopid.identification.saved import SavedFit
 from loopid.identification.unseen import WHERE
 from loopid.identification.verdict import GOOD, NOT_FIT, ROUGH, Verdict
 from loopid.logs.recording import Recording
-from loopid.numbers import interval, number, with_error
+from loopid.numbers import interval, number, root, with_error
 from loopid.parameters import KINDS, Parameter
 from loopid.plots.identified import (
     delays_chart,
@@ -102,11 +101,10 @@ def _card(found: Identification, judged: Verdict, command: str) -> Card:
     """The verdict as it is seen."""
     tone, told, sure = TONES[judged.forces], found.identifiability, judged.mistake is None
     warnings = sum(each.severity == "warning" for each in found.findings)
-    ratio, spread = judged.ratio
-    root = float(np.sqrt(ratio))
-    change, more = f"{100 * (root - 1):+.0f} %".replace("-", "−"), f"± {50 * spread / root:.1g} %"
-    if root >= 3:
-        change, more = f"{root:.2g} times", ""
+    ratio, spread = root(*judged.ratio)
+    change, more = f"{100 * (ratio - 1):+.0f} %".replace("-", "−"), f"± {100 * spread:.1g} %"
+    if ratio >= 3:
+        change, more = f"{ratio:.2g} times", ""
     use = (
         judged.use.removeprefix(NOT_FIT).removeprefix("Fit").removeprefix(" for rough").strip(", ")
     )
@@ -128,7 +126,7 @@ def _card(found: Identification, judged: Verdict, command: str) -> Card:
                 gauge=(judged.error, GOOD, ROUGH),
                 sure=sure,
             ),
-            Figure(change, "errors against the robot file, all motors", more, sure=sure),
+            Figure(change, "errors against the given bodies, all motors", more, sure=sure),
             Figure(
                 f"{told.well_determined}",
                 "combinations known better than by the robot file",
@@ -254,7 +252,9 @@ def identification_record(study: Study, judged: Verdict | None = None) -> dict[s
         "all_parameters": SavedFit.of(model, found["all parameters"].fit).record(),
         "recommended": found.recommended.name,
         "fit": SavedFit.of(model, found.fit).record(),
-        "judged": json_value(judged) | json_fields(judged, *USES),
+        "judged": json_value(judged)
+        | json_fields(judged, *USES)
+        | {"ratio": json_value(root(*judged.ratio))},
         "errors": [_errors(found, k) for k in range(len(model.mechanism.independent))],
         "prior_deviation": json_value(found.prior_deviation),
         "cutoff": json_value(found.cutoff),
@@ -320,14 +320,13 @@ def _candidate(candidate: Candidate) -> dict[str, Any]:
         qualities[part] = {
             "rms": json_value(quality.residual_rms),
             "rms_standard_error": json_value(errors),
-            "r_squared": json_value(quality.r_squared),
         }
-    ratio, error = json_value(candidate.error_ratio)
+    ratio, error = json_value(root(*candidate.error_ratio))
     return {
         **json_fields(candidate, "name", "fitted"),
         **qualities,
-        "error_ratio": ratio,
-        "error_ratio_standard_error": error,
+        "error_over_file": ratio,
+        "error_over_file_standard_error": error,
         "beats_baseline": candidate.beats_baseline,
     }
 
@@ -340,8 +339,7 @@ def _term_sets(found: TermComparison) -> list[dict[str, Any]]:
             **{
                 bodies: {
                     "fitted": each.parameters[k],
-                    "error": each.errors[k].mean,
-                    "standard_error": json_value(each.errors[k].standard_error),
+                    **dict(zip(("error", "standard_error"), json_value(each.rms[k]), strict=True)),
                     "enough": each is found.enough[k],
                 }
                 for k, bodies in enumerate(("robot_file", "fitted_bodies"))
@@ -389,9 +387,10 @@ def _shown(fit: FitResult) -> list[Estimate]:
 def _essential_table(study: Study) -> Table:
     found, reduction = study.identification, study.reduction
     prior, joints = found.force_model.prior, set(found.force_model.joint_columns)
+    expressions = found.force_model.base.expressions
     rows = (
         (
-            found.force_model.base.expressions[column],
+            expressions[column],
             f"{estimate.value:.4g}",
             f"{estimate.standard_error:.2g}",
             f"{prior[column]:.4g}" if prior[column] or column not in joints else "-",
@@ -451,9 +450,7 @@ def _candidates_tables(study: Study) -> list[Table]:
 
 
 def _over_file(each: Candidate) -> str:
-    ratio, spread = each.error_ratio
-    root = float(np.sqrt(ratio))
-    return " ± ".join(with_error(root, spread / (2 * root)))
+    return " ± ".join(with_error(*root(*each.error_ratio)))
 
 
 def _grade(each: Candidate, found: Identification) -> str:

@@ -18,7 +18,6 @@ from typing import Any, Literal
 from lxml.html import HtmlElement, fragment_fromstring, tostring
 from rich.table import Table
 
-from loopid.errors import counted
 from loopid.findings import Finding, most_important_first
 from loopid.plots.chart import MOST_ROWS, Chart, E, Panel, unfolding
 from loopid.records import record
@@ -226,9 +225,7 @@ class Card:
         return card
 
 
-def findings_html(
-    findings: Sequence[Finding], checks: Sequence[tuple[bool, str]], warnings: Sequence[str]
-) -> HtmlElement:
+def findings_html(findings: Sequence[Finding], checks: Sequence[tuple[bool, str]]) -> HtmlElement:
     """Mistakes and warnings with what to do, notes folded, checks in one line."""
     found = E.section({"id": "findings"}, E.h2("Findings, most important first"))
     serious = [each for each in findings if each.severity != "note"]
@@ -238,11 +235,6 @@ def findings_html(
     ]
     found.extend([E.ol({"class": "findings"}, *said)] if said else [])
     folded = [unfolding(_sentence(each.title), *_said(each)[1:]) for each in notes]
-    folded += (
-        [unfolding(counted(len(warnings), "warning") + " on the way", *map(E.p, warnings))]
-        if warnings
-        else []
-    )
     found.extend([E.div({"class": "notes"}, *folded)] if folded else [])
     passed = (
         E.li({"class": "good" if good else "rough"}, f"{'✓' if good else '!'} {text}")
@@ -274,11 +266,9 @@ class Run:
     ----------
     command : str
         The command line, empty where there was none.
-    warnings : tuple of str
     """
 
     command: str = ""
-    warnings: tuple[str, ...] = ()
 
     @property
     def versions(self) -> dict[str, str]:
@@ -451,8 +441,8 @@ class Report:
 
     def page(self, run: Run = NO_RUN) -> Page:
         """The page."""
-        told = self.findings or self.checks or run.warnings
-        findings = findings_html(self.findings, self.checks, run.warnings) if told else None
+        told = self.findings or self.checks
+        findings = findings_html(self.findings, self.checks) if told else None
         data = {key: value for key, value in self.data.items() if key not in self.beside}
         sections = (*self.sections(), run.section())
         return Page(

@@ -97,14 +97,14 @@ _BASE = {
     "motors_alone": (_CHOICE, None),
 }
 _ERROR = {"error": Real, "standard_error": Real}
-_QUALITY = {"rms": [Real], "r_squared": [Real]}
-_TERM_SET = {"fitted": int, "error": float, "standard_error": Real, "enough": bool}
+_QUALITY = {"rms": [Real], "samples": [int]}
+_TERM_SET = {"fitted": int, "error": Real, "standard_error": Real, "enough": bool}
 _DIRECTION = {"combination": str, "effect": float, "standard_error": Real, "change": [float]}
 _RECORDING = {
     **{"name": str, "samples": int, "used": [int], "cutoff": Real},
     **{key: [str] for key in ("dropped", "wrenches")},
 }
-_ERRORS = _QUALITY | {"rms_standard_error": [Real]}
+_ERRORS = {"rms": [Real], "rms_standard_error": [Real]}
 FIT = {str: object}  # its own ``format`` and ``version`` say its form: ``read_fit`` reads it
 FORMS: dict[str, dict[Any, Any]] = {
     "check": {
@@ -177,14 +177,15 @@ FORMS: dict[str, dict[Any, Any]] = {
         },
         "candidates": [
             {"name": str, "fitted": int, "training": _ERRORS, "validation": _ERRORS}
-            | {"error_ratio": Real, "error_ratio_standard_error": Real, "beats_baseline": bool}
+            | {"error_over_file": Real, "error_over_file_standard_error": Real}
+            | {"beats_baseline": bool}
         ],
     },
     "prediction": {
         "recordings": [
             {"name": str, "actuators": [str], "dropped": [str], "wrenches": [str]}
-            | {"in_95_percent_band": ([Real], None)}
-            | dict.fromkeys(("moving", "standing_or_saturated"), _QUALITY | {"samples": [int]})
+            | {"in_95_percent_band": ([Real], None), "relative_errors": [Real]}
+            | {"moving": _QUALITY, "standing_or_saturated": _QUALITY}
         ]
     },
     "payload": {

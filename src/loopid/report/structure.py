@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from decimal import ROUND_CEILING, Context
 from typing import TYPE_CHECKING, Any
@@ -20,7 +21,8 @@ from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.projection import NEAR_SINGULARITY, Factorisation, singularity_measure
 from loopid.loading.checks import inertia_defects, odd_masses, unequal_links
 from loopid.plots.structure import robot_chart, search_chart
-from loopid.regressors.joint_terms import OF_FILE, FileForce, file_forces
+from loopid.regressors.file_forces import FileForce, file_forces
+from loopid.regressors.joint_terms import OF_FILE
 from loopid.report.look import facts, json_fields, json_value, plain_table, table_of
 from loopid.report.page import Card, Figure, Report, Section, Tone
 from loopid.report.searches import groups_table, search_record, subgroup_facts
@@ -40,9 +42,10 @@ def check_report(mechanism: Mechanism) -> Report:
     """What a robot is: joints, closures, mobility, distance to singularity."""
     found = check_record(mechanism)
     joints, *tables = check_tables(found)
-    wrong = [*_wrong(mechanism, found)]
+    signs = _wrong(mechanism, found)
+    wrong = [_finding(text, do) for text, do in signs]
     closes = f"The robot closes its loops to {found['closure_residual']:.1e} m"
-    first = "".join(f"{each.title}{f': {each.do}' * bool(each.do)}" for each in wrong[:1])
+    first = "".join(f"{text}{f': {do}' * bool(do)}" for text, do in signs[:1])
     more = f", and {len(wrong) - 1} more below" if len(wrong) > 1 else ""
     assumed = "" if found["motors_known"] else ", if all joints have motors"
     verdict = (
@@ -93,8 +96,14 @@ def _freedoms(found: dict[str, Any]) -> str:
     return f"{counted(freedoms, 'degree')} of freedom for {counted(motors, 'motor')}"
 
 
-def _wrong(mechanism: Mechanism, found: dict[str, Any]) -> Iterator[Finding]:
-    """What is wrong with a robot, or looks like it, the most important first."""
+def _finding(text: str, do: str) -> Finding:
+    """What comes before the first comma or colon is the title."""
+    title, *why = re.split("[,:] ", text, maxsplit=1)
+    return Finding("warning", title, "".join(why), do)
+
+
+def _wrong(mechanism: Mechanism, found: dict[str, Any]) -> list[tuple[str, str]]:
+    """What is wrong with a robot, or looks like it, the most important first, and what to do."""
     held, floating = found["held_motors"], mechanism.coordinates_of(mechanism.floating)
     free = [name for name in found["undetermined"] if name not in floating]
     extra = [name for name in found["redundant_actuation"] if name not in held]
@@ -110,7 +119,7 @@ def _wrong(mechanism: Mechanism, found: dict[str, Any]) -> Iterator[Finding]:
     if held:
         said.append(
             (
-                f"the loops do not let the motors {shortened(held)} move",
+                f"loops do not let motors {shortened(held)} move",
                 "look where the frames of their closures are",
             )
         )
@@ -136,13 +145,13 @@ def _wrong(mechanism: Mechanism, found: dict[str, Any]) -> Iterator[Finding]:
         if closure["rank"] < LEAST_RANK < closure["rows"]:
             said.append(
                 (
-                    f"of the {closure['rows']} rows of closure {closure['name']} "
-                    f"({closure['type']}) the loop feels {closure['rank']}",
+                    f"the loop hardly feels closure {closure['name']}, {closure['rank']} of its "
+                    f"{closure['rows']} rows ({closure['type']})",
                     "look at its frames, its axes and its type",
                 )
             )
-    said += [(text, "") for text in (*found["inertia_defects"], *found["odd_masses"])]
-    return (Finding("warning", title, "", do) for title, do in said)
+    said += [(f"no solid body is like {text}", "") for text in found["inertia_defects"]]
+    return [*said, *((text, "") for text in found["odd_masses"])]
 
 
 def check_record(mechanism: Mechanism) -> dict[str, Any]:
@@ -264,7 +273,7 @@ def check_tables(record: dict[str, Any]) -> list[Table]:
     left_out_title = "in the file, not in the model of rigid bodies"
     modes_title = "assembly modes of the drawn pose; the first is used"
     tables = [
-        table_of(f"{record['mechanism']}: joints (m, rad)", joints, record["joints"]),
+        table_of("joints (m, rad)", joints, record["joints"]),
         _closures_table("closures", record["closures"]),
         facts("at the reference", {n: text or "none" for n, text in _summary(record).items()}),
         table_of(left_out_title, left_out, record["in_file_not_in_model"]),
@@ -377,6 +386,7 @@ def base_report(
                 Figure(_conditions(found).split(", ")[0], "cond(V22), 1 is best"),
                 Figure(f"{search['candidates']:.3g}", "choices that were searched"),
             ),
+            next="design a motion that excites them, with loopid excite.",
         ),
     )
 
@@ -429,7 +439,7 @@ def _choice(base: BaseParameters) -> dict[str, Any]:
 
 def base_tables(record: dict[str, Any]) -> list[Table]:
     """The record as tables: the parameters, then the findings."""
-    title = f"{record['mechanism']}: base parameters, {record['model']} model"
+    title = f"base parameters, {record['model']} model"
     tables = [_parameters(title, record)]
     if alone := record["motors_alone"]:
         tables.append(_parameters("what the motors alone feel", alone))
@@ -578,4 +588,4 @@ def motions_table(record: dict[str, Any]) -> Table:
         ">top speed": lambda motion: f"{max(motion['speeds'].values()):.4f}",
         "problems": lambda motion: "; ".join(motion["problems"]) or "none",
     }
-    return table_of(f"{record['mechanism']}: motions", columns, record["motions"])
+    return table_of("motions", columns, record["motions"])
