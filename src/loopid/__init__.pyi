@@ -36,13 +36,10 @@ from .excitation import (
     MotionLimits as MotionLimits,
     design_excitation as design_excitation,
 )
-from .export import (
-    export_c as export_c,
-    export_robot_file as export_robot_file,
-    to_pinocchio as to_pinocchio,
-)
+from .export import to_pinocchio as to_pinocchio
 from .findings import Finding as Finding
 from .identification import (
+    Fit as Fit,
     FitOptions as FitOptions,
     FitSamples as FitSamples,
     consistent_fit as consistent_fit,
@@ -52,9 +49,7 @@ from .identification import (
     friction_curve as friction_curve,
     identifiability as identifiability,
     identify as identify,
-    predict as predict,
-    read_fit as read_fit,
-    save_fit as save_fit,
+    load_fit as load_fit,
     split_recordings as split_recordings,
 )
 from .kinematics import assemble as assemble, random_configurations as random_configurations

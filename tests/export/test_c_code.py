@@ -30,7 +30,7 @@ from loopid import (
 from loopid.base_parameters import BaseParameters
 from loopid.control import Signals, WrenchObserver
 from loopid.errors import AccuracyWarning, DataError, MissingExtraError, OptionError
-from loopid.export import c_source, export_c
+from loopid.export import c_source
 from loopid.export.c_code import motor_positions
 from loopid.identification import ForceModel
 from loopid.kinematics import closed_motion, nearby_configurations, try_assemble
@@ -676,7 +676,7 @@ def test_long_texts_are_cut(tmp_path):
 def test_two_robots_and_cpp_in_one_program(tmp_path):
     names = ("five_bar", "four_bar")
     for robot in names:
-        export_c(force_model(robot, "gravity", ()), tmp_path)
+        c_source(force_model(robot, "gravity", ())).save(tmp_path)
     lines = [f'#include "{robot}.h"\n#include "{robot}.h"' for robot in names]
     calls = " + ".join(f"{robot.upper()}_DOF" for robot in names)
     (tmp_path / "main.cpp").write_text("\n".join([*lines, f"int main() {{ return {calls} - 3; }}"]))

@@ -55,10 +55,10 @@ def test_the_tree_has_the_bodies_and_terms_of_the_fit(kind, load_once):
     )
     fit = loopid.fit(data)
     with pytest.raises(DataError, match="recommended"):
-        loopid.to_pinocchio(model, fit)
+        model.fit_of(fit).to_pinocchio()
     solid = loopid.consistent_fit(model, data, fit.noise)
     with pytest.warns(ModelWarning, match=r"no place for left_crank_joint\.Fo, .*: left out"):
-        tree, _ = loopid.to_pinocchio(model, solid)
+        tree, _ = solid.to_pinocchio()
     values = dict(zip(model.base.parameters.labels, solid.standard_parameters, strict=True))
     carrier = {body.link: tree.inertias[body.joint_id] for body in robot.bodies}["left_crank"]
     assert np.isclose(carrier.mass, values["left_crank.m"], rtol=1e-12)

@@ -236,11 +236,12 @@ def test_mimicking_joints_are_refused_and_coupled_as_advised(tree):
 def test_a_fit_without_a_file_is_saved_loaded_and_exported(tree, tmp_path):
     robot = made(tree, [rigid(tree)])
     model = loopid.find_force_model(robot, "gravity", "file")
-    saved = loopid.read_fit(loopid.save_fit(tmp_path / "fit.yaml", model, model.prior))
-    assert saved.find_force_model(copy.copy(robot)).parameters == model.parameters
-    loopid.export_c(saved.find_force_model(robot), tmp_path, values=saved.values)
+    path = model.fit_of(model.prior).save(tmp_path / "fit.yaml")
+    fit = loopid.load_fit(path, copy.copy(robot))
+    assert fit.model.parameters == model.parameters
+    fit.to_c(tmp_path)
     assert (tmp_path / "five_bar.c").is_file()
     with pytest.raises(FileError, match="made in Python: make it again"):
-        saved.load_robot()
+        loopid.load_fit(path)
     with pytest.raises(FileError, match="no file describes it"):
-        loopid.export_robot_file(robot, robot.standard_parameters(), tmp_path / "new.urdf")
+        loopid.export.export_robot_file(robot, robot.standard_parameters(), tmp_path / "new.urdf")

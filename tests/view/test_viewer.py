@@ -39,7 +39,7 @@ def fit_file(five_bar, tmp_path_factory):
         model = loopid.find_force_model(five_bar, "full")
         recording = loopid.prepare_recording(five_bar, loopid.read_log(LOG, five_bar))
         found = loopid.identify(model, [recording])
-    return loopid.save_fit(tmp_path_factory.mktemp("fit") / "fit.yaml", model, found.fit)
+    return found.fit.save(tmp_path_factory.mktemp("fit") / "fit.yaml")
 
 
 def test_files_of_all_kinds_are_known(five_bar, fit_file):
