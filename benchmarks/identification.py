@@ -34,7 +34,7 @@ from loopid import (
     read_motion_program,
     simulate_measurement,
 )
-from loopid.diagnosis import eliminate_parameters
+from loopid.identification import eliminate_parameters
 from loopid.identification import WeightedLeastSquares, quiet_fit
 from tables import show, write_json
 
