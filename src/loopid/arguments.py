@@ -19,6 +19,7 @@ from typing import (
     ParamSpec,
     TypeVar,
     Union,
+    Unpack,
     get_args,
     get_origin,
     get_type_hints,
@@ -128,13 +129,13 @@ def number(text: str) -> float:
 
 
 def spread_rows(count: int, most: int) -> IntArray:
-    """Evenly spread numbers of at most so many of the rows, the first and the last among them."""
+    """Numbers of at most ``most`` evenly spread rows, the first and the last among them."""
     rows = np.linspace(0, count - 1, min(count, most)).round().astype(np.int64)
     return np.asarray(np.unique(rows), dtype=np.int64)
 
 
 def row_blocks(rows: int | slice, size: int | None = None) -> Iterator[slice]:
-    """The rows, or so many from 0 on, in blocks, lest a temporary array be as large as all."""
+    """Rows, or their count from 0 on, in blocks: no temporary array is as large as all."""
     whole = slice(0, rows) if isinstance(rows, int) else rows
     step = BLOCK_ROWS if size is None else size
     for first in range(whole.start, whole.stop, step):
@@ -201,6 +202,11 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
             args, kwargs = validated()(*args, **kwargs)
         except ValidationError as error:
             details = error.errors(include_url=False)
+            if details[0]["type"] == "extra_forbidden":  # as Python says it where no ** takes it
+                name = details[0]["loc"][0]
+                raise TypeError(
+                    f"{function.__name__}() got an unexpected keyword argument {name!r}"
+                ) from None
             if details[0]["type"] not in SAID_BY_PYTHON:
                 raise _refusal(details, list(signature(function).parameters)) from None
         return function(*args, **kwargs)  # or a TypeError in Python's words
@@ -245,7 +251,7 @@ def _instances(hint: Any) -> Any:
         return Annotated[(_instances(parts[0]), *parts[1:])]
     if kind in (Union, UnionType):
         return Union[tuple(map(_instances, parts))]  # noqa: UP007
-    if kind in (None, Literal, Callable):
+    if kind in (None, Literal, Callable, Unpack):
         return hint
     several = kind[tuple(map(_instances, parts))]
     listed = kind in (Sequence, Iterable, Collection, list, tuple)

@@ -88,8 +88,8 @@ def exchanged(table: dict[str, Any], **entries: Any) -> Iterator[None]:
 
 # Filled by whoever has a format: the core by its own, tools and users by theirs.
 log_formats: Registry[Any] = Registry("log format")
-# By the ending of the tree's file: a function of it, of whether its base floats and whether joints
-# that mimic others move on their own, that gives a ``TreeSource``.
+# By the ending of the tree's file: a function of it, and of those options of ``Reading`` that it
+# takes, that gives a ``TreeSource``.
 robot_formats: Registry[Any] = Registry("ending of a robot file")
 # By the XPath of what shows that a URDF has it: a function of a ``UrdfFile`` and the model of its
 # tree, to mount frames in, that gives a ``Dialect``.

@@ -38,11 +38,11 @@ def read_xacro(
     path: Path,
     floating_base: bool = False,
     free_mimics: bool = False,
-    arguments: Mapping[str, str] | None = None,
+    xacro: Mapping[str, str] | None = None,
 ) -> TreeSource:
     """Read the URDF or SDF that a file of macros gives with some arguments."""
     with naming(path):
-        root, said = _written_out(path, arguments or {})
+        root, said = _written_out(path, xacro or {})
         if root.tag not in READERS:
             raise RobotFileError(f"its root is <{root.tag!s}>, not <robot> or <sdf>")
     source: TreeSource = READERS[str(root.tag)](path, floating_base, free_mimics, root)

@@ -142,8 +142,8 @@ def hysteresis_loop(
     >>> W = rng.normal(size=(500, 1, 2))
     >>> force = W @ [2.0, 1.0] + 0.1 * rng.normal(size=(500, 1))
     >>> fit = loopid.fit(loopid.identification.FitSamples.of(names, ["elbow"], W, force))
-    >>> print(loopid.identification.hysteresis_loop(fit, "elbow").sentence)
-    friction of elbow builds up over 2.5 mrad after each reversal
+    >>> loopid.identification.hysteresis_loop(fit, "elbow").finding
+    ('friction of elbow builds up after reversals', 'over 2.5 mrad')
     """
     from scipy.special import stdtrit  # slow to import
 

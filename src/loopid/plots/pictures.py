@@ -54,7 +54,6 @@ def forces_chart(
     Examples
     --------
     >>> import loopid
-    >>> from matplotlib.figure import Figure
     >>> robot = loopid.load_mechanism("five_bar")
     >>> log = loopid.read_log(robot.path.parent / "logs" / "five_bar.csv", robot)
     >>> recording = loopid.prepare_recording(robot, log)
@@ -63,7 +62,6 @@ def forces_chart(
     >>> chart = loopid.plots.forces_chart(robot, prediction, motors=["left_crank_joint"])
     >>> [panel.title for panel in chart.panels]
     ['measured force (N m)', 'left by this fit (N m), rms 0.0098']
-    >>> chart.draw(Figure().subplots(2))
     """
     run, panels = found.recording, list[Panel]()
     time = run.motion.time

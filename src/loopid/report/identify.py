@@ -173,7 +173,7 @@ def _sections(found: Identification, worst: str) -> Iterator[Section]:
     yield Section("Checks of the log", (*log, *_log_tables(found)), folded=True, short="Log")
     model: list[Part] = [terms_chart(found.term_sets)]
     model += [] if found.cutoff is None else [filter_chart(found.cutoff)]
-    model += [*_candidates_tables(found), _essential_table(found)]
+    model += [_candidates_table(found), _essential_table(found)]
     yield Section("Checks of the model", tuple(model), folded=True, short="Model")
     values = _estimates_table(found)
     yield Section("All values", (values,), folded=values.row_count > OPEN)
@@ -422,30 +422,13 @@ def _of_body(estimate: Estimate) -> bool:
     return Parameter.parse(estimate.name).kind in KINDS
 
 
-def _candidates_tables(found: Identification) -> list[Table]:
+def _candidates_table(found: Identification) -> Table:
     """Errors on new data of the robot file, all parameters, the essential ones, and others."""
-    mechanism = found.force_model.mechanism
     columns = {
         **{"fit": "name", ">fitted": "fitted", ">error over the file's": _over_file},
         "against the file": lambda each: _grade(each, found),
     }
-    rows = [
-        (
-            motor,
-            each.name,
-            " ± ".join(
-                with_error(float(each.validation.residual_rms[k]), float(each.rms_errors[1][k]))
-            ),
-            force_unit(mechanism, motor),
-        )
-        for k, motor in enumerate(mechanism.independent)
-        for each in _candidates(found)
-    ]
-    errors = "other fits: errors by motor, RMS ± std", ("motor", "fit", ">on new data", "unit")
-    return [
-        table_of("other fits: errors on new data", columns, _candidates(found)),
-        plain_table(*errors, rows),
-    ]
+    return table_of("other fits: errors on new data", columns, _candidates(found))
 
 
 def _over_file(each: Candidate) -> str:
