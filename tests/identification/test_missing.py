@@ -8,16 +8,10 @@ import pytest
 from loopid import JointTerms, find_force_model, identify, prepare_recording
 from loopid.identification.lengths import length_forces
 from loopid.identification.sensor_noise import sensor_noise
-<<<<<<< HEAD
-from loopid.logs import Recording
-from loopid.motion import LowPass, scaled_bodies
-from made_runs import quietly, record, unchecked, wander
-=======
 from loopid.kinematics.loop_motion import closed_nearby
-from loopid.logs import Log, Recording
+from loopid.logs import Recording
 from loopid.motion import LowPass, Motion, joint_motion, scaled_bodies
-from made_runs import quietly, record, wander
->>>>>>> main
+from made_runs import quietly, record, unchecked, wander
 
 LEFT, RIGHT = "left_crank_joint", "right_crank_joint"
 
