@@ -164,8 +164,8 @@ def identify(
     options.require_references(len(references))
     others = () if validation is None else validation, friction
     robot, (recordings, judging, friction) = _read(robot, mapping, options, data, *others)
-    mechanism = robot if isinstance(robot, Mechanism) else robot.mechanism
-    require_forces(mechanism, recordings)
+    own = robot if isinstance(robot, Mechanism) else robot.mechanism
+    require_forces(own, recordings)
     choice, force_model = _model_of(robot, recordings, options)
     training, left_out = recordings, validation is None and options.fraction is None
     if validation is None and options.fraction is not None:
@@ -176,7 +176,7 @@ def identify(
         n_jobs=options.n_jobs,
     )
     runs = *training, *judging, *friction
-    suspected = suspicions_by_log(mechanism, runs, force_model.joint_terms)
+    suspected = suspicions_by_log(own, runs, force_model.joint_terms)
     for each in (found for one in suspected for found in one.mistakes):
         each.warn()  # before what a wrong log may end in
     if cutoff is not None:
@@ -274,8 +274,8 @@ def _read(
         first = next(iter(each_of(data[0])), None)
         if isinstance(first, str | Path):
             robot = locked_as_logged(robot, first, mapping=mapping)
-    mechanism = robot if isinstance(robot, Mechanism) else robot.mechanism
-    return robot, [recordings_of(mechanism, each, mapping) for each in data]
+    own = robot if isinstance(robot, Mechanism) else robot.mechanism
+    return robot, [recordings_of(own, each, mapping) for each in data]
 
 
 def _model_of(
@@ -290,14 +290,14 @@ def _model_of(
                 "find_force_model, or give the robot in its place"
             )
         kind = robot.model
-    mechanism = robot if isinstance(robot, Mechanism) else robot.mechanism
-    choice = None if kind == "full" else choose_model(mechanism, recordings)
+    own = robot if isinstance(robot, Mechanism) else robot.mechanism
+    choice = None if kind == "full" else choose_model(own, recordings)
     if choice is not None and kind != AUTOMATIC:
         choice.finding.warn()
     if isinstance(robot, ForceModel):
         return choice, robot
     model = choice.model if choice is not None and kind == AUTOMATIC else kind
-    return choice, find_force_model(mechanism, model, options.terms)
+    return choice, find_force_model(own, model, options.terms)
 
 
 def _errors_by_region(fit: WorkingFit) -> FloatArray:
