@@ -343,7 +343,7 @@ class FourierSeries:
     --------
     >>> import loopid
     >>> crank, sine, cosine = ("crank_joint",), [[0.2, 0.1]], [[0.0, 0.1]]
-    >>> series = loopid.FourierSeries(crank, 0.5, [1.0], sine, cosine)
+    >>> series = loopid.motion.FourierSeries(crank, 0.5, [1.0], sine, cosine)
     >>> series.motion(rate=50)
     <Motion of crank_joint: 101 samples, 2 s>
     """
