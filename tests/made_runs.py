@@ -141,3 +141,10 @@ def with_deviation(found, common):
     deviated = replace(fit, deviation=replace(fit.deviation, common=common))
     candidates = {**found.candidates, "consistent": replace(found["consistent"], fit=deviated)}
     return replace(found, candidates=candidates)
+
+
+def with_answers(found, asked):
+    """An identification that has been asked what another one has, and would answer alike."""
+    for name in ("term_sets", "reduction", "essential"):
+        found.__dict__[name] = getattr(asked, name)
+    return found

@@ -15,7 +15,7 @@ from rich.console import Console
 
 import loopid
 from loopid.cli import app
-from loopid.cli.shell import in_options
+from loopid.cli.advice import in_options
 from loopid.progress import progress_bar
 
 SOURCE = Path(loopid.__file__).parent
@@ -37,7 +37,7 @@ COMMANDS = GROUP.commands
         ("identify", 'estimator="iv" or n_jobs=2', "--estimator iv or --jobs 2"),
         ("export", "replace it, overwrite=True", "replace it, --overwrite"),
         ("excite", "collisions=False", "--no-collisions"),
-        ("predict", 'say where it is, file="FILE"', "say where it is, --robot FILE"),
+        ("predict", 'say where it is, robot="FILE"', "say where it is, --robot FILE"),
         ("check", 'springs: terms="file" has', "springs: loopid base --terms file has"),
         # What no command has an option for stays as it is.
         ("check", 'instruments="W"', 'instruments="W"'),

@@ -22,15 +22,15 @@ from loopid.arguments import (
     derived_seed,
     random_generator,
 )
-from loopid.diagnosis.selection import influence, truncated_values
 from loopid.errors import DataWarning
 from loopid.identification.consistent import consistent_fit
 from loopid.identification.fitting import fit_in_steps, quiet_fit
 from loopid.identification.force_model import ForceModel, find_force_model, samples_of
-from loopid.identification.pipeline import split_recordings
+from loopid.identification.identification import split_recordings
 from loopid.identification.prediction import prediction_reach
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit, fit_quality
+from loopid.identification.selection import influence, truncated_values
 from loopid.loading.load import load_mechanism
 from loopid.logs.log import Log
 from loopid.logs.preparing import prepare_recording
