@@ -210,8 +210,8 @@ class Candidate:
         name = self.name if self.name.endswith("parameters") else f"{self.name} parameters"
         return (
             f"With {name} errors on new data are {ratio:.2f} ± {error:.2f} times those of the "
-            f"robot file with fitted joint terms (geometric mean over the motors, {worst:.2f} for the "
-            f"worst): {verdict} them."
+            f"robot file with fitted joint terms (geometric mean over the motors, "
+            f"{worst:.2f} for the worst): {verdict} them."
         )
 
 
