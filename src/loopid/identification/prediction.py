@@ -12,7 +12,7 @@ from loopid.errors import DataError
 from loopid.files import csv_text
 from loopid.identification.cutoff import prepared_at
 from loopid.identification.data import recordings_of
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import CONSTANT_FORCE, Fit, Quality
 from loopid.logs.recording import Recording
@@ -105,14 +105,14 @@ class Prediction(Tabular):
 def predictions(fit: Fit, data: Any) -> tuple[Prediction, ...]:
     """Of data of any form; see ``Fit.predict``."""
     model = fit.require_model()
-    return tuple(_predicted(fit, model, each) for each in recordings_of(model.mechanism, data))
+    return tuple(_predicted(fit, model, each) for each in recordings_of(model.robot, data))
 
 
 def _predicted(fit: Fit, model: ForceModel, recording: Recording) -> Prediction:
-    if recording.actuators != model.mechanism.independent:
+    if recording.actuators != model.robot.independent:
         raise DataError(
             f"recording {recording.name} is of {', '.join(recording.actuators)}, but the fit of "
-            f"{', '.join(model.mechanism.independent)}",
+            f"{', '.join(model.robot.independent)}",
             recording=recording.name,
         )
     if fit.cutoff is not None:
