@@ -15,7 +15,7 @@ from loopid.records import record
 from loopid.regressors.joint_laws import grouped
 
 if TYPE_CHECKING:
-    from loopid.identification.pipeline import Identification
+    from loopid.identification.identification import Identification
 
 # Error on new data as a part of a motor's force, in the root mean square: what a controller's
 # feedforward can be built on, and what it still profits from.
