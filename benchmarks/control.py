@@ -71,6 +71,7 @@ SPANS = {
 # Rate in m/s over which friction of the controllers is smoothed, and speed of adaptation; with 400
 # the loop is unstable.
 SMOOTHING, ADAPTATION = 2e-4, 120.0
+MANY = 400  # samples at once
 HOURS = 10  # of an observer
 
 
@@ -107,9 +108,9 @@ def leg() -> np.ndarray:
     return np.array([m, *(m * c), *inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
 
 
-def online(own: loopid.MotorModel, interval: float) -> OnlineCompensation:
+def online(own: loopid.Dynamics, interval: float) -> OnlineCompensation:
     """Gravity and friction by recursive least squares, loosened when a leg is detected."""
-    kinds = np.array([p.kind for p in own.force_model.parameters])
+    kinds = np.array([p.kind for p in own.parameters])
     spread = 0.2 * np.abs(own.values) + np.where(np.isin(kinds, ("Fc", "Fv")), 0.0, 0.1)
     rls = RecursiveLeastSquares(own.values, np.diag(spread**2), np.full(4, DEVIATION))
     return OnlineCompensation(
@@ -117,15 +118,15 @@ def online(own: loopid.MotorModel, interval: float) -> OnlineCompensation:
     )
 
 
-def adaptive(own: loopid.MotorModel, interval: float) -> AdaptiveCompensation:
+def adaptive(own: loopid.Dynamics, interval: float) -> AdaptiveCompensation:
     """All parameters by their gradients."""
-    kinds = np.array([p.kind for p in own.force_model.parameters])
+    kinds = np.array([p.kind for p in own.parameters])
     bodies, coulomb = ADAPTATION * (np.abs(own.values) + 0.1), 50 * own.values
     gains = np.select([kinds == "Fc", kinds == "Fv"], [coulomb, 0 * coulomb], bodies)
     return AdaptiveCompensation(own, interval, gains=gains)
 
 
-Own = tuple[loopid.MotorModel, loopid.MotorModel]
+Own = tuple[loopid.Dynamics, loopid.Dynamics]
 LAWS: dict[str, Callable[[Own, float], Controller]] = {
     "PD": lambda own, dt: Controller(PID(KP, KD), Friction(own[0])),
     "PID": lambda own, dt: Controller(pid(dt), Friction(own[0])),
@@ -158,9 +159,9 @@ def loop_of(
     off = 1 + 0.1 * np.random.default_rng([seed, 1]).choice([-1, 1], 4)
     full = models()["full"]
     truth = values("full", bodies=scaled_bodies(full.mechanism, 0.15, seed))
-    robot = loopid.MotorModel(full, truth, start=start)
+    robot = loopid.Dynamics(full, truth, start=start)
     gravity, dynamic = (
-        loopid.MotorModel(
+        loopid.Dynamics(
             models()[kind], values(kind, off), start=start, smoothing=SMOOTHING, near=3e-4
         )
         for kind in ("gravity", "full")
@@ -180,8 +181,8 @@ def speed(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """Least processor time of a sample; what else runs shows in the bare call of Pinocchio."""
     import pinocchio as pin
 
-    model = loopid.MotorModel(models()["full"])
-    robot, u = model.mechanism, arrays(motion(10))[0][0]
+    model = loopid.Dynamics(models()["full"])
+    robot, u = model.robot, arrays(motion(10))[0][0]
     rate, rest, data = np.full(4, 0.02), np.zeros(4), robot.model.createData()
     q, v = robot.reference, np.zeros(robot.model.nv)
     K = np.random.default_rng(0).standard_normal((4, 23))
@@ -191,15 +192,18 @@ def speed(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
             robot.model, data, q, v, v
         )
     }
-    loop, near = loopid.ClosedLoop(robot), model.assemble(u)
     calls |= {
-        "ClosedLoop.assemble, dynamic_regressor": lambda: loop.dynamic_regressor(
-            loop.assemble(u + next(steps), start=near), rate, rest
-        ),
-        "MotorModel.forces": lambda: model.forces(u + next(steps), rate, rest),
-        "MotorModel.gravity": lambda: model.gravity(u + next(steps)),
-        "MotorModel.mass": lambda: model.mass(u + next(steps)),
-        "MotorModel.coriolis": lambda: model.coriolis(u + next(steps), rate),
+        "Dynamics.pose": lambda: model.pose(u + next(steps)),
+        "Dynamics.inverse": lambda: model.inverse(u + next(steps), rate, rest),
+        "Dynamics.regressor": lambda: model.regressor(u + next(steps), rate, rest),
+        "Dynamics.gravity": lambda: model.gravity(u + next(steps)),
+        "Dynamics.mass_matrix": lambda: model.mass_matrix(u + next(steps)),
+        "Dynamics.coriolis": lambda: model.coriolis(u + next(steps), rate),
+    }
+    many, rates = model.pose(q=np.tile(q, (MANY, 1))), np.tile(rate, (MANY, 1))
+    calls |= {
+        f"Dynamics.inverse of {MANY} poses": lambda: model.inverse(many, rates, rates),
+        f"Dynamics.mass_matrix of {MANY} poses": lambda: model.mass_matrix(many),
     }
     for kind in ("none", "exponential", "directional"):
         rls = RecursiveLeastSquares(np.zeros(23), 1e3 * np.eye(23), np.ones(4), forgetting=kind)
@@ -313,7 +317,7 @@ def observed(wrong: float) -> dict[str, np.ndarray]:
     model, rate = models()["full"], 100
     # With psi up to 0.1, 5 N m push the robot, soft at these gains, through its singularity.
     u, v, a = arrays(motion(rate, 1, (-0.25, -0.05)))
-    robot = loopid.MotorModel(model, values("full"), smoothing=1e-3)
+    robot = loopid.Dynamics(model, values("full"), smoothing=1e-3)
     rows = np.array([robot.regressor(*each) for each in zip(u, v, a, strict=True)])
     some = rows[::10].reshape(-1, rows.shape[2]) / DEVIATION
     prior = np.diag(1 / (0.3 * np.abs(robot.values) + 0.02) ** 2)
@@ -411,7 +415,7 @@ def log(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
     recording = loopid.prepare_recording(robot, loopid.read_log(arguments.log, robot))
     fit = loopid.fit(model.samples(recording))
     rms, moves = fit.quality.residual_rms, recording.motion
-    own = loopid.MotorModel(model, fit, start=moves.configurations[0])
+    own = loopid.Dynamics(model, fit, start=moves.configurations[0])
     observer, floors = WrenchObserver(own, 0.01, gain=20.0, unmodelled=rms), []
     u = moves.configurations[:, robot.velocity_indices(robot.independent)]
     for k in range(0, len(u), 5):

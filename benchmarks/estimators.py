@@ -33,7 +33,7 @@ from loopid import (
     read_motion_program,
 )
 from loopid.errors import LoopidError
-from loopid.identification import Estimator, FitResult, FitSamples, ForceModel, quiet_fit
+from loopid.identification import Estimator, Fit, FitSamples, ForceModel, quiet_fit
 from loopid.motion import Motion, differentiate
 from loopid.workers import one_blas_thread
 from tables import show, write_json
@@ -228,7 +228,7 @@ def judged(
     return [row(name, key, found[key], bound, runs) for key in estimators]
 
 
-def covers(fit: FitResult, truth: np.ndarray) -> np.ndarray:
+def covers(fit: Fit, truth: np.ndarray) -> np.ndarray:
     """Which intervals (n,) cover the true values."""
     low, high = fit.intervals().T
     return np.asarray((low <= truth) & (truth <= high))

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid import find_force_model, identify, predict, prepare_recording
+from loopid import find_force_model, identify, prepare_recording
 from loopid.identification.verdict import PARAMETERS
 from loopid.parameters import KINDS
 from loopid.workers import one_blas_thread
@@ -56,7 +56,7 @@ def judged(name: str, case: str, seed: int) -> dict[str, float]:
         if parameter.kind in KINDS and fit.parameters.names[j] not in fit.assumed
     ]
     low, high = fit.intervals()[bodies].T
-    prediction = predict(fit, found.force_model, prepare_recording(plant.robot, new))
+    prediction = fit.predict(prepare_recording(plant.robot, new))
     used, force = prediction.recording.used, prediction.recording.force
     sizes = np.sqrt((np.where(used, force, 0.0) ** 2).sum(axis=0) / used.sum(axis=0))
     error = float((prediction.moving.residual_rms / sizes).max())

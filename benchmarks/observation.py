@@ -35,7 +35,7 @@ import pinocchio as pin
 
 from example_robots import robots_folder
 from loopid import (
-    ClosedLoop,
+    Dynamics,
     Observation,
     assemble,
     dynamic_regressor,
@@ -150,17 +150,17 @@ def assembly(name: str, robot: Mechanism) -> dict[str, Any]:
 
 def single(name: str, robot: Mechanism) -> dict[str, Any]:
     """Costs of one sample at a time, along a trajectory at 1 kHz."""
-    loop, strokes = ClosedLoop(robot), smooth_strokes(robot)[:SINGLE]
-    poses = loop.assemble(strokes, start=robot.reference, trajectory=True)
-    still, pairs = np.zeros_like(poses), list(zip(strokes[1:], poses[:-1], strict=True))
+    dynamics, strokes = Dynamics(robot), smooth_strokes(robot)[:SINGLE]
+    poses = dynamics.assemble(strokes, trajectory=True)
+    still = np.zeros_like(poses)
 
     def gravity() -> None:
         for q in poses:
-            loop.gravity_regressor(q)
+            gravity_regressor(robot, q)
 
     def assembly_and_forces() -> None:
-        for stroke, before in pairs:
-            loop.forces(loop.assemble(stroke, start=before))
+        for stroke in strokes[1:]:
+            dynamics.gravity(stroke)
 
     phases: dict[str, Callable[[], object]] = {
         "bare": bare(robot, poses, still, still),

@@ -9,7 +9,7 @@ import numpy as np
 
 from loopid import Mechanism, Observation, ParameterSet, find_base_parameters, load_mechanism
 from loopid.base_parameters import BaseParameters, SearchOptions
-from loopid.identification import FitProblem, FitResult, OrdinaryLeastSquares
+from loopid.identification import Fit, FitProblem, OrdinaryLeastSquares
 from loopid.kinematics import torque_regressors
 from loopid.observation import triangular_factor
 from loopid.parameters import Parameter
@@ -70,7 +70,7 @@ def without_force(both: Observation, mechanism: Mechanism) -> Observation:
     return Observation(parameters, factor, both.rows, mechanism.length)
 
 
-def least_squares(both: Observation, base: BaseParameters) -> FitResult:
+def least_squares(both: Observation, base: BaseParameters) -> Fit:
     """Ordinary least squares of all rows alike, with standard deviations."""
     columns = [*base.base, len(base.parameters)]
     problem = FitProblem(

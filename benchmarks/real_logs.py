@@ -35,7 +35,7 @@ from loopid import (
 )
 from loopid.arguments import FloatArray
 from loopid.diagnosis import compare_fits
-from loopid.identification import SavedFit, predict
+from loopid.identification import Fit
 from loopid.logs import Recording
 from loopid.robot import Mechanism
 from tables import show, write_json
@@ -66,16 +66,15 @@ def recordings(folder: Path, robot: Mechanism, only: list[str]) -> dict[str, Rec
     return found
 
 
-def fitted(robot: Mechanism, run: Recording, model: str, terms: str) -> SavedFit:
+def fitted(robot: Mechanism, run: Recording, model: str, terms: str) -> Fit:
     """The recommended fit of a log."""
     warnings.simplefilter("ignore")
-    found = identify(find_force_model(robot, model, terms), [run])
-    return SavedFit.of(found.force_model, found.fit)
+    return identify(find_force_model(robot, model, terms), [run]).fit
 
 
-def errors(fit: SavedFit, robot: Mechanism, run: Recording) -> FloatArray:
+def errors(fit: Fit, run: Recording) -> FloatArray:
     """Of each motor's force where it moves, in % of it."""
-    found = predict(fit, robot, run)
+    found = fit.predict(run)
     used, force = found.recording.used, found.recording.force
     with np.errstate(divide="ignore", invalid="ignore"):
         sizes = np.sqrt((np.where(used, force, 0.0) ** 2).sum(axis=0) / used.sum(axis=0))
@@ -114,7 +113,7 @@ def main() -> None:
     motors = robot.independent
     judged = []
     for (one, other), terms in [(pair, t) for pair in permutations(runs, 2) for t in choices]:
-        each = errors(fits[one, terms], robot, runs[other])
+        each = errors(fits[one, terms], runs[other])
         row = {"fit of": one, "judged on": other, "by": terms}
         judged.append(row | {name: float(x) for name, x in zip(motors, each, strict=True)})
     for given in published(folder):

@@ -10,20 +10,20 @@ import numpy as np
 import loopid
 
 robot = loopid.load_mechanism(Path(__file__).with_name("leg.yaml"))
-loop = loopid.ClosedLoop(robot)
+dynamics = loopid.Dynamics(robot)
 base = loopid.find_base_parameters(loopid.structural_observation(robot))
 print("masses and first moments that the motors feel:", *base.expressions, sep="\n  ")
 
 # A knee bend: how far the knee turns for a turn of its drive, and how it gets there.
 drive = np.linspace(0.0, 0.6, 4)
-q = loop.assemble(np.column_stack([-0.3 - drive, drive]), trajectory=True)
-knee = robot.joint("knee")
-ratio = loop.velocity_map(q)[:, knee.idx_v, robot.independent.index("knee_drive")]
+poses = dynamics.pose(np.column_stack([-0.3 - drive, drive]), trajectory=True)
+q, knee = poses.q, robot.joint("knee")
+ratio = poses.G[:, knee.idx_v, robot.independent.index("knee_drive")]
 print("knee in rad:", q[:, knee.idx_q].round(3), "per rad of the drive:", ratio.round(3))
 
 # A push of the surroundings, along the fixed axes.
 push = loopid.ExternalWrench("lever", np.tile([0, 0, 200.0, 0, 0, 0], (4, 1)), axes="world")
-holding = loop.forces(q) - loopid.wrench_forces(robot, q, [push])
+holding = dynamics.gravity(poses) - loopid.wrench_forces(robot, q, [push])
 print("torques of hip and knee drive in N m:", *holding.round(1), sep="\n  ")
 
 still = np.zeros((4, 2))

@@ -33,7 +33,6 @@ log = loopid.Log.from_arrays(measured.time, measured.position, measured.force, r
 found = loopid.identify(model, [loopid.prepare_recording(robot, log)])
 print(found.verdict, found.fit["knee_drive.Fc"], sep="\n")
 with TemporaryDirectory() as folder:
-    saved = loopid.read_fit(loopid.save_fit(f"{folder}/fit.yaml", found.force_model, found.fit))
-    new = Path(folder, "leg.urdf")
-    loopid.export_robot_file(robot, saved.require_bodies(), new, parameters=saved.standard)
+    fit = loopid.load_fit(found.fit.save(f"{folder}/fit.yaml"))
+    new = fit.to_robot_file(f"{folder}/leg.urdf")
     print(np.round(loopid.load_mechanism(new).standard_parameters()[::10], 2), "kg")

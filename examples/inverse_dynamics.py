@@ -11,17 +11,16 @@ import pinocchio as pin
 import loopid
 
 robot = loopid.load_mechanism("four_bar")
-loop, (model, constraints) = loopid.ClosedLoop(robot), loopid.to_pinocchio(robot)
+dynamics, (model, constraints) = loopid.Dynamics(robot), loopid.to_pinocchio(robot)
 data, memory = model.createData(), pin.StdVec_RigidConstraintData()
 memory.extend(constraint.createData() for constraint in constraints)
 pin.initConstraintDynamics(model, data, constraints, memory)
 
 worst = 0.0
 for angle in np.linspace(0.6, 1.6, 5):
-    q = loop.assemble([angle])
-    rate, wanted = np.array([1.5]), np.array([-4.0])
-    torque = loop.forces(q, rate, wanted)  # the paper's K π, in motion
-    v, tau = loop.velocity_map(q) @ rate, np.zeros(model.nv)
+    pose, rate, wanted = dynamics.pose([angle]), np.array([1.5]), np.array([-4.0])
+    torque = dynamics.inverse(pose, rate, wanted)  # the paper's K π, in motion
+    q, v, tau = pose.q, pose.G @ rate, np.zeros(model.nv)
     motors = robot.velocity_indices(robot.actuated)
     tau[motors] = torque
     settings = pin.ProximalSettings(1e-10, 1e-10, 1e-8, 20)

@@ -30,10 +30,10 @@ base = loopid.find_base_parameters(loopid.structural_observation(robot, "full"))
 print(f"{len(base.expressions)} base parameters of {len(robot.parameters())}:", *base.expressions)
 
 # The tree's forces by MuJoCo, projected to the motor with loopid's G.
-loop, data = loopid.ClosedLoop(robot), mujoco.MjData(simulator)
-q = loop.assemble([0.3])
-data.qpos = q
+dynamics, data = loopid.Dynamics(robot), mujoco.MjData(simulator)
+pose = dynamics.pose([0.3])
+data.qpos = pose.q
 mujoco.mj_inverse(simulator, data)
-tree = data.qfrc_bias
-print("torque that holds it in N m:", loop.forces(q), "by MuJoCo:", loop.velocity_map(q).T @ tree)
-assert np.allclose(loop.forces(q), loop.velocity_map(q).T @ tree)
+torque, expected = dynamics.gravity(pose), pose.G.T @ data.qfrc_bias
+print("torque that holds it in N m:", torque, "by MuJoCo:", expected)
+assert np.allclose(torque, expected)

@@ -22,14 +22,14 @@ rates = np.gradient(strokes, dt, axis=0)
 loads = {300: leg, 525: -leg}  # by the sample
 Kp, Kd, errors = np.array([5800, 5800, 5800, 65000.0]), np.array([400, 400, 400, 875.0]), {}
 for name in ("PD+G", "PID+G", "PID+G online"):
-    own = loopid.MotorModel(slow, guess, start=q[0], smoothing=2e-4, near=3e-4)
+    own = loopid.Dynamics(slow, guess, start=q[0], smoothing=2e-4, near=3e-4)
     laws = [control.PID(Kp, Kd, (name != "PD+G") * 2 * Kp, interval=dt)]
     rls = control.RecursiveLeastSquares(guess, np.diag(0.1 * guess**2 + 0.01), np.full(4, 7.0))
     online = control.OnlineCompensation(
         own, rls, dt, payload=("platform", np.array([5, 0.5, 0.5, 1]))
     )
     laws += [online] if "online" in name else [control.Friction(own), control.Gravity(own)]
-    truth = loopid.MotorModel(full, full.base.values(bodies), start=q[0])
+    truth = loopid.Dynamics(full, full.base.values(bodies), start=q[0])
     noise = loopid.Noise(uniform=12, encoder_step=2e-5)
     sensors = control.LoopOptions(interval=dt, noise=noise, step=1e-2, refresh=2 * dt)
     loop = control.ControlLoop(truth, control.Controller(*laws), options=sensors)

@@ -121,11 +121,23 @@ def test_no_files_import_each_other_in_a_circle(graph):
         TopologicalSorter(graph | {"loopid.errors": {"loopid.records"}}).prepare()
 
 
-def test_a_robot_from_pinocchio_needs_no_reader_of_files(graph):
-    reached, more = set(), {"loopid.loading.pinocchio_robot"}
+def reached_from(graph, start):
+    """The modules that a module imports, and those that these import."""
+    reached, more = set(), {start}
     while more:
         reached |= more
         more = {name for module in more for name in graph[module]} - reached
+    return reached
+
+
+def test_dynamics_need_few_files(graph):
+    reached = reached_from(graph, "loopid.regressors.dynamics")
+    rooms = {name.rpartition(".")[0] for name in reached} | {"loopid.formats"}
+    assert len(reached) + len(rooms) <= 25
+
+
+def test_a_robot_from_pinocchio_needs_no_reader_of_files(graph):
+    reached = reached_from(graph, "loopid.loading.pinocchio_robot")
     assert len(reached) < 32
     readers = re.compile(r"\.(files|yaml_files|xml_elements|urdf\w*|load|formats\.\w+)$")
     assert not [name for name in reached if readers.search(name)]

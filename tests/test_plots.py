@@ -12,7 +12,7 @@ from loopid import plots
 @pytest.fixture(scope="module")
 def prediction(study):
     found = study.identification
-    return loopid.predict(found.fit, found.force_model, found.training[0].between(0.0, 20.0))
+    return found.fit.predict(found.training[0].between(0.0, 20.0))
 
 
 def test_lines_are_forces_and_residuals(prediction, knee):
@@ -66,10 +66,7 @@ def test_a_flat_robot_is_seen_from_its_front_and_signs_do_not_cover_each_other(l
 def test_values_are_beside_those_of_the_robot_file(study):
     """A bar a run, whose middle is its value."""
     found = study.identification
-    fits = {
-        name: loopid.identification.SavedFit.of(found.force_model, found[name].fit)
-        for name in ("robot file", "all parameters")
-    }
+    fits = {name: found[name].fit for name in ("robot file", "all parameters")}
     (panel,) = plots.comparison_chart(fits).panels
     assert len(panel.labels) == len(found.fit.values)
     for name, fit in fits.items():
@@ -77,6 +74,6 @@ def test_values_are_beside_those_of_the_robot_file(study):
         index = panel.marks.index(dots)
         spans = panel.marks[index - 1]
         np.testing.assert_allclose(spans.x + spans.to, 2 * dots.x, atol=1e-9)
-        errors = np.array([each.standard_error or 0.0 for each in fit.base_parameters])
+        errors = fit.standard_errors
         wide = np.ptp([spans.x, spans.to], axis=0) > 0
         assert (wide == (errors > 0)).all()

@@ -128,7 +128,7 @@ def main():
     time, joint = recording.motion.time, robot.actuated[0]
     part = time < 12
     axes = figure.add_subplot(2, 4, 3)
-    predicted = fit.predict(model.regressor(recording.motion))
+    predicted = fit.forces(model.regressor(recording.motion))
     axes.plot(time[part], recording.force[part, 0], ".", color=MOTOR, ms=4, label="measured")
     axes.plot(time[part], predicted[part, 0], color=LINK, lw=1.4, label="fitted")
     axes.set(xlabel="s", ylabel="N m")

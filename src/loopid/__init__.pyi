@@ -25,7 +25,6 @@ from .base_parameters import (
     SearchOptions as SearchOptions,
     find_base_parameters as find_base_parameters,
 )
-from .control import MotorModel as MotorModel
 from .diagnosis import (
     drive_gains as drive_gains,
     identify_payload as identify_payload,
@@ -37,13 +36,10 @@ from .excitation import (
     MotionLimits as MotionLimits,
     design_excitation as design_excitation,
 )
-from .export import (
-    export_c as export_c,
-    export_robot_file as export_robot_file,
-    to_pinocchio as to_pinocchio,
-)
+from .export import to_pinocchio as to_pinocchio
 from .findings import Finding as Finding
 from .identification import (
+    Fit as Fit,
     FitOptions as FitOptions,
     FitSamples as FitSamples,
     consistent_fit as consistent_fit,
@@ -53,9 +49,7 @@ from .identification import (
     friction_curve as friction_curve,
     identifiability as identifiability,
     identify as identify,
-    predict as predict,
-    read_fit as read_fit,
-    save_fit as save_fit,
+    load_fit as load_fit,
     split_recordings as split_recordings,
 )
 from .kinematics import assemble as assemble, random_configurations as random_configurations
@@ -79,7 +73,6 @@ from .motion import (
     FourierSeries as FourierSeries,
     LowPass as LowPass,
     Noise as Noise,
-    forward_dynamics as forward_dynamics,
     joint_motion as joint_motion,
     read_motion_program as read_motion_program,
     review_motion as review_motion,
@@ -89,7 +82,7 @@ from .observation import Observation as Observation
 from .parameters import ParameterSet as ParameterSet
 from .progress import progress_bar as progress_bar
 from .regressors import (
-    ClosedLoop as ClosedLoop,
+    Dynamics as Dynamics,
     JointTerms as JointTerms,
     dynamic_regressor as dynamic_regressor,
     gravity_regressor as gravity_regressor,

@@ -19,6 +19,7 @@ from typing import (
     ParamSpec,
     TypeVar,
     Union,
+    Unpack,
     get_args,
     get_origin,
     get_type_hints,
@@ -201,6 +202,11 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
             args, kwargs = validated()(*args, **kwargs)
         except ValidationError as error:
             details = error.errors(include_url=False)
+            if details[0]["type"] == "extra_forbidden":  # as Python says it where no ** takes it
+                name = details[0]["loc"][0]
+                raise TypeError(
+                    f"{function.__name__}() got an unexpected keyword argument {name!r}"
+                ) from None
             if details[0]["type"] not in SAID_BY_PYTHON:
                 raise _refusal(details, list(signature(function).parameters)) from None
         return function(*args, **kwargs)  # or a TypeError in Python's words
@@ -214,8 +220,7 @@ MADE_BY = {
     "ForceModel": "find_force_model",
     "Log": "read_log",
     "Recording": "prepare_recording",
-    "FitResult": "identify",
-    "SavedFit": "read_fit",
+    "Fit": "load_fit",
 }
 # Which arguments there are is said by the call itself, with the function's name.
 SAID_BY_PYTHON = (
@@ -246,7 +251,7 @@ def _instances(hint: Any) -> Any:
         return Annotated[(_instances(parts[0]), *parts[1:])]
     if kind in (Union, UnionType):
         return Union[tuple(map(_instances, parts))]  # noqa: UP007
-    if kind in (None, Literal, Callable):
+    if kind in (None, Literal, Callable, Unpack):
         return hint
     several = kind[tuple(map(_instances, parts))]
     listed = kind in (Sequence, Iterable, Collection, list, tuple)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from importlib import import_module
 from typing import Any, Generic, TypeVar, cast
 
@@ -69,10 +70,26 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         return len(self._entries)
 
 
+@contextmanager
+def exchanged(table: dict[str, Any], **entries: Any) -> Iterator[None]:
+    """Exchange entries of another library's table, such as the names in a module, for a while.
+
+    For libraries that cannot be told otherwise. Entries that were not there are removed again.
+    """
+    before = {name: table[name] for name in entries if name in table}
+    table.update(entries)
+    try:
+        yield
+    finally:
+        for name in entries:
+            table.pop(name, None)
+        table.update(before)
+
+
 # Filled by whoever has a format: the core by its own, tools and users by theirs.
 log_formats: Registry[Any] = Registry("log format")
-# By the ending of the tree's file: a function of it, of whether its base floats and whether joints
-# that mimic others move on their own, that gives a ``TreeSource``.
+# By the ending of the tree's file: a function of it, and of those options of ``Reading`` that it
+# takes, that gives a ``TreeSource``.
 robot_formats: Registry[Any] = Registry("ending of a robot file")
 # By the XPath of what shows that a URDF has it: a function of a ``UrdfFile`` and the model of its
 # tree, to mount frames in, that gives a ``Dialect``.
@@ -80,3 +97,12 @@ urdf_dialects: Registry[Any] = Registry("sign of a dialect of URDF")
 # By the ending of the tree's file: a class of it with the ``inertials`` of its links, ``edited``
 # (its content with other ones, and other joint terms) and ``joint_terms`` of such a content.
 editable_files: Registry[Any] = Registry("ending of a robot file that can be edited")
+# What a fit becomes: functions of a ``Fit``, and of where to.
+fit_exports: Registry[Any] = Registry(
+    "form of a fit",
+    {
+        "robot file": "loopid.export.robot_file:robot_file_of",
+        "C source": "loopid.export.c_code:c_code_of",
+        "Pinocchio": "loopid.export.pinocchio_model:pinocchio_of",
+    },
+)

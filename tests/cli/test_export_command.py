@@ -12,7 +12,7 @@ import pytest
 
 from loopid import JointTerms, find_force_model, load_mechanism, random_configurations
 from loopid.errors import FileError
-from loopid.identification import FitResult, Quality, read_fit, save_fit
+from loopid.identification import Fit, Quality, load_fit
 from loopid.kinematics import closed_motion
 from loopid.regressors import motion_regressor
 
@@ -30,7 +30,7 @@ def saved(folder, robot="five_bar", model="gravity", kinds=("Fc", "Fv"), factor=
     dof = np.ones(len(mechanism.independent))
     quality = Quality(dof, dof, dof.astype(int))
     covariance = np.diag(np.arange(1.0, len(values) + 1) ** 2)
-    fit = FitResult(
+    fit = Fit(
         "consistent",
         found.parameters,
         mechanism.independent,
@@ -42,7 +42,7 @@ def saved(folder, robot="five_bar", model="gravity", kinds=("Fc", "Fv"), factor=
         dof,
         standard_parameters=standard,
     )
-    return found, values, save_fit(folder / "parameters.yaml", found, fit)
+    return found, values, found.fit_of(fit).save(folder / "parameters.yaml")
 
 
 @pytest.mark.parametrize("model", ["gravity", "full"])
@@ -54,7 +54,7 @@ def test_everything_at_once(run_json, tmp_path, model):
     done = run_json("export", "five_bar", fit, *options, "--c", tmp_path / "c")
     code = [tmp_path / "c" / f"five_bar.{kind}" for kind in ("h", "c", "casadi")]
     assert done["written"] == [str(name) for name in (*places.values(), *code)]
-    assert read_fit(places["yaml"]).record() == read_fit(fit).record()
+    assert load_fit(places["yaml"]).record() == load_fit(fit).record()
     assert "five_bar_values[FIVE_BAR_PARAMETERS]" in (tmp_path / "c" / "five_bar.h").read_text()
     text = (ROOT / "five_bar.yaml").read_text()
     (tmp_path / "new_robot.yaml").write_text(text.replace("five_bar.urdf", "new.urdf"))
@@ -72,15 +72,15 @@ def test_everything_at_once(run_json, tmp_path, model):
 def test_a_fit_of_a_log_with_a_mistake_is_refused_unless_asked_for_anyway(run, tmp_path):
     found, _, place = saved(tmp_path)
     mistake = "the force of left_crank_joint has the wrong sign"
-    fit = replace(read_fit(place).result, mistakes=(mistake,))
-    save_fit(place, found, fit)
+    fit = replace(load_fit(place), mistakes=(mistake,))
+    found.fit_of(fit).save(place)
     out = tmp_path / "new.yaml"
     refused = run("export", "five_bar", place, "--yaml", out)
     assert_refused(refused, "not fit for use", mistake, "--anyway")
     assert not out.exists()
     done = run("export", "five_bar", place, "--yaml", out, "--anyway")
     assert done.code == 0, done.err
-    assert read_fit(out).result.mistakes == (mistake,)
+    assert load_fit(out).mistakes == (mistake,)
 
 
 def test_a_command_prints_what_it_does_not_save(run, tmp_path):
@@ -114,7 +114,7 @@ def test_the_robot_is_loaded_as_for_the_fit(run, tmp_path):
     done = run("export", "3rrr", fit, "--yaml", out)
     assert done.code == 0, done.err
     assert done.out.splitlines() == [str(out)]
-    assert read_fit(out).force_model.joint_terms.kinds == ("Ia", "Fv")
+    assert load_fit(out).model.joint_terms.kinds == ("Ia", "Fv")
     _, _, locked = saved(tmp_path, lock=["left_coupler_joint"])
     assert_refused(run("export", "four_bar", locked, "--yaml", out), "left_coupler_joint")
 
@@ -152,7 +152,7 @@ def test_refusals(run, tmp_path):
     assert_refused(run("export", "five_bar", fit, "--urdf", f"{out}.xml"), "'.xml'", ".urdf")
     (tmp_path / "damaged.json").write_text(json.dumps({"format": "loopid fit"}))
     done = run("export", "five_bar", tmp_path / "damaged.json", "--yaml", f"{out}.yaml")
-    assert_refused(done, "damaged.json", "loopid: Field required")
+    assert_refused(done, "damaged.json", "loopid: is missing")
     done = run("export", "four_bar", fit, "--yaml", f"{out}.yaml")
     assert_refused(done, "five_bar", "left_crank_joint")
     assert_refused(run("export", "five_bar", fit, "--c", out, "--name", "1"), "letters", "'1'")
@@ -189,7 +189,7 @@ def test_nothing_is_written_over_what_it_is_made_from(run, arm_files, tmp_path):
             done = run("export", robot, fit, "--yaml", place, *options)
             assert_refused(done, "made from", "name another")
     with pytest.raises(FileError, match="made from"):
-        save_fit(robot, find_force_model(load_mechanism(robot), joint_terms=None), np.ones(6))
+        find_force_model(load_mechanism(robot), joint_terms=None).fit_of(np.ones(6)).save(robot)
     assert {path: path.read_bytes() for path in before} == before
     # The results of an identification, too, beside a robot of such a name.
     shutil.copy(robot, tmp_path / "parameters.yaml")

@@ -8,7 +8,7 @@ import pytest
 from lxml.html import fromstring
 from matplotlib.figure import Figure
 
-from loopid import read_fit
+from loopid import load_fit
 from made_runs import ARM
 
 NAMES = [
@@ -62,7 +62,7 @@ def test_an_identification_with_such_names(run, arm_files, tmp_path, monkeypatch
         assert name in text
     for figure in out.glob("*.svg"):
         assert "<script" not in figure.read_text()
-    assert names["elbow"] in str(read_fit(out / "parameters.yaml").record())
+    assert names["elbow"] in str(load_fit(out / "parameters.yaml").record())
     done = run("check", tmp_path / "arm.urdf")
     assert names["upper"] in done.out or "…" in done.out
 

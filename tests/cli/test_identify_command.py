@@ -12,7 +12,7 @@ from lxml.html import fromstring
 from closure_robots import chain, files
 from loopid import JointTerms, load_mechanism
 from loopid.cli.logs import excite_command
-from loopid.identification import read_fit
+from loopid.identification import load_fit
 from loopid.report import identification_report
 from made_runs import logged, one_joint, wander
 
@@ -88,7 +88,7 @@ def test_terminal_page_and_files_say_the_same(written, tmp_path):
     saved = json.loads(files["identification.json"])
     for name, record in (("parameters", "fit"), ("all_parameters", "all_parameters")):
         (tmp_path / "fit.yaml").write_bytes(files[f"{name}.yaml"])
-        assert read_fit(tmp_path / "fit.yaml").record() == saved[record]
+        assert load_fit(tmp_path / "fit.yaml").record() == saved[record]
     names = [entry["name"] for entry in saved["fit"]["base_parameters"]]
     assert all(name in page for name in names)
     left = [name for name in names if name not in out]
@@ -236,7 +236,7 @@ def test_no_progress_bar_is_drawn_where_no_terminal_is(run, arm_files):
         (("--train", "0"), ["between 0 and 1", "0"]),
         (("--train", "1.5"), ["between 0 and 1", "1.5"]),
         (("--train", "nan"), ["fraction", "nan"]),
-        (("--cutoff", "-1"), ["cutoff", "greater than 0"]),
+        (("--cutoff", "-1"), ["cutoff", "above 0"]),
         (("--cutoff", "1000"), ["cut-off", "half the sample rate"]),
         (("--mapping", "nowhere.yaml"), ["nowhere.yaml"]),
         (("--validate", "nowhere.csv"), ["nowhere.csv"]),
@@ -338,7 +338,7 @@ def test_values_of_the_robot_file_are_marked_everywhere(
     record = json.loads((tmp_path / "identification.json").read_text())
     told, assumed = record["identifiability"], record["all_parameters"]["estimate"]["assumed"]
     assert {"shoulder.Fc", "shoulder.Fv"} <= set(assumed)
-    assert read_fit(tmp_path / "parameters.yaml").result.assumed == tuple(assumed)
+    assert load_fit(tmp_path / "parameters.yaml").assumed == tuple(assumed)
     assert len(told["unidentifiable"]) == told["structural_rank"] - told["rank"] > 0
     page = fromstring((tmp_path / "report.html").read_text())
     rows = [[cell.text for cell in row] for row in page.iter("tr")]

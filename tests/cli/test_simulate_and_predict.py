@@ -3,6 +3,7 @@
 import json
 import shutil
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +26,7 @@ def five_bar():
 def saved(five_bar, tmp_path_factory):
     model = loopid.find_force_model(five_bar, "full", None)
     path = tmp_path_factory.mktemp("fit") / "fit.yaml"
-    return loopid.save_fit(path, model, model.prior)
+    return model.fit_of(model.prior).save(path)
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +38,7 @@ def sweep(five_bar):
 
 
 def test_the_robot_file_predicts_its_own_forces(five_bar, saved, sweep):
-    found = loopid.predict(loopid.read_fit(saved), five_bar, sweep)
+    found = loopid.load_fit(saved).predict(sweep)
     np.testing.assert_allclose(found.predicted, sweep.force, atol=1e-9)
     np.testing.assert_allclose(found.moving.r_squared, 1.0, atol=1e-12)
     assert found.standing.samples.sum() == 0
@@ -48,7 +49,7 @@ def test_errors_are_those_of_the_definition(five_bar, saved, sweep):
     known = Recording(
         "run", sweep.actuators, sweep.motion, sweep.force + 0.3, used, sweep.stretches
     )
-    found = loopid.predict(loopid.read_fit(saved), five_bar, known)
+    found = loopid.load_fit(saved).predict(known)
     for part, chosen in ((found.moving, used), (found.standing, ~used)):
         np.testing.assert_array_equal(part.samples, chosen.sum(axis=0))
         np.testing.assert_allclose(part.residual_rms, 0.3, rtol=1e-6)
@@ -60,8 +61,12 @@ def test_errors_are_those_of_the_definition(five_bar, saved, sweep):
 
 
 def test_another_robot_is_refused(saved, sweep):
+    four_bar = loopid.load_mechanism("four_bar")
     with pytest.raises(loopid.LoopidError, match="this is a fit of five_bar"):
-        loopid.predict(loopid.read_fit(saved), loopid.load_mechanism("four_bar"), sweep)
+        loopid.load_fit(saved, four_bar)
+    other = replace(sweep, actuators=("crank_joint", "rocker_joint"))
+    with pytest.raises(loopid.LoopidError, match="but the fit of left_crank_joint"):
+        loopid.load_fit(saved).predict(other)
 
 
 def test_scaled_bodies_stay_bodies(five_bar):
@@ -169,8 +174,7 @@ def test_predict_compares_a_log_with_a_fit(saved, run, tmp_path):
 def test_a_robot_that_moved_is_asked_for(saved, run, tmp_path):
     text = saved.read_text()
     lost = tmp_path / "lost.yaml"
-    renamed = text.replace('"name": "five_bar"', '"name": "x"')
-    lost.write_text(renamed.replace("five_bar.yaml", "gone.yaml"))
+    lost.write_text(text.replace('"path": "five_bar"', '"path": "gone/five_bar.yaml"'))
     found = run("predict", str(lost), str(LOG))
     assert found.code == 2
     assert "--robot" in found.err

@@ -19,7 +19,7 @@ from loopid.control import (
     Signals,
     SlotineLi,
 )
-from loopid.control.simulation import _slowed
+from loopid.control.simulation import DryFriction, _slowed
 from loopid.errors import OptionError
 from loopid.inertia import pseudo_inertia
 
@@ -38,14 +38,14 @@ def with_friction(model, coulomb, viscous):
 
 
 def signals(model, position=0.0, velocity=0.0, force=0.0):
-    u = loopid.MotorModel(model).configuration[: model.mechanism.model.nq]
+    u = loopid.Dynamics(model).configuration[: model.mechanism.model.nq]
     own = model.mechanism.velocity_indices(model.mechanism.independent)
     ones = np.ones(len(own))
     return Signals(u[own] + position, velocity * ones, force * ones)
 
 
 def test_a_controller_is_the_sum_of_its_laws(five_bar):
-    model = loopid.MotorModel(five_bar, with_friction(five_bar, 2.0, 3.0), smoothing=1e-3)
+    model = loopid.Dynamics(five_bar, with_friction(five_bar, 2.0, 3.0), smoothing=1e-3)
     now = signals(five_bar)
     reference = Reference(now.position + 0.1, 0.5 + now.velocity, 0 * now.position)
     law = Controller(PID(100.0, 10.0, 4.0, interval=0.5), Gravity(model), Friction(model))
@@ -55,7 +55,7 @@ def test_a_controller_is_the_sum_of_its_laws(five_bar):
 
 
 def test_adaptation_follows_its_gradient_in_the_given_columns(five_bar):
-    model = loopid.MotorModel(five_bar)
+    model = loopid.Dynamics(five_bar)
     B = model.payload_columns("left_coupler")[:, :4]
     law = AdaptiveCompensation(
         model, 0.1, gains=np.array([1.0, 2.0, 0.0, 3.0]), columns=B, bandwidth=4.0
@@ -74,13 +74,13 @@ def test_adaptation_follows_its_gradient_in_the_given_columns(five_bar):
 def test_adaptation_takes_what_is_missing_from_lyapunovs_function(five_bar, gain):
     """d/dt of the divergence from any body b is - sᵀ Y (b̂ - b): Slotine and Li's proof needs it."""
     step = 1e-6
-    law = SlotineLi(loopid.MotorModel(five_bar), step, link="left_coupler", gain=gain)
+    law = SlotineLi(loopid.Dynamics(five_bar), step, link="left_coupler", gain=gain)
     now = signals(five_bar, velocity=0.3)
     reference = Reference(now.position + 0.2, 2 * now.velocity, 0 * now.position)
     before = law.body, law.P
     law.force(now, reference)
     wanted = reference.velocity + 2.0 * 0.2
-    Y = law.model.passive_regressor(
+    Y = law.dynamics.passive_regressor(
         now.position, now.velocity, wanted, 2.0 * (reference.velocity - now.velocity)
     )
     s = wanted - now.velocity
@@ -98,7 +98,7 @@ def test_adaptation_takes_what_is_missing_from_lyapunovs_function(five_bar, gain
 
 
 def test_natural_adaptation_keeps_the_body_solid(five_bar):
-    law = SlotineLi(loopid.MotorModel(five_bar), 0.01, link="left_coupler", gain=1.0)
+    law = SlotineLi(loopid.Dynamics(five_bar), 0.01, link="left_coupler", gain=1.0)
     rng, now = np.random.default_rng(0), signals(five_bar)
     for _ in range(50):
         reference = Reference(now.position + rng.normal(0, 1, 2), rng.normal(0, 1, 2), np.zeros(2))
@@ -122,7 +122,7 @@ def test_velocities_under_friction_minimise_their_energy():
 def test_the_loop_moves_as_forward_dynamics(five_bar):
     """Under constant forces and viscous friction, against an integrator of SciPy."""
     values = with_friction(five_bar, 0.0, 0.4)
-    robot = loopid.MotorModel(five_bar, values)
+    robot = loopid.Dynamics(five_bar, values)
     push = robot.gravity(signals(five_bar).position) + np.array([0.1, -0.05])
 
     class Push:
@@ -133,12 +133,12 @@ def test_the_loop_moves_as_forward_dynamics(five_bar):
     loop = ControlLoop(robot, Push(), options=options)
     start, rows = loop.position, np.zeros((200, 2))
     run = loop.run(rows, rows, rows)
-    other = loopid.MotorModel(five_bar, values)
+    other = loopid.Dynamics(five_bar, values)
 
     def rate(_, state):
         u, v = state[:2], state[2:]
-        h = other.forces(u, v, np.zeros(2))
-        return np.append(v, np.linalg.solve(other.mass(u), push - h))
+        h = other.inverse(u, v, np.zeros(2))
+        return np.append(v, np.linalg.solve(other.mass_matrix(u), push - h))
 
     exact = solve_ivp(rate, (0, 0.199), np.append(start, [0, 0]), rtol=1e-8, atol=1e-10)
     way = np.abs(exact.y[:2, -1] - start).max()
@@ -147,8 +147,8 @@ def test_the_loop_moves_as_forward_dynamics(five_bar):
 
 
 def test_friction_holds_what_is_below_it(five_bar):
-    model = loopid.MotorModel(five_bar, with_friction(five_bar, 1.0, 0.1))
-    own = loopid.MotorModel(five_bar)
+    model = loopid.Dynamics(five_bar, with_friction(five_bar, 1.0, 0.1))
+    own = loopid.Dynamics(five_bar)
 
     class Pushed(Gravity):
         def force(self, signals, reference):
@@ -179,7 +179,7 @@ def test_online_gravity_finds_a_payload_and_when_it_came(load_once):
     full = loopid.find_force_model(robot, "full", "Fc,Fv")
     slow = loopid.find_force_model(robot, "gravity", "Fc,Fv")
     truth = with_friction(full, 0.1, 0.05)
-    own = loopid.MotorModel(slow, with_friction(slow, 0.09, 0.05), smoothing=1e-3)
+    own = loopid.Dynamics(slow, with_friction(slow, 0.09, 0.05), smoothing=1e-3)
     spread = np.diag((0.02 * np.abs(own.values) + 1e-3) ** 2)
     estimate = RecursiveLeastSquares(own.values, spread, np.full(2, 0.05))
     body = np.zeros(10)
@@ -194,7 +194,7 @@ def test_online_gravity_finds_a_payload_and_when_it_came(load_once):
     )
     options = LoopOptions(noise=loopid.Noise(gaussian=0.02), step=1e-2, refresh=0.02)
     loop = ControlLoop(
-        loopid.MotorModel(full, truth), Controller(PID(40.0, 4.0), law), options=options
+        loopid.Dynamics(full, truth), Controller(PID(40.0, 4.0), law), options=options
     )
 
     def load(k, _):
@@ -210,7 +210,7 @@ def test_online_gravity_finds_a_payload_and_when_it_came(load_once):
 def test_a_loop_says_what_it_does_not_simulate(load_once):
     model = loopid.find_force_model(load_once("five_bar"), "full", "Fc~0.1,Fv")
     with pytest.raises(OptionError, match=r"Fc~0\.1"):
-        ControlLoop(loopid.MotorModel(model), Controller(PID(1.0, 1.0)))
+        ControlLoop(loopid.Dynamics(model), Controller(PID(1.0, 1.0)))
     with pytest.raises(OptionError, match="interval"):
         PID(1.0, 1.0, 1.0)
     with pytest.raises(OptionError, match="delay"):
@@ -227,10 +227,24 @@ def test_delays_and_sensor_steps(five_bar):
 
     options = LoopOptions(delay=2, noise=loopid.Noise(encoder_step=1e-3))
     loop, rows = (
-        ControlLoop(loopid.MotorModel(five_bar), Count(), options=options),
+        ControlLoop(loopid.Dynamics(five_bar), Count(), options=options),
         np.zeros((5, 2)),
     )
     loop.run(rows, rows, rows)
     assert [each.force[0] for each in told] == [0, 1, 1, 1, 2]
     steps = np.array([each.position for each in told]) / 1e-3
     assert np.allclose(steps, np.round(steps), atol=1e-9)
+
+
+def test_dry_friction_is_what_is_not_viscous_and_even(load_once):
+    terms = "Fc,Fv,Ia,Fk0~0.25,Fk~0.5,Fa~0.5,Fa1~1,Ft"
+    model = loopid.find_force_model(load_once("five_bar"), "full", terms)
+    phi = np.random.default_rng(1).uniform(0, 1, len(model.parameters))
+    robot, own = loopid.Dynamics(model, phi), model.body_columns
+    u = signals(model).position
+    for v in np.random.default_rng(2).standard_normal((4, 2)):
+        K = robot.regressor(u, v, friction=False)
+        dry, uneven = DryFriction(robot).at(v, K[:, own] @ phi[own])
+        whole = np.sign(v) * dry + uneven + robot.coefficients("Fv") * v
+        assert (dry > 0).all()
+        assert np.allclose(whole, robot.friction(u, v), rtol=1e-10)

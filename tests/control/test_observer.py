@@ -15,13 +15,13 @@ def knee_model(knee):
 
 def moving(model, values, seed=0, count=150, interval=0.01):
     """Positions, velocities and the forces of a smooth motion of all motors."""
-    robot = loopid.MotorModel(model, values)
+    robot = loopid.Dynamics(model, values)
     own = model.mechanism.velocity_indices(model.mechanism.independent)
     home, t = model.mechanism.reference[own], interval * np.arange(count)
     way = 0.02 * np.random.default_rng(seed).uniform(0.5, 1, len(own))
     u, v = home + np.outer(np.sin(t / 2), way), np.outer(np.cos(t / 2), way / 2)
     a = np.outer(-np.sin(t / 2), way / 4)
-    force = [robot.forces(*each) for each in zip(u, v, a, strict=True)]
+    force = [robot.inverse(*each) for each in zip(u, v, a, strict=True)]
     return u, v, np.array(force)
 
 
@@ -34,7 +34,7 @@ def known(model):
 def test_a_wrench_that_motors_feel_is_found(knee_model):
     phi = known(knee_model)
     u, v, force = moving(knee_model, phi)
-    observer = WrenchObserver(loopid.MotorModel(knee_model, phi), 0.01, noise=1.0)
+    observer = WrenchObserver(loopid.Dynamics(knee_model, phi), 0.01, noise=1.0)
     wrench = np.array([30.0, 0, -50, 0, 4, 0])
     for k in range(len(u)):
         J = observer.jacobian(u[k])
@@ -55,7 +55,7 @@ def test_a_wrench_that_motors_feel_is_found(knee_model):
 def test_the_residual_rises_as_a_low_pass(knee_model):
     phi = known(knee_model)
     u, v, force = moving(knee_model, phi)
-    observer = WrenchObserver(loopid.MotorModel(knee_model, phi), 0.01, noise=1.0, gain=10.0)
+    observer = WrenchObserver(loopid.Dynamics(knee_model, phi), 0.01, noise=1.0, gain=10.0)
     push = np.array([5.0, -3.0, 2.0, 20.0])
     for k in range(60):
         found = observer.update(Signals(u[k], v[k], force[k] - push * (k >= 30)))
@@ -64,7 +64,7 @@ def test_the_residual_rises_as_a_low_pass(knee_model):
 
 def test_no_motor_feels_what_it_says_is_unseen(knee_model):
     u, v, force = moving(knee_model, known(knee_model), count=3)
-    observer = WrenchObserver(loopid.MotorModel(knee_model, known(knee_model)), 0.01, noise=1.0)
+    observer = WrenchObserver(loopid.Dynamics(knee_model, known(knee_model)), 0.01, noise=1.0)
     found = observer.update(Signals(u[0], v[0], force[0]))
     units = np.repeat([1.0, knee_model.mechanism.length], 3)
     assert found.unseen.shape == (6, 2)
@@ -76,7 +76,7 @@ def test_no_motor_feels_what_it_says_is_unseen(knee_model):
 def test_standing_motors_widen_the_floor_by_their_coulomb_friction(knee_model):
     phi = known(knee_model)
     u, v, force = moving(knee_model, phi, count=2)
-    observer = WrenchObserver(loopid.MotorModel(knee_model, phi), 0.01, noise=1.0)
+    observer = WrenchObserver(loopid.Dynamics(knee_model, phi), 0.01, noise=1.0)
     free = observer.update(Signals(u[0], v[0], force[0]))
     held = observer.update(Signals(u[0], v[0], force[0]), np.array([0.0, 0.1, 0.1, 0.1]))
     assert held.standing.tolist() == [True, False, False, False]
@@ -92,7 +92,7 @@ def test_the_covariance_of_the_values_passes_the_filter(knee_model):
     step = np.random.default_rng(1).standard_normal(len(phi)) * (0.05 * np.abs(phi) + 1e-3)
     found = []
     for values in (phi, phi + step):
-        own = loopid.MotorModel(knee_model, values)
+        own = loopid.Dynamics(knee_model, values)
         own.covariance = np.outer(step, step)
         observer = WrenchObserver(own, 0.01, unmodelled=1e-6)
         for k in range(len(u)):
@@ -106,9 +106,9 @@ def test_the_covariance_of_the_values_passes_the_filter(knee_model):
 
 def test_white_noise_passes_the_filter_as_stated(knee):
     """And raises alarms as often as stated, here 3,600 times an hour."""
-    model = loopid.MotorModel(loopid.find_force_model(knee, "gravity", None), near=1.0)
+    model = loopid.Dynamics(loopid.find_force_model(knee, "gravity", None), near=1.0)
     u, rng = (
-        model.mechanism.reference[knee.velocity_indices(knee.independent)],
+        model.robot.reference[knee.velocity_indices(knee.independent)],
         np.random.default_rng(2),
     )
     observer, still = WrenchObserver(model, 0.01, noise=7.0, alarms=3600.0), np.zeros(4)
@@ -122,12 +122,12 @@ def test_white_noise_passes_the_filter_as_stated(knee):
 
 
 def test_what_cannot_be_is_refused(knee_model, load_once):
-    model = loopid.MotorModel(knee_model)
+    model = loopid.Dynamics(knee_model)
     with pytest.raises(DataError, match="deviations"):
         WrenchObserver(model, 0.01)
     with pytest.raises(OptionError) as refused:
         WrenchObserver(model, 0.01, noise=1.0, frame="hand")
     assert "platform" in refused.value.facts["valid"]
-    bars = loopid.MotorModel(loopid.find_force_model(load_once("five_bar"), "full", None))
+    bars = loopid.Dynamics(loopid.find_force_model(load_once("five_bar"), "full", None))
     with pytest.raises(OptionError, match="frame"):
         WrenchObserver(bars, 0.01, noise=1.0)

@@ -7,7 +7,7 @@ import pytest
 
 import loopid
 from loopid.diagnosis import compare_fits
-from loopid.identification import FitSamples, SavedFit
+from loopid.identification import FitSamples
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +25,7 @@ def drawn(fitted, rng, scale=1.0):
     model, fit = fitted
     values = rng.multivariate_normal(model.prior, scale**2 * fit.covariance)
     covariance = scale**2 * fit.covariance
-    return SavedFit.of(model, replace(fit, values=values, covariance=covariance))
+    return model.fit_of(replace(fit, values=values, covariance=covariance))
 
 
 @pytest.mark.filterwarnings("ignore::loopid.errors.DataWarning")
@@ -43,7 +43,7 @@ def test_what_differs_is_named_the_farthest_first(fitted):
     model, fit = fitted
     moved = fit.values.copy()
     moved[[2, 5]] += np.array([10.0, -20.0]) * fit.standard_errors[[2, 5]]
-    found = compare_fits(SavedFit.of(model, fit), SavedFit.of(model, replace(fit, values=moved)))
+    found = compare_fits(model.fit_of(fit), model.fit_of(replace(fit, values=moved)))
     assert found.clear == tuple(model.base.expressions[k] for k in (5, 2))
     np.testing.assert_allclose(found.apart[[2, 5]], np.array([10, 20]) / np.sqrt(2), rtol=1e-9)
     assert str(found).startswith("They disagree: 87 % of 15 differences")
@@ -54,16 +54,16 @@ def test_what_rests_on_the_file_does_not_count(fitted):
     model, fit = fitted
     name = model.parameters.names[0]
     rests = replace(fit, assumed=(name,))
-    found = compare_fits(SavedFit.of(model, fit), SavedFit.of(model, rests))
+    found = compare_fits(model.fit_of(fit), model.fit_of(rests))
     assert model.base.expressions[0] not in found.expressions
     assert found.others == 1
 
 
 def test_fits_that_cannot_agree_are_refused(fitted):
     model, fit = fitted
-    saved, slow = SavedFit.of(model, fit), loopid.find_force_model(model.mechanism, "gravity")
+    saved, slow = model.fit_of(fit), loopid.find_force_model(model.mechanism, "gravity")
     with pytest.raises(loopid.LoopidError, match="of values alone have no errors"):
-        compare_fits(saved, SavedFit.of(model, model.prior))
+        compare_fits(saved, model.fit_of(model.prior))
     values = replace(
         fit,
         parameters=slow.parameters,
@@ -72,4 +72,4 @@ def test_fits_that_cannot_agree_are_refused(fitted):
         degrees_of_freedom=np.array(9.0),
     )
     with pytest.raises(loopid.LoopidError, match="different models cannot agree: full and gravity"):
-        compare_fits(saved, SavedFit.of(slow, values))
+        compare_fits(saved, slow.fit_of(values))

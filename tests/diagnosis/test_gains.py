@@ -51,7 +51,7 @@ def recorded(robot, model, gains=GAINS, noise=0.0, seed=0):
         if model == "gravity":
             rates = [0 * each for each in rates]
         force = (
-            loopid.regressors.closed_loop.motion_regressor(
+            loopid.regressors.motion_regressors.motion_regressor(
                 robot, loopid.kinematics.closed_motion(robot, motion.configurations, *rates)
             )
             @ bodies

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid import predict
 from loopid.diagnosis import StudyOptions, compare_terms, eliminate, judge_essential
 from loopid.errors import OptionError
 
@@ -33,11 +32,11 @@ def test_a_study_is_a_value(study):
 def test_a_fit_that_is_not_saved_predicts_with_its_force_model(study):
     found = study.identification
     (recording,) = found.training
-    predicted = predict(found.fit, found.force_model, recording)
+    predicted = found.fit.predict(recording)
     np.testing.assert_array_equal(predicted.predicted, found.data.predicted(found.fit.values))
-    alone = replace(found.fit, force_model=None)
-    with pytest.raises(OptionError, match="force_model"):
-        predict(alone, found.force_model.mechanism, recording)
+    alone = replace(found.fit, model=None)
+    with pytest.raises(OptionError, match="force model"):
+        alone.predict(recording)
 
 
 def test_joint_terms_that_a_robot_cannot_have_are_refused_before_any_work(knee):

@@ -17,9 +17,9 @@ from bank_robots import few_of
 from closure_robots import ROWS, body, chain, files, frame, joint, loop, urdf
 from compiled_c import CompiledRobot, header_ways
 from loopid import (
+    Dynamics,
     JointTerms,
     Mechanism,
-    MotorModel,
     assemble,
     bundled_robots,
     find_force_model,
@@ -30,7 +30,7 @@ from loopid import (
 from loopid.base_parameters import BaseParameters
 from loopid.control import Signals, WrenchObserver
 from loopid.errors import AccuracyWarning, DataError, MissingExtraError, OptionError
-from loopid.export import c_source, export_c
+from loopid.export import c_source
 from loopid.export.c_code import motor_positions
 from loopid.identification import ForceModel
 from loopid.kinematics import closed_motion, nearby_configurations, try_assemble
@@ -498,8 +498,8 @@ def test_angles_on_a_circle_go_the_short_way(compiled, tmp_path):
 def test_the_observer_is_that_of_python(robot_name, kind, compiled):
     """With friction and rotors, also where the bodies of the model stand still."""
     found = force_model(robot_name, kind, ("Ia", "Fc", "Fv"))
-    own, robot, phi = MotorModel(found), compiled(found), found.prior + 0.1
-    own.values, frame = phi, found.mechanism.model.frames[-1].name
+    robot, phi, frame = compiled(found), found.prior + 0.1, found.mechanism.model.frames[-1].name
+    own = Dynamics(found, phi)
     beside = WrenchObserver(own, 1e-3, gain=40.0, noise=1.0, frame=frame)
     home = motor_positions(found.mechanism, own.configuration[None])[0]
     time, pace = 1e-3 * np.arange(50)[:, None], np.linspace(5, 9, len(home))
@@ -676,7 +676,7 @@ def test_long_texts_are_cut(tmp_path):
 def test_two_robots_and_cpp_in_one_program(tmp_path):
     names = ("five_bar", "four_bar")
     for robot in names:
-        export_c(force_model(robot, "gravity", ()), tmp_path)
+        c_source(force_model(robot, "gravity", ())).save(tmp_path)
     lines = [f'#include "{robot}.h"\n#include "{robot}.h"' for robot in names]
     calls = " + ".join(f"{robot.upper()}_DOF" for robot in names)
     (tmp_path / "main.cpp").write_text("\n".join([*lines, f"int main() {{ return {calls} - 3; }}"]))

@@ -9,7 +9,7 @@ from feasible_changes import changed, relative
 
 from loopid import JointTerms, find_force_model, load_mechanism
 from loopid.export import export_robot_file
-from loopid.identification import consistent_fit, quiet_fit, read_fit, save_fit
+from loopid.identification import consistent_fit, load_fit, quiet_fit
 from loopid.kinematics import closed_motion
 from loopid.loading import inertia_defects
 from loopid.regressors import motion_regressor
@@ -62,10 +62,10 @@ def assert_same_forces(model, again, standard, motion, expected):
 def test_robot_files_round_trip(identified, tmp_path, urdf_folder):
     model, result, motion, recording = identified
     found = consistent_fit(model, model.samples(recording), result.noise)
-    saved = read_fit(save_fit(tmp_path / "parameters.yaml", model, found))
+    saved = load_fit(model.fit_of(found).save(tmp_path / "parameters.yaml"))
     standard, names = saved.require_bodies(), model.base.parameters
     np.testing.assert_array_equal(standard, found.standard_parameters)
     again = loaded_again(model.mechanism, tmp_path, urdf_folder, standard, names)
-    expected = found.predict(model.regressor(motion))
+    expected = found.forces(model.regressor(motion))
     assert_same_forces(model, again, standard, motion, expected)
     assert not inertia_defects(again)

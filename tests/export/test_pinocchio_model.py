@@ -30,9 +30,10 @@ def test_pinocchio_closes_the_loops_of_its_model(name, load_once):
     forces[robot.velocity_indices(robot.independent)] = tau
     pin.initConstraintDynamics(tree, data, loops, contacts)
     settings = pin.ProximalSettings(1e-12, 1e-12, 100)  # as closures may be redundant
-    rates = loopid.ClosedLoop(robot).velocity_map(q) @ v
-    found = pin.constraintDynamics(tree, data, q, rates, forces, loops, contacts, settings)
-    expected = loopid.forward_dynamics(robot, q, v, forces=tau).accelerations[0]
+    dynamics = loopid.Dynamics(robot, start=q)
+    pose = dynamics.pose()
+    found = pin.constraintDynamics(tree, data, q, pose.G @ v, forces, loops, contacts, settings)
+    _, expected = dynamics.motion(pose, v, dynamics.forward(pose, v, tau))
     np.testing.assert_allclose(found, expected, atol=1e-10 * np.abs(expected).max())
 
 
@@ -54,10 +55,10 @@ def test_the_tree_has_the_bodies_and_terms_of_the_fit(kind, load_once):
     )
     fit = loopid.fit(data)
     with pytest.raises(DataError, match="recommended"):
-        loopid.to_pinocchio(model, fit)
+        model.fit_of(fit).to_pinocchio()
     solid = loopid.consistent_fit(model, data, fit.noise)
     with pytest.warns(ModelWarning, match=r"no place for left_crank_joint\.Fo, .*: left out"):
-        tree, _ = loopid.to_pinocchio(model, solid)
+        tree, _ = solid.to_pinocchio()
     values = dict(zip(model.base.parameters.labels, solid.standard_parameters, strict=True))
     carrier = {body.link: tree.inertias[body.joint_id] for body in robot.bodies}["left_crank"]
     assert np.isclose(carrier.mass, values["left_crank.m"], rtol=1e-12)

@@ -16,12 +16,10 @@ from loopid import (
     identify,
     identify_payload,
     joint_motion,
+    load_fit,
     load_mechanism,
-    predict,
     prepare_recording,
-    read_fit,
     read_motion_program,
-    save_fit,
     simulate_measurement,
     split_recordings,
 )
@@ -265,8 +263,8 @@ def test_predicted_friction_passes_the_filter_of_the_forces(tmp_path):
     robot = model.mechanism
     options = FilterOptions(cutoff=10.0)
     recording = quietly(prepare_recording, robot, log_of(model, run), filter=options)
-    fit = read_fit(save_fit(tmp_path / "fit.json", model, truth))
-    found = predict(fit, robot, recording)
+    fit = load_fit(model.fit_of(truth).save(tmp_path / "fit.json"))
+    found = fit.predict(recording)
     assert np.abs(found.predicted - recording.force).max() < 0.01 * FRICTION[0]
 
 
@@ -274,14 +272,14 @@ def test_a_saved_fit_predicts_with_the_filter_that_it_was_judged_with(tmp_path):
     model, _, log = coarse(12)
     recording = quietly(prepare_recording, model.mechanism, log)
     found = quietly(identify, model, [recording])
-    fit = read_fit(save_fit(tmp_path / "fit.json", found.force_model, found.fit))
+    fit = load_fit(found.fit.save(tmp_path / "fit.json"))
     assert fit.cutoff == found.cutoff.chosen
-    predicted = predict(fit, model.mechanism, recording)
+    predicted = fit.predict(recording)
     assert predicted.recording.cutoff == found.cutoff.chosen
     given = quietly(
         prepare_recording, model.mechanism, log, filter=FilterOptions(cutoff=7.0, decimate=False)
     )
-    assert predict(fit, model.mechanism, given).recording is given
+    assert fit.predict(given).recording is given
 
 
 @pytest.mark.validate

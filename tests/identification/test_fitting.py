@@ -183,7 +183,7 @@ def test_the_joint_covariance_is_the_textbooks():
     np.testing.assert_allclose(found.covariance[np.ix_(FREE, FREE)], expected, rtol=1e-7)
     np.testing.assert_allclose(found.covariance[np.ix_(FREE, HELD)], -H @ spread, rtol=1e-7)
     assert (found.degrees_of_freedom <= start.degrees_of_freedom.max()).all()
-    residual = second.force - found.predict(second.regressor)
+    residual = second.force - found.forces(second.regressor)
     np.testing.assert_allclose(found.quality.residual_rms, np.sqrt((residual**2).mean(axis=0)))
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from closure_robots import X, Y, body, joint
 from linkages import LINKAGES
-from loopid import forward_dynamics, random_configurations
+from loopid import Dynamics, random_configurations
 from loopid.diagnosis import examine
 from loopid.errors import RankError
 from loopid.identification import find_force_model, fit, identify, quiet_fit
@@ -63,12 +63,11 @@ def fall(robot, seed, count=300):
     q = random_configurations(robot, count, seed=seed)
     rates, _ = random_motions(robot, count, seed=seed)
     forces = 10 * np.random.default_rng(seed).uniform(-1, 1, (count, len(robot.actuated)))
-    motion = forward_dynamics(robot, q, rates, forces=forces)
-    accelerations = motion.accelerations[:, motion.projection.independent]
-    measure = singularity_measure(robot, q)
+    dynamics, none = Dynamics(robot), np.zeros((count, len(robot.free)))
+    tau, measure = np.hstack([forces, none]), singularity_measure(robot, q)
+    accelerations = dynamics.forward(dynamics.pose(q=q), rates, tau)
     moved = JointMotion(np.arange(count) / 10, q, rates, accelerations, measure)
-    none = np.zeros((count, len(robot.free)))
-    return Recording.of_motion(moved, np.hstack([forces, none]), robot.independent, name="fall")
+    return Recording.of_motion(moved, tau, robot.independent, name="fall")
 
 
 @pytest.fixture(scope="module")

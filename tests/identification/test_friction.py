@@ -8,11 +8,9 @@ from loopid import (
     find_force_model,
     friction_curve,
     identify,
-    predict,
+    load_fit,
     prepare_recording,
-    read_fit,
     read_log,
-    save_fit,
 )
 from loopid.errors import DataError, OptionError
 from loopid.identification import friction_summary, quiet_fit
@@ -204,9 +202,8 @@ def test_load_friction_is_found_and_predicted(robot, model, motion, tmp_path):
     terms = JointTerms.with_values(robot, values)
     exact = simulated(robot, other, Noise(), 0, scaled_bodies(robot, 0.2), terms)
     unseen = Recording.of_motion(other, exact.force, robot.actuated)
-    saved = read_fit(save_fit(tmp_path / "fit.json", found.force_model, found.fit))
-    one, two = (predict(fit, where, unseen) for fit, where in
-                ((found.fit, found.force_model), (saved, robot)))  # fmt: skip
+    saved = load_fit(found.fit.save(tmp_path / "fit.json"))
+    one, two = (fit.predict(unseen) for fit in (found.fit, saved))
     np.testing.assert_allclose(one.predicted, two.predicted, rtol=1e-9, atol=1e-12)
     assert (one.moving.residual_rms < 0.01).all()
 

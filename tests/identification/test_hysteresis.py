@@ -112,10 +112,10 @@ def moved(robot, model):
     return values, motion, model.regressor(motion) @ values
 
 
-def test_a_motor_model_has_it_along_its_way(robot):
+def test_dynamics_have_it_along_its_way(robot):
     model = find_force_model(robot, "full", TERMS)
     values, motion, expected = moved(robot, model)
-    own = loopid.MotorModel(model, values)
+    own = loopid.Dynamics(model, values)
     u = np.array(measured_coordinates(robot).read(motion.configurations), order="C")
     own.assemble(u[0])
     own.slips = np.zeros(4)
@@ -123,11 +123,11 @@ def test_a_motor_model_has_it_along_its_way(robot):
     for k in range(len(u)):
         if k == 400:
             saved = own.slips
-        force.append(own.forces(u[k], motion.velocities[k], motion.accelerations[k]))
+        force.append(own.inverse(u[k], motion.velocities[k], motion.accelerations[k]))
     np.testing.assert_allclose(force, expected, atol=1e-9)
     own.assemble(u[399])
     own.slips = saved
-    again = own.forces(u[400], motion.velocities[400], motion.accelerations[400])
+    again = own.inverse(u[400], motion.velocities[400], motion.accelerations[400])
     np.testing.assert_allclose(again, expected[400], atol=1e-9)
     with pytest.raises(loopid.errors.DataError, match="from -1 to 1"):
         own.slips = np.full(4, 2.0)
@@ -164,10 +164,10 @@ def test_a_simulated_controller_meets_it(robot):
     for joint in robot.actuated:
         for kind, value in {"Fc": 1.0, "Fv": 20.0, "Fh@0.02": 0.6, "Fh@0.002": 0.4}.items():
             values[labels.index(f"{joint}.{kind}")] = value
-    own = loopid.MotorModel(model, values)
+    own = loopid.Dynamics(model, values)
     push = [np.zeros(2)]
     law = SimpleNamespace(force=lambda signals, wanted: own.gravity(signals.position) + push[0])
-    loop = ControlLoop(loopid.MotorModel(model, values), law)
+    loop = ControlLoop(loopid.Dynamics(model, values), law)
     home, still = loop.position, np.zeros((300, 2))
     way = {}
     for size in (0.3, 0.0, 0.6, 0.0):

@@ -79,7 +79,7 @@ def test_quality_is_that_of_the_samples_that_take_part(estimator):
         (samples, found.quality),
         (other, fit_quality(other.problem, found.values)),
     ):
-        residual = data.force - found.predict(data.regressor)
+        residual = data.force - found.forces(data.regressor)
         for i in range(2):
             used = data.used[:, i]
             left, force = residual[used, i], data.force[used, i]

@@ -5,18 +5,10 @@ from shutil import copy
 import numpy as np
 import pytest
 
-from loopid import (
-    JointTerms,
-    export_robot_file,
-    find_force_model,
-    identify,
-    load_mechanism,
-    predict,
-    read_fit,
-    save_fit,
-)
+from loopid import JointTerms, find_force_model, identify, load_fit
 from loopid.diagnosis import compare_terms
 from loopid.errors import DataError, OptionError
+from loopid.export import export_robot_file
 from loopid.identification import quiet_fit
 from loopid.motion import scaled_bodies
 from made_runs import quietly, record, wander, with_deviation
@@ -79,15 +71,14 @@ def test_it_is_bought_where_it_is_there_only(loaded):
 
 def test_a_saved_fit_predicts_with_the_bodies_that_loaded_the_joints(loaded, truth, tmp_path):
     model = loaded[0]
-    fit = read_fit(save_fit(tmp_path / "fit.json", model, truth))
-    run = run_of(loaded, 1)
-    np.testing.assert_allclose(predict(fit, model.mechanism, run).predicted, run.force, atol=1e-9)
+    path, run = model.fit_of(truth).save(tmp_path / "fit.json"), run_of(loaded, 1)
+    fit = load_fit(path)
+    np.testing.assert_allclose(fit.predict(run).predicted, run.force, atol=1e-9)
     robot = model.mechanism
     export_robot_file(robot, 1.3 * robot.standard_parameters(), tmp_path / "five_bar.urdf")
     copy(robot.path, tmp_path)
-    heavier = load_mechanism(tmp_path / "five_bar.yaml")
     with pytest.raises(DataError, match=r"differs by .* there \(bodies that load joints count"):
-        predict(fit, heavier, run)
+        load_fit(path, tmp_path / "five_bar.yaml")
 
 
 def test_c_code_refuses_it(loaded):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import loopid
-from loopid.identification import SavedFit
 from loopid.parameters import Parameter
 
 
@@ -54,10 +53,9 @@ def test_tables_prints_and_files_name_sums(found):
     table = fit.to_polars()
     assert table["parameter"].to_list() == [*fit]
     assert table["expression"].to_list() == list(found.force_model.base.expressions)
-    saved = SavedFit.of(found.force_model, fit)
-    assert [each.name for each in saved.base_parameters] == [*fit]
-    assert saved.parameters.names == fit.parameters.names
-    assert saved.result.parameters.expressions == fit.parameters.expressions
+    saved = fit.record()["base_parameters"]
+    assert [each["name"] for each in saved] == [*fit]
+    assert tuple(each["expression"] for each in saved) == fit.parameters.expressions
 
 
 def test_the_robot_beside_the_sums_has_their_uncertainty(found):
@@ -65,27 +63,29 @@ def test_the_robot_beside_the_sums_has_their_uncertainty(found):
     fit, base = found["consistent"].fit, found.force_model.base
     known = fit.uncertainty
     np.testing.assert_allclose(base.matrix @ known.gain, np.eye(len(base)), atol=1e-6)
-    assert list(fit.robot) == list(base.parameters.labels)
+    assert list(fit.standard) == list(base.parameters.labels)
     for name in ("left_crank.my", "right_crank_joint.Fv"):
-        assert fit.robot[name].told
-        assert fit.robot[name].standard_error == pytest.approx(fit[name].standard_error, rel=1e-6)
+        assert fit.standard[name].told
+        assert fit.standard[name].standard_error == pytest.approx(
+            fit[name].standard_error, rel=1e-6
+        )
 
 
 def test_what_only_the_file_tells_is_said(found):
     """No force of a planar robot depends on anything out of its plane."""
-    robot = found["consistent"].fit.robot
+    robot = found["consistent"].fit.standard
     for name, estimate in robot.items():
         if Parameter.parse(name).kind in ("mz", "Ixz", "Iyz"):
             assert not estimate.told, name
     assert not robot["left_crank.Ixx"].told
-    assert not found["robot file"].fit.robot["left_crank.m"].told
-    assert found["robot file"].fit.robot["left_crank_joint.Fc"].told
+    assert not found["robot file"].fit.standard["left_crank.m"].told
+    assert found["robot file"].fit.standard["left_crank_joint.Fc"].told
 
 
-def test_a_saved_robot_is_the_same(found):
+def test_a_saved_robot_is_the_same(found, tmp_path):
     fit = found["consistent"].fit
-    again = SavedFit.of(found.force_model, fit).result.robot
-    for name, estimate in fit.robot.items():
+    again = loopid.load_fit(fit.save(tmp_path / "fit.yaml")).standard
+    for name, estimate in fit.standard.items():
         other = again[name]
         assert (other.value, other.told, other.unit) == (
             estimate.value,

@@ -6,20 +6,17 @@ import numpy as np
 import pytest
 
 from loopid import (
-    MotorModel,
-    export_c,
+    Dynamics,
     find_force_model,
     friction_curve,
     identify,
+    load_fit,
     prepare_recording,
-    read_fit,
     read_log,
-    save_fit,
-    to_pinocchio,
 )
 from loopid.errors import OptionError
 from loopid.export import export_fit
-from loopid.identification import SavedFit, absurdities
+from loopid.identification import absurdities
 from made_runs import quietly
 
 LEFT = "left_crank_joint"
@@ -110,25 +107,14 @@ ABSURD = (
 )
 # All that a fit is saved by, exported by, or given to a controller by.
 ROUTES = {
-    "save_fit": lambda model, fit, folder, **kw: save_fit(folder / "a.yaml", model, fit, **kw),
-    "SavedFit.save": lambda model, fit, folder, **kw: SavedFit.of(model, fit).save(
-        folder / "a.json", **kw
-    ),
-    "to YAML": lambda model, fit, folder, **kw: export_fit(
-        SavedFit.of(model, fit), model.mechanism, yaml=folder / "a.yaml", **kw
-    ),
-    "to a robot file": lambda model, fit, folder, **kw: export_fit(
-        SavedFit.of(model, fit), model.mechanism, robot=folder / "a.urdf", **kw
-    ),
-    "to C": lambda model, fit, folder, **kw: export_fit(
-        SavedFit.of(model, fit), model.mechanism, c=folder, **kw
-    ),
-    "export_c": lambda model, fit, folder, **kw: export_c(model, folder, values=fit, **kw),
-    "MotorModel": lambda model, fit, _, **kw: MotorModel(model, fit, **kw),
-    "MotorModel of a saved fit": lambda model, fit, _, **kw: MotorModel(
-        model.mechanism, SavedFit.of(model, fit), **kw
-    ),
-    "to_pinocchio": lambda model, fit, _, **kw: to_pinocchio(model, fit, **kw),
+    "save": lambda fit, folder, **kw: fit.save(folder / "a.yaml", **kw),
+    "to YAML": lambda fit, folder, **kw: export_fit(fit, yaml=folder / "a.json", **kw),
+    "to a robot file": lambda fit, folder, **kw: export_fit(fit, robot=folder / "a.urdf", **kw),
+    "to C": lambda fit, folder, **kw: export_fit(fit, c=folder, **kw),
+    "to_robot_file": lambda fit, folder, **kw: fit.to_robot_file(folder / "a.urdf", **kw),
+    "to_c": lambda fit, folder, **kw: fit.to_c(folder, **kw),
+    "to_pinocchio": lambda fit, _, **kw: fit.to_pinocchio(**kw),
+    "Dynamics": lambda fit, _, **kw: Dynamics(fit.robot, fit, **kw),
 }
 
 
@@ -139,18 +125,18 @@ def test_what_breaks_a_law_is_neither_saved_nor_given_to_a_controller(found, rou
     standard[model.base.base[place]] = 300.0
     absurd = replace(fit, standard_parameters=standard)
     with pytest.raises(OptionError, match=ABSURD):
-        quietly(ROUTES[route], model, absurd, tmp_path)
+        quietly(ROUTES[route], absurd, tmp_path)
     assert not list(tmp_path.iterdir())
     if "C" not in route and "_c" not in route:  # which takes a second
-        quietly(ROUTES[route], model, absurd, tmp_path, anyway=True)
-        quietly(ROUTES[route], model, found.fit, tmp_path)
+        quietly(ROUTES[route], absurd, tmp_path, anyway=True)
+        quietly(ROUTES[route], found.fit, tmp_path)
 
 
 def test_what_terms_break_on_a_log_is_kept_by_the_fit(found, tmp_path):
     """Forces of the log tell it, which a fit alone has not."""
     said = "left_crank_joint.Ks and left_crank_joint.Fo cancel"
     fit = replace(found.fit, broken=(said,))
-    place = save_fit(tmp_path / "a.yaml", found.force_model, fit, anyway=True)
-    assert read_fit(place).result.broken == (said,)
+    place = fit.save(tmp_path / "a.yaml", anyway=True)
+    assert load_fit(place).broken == (said,)
     with pytest.raises(OptionError, match=said):
-        MotorModel(found.force_model.mechanism, read_fit(place))
+        Dynamics(found.force_model.mechanism, load_fit(place))

@@ -100,7 +100,7 @@ def test_logs_of_all_motors_give_bodies_and_friction(found, model, truth):
     assert [part.actuators for part in found.training] == [model.mechanism.independent]
     fresh = found.new.regressor
     expected = fresh @ truth
-    off = found["all parameters"].fit.predict(fresh) - expected
+    off = found["all parameters"].fit.forces(fresh) - expected
     assert np.sqrt((off**2).mean()) < 0.02 * np.sqrt((expected**2).mean())
     joints = model.joint_columns
     np.testing.assert_allclose(found["all parameters"].values[joints], truth[joints], atol=0.05)

@@ -9,7 +9,7 @@ import pytest
 from closure_robots import body, files, frame, joint, loop, tie
 from folded_robots import folded_four_bar
 from linkages import BARS, LINKAGES, PLATE, described, five_bar, four_bar, rack_and_pinion
-from loopid import forward_dynamics, load_mechanism, random_configurations, structural_observation
+from loopid import Dynamics, load_mechanism, random_configurations, structural_observation
 from loopid.base_parameters import analyse
 from loopid.errors import MobilityError, ModelWarning, RobotFileError
 from loopid.kinematics import (
@@ -19,7 +19,6 @@ from loopid.kinematics import (
     project,
     random_motions,
 )
-from loopid.regressors import motion_regressor
 
 BASE = tuple(f"root_joint.{part}" for part in ("vx", "vy", "vz", "wx", "wy", "wz"))
 # Bars that can lie on one line, and how they do.
@@ -232,7 +231,8 @@ def test_no_force_acts_on_what_is_free(name, linkage, load_files):
     q, (rates, _) = random_configurations(robot, 5), random_motions(robot, 5)
     motors = len(robot.actuated)
     forces = np.random.default_rng(1).uniform(-5, 5, size=(5, motors))
-    motion = forward_dynamics(robot, q, rates, forces=forces)
-    felt = motion_regressor(robot, motion) @ robot.standard_parameters()
+    dynamics, none = Dynamics(robot), np.zeros((5, len(robot.free)))
+    pose, tau = dynamics.pose(q=q), np.hstack([forces, none])
+    felt = dynamics.inverse(pose, rates, dynamics.forward(pose, rates, tau))
     np.testing.assert_allclose(felt[:, motors:], 0, atol=1e-9)
     np.testing.assert_allclose(felt[:, :motors], forces, atol=1e-9)

@@ -124,7 +124,7 @@ def test_a_tree_moves_freely(mechanism, poses):
 def test_bad_velocities_are_refused(mechanism, poses, rates):
     with pytest.raises(DataError) as error:
         closed_motion(mechanism, poses, rates, rates)
-    assert error.value.facts["argument"] == "independent velocities"
+    assert error.value.facts["argument"] == "velocities"
 
 
 def test_bad_independent_joints_are_refused_by_name(mechanism, poses):

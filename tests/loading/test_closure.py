@@ -42,11 +42,13 @@ def test_a_saved_fit_loads_the_robot_with_its_closures(given, tmp_path):
     options |= {"closures": [*options["closures"], gear], "motors": options["motors"][:1]}
     robot = loopid.load_mechanism(urdf, **options)
     model = loopid.find_force_model(robot, "gravity", None)
-    saved = loopid.read_fit(loopid.save_fit(tmp_path / "fit.yaml", model, model.prior))
-    again = saved.load_robot()
+    saved = loopid.load_fit(model.fit_of(model.prior).save(tmp_path / "fit.yaml"))
+    again = saved.robot
     assert again == robot
     assert again.options == robot.options
-    written = loopid.export_robot_file(again, robot.standard_parameters(), tmp_path / "new.urdf")
+    written = loopid.export.export_robot_file(
+        again, robot.standard_parameters(), tmp_path / "new.urdf"
+    )
     np.testing.assert_allclose(
         loopid.load_mechanism(written, **robot.options).standard_parameters(),
         robot.standard_parameters(),

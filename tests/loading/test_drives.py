@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from loopid import ClosedLoop, JointTerms, load_mechanism, random_configurations
+from loopid import Dynamics, JointTerms, load_mechanism, random_configurations
 from loopid.errors import OptionError, RobotFileError
 from loopid.kinematics import closed_motion, random_motions
 from made_runs import ARM
@@ -34,9 +34,10 @@ def test_motors_are_the_drives_and_feel_the_joints_by_their_ratios(robots):
     motors = q[:, [driven.joint(name).idx_q for name in driven.independent]]
     np.testing.assert_allclose(motors, joints @ RATIOS.T, atol=1e-9)
     to_joints = np.linalg.inv(RATIOS).T  # rates of joints are those of the motors times this
-    forces = ClosedLoop(plain).forces(joints, v @ to_joints, a @ to_joints)
+    forces = Dynamics(plain).inverse(joints, v @ to_joints, a @ to_joints)
     expected = np.linalg.solve(RATIOS.T, forces.T).T
-    np.testing.assert_allclose(ClosedLoop(driven).forces(q, v, a), expected, rtol=1e-8, atol=1e-12)
+    found = Dynamics(driven).inverse(motors, v, a)
+    np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-12)
 
 
 def test_friction_and_rotors_are_those_of_the_motors(robots):

@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 
 from closure_robots import body, joint, urdf
-from loopid import (
-    JointTerms,
-    find_force_model,
-    load_mechanism,
-    random_configurations,
-    read_fit,
-    save_fit,
-)
+from loopid import JointTerms, find_force_model, load_fit, load_mechanism, random_configurations
 from loopid.errors import ModelWarning, OptionError, RobotFileError
 from loopid.kinematics import closed_motion, random_motions
 from loopid.regressors import file_forces, motion_regressor
@@ -264,7 +257,7 @@ def test_terms_of_parts_of_a_ball_joint_are_fitted_saved_and_read(load, tmp_path
     pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
     robot = load(LOADED.replace("REST", ""))
     model = find_force_model(robot, "full", JointTerms.of(robot, "file"))
-    saved = read_fit(save_fit(tmp_path / "fit.json", model, model.prior))
-    assert saved.find_force_model(robot).parameters == model.parameters
+    saved = load_fit(model.fit_of(model.prior).save(tmp_path / "fit.json"), robot)
+    assert saved.model.parameters == model.parameters
     with pytest.raises(OptionError, match=r"ball\.wx has a rate but no position"):
         JointTerms(("ball.wx",), ("Ks",)).parameters(robot)

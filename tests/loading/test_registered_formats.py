@@ -10,13 +10,14 @@ import pytest
 from closure_robots import files
 from linkages import four_bar
 from loopid import load_mechanism
+from loopid.errors import OptionError
 from loopid.kinematics import mobility
 from loopid.loading import Dialect, TreeSource, closure_of, linked
 from loopid.registry import robot_formats, urdf_dialects
 from loopid.robot import CLOSURE_KINDS
 
 
-def read_pendulum(path, floating_base, free_mimics):
+def read_pendulum(path):
     """A format of one's own: a length in m and a mass in kg."""
     length, mass = map(float, path.read_text().split())
     model = pin.Model()
@@ -36,6 +37,8 @@ def test_a_format_that_is_registered_is_read(tmp_path):
     for name in ("clock.pendulum", "clock.yaml"):
         robot = load_mechanism(tmp_path / name)
         assert robot.actuated == ("hinge",)
+        with pytest.raises(OptionError, match="read without floating_base: it takes none"):
+            load_mechanism(tmp_path / name, floating_base=True)
         np.testing.assert_allclose(robot.standard_parameters()[:4], [2, 0, 0, -1])
 
 

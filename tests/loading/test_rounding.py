@@ -1,4 +1,4 @@
-"""Files of six digits: loops that hardly miss are closed, and what is nearly special is named."""
+"""Files of six digits: loops that hardly miss stay open by that, and ranks stay what they are."""
 
 import json
 import re
@@ -15,15 +15,15 @@ from loopid.errors import AccuracyWarning, MobilityError, OptionError, RankError
 from loopid.kinematics import largest_residual, mobility
 
 # Independent equations and base parameters of the full model: loops that only special geometry
-# lets move.
+# lets move. Lengths and twists of Bennett's linkage are to fit each other.
 COUNTS = {
     "3d four-bar": (2, 8),
     "6d four-bar": (3, 8),
     "hinge four-bar": (2, 8),
     "five-bar": (2, 11),
     "prismatic slider-crank": (2, 6),
+    "bennett": (2, 7),
 }
-BENNETT = (2, 7)
 
 
 @pytest.mark.parametrize("rounding", [-1.0, 1.0])
@@ -42,27 +42,18 @@ def count(robot):
 @pytest.mark.parametrize("name", COUNTS)
 def test_six_digits_leave_rank_and_count_as_they_are(name, linkage, write_files):
     file = write_files(*cad_export(linkage(name)))
-    with pytest.warns(AccuracyWarning, match=r"numbers are rounded: .* moved by up to .* rad$"):
+    with pytest.warns(AccuracyWarning, match=r"rounded: the loops stay open by up to .* m$"):
         robot = load_mechanism(file)
     found = mobility(robot)
     assert (found.rank, found.degrees_of_freedom) == (COUNTS[name][0], len(robot.actuated))
-    assert found.rank_gap > 1e12
-    assert robot.closure_residual == 0
+    assert found.rank_gap > 1e5
+    assert 0 < robot.closure_residual < 1e-5
     assert robot.rounding == 1e-6
     assert count(robot) == COUNTS[name][1]
 
 
-def test_what_no_directions_repair_is_closed_as_far_as_it_goes(linkage, write_files):
-    """Lengths and twists of Bennett's linkage are to fit each other."""
-    with pytest.warns(AccuracyWarning, match="then stay open by"):
-        robot = load_mechanism(write_files(*cad_export(linkage("bennett"))))
-    assert mobility(robot).rank == BENNETT[0]
-    assert 0 < robot.closure_residual < 1e-5
-    assert count(robot) == BENNETT[1]
-
-
 @pytest.mark.parametrize("gap", [7e-9, 7e-5])
-def test_a_plane_that_is_missed_is_met(gap, write_files):
+def test_a_plane_that_is_missed_lets_the_loop_move(gap, write_files):
     """The last pin lies beside the plane of the linkage, whose redundant equation says so."""
     parts, description = four_bar("3d")
     parts = [part.replace('xyz="0.5 0.0 0.0"', f'xyz="0.5 0.0 {gap}"') for part in parts]
@@ -72,22 +63,22 @@ def test_a_plane_that_is_missed_is_met(gap, write_files):
             load_mechanism(file)
         assert refused.value.facts["rounding"] == 3e-6
         options = {"rounding": 3e-6}
-    with pytest.warns(AccuracyWarning, match=f"moved by up to {gap:.1e} m"):
+    with pytest.warns(AccuracyWarning, match="the loops stay open by up to"):
         robot = load_mechanism(file, **options)
-    assert largest_residual(robot, robot.reference[None])[0] < 1e-12
+    assert largest_residual(robot, robot.reference[None])[0] < gap
     assert count(robot) == 8
     with pytest.raises(RobotFileError, match="stays open"):
         load_mechanism(file, rounding=0.0)
     # In the YAML as well.
     content = json.loads(file.read_text())
     file.write_text(json.dumps(content | {"rounding": options.get("rounding", 1e-6)}))
-    with pytest.warns(AccuracyWarning, match="moved"):
+    with pytest.warns(AccuracyWarning, match="rounded"):
         assert load_mechanism(file).rounding == options.get("rounding", 1e-6)
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-@pytest.mark.parametrize(("joint", "tilt"), [(4, 1e-3), (5, 1e-4), (6, 1e-4), (6, 1e-5)])
-def test_an_axis_that_is_nearly_parallel_is_made_so_by_doing_what_is_advised(
+@pytest.mark.parametrize(("joint", "tilt"), [(4, 1e-4), (5, 1e-4), (6, 1e-4), (6, 1e-5)])
+def test_an_axis_that_is_nearly_parallel_counts_as_such_by_doing_what_is_advised(
     joint, tilt, write_files
 ):
     """By what stays open, cannot move, or has no clear rank; each refusal leads on."""

@@ -386,8 +386,8 @@ def tilted_bar(tmp_path, urdf_folder):
     return tilt
 
 
-def test_redundant_equations_that_rounding_sets_against_each_other_are_corrected(tilted_bar):
-    with pytest.warns(AccuracyWarning, match=r"moved by up to .* m and [1-9].* rad$"):
+def test_redundant_equations_that_rounding_sets_against_each_other_let_the_robot_move(tilted_bar):
+    with pytest.warns(AccuracyWarning, match=r"the loops stay open by up to .* m$"):
         robot = load_mechanism(tilted_bar(5e-6))
     for bar in (robot, load_mechanism(tilted_bar(0.0))):
         assert mobility(bar).degrees_of_freedom == 2

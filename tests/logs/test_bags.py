@@ -206,7 +206,10 @@ def test_choices_of_other_formats_are_refused(knee, good_text, write_text, key):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ({"topics": "/a"}, "unknown key 'topics': choose among format, topic, group"),
+        (
+            {"topics": "/a"},
+            "unknown key 'topics' .did you mean 'topic'...: choose among format, topic, group",
+        ),
         ({"time": 3}, "time: "),
     ],
 )

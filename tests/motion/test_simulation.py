@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid import JointTerms, dynamic_regressor, forward_dynamics, random_configurations
+from loopid import Dynamics, JointTerms, dynamic_regressor, random_configurations
 from loopid.errors import DataError, OptionError
 from loopid.kinematics import (
     closed_motion,
@@ -160,8 +160,8 @@ def falling(robot, forces):
     """Unrelated samples of what a robot does under forces of its motors."""
     q = random_configurations(robot, len(forces), seed=1)
     rates, _ = random_motions(robot, len(forces), seed=2)
-    motion = forward_dynamics(robot, q, rates, forces=forces)
-    accelerations = motion.accelerations[:, motion.projection.independent]
+    dynamics, none = Dynamics(robot), np.zeros((len(q), len(robot.free)))
+    accelerations = dynamics.forward(dynamics.pose(q=q), rates, np.hstack([forces, none]))
     return JointMotion(np.arange(len(q)) / 10, q, rates, accelerations, np.ones(len(q)))
 
 
@@ -178,5 +178,5 @@ def test_a_motion_that_no_motor_can_give_is_refused(linkage):
     robot = linkage("ball rssr")
     motion = falling(robot, np.zeros((20, 1)))
     pushed = replace(motion, accelerations=motion.accelerations + np.array([0.0, 0.1]))
-    with pytest.raises(DataError, match=r"leave ball\.wx free.*forward_dynamics"):
+    with pytest.raises(DataError, match=r"leave ball\.wx free.*Dynamics\.forward"):
         simulate_measurement(robot, pushed)

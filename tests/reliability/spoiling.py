@@ -14,7 +14,6 @@ from recorded_logs import write_hdf5, write_parquet
 
 from broken_robots import FAMILY, FAMILY_YAML
 from loopid import JointTerms, find_force_model, fit, load_mechanism, prepare_recording, read_log
-from loopid.identification import save_fit
 from loopid.loading import bundled_directory
 from made_runs import ARM, logged, wander
 
@@ -202,7 +201,7 @@ class Material:
         recording = prepare_recording(arm, read_log(self.logs["arm"][0], arm))
         model = find_force_model(arm, "full", JointTerms(arm.actuated))
         place = self.folder / "fit.yaml"
-        return save_fit(place, model, fit(model.samples(recording), "ols"))
+        return model.fit_of(fit(model.samples(recording), "ols")).save(place)
 
     @cached_property
     def mapping(self) -> Path:

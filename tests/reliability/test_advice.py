@@ -426,7 +426,7 @@ def saved(name, fit, model="gravity"):
     def make(folder):
         found = forces(name, model)
         values = loopid.fit(found.samples(recorded(found))) if fit else found.prior
-        return loopid.read_fit(loopid.save_fit(folder / "fit.json", found, values))
+        return loopid.load_fit(found.fit_of(values).save(folder / "fit.json"))
 
     return make
 
@@ -452,10 +452,6 @@ def sampled(W=W, errors=NOISE, instruments=None):
 
 def fitted(estimator, **samples):
     return lambda _: loopid.fit(sampled(**samples), estimator)
-
-
-def motor_model(robot, fit=None):
-    return lambda _: loopid.MotorModel(robot, fit)
 
 
 @cache
@@ -510,7 +506,7 @@ def replaced(compiler):
         )
         text = text.replace("<inertial", '<geom size="0.1"/><inertial')
         robot = Robot("b.xml", text)(folder)
-        return loopid.export_robot_file(
+        return loopid.export.export_robot_file(
             robot, 1.1 * robot.standard_parameters(), folder / "new.xml"
         )
 
@@ -540,7 +536,7 @@ def exported(own=False, terms=False, **options):
             values = np.append(values, np.ones(4))
         named = {"parameters": parameters} if "parameters" in options else {}
         path = folder / ("five_bar.urdf" if own else "new.urdf")
-        return loopid.export_robot_file(robot, values, path, **{**options, **named})
+        return loopid.export.export_robot_file(robot, values, path, **{**options, **named})
 
     return make
 
@@ -549,7 +545,7 @@ def changed(fit, folder):
     """A saved fit, read again with another digest."""
     file = folder / "fit.json"
     file.write_text(file.read_text().replace('"digest": "', '"digest": "0'))
-    return loopid.read_fit(file)
+    return loopid.load_fit(file)
 
 
 def moved(**options):
@@ -561,11 +557,11 @@ def moved(**options):
         tree = (folder / "other.urdf").read_text()
         (folder / "other.urdf").write_text(tree.replace('robot name="five_bar"', 'robot name="x"'))
         found = loopid.find_force_model(loopid.load_mechanism(folder / "other.yaml"), "full", None)
-        saved = loopid.read_fit(loopid.save_fit(folder / "fit.json", found, found.prior))
+        place = found.fit_of(found.prior).save(folder / "fit.json")
         (folder / "new").mkdir(exist_ok=True)
         for end in ("yaml", "urdf"):
             shutil.move(folder / f"other.{end}", folder / "new" / f"other.{end}")
-        return saved.load_robot(**{key: folder / value for key, value in options.items()})
+        return loopid.load_fit(place, **{key: folder / value for key, value in options.items()})
 
     return make
 
@@ -578,7 +574,7 @@ def changed_file(reload):
         robot = urdf()(folder)
         file.write_text(ARM.replace(MASS, '<mass value="2.5"', 1))
         robot = loopid.load_mechanism(file) if reload else robot
-        return loopid.export_robot_file(
+        return loopid.export.export_robot_file(
             robot, 1.1 * robot.standard_parameters(), folder / "new.urdf"
         )
 
@@ -600,8 +596,8 @@ def masses(make_fit):
     def make(folder):
         found = forces("five_bar", "full")
         fit = make_fit(found, found.samples(recorded(found)))
-        file = loopid.save_fit(folder / "fit.json", found, fit)
-        return fitted_masses(load("five_bar"), loopid.read_fit(file))
+        file = found.fit_of(fit).save(folder / "fit.json")
+        return fitted_masses(load("five_bar"), loopid.load_fit(file))
 
     return make
 
@@ -663,35 +659,30 @@ OF_FITS = {
         "references are for estimator='iv'",
         lambda _: loopid.FitOptions(estimator="iv").require_references(1) is None,
     ),
-    "a fit that is not saved": (
-        lambda _: loopid.predict(
-            loopid.fit(forces().samples(recorded(forces()))), load("four_bar"), recorded(forces())
-        ),
-        "give found.force_model in place of the robot",
-        lambda _: loopid.predict(
-            loopid.fit(forces().samples(recorded(forces()))), forces(), recorded(forces())
+    "a fit that does not know its model": (
+        lambda _: loopid.fit(forces().samples(recorded(forces()))).predict(recorded(forces())),
+        "give it one, fit = model.fit_of(fit)",
+        lambda _: (
+            forces()
+            .fit_of(loopid.fit(forces().samples(recorded(forces()))))
+            .predict(recorded(forces()))
         ),
     ),
     "a saved fit that was changed": (
         lambda folder: changed(saved("four_bar", fit=True)(folder), folder),
-        "write it anew by save_fit",
+        "write it anew by fit.save",
         saved("four_bar", fit=True),
     ),
-    "no values": (
-        motor_model(load("four_bar")),
-        "give find_force_model(robot, 'full')",
-        motor_model(forces(model="full")),
-    ),
     "masses in a gravity model": (
-        lambda _: loopid.MotorModel(forces()).mass([1.0]),
+        lambda _: loopid.Dynamics(forces()).mass_matrix([1.0]),
         "identify with the model 'full'",
-        lambda _: loopid.MotorModel(forces(model="full")).mass([1.0]),
+        lambda _: loopid.Dynamics(forces(model="full")).mass_matrix([1.0]),
     ),
     "an observer without deviations": (
-        lambda _: WrenchObserver(loopid.MotorModel(forces(model="full")), 0.01, frame="rocker"),
+        lambda _: WrenchObserver(loopid.Dynamics(forces(model="full")), 0.01, frame="rocker"),
         "give noise, or what is unmodelled",
         lambda _: WrenchObserver(
-            loopid.MotorModel(forces(model="full")), 0.01, frame="rocker", noise=0.1
+            loopid.Dynamics(forces(model="full")), 0.01, frame="rocker", noise=0.1
         ),
     ),
     "values that are not told yet": (
@@ -776,14 +767,9 @@ OF_ANALYSES = {
         follow(locked("root_joint", floating_base=True)),
     ),
     "motors of a base that floats": (
-        lambda folder: loopid.MotorModel(quick(FLOATING(folder))),
+        lambda folder: loopid.Dynamics(FLOATING(folder)).gravity([1.0, 1.0]),
         "load it with lock=['root_joint']",
-        lambda folder: loopid.MotorModel(quick(locked("root_joint", floating_base=True)(folder))),
-    ),
-    "friction by loads, of motors alone": (
-        lambda _: loopid.MotorModel(loaded("Fl")),
-        "identify with terms that do not",
-        lambda _: loopid.MotorModel(loaded("Fc")),
+        lambda folder: loopid.Dynamics(locked("root_joint", floating_base=True)(folder)).pose(),
     ),
     "friction by loads, in C": (
         lambda _: c_source(loaded("Fl")),
@@ -933,8 +919,8 @@ OF_FILES = {
     ),
     "a robot that was moved": (
         moved(),
-        'say where it is, file="FILE"',
-        moved(file="new/other.yaml"),
+        'say where it is, robot="FILE"',
+        moved(robot="new/other.yaml"),
     ),
 }
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from spoiling import LAUGHS
 
-from loopid import load_mechanism, read_fit
+from loopid import load_fit, load_mechanism
 from loopid.errors import LoopidError, RobotFileError
 from loopid.formats import mjcf_compiler
 from loopid.logs import read_mapping
@@ -68,7 +68,7 @@ def test_a_yaml_without_end_or_sense_is_refused(refused, content, words):
     assert words in refused("robot.yaml", content)
 
 
-@pytest.mark.parametrize("read", [read_mapping, read_motion_program, read_fit])
+@pytest.mark.parametrize("read", [read_mapping, read_motion_program, load_fit])
 @pytest.mark.parametrize(
     ("content", "words"),
     [

@@ -115,7 +115,7 @@ def test_a_fit_predicts_in_proportion(robots):
         error = np.random.default_rng(0).normal(size=W.shape[:2])
         force = W @ model.prior + scale * 1e-3 * error
         samples = loopid.FitSamples.of(model.parameters, names, W, force)
-        predicted.append(quiet_fit(samples, "ols").predict(W) / scale)
+        predicted.append(quiet_fit(samples, "ols").forces(W) / scale)
     np.testing.assert_allclose(predicted[1], predicted[0], rtol=1e-6, atol=1e-7)
 
 

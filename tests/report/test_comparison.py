@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from loopid.errors import OptionError
-from loopid.identification import SavedFit
+from loopid.identification import FitFile
 from loopid.report import comparison_report
 
 
@@ -20,7 +20,7 @@ def fits(study):
     moved[3] += 5.0 * np.sqrt(2.0) * fit.standard_errors[3]
     moved[7] -= 2.0 * np.sqrt(2.0) * fit.standard_errors[7]
     both = fit, replace(fit, values=moved)
-    return [SavedFit.of(found.force_model, each) for each in both]
+    return [FitFile.of(each) for each in both]
 
 
 def test_values_that_differ_clearly_are_named(fits):
@@ -44,6 +44,7 @@ def test_a_parameter_of_one_fit_alone_is_said_so(fits):
     less = other.model_copy(
         update={
             "base_parameters": other.base_parameters[:-1],
+            "covariance": other.covariance[:-1, :-1],
             "estimate": other.estimate.model_copy(update=freedom),
         }
     )

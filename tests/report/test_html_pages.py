@@ -23,7 +23,6 @@ from loopid.plots import Chart, Mark, Panel
 from loopid.report import (
     Card,
     Page,
-    Run,
     Section,
     base_report,
     check_report,
@@ -44,7 +43,7 @@ HOSTILE = (
 @pytest.fixture(scope="module")
 def pages(study, knee):
     """Pages of all kinds of parts."""
-    run = Run(command="loopid identify 3ups_rpu run.csv")
+    run = "loopid identify 3ups_rpu run.csv"
     return {
         "identification": identification_report(study, "loopid excite").page(run).html(),
         "check": check_report(knee).page(run).html(),
@@ -58,7 +57,7 @@ def pages(study, knee):
 
 def prediction_of(study):
     found = study.identification
-    return loopid.predict(found.fit, found.force_model, found.training[0])
+    return found.fit.predict(found.training[0])
 
 
 def hostile():
@@ -347,7 +346,7 @@ onload = () => {
 @pytest.mark.parametrize("dark", [False, True])
 def test_nothing_on_a_page_is_cut_covered_or_faint(pages, tmp_path, dark):
     names = "identification", "check", "base", "prediction"
-    page = framed(*(pages[name] for name in names), widths=(390, 1300)) + MEASURE
+    page = framed(*(pages[name] for name in names), widths=(390, 760, 1300)) + MEASURE
     scheme = f"--blink-settings=preferredColorScheme={0 if dark else 1}"
     shown = fromstring(browse(page, tmp_path, scheme, "--dump-dom"))
     assert json.loads(shown.find("body").get("data-told")) == [dark, []]

@@ -12,7 +12,7 @@ from rich.console import Console
 from ruamel.yaml import YAML
 
 from loopid.findings import SEVERITIES, Finding
-from loopid.identification import SavedFit, find_force_model, friction_curve, identify
+from loopid.identification import find_force_model, friction_curve, identify
 from loopid.identification.unseen import WHERE
 from loopid.plots import Chart, friction_chart
 from loopid.report import identification_report
@@ -372,7 +372,7 @@ def test_the_recommended_fit_is_said_listed_and_saved(study):
     assert "recommended: consistent, as in parameters.yaml" in files["report.html"]
     record = json.loads(files["identification.json"])
     assert record["recommended"] == "consistent"
-    assert record["fit"] == SavedFit.of(found.force_model, found.fit).record()
+    assert record["fit"] == found.fit.record()
     assert record["verdict"] == str(study.verdict)
     worse = judged(study, informed={"error_ratio": (2.0, 0.1)})
     other = worse.identification
@@ -413,7 +413,7 @@ def test_an_identification_is_recorded_whole(study):
     assert len(record["expressions"]) == count == 23
     np.testing.assert_array_equal(record["robot_file"], model.prior)
     np.testing.assert_array_equal(record["essential"], study.essential.values)
-    assert record["all_parameters"] == SavedFit.of(model, found["all parameters"].fit).record()
+    assert record["all_parameters"] == found["all parameters"].fit.record()
     corrected = [model.parameters.names[j] for j in study.reduction.columns]
     assert record["essential_parameters"] == corrected
 

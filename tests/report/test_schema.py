@@ -10,7 +10,7 @@ import pytest
 import loopid
 from loopid.diagnosis import GainFit
 from loopid.errors import OptionError
-from loopid.identification import Prediction, SavedFit
+from loopid.identification import FitFile, Prediction
 from loopid.motion import MotionReview
 from loopid.paper import paper_report
 from loopid.report import (
@@ -74,7 +74,8 @@ def saved(study):
     found = study.identification
     fits = found.fit, found["all parameters"].fit, found.force_model.prior
     names = "recommended", "all", "values alone"
-    return dict(zip(names, (SavedFit.of(found.force_model, fit) for fit in fits), strict=True))
+    whole = (FitFile.of(found.force_model.fit_of(fit)) for fit in fits)
+    return dict(zip(names, whole, strict=True))
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")

@@ -124,12 +124,12 @@ def test_an_ellipsoid_has_the_inertia_of_its_body(scene):
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_masses_of_a_fit_are_those_that_it_found(study, knee, tmp_path):
     found = study.identification
-    path = loopid.save_fit(tmp_path / "fit.yaml", found.force_model, found.fit)
+    path = found.fit.save(tmp_path / "fit.yaml")
     values = found.fit.standard_parameters
-    for k, mass in enumerate(fitted_masses(knee, loopid.read_fit(path))):
+    for k, mass in enumerate(fitted_masses(knee, loopid.load_fit(path))):
         np.testing.assert_allclose(mass.mass, values[4 * k])  # a gravity model has no inertias
         np.testing.assert_allclose(mass.centre * mass.mass, values[4 * k + 1 : 4 * k + 4])
         assert not mass.radii.any()
-    values_only = loopid.save_fit(tmp_path / "v.yaml", found.force_model, found.force_model.prior)
+    values_only = found.force_model.fit_of(found.force_model.prior).save(tmp_path / "v.yaml")
     with pytest.raises(DataError):
-        fitted_masses(knee, loopid.read_fit(values_only))
+        fitted_masses(knee, loopid.load_fit(values_only))

@@ -156,8 +156,8 @@ def predict(
     answer: Answer,
     fit: str = Argument(..., metavar="FIT", help="Saved fit of 'loopid identify'."),
     logs: list[str] = LOGS,
-    file: str | None = Option(
-        None, "--robot", metavar="FILE", help="The fit's robot; by default where it was then."
+    robot: str | None = Option(
+        None, metavar="FILE", help="The fit's robot; by default where it was then."
     ),
     mapping: str | None = MAPPING,
     cutoff: float | None = CUTOFF,
@@ -165,17 +165,15 @@ def predict(
 ) -> None:
     """Predict the forces of logs with a saved fit."""
     from loopid.identification.log_mistakes import suspicions_by_log
-    from loopid.identification.prediction import predict as predicted
-    from loopid.identification.saved import read_fit
+    from loopid.identification.saved import load_fit
     from loopid.report.forces import prediction_report
 
     answer.require(fit, mapping, *logs)
-    saved = read_fit(fit)
-    robot = saved.load_robot(file)
-    runs = recordings(robot, logs, mapping, cutoff, rows)
-    suspected = suspicions_by_log(robot, runs, saved.force_model.joint_terms)
-    found = [predicted(saved, robot, run) for run in runs]
-    answer.show(_vetoed(prediction_report(robot, found), suspected))
+    saved = load_fit(fit, robot)
+    runs = recordings(saved.robot, logs, mapping, cutoff, rows)
+    suspected = suspicions_by_log(saved.robot, runs, saved.require_model().joint_terms)
+    found = saved.predict(runs)
+    answer.show(_vetoed(prediction_report(saved.robot, found), suspected))
 
 
 @of_robot
@@ -302,15 +300,13 @@ def export(
     The robot is loaded as it was for the fit, and refused where it is another one.
     """
     from loopid.export.everything import export_fit
-    from loopid.identification.saved import read_fit
+    from loopid.identification.saved import load_fit
     from loopid.report.look import json_text
 
-    saved = read_fit(fit)
     if yaml is not None:
         require_other_file(yaml, fit)
     written = export_fit(
-        saved,
-        saved.load_robot(file),
+        load_fit(fit, file),
         robot=robot,
         yaml=yaml,
         c=c,
@@ -333,13 +329,13 @@ def compare(
     ),
 ) -> None:
     """Show which parameters of saved fits differ."""
-    from loopid.identification.saved import read_fit
+    from loopid.identification.saved import FitFile
     from loopid.report.compare import comparison_report
 
     answer.require(*runs)
     names = [Path(run).name for run in runs]
     files = [Path(run, "parameters.yaml") if Path(run).is_dir() else Path(run) for run in runs]
-    fits = map(read_fit, files)
+    fits = map(FitFile.read, files)
     known = dict(zip(names if len({*names}) == len(names) else runs, fits, strict=True))
     answer.show(comparison_report(known))
 

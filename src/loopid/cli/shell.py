@@ -170,7 +170,6 @@ class Answer:
         """
         from loopid.findings import Finding
         from loopid.report.look import json_text
-        from loopid.report.page import Run
 
         report = self._in_options(report)
         found = {str(each) for each in report.findings}
@@ -180,11 +179,11 @@ class Answer:
             title = f"{counted(len(told), 'warning')} of robot and log files"
             note = Finding("note", title, "; ".join(told))
             report = replace(report, findings=[*report.findings, note])
-        run = Run(command=shlex.join(["loopid", *sys.argv[1:]]))
+        command = shlex.join(["loopid", *sys.argv[1:]])
         written: list[Path] = []
         if self.folder is not None:
             try:
-                files = report.files(run, figures=self.figures)
+                files = report.files(command, figures=self.figures)
             except LoopidError:
                 if not self.as_json:
                     self._print(report)

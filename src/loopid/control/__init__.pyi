@@ -10,7 +10,6 @@ from .laws import (
     Signals as Signals,
     SlotineLi as SlotineLi,
 )
-from .motor_model import MotorModel as MotorModel
 from .observer import WrenchEstimate as WrenchEstimate, WrenchObserver as WrenchObserver
 from .online import ChangeDetector as ChangeDetector, RecursiveLeastSquares as RecursiveLeastSquares
 from .simulation import (

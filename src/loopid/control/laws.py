@@ -2,7 +2,7 @@
 
 A law gives forces of the motors from what the sensors say and where the robot is to be:
 
-    Controller(PID(Kp, Kd), Friction(model), Gravity(model))            PD+G
+    Controller(PID(Kp, Kd), Friction(dynamics), Gravity(dynamics))            PD+G
     Controller(PID(Kp, Kd, Ki, interval=0.01), OnlineCompensation(...))     with online gravity
 
 e = u_d - u is the error of the positions.
@@ -15,11 +15,11 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, NotNegative, Positive, checked, finite
-from loopid.control.motor_model import MotorModel
 from loopid.control.online import ChangeDetector, RecursiveLeastSquares
 from loopid.errors import OptionError
 from loopid.inertia import parameters_of, pseudo_inertia
 from loopid.parameters import KINDS
+from loopid.regressors.dynamics import Dynamics
 
 
 class Signals(NamedTuple):
@@ -106,34 +106,34 @@ class PID:
 
 
 class Gravity:
-    """Forces that hold the robot, of a model whose values stay."""
+    """Forces that hold the robot, by values that stay."""
 
-    def __init__(self, model: MotorModel) -> None:
-        self.model = model
+    def __init__(self, dynamics: Dynamics) -> None:
+        self.dynamics = dynamics
 
     def force(self, signals: Signals, reference: Reference) -> FloatArray:
         """Forces (dof,)."""
-        return self.model.gravity(signals.position)
+        return self.dynamics.gravity(signals.position)
 
 
 class Friction:
-    """Friction at the commanded velocity, of a model whose values stay.
+    """Friction at the commanded velocity, by values that stay.
 
     The measured one is noise where it is small, and Coulomb friction has its sign.
     """
 
-    def __init__(self, model: MotorModel) -> None:
-        self.model = model
+    def __init__(self, dynamics: Dynamics) -> None:
+        self.dynamics = dynamics
 
     def force(self, signals: Signals, reference: Reference) -> FloatArray:
         """Forces (dof,)."""
-        return self.model.friction(signals.position, reference.velocity)
+        return self.dynamics.friction(signals.position, reference.velocity)
 
 
-def _gravity_and_friction(model: MotorModel, signals: Signals, reference: Reference) -> FloatArray:
+def _gravity_and_friction(dynamics: Dynamics, signals: Signals, reference: Reference) -> FloatArray:
     """K (dof, n) of both laws together."""
     u = signals.position
-    return model.regressor(u) + model.friction_regressor(u, reference.velocity)
+    return dynamics.regressor(u) + dynamics.friction_regressor(u, reference.velocity)
 
 
 class OnlineCompensation:
@@ -148,7 +148,7 @@ class OnlineCompensation:
 
     Parameters
     ----------
-    model : MotorModel
+    dynamics : Dynamics
         Its parameters are estimated; a gravity model, as accelerations are left out. With
         ``smoothing``, as commanded velocities pass through zero.
     estimate : RecursiveLeastSquares
@@ -174,7 +174,7 @@ class OnlineCompensation:
     @checked
     def __init__(
         self,
-        model: MotorModel,
+        dynamics: Dynamics,
         estimate: RecursiveLeastSquares,
         interval: Positive,
         *,
@@ -183,23 +183,23 @@ class OnlineCompensation:
         followed: NotNegative = 2e-4,
         payload: tuple[str, FloatArray] | None = None,
     ) -> None:
-        self.model, self.estimate = model, estimate
+        self.dynamics, self.estimate = dynamics, estimate
         self.detector = None if payload is None else ChangeDetector()
         self.part, self.settling = min(1.0, interval / lag), round(5 * lag / interval)
         self.moving, self.followed = moving, followed
         self.values = np.array(estimate.values)  # in use
         if payload is not None:
             link, self.deviations = payload
-            self.columns = model.payload_columns(link)[:, : len(self.deviations)]
+            self.columns = dynamics.payload_columns(link)[:, : len(self.deviations)]
         self.changes, self.samples = list[int](), 0
         self.before, self._settled = self.values, 0  # the last change, and the sample that ends it
         self._last: tuple[FloatArray, BoolArray] | None = None
-        self._sign, self._turn = np.zeros(model.dof), np.zeros(model.dof)
+        self._sign, self._turn = np.zeros(dynamics.dof), np.zeros(dynamics.dof)
 
     def force(self, signals: Signals, reference: Reference) -> FloatArray:
         """Forces (dof,) of gravity and friction."""
         self._learn(signals.force)
-        K = _gravity_and_friction(self.model, signals, reference)
+        K = _gravity_and_friction(self.dynamics, signals, reference)
         self._last = K, self._moves(signals.position, reference.velocity)
         self.samples += 1
         return np.asarray(K @ self.values)
@@ -246,7 +246,7 @@ class AdaptiveCompensation:
 
     Parameters
     ----------
-    model : MotorModel
+    dynamics : Dynamics
         With ``smoothing``, as commanded velocities pass through zero.
     interval : float
         Between samples in s.
@@ -261,20 +261,22 @@ class AdaptiveCompensation:
     @checked
     def __init__(
         self,
-        model: MotorModel,
+        dynamics: Dynamics,
         interval: Positive,
         *,
         gains: FloatArray,
         columns: FloatArray | None = None,
         bandwidth: Positive = 2.0,
     ) -> None:
-        self.model, self.interval, self.bandwidth = model, interval, bandwidth
-        self.columns = np.eye(len(model.values)) if columns is None else finite(columns, "columns")
-        self.gains, self.values = finite(gains, "gains"), np.array(model.values)
+        self.dynamics, self.interval, self.bandwidth = dynamics, interval, bandwidth
+        self.columns = (
+            np.eye(len(dynamics.values)) if columns is None else finite(columns, "columns")
+        )
+        self.gains, self.values = finite(gains, "gains"), np.array(dynamics.values)
 
     def force(self, signals: Signals, reference: Reference) -> FloatArray:
         """Forces (dof,)."""
-        K = _gravity_and_friction(self.model, signals, reference)
+        K = _gravity_and_friction(self.dynamics, signals, reference)
         s = reference.velocity - signals.velocity
         s += self.bandwidth * (reference.position - signals.position)
         slope = self.columns.T @ (K.T @ s)
@@ -291,7 +293,7 @@ class SlotineLi:
 
     Parameters
     ----------
-    model : MotorModel
+    dynamics : Dynamics
         A full one.
     interval : float
         Between samples in s.
@@ -306,18 +308,18 @@ class SlotineLi:
     @checked
     def __init__(
         self,
-        model: MotorModel,
+        dynamics: Dynamics,
         interval: Positive,
         *,
         link: str,
         gain: FloatArray | float,
         bandwidth: Positive = 2.0,
     ) -> None:
-        self.model, self.interval, self.bandwidth = model, interval, bandwidth
-        self.gain, self.columns = finite(gain, "gain"), model.payload_columns(link)
-        names = model.mechanism.parameters()
+        self.dynamics, self.interval, self.bandwidth = dynamics, interval, bandwidth
+        self.gain, self.columns = finite(gain, "gain"), dynamics.payload_columns(link)
+        names = dynamics.robot.parameters()
         own = [k for k, each in enumerate(names) if each.link == link]
-        self.first = model.mechanism.standard_parameters()[own]
+        self.first = dynamics.robot.standard_parameters()[own]
         self.P = pseudo_inertia(self.first)
         # L of tr(L P(π)) = gᵀ π, for each entry of g
         basis = pseudo_inertia(np.eye(len(KINDS))).reshape(len(KINDS), -1)
@@ -329,14 +331,14 @@ class SlotineLi:
         error, rate = reference.position - signals.position, reference.velocity - signals.velocity
         wanted = reference.velocity + self.bandwidth * error
         pushed = reference.acceleration + self.bandwidth * rate
-        Y = self.model.passive_regressor(signals.position, signals.velocity, wanted, pushed)
+        Y = self.dynamics.passive_regressor(signals.position, signals.velocity, wanted, pushed)
         slope = self.columns.T @ (Y.T @ (wanted - signals.velocity))
         if self.gain.ndim:
             self.body = self.body + self.interval * self.gain * slope
         else:
             self.P = _moved(self.P, self.interval * self.gain * np.tensordot(slope, self._dual, 1))
             self.body = parameters_of(self.P[None])[0] - self.first
-        return np.asarray(Y @ (self.model.values + self.columns @ self.body))
+        return np.asarray(Y @ (self.dynamics.values + self.columns @ self.body))
 
 
 def _moved(P: FloatArray, step: FloatArray) -> FloatArray:

@@ -22,9 +22,9 @@ from scipy.stats import chi2, norm
 
 from loopid.arguments import BoolArray, FloatArray, Positive, checked, finite
 from loopid.control.laws import Signals
-from loopid.control.motor_model import MotorModel
 from loopid.errors import DataError, OptionError
 from loopid.records import record
+from loopid.regressors.dynamics import Dynamics
 
 COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 MOVING = 2e-3  # m/s or rad/s, above which a motor does not stand
@@ -40,7 +40,7 @@ class WrenchEstimate:
     residual, covariance : FloatArray
         (dof,) and (dof, dof): what the motors do not explain, in N or N m.
     sensitivity : FloatArray
-        (dof, n), D: how the residual depends on the values of the model.
+        (dof, n), D: how the residual depends on the values of the dynamics.
     wrench, wrench_covariance : FloatArray
         (6,) and (6, 6): the least one that explains the residual, without what no motor feels.
     floor : FloatArray
@@ -81,7 +81,7 @@ class WrenchObserver:
 
     Parameters
     ----------
-    model : MotorModel
+    dynamics : Dynamics
         With the covariance of its values; bodies of a gravity model are observed as if they stood
         still everywhere, without momentum.
     interval : float
@@ -110,7 +110,7 @@ class WrenchObserver:
     >>> import numpy as np, loopid
     >>> from loopid.control import Signals, WrenchObserver
     >>> knee = loopid.load_mechanism("3ups_rpu")
-    >>> robot = loopid.MotorModel(loopid.find_force_model(knee, "full"))
+    >>> robot = loopid.Dynamics(loopid.find_force_model(knee, "full"))
     >>> at, still = np.array([0.72, 0.75, 0.76, 0.72]), np.zeros(4)
     >>> observer = WrenchObserver(robot, 0.01, noise=7.0)
     >>> for _ in range(100):
@@ -122,7 +122,7 @@ class WrenchObserver:
     @checked
     def __init__(
         self,
-        model: MotorModel,
+        dynamics: Dynamics,
         interval: Positive,
         *,
         gain: Positive = 20.0,
@@ -131,16 +131,16 @@ class WrenchObserver:
         alarms: Positive = 1.0,
         frame: str | None = None,
     ) -> None:
-        self.model, self.interval, self.moving = model, interval, MOVING
+        self.dynamics, self.interval, self.moving = dynamics, interval, MOVING
         self.part = gain * interval / (1.0 + gain * interval)  # of what is new in the filter
-        ones = np.ones(model.dof)
+        ones = np.ones(dynamics.dof)
         self.noise, self.unmodelled = (
             finite(noise, "noise") * ones,
             finite(unmodelled, "unmodelled") * ones,
         )
         if not (self.noise + self.unmodelled).all():
             raise DataError("an observer needs deviations: give noise, or what is unmodelled")
-        robot = model.mechanism
+        robot = dynamics.robot
         frames = {each.name: k for k, each in enumerate(robot.model.frames)}
         if frame is None and robot.platform is not None:
             frame = robot.platform.frame
@@ -148,7 +148,7 @@ class WrenchObserver:
             raise OptionError.unknown("frame", frame, frames)
         self.frame, self._data = frames[frame], robot.model.createData()
         # Values that follow one another are as many independent ones as the filter forgets.
-        self.threshold = float(chi2.isf(alarms / (3600.0 * gain / 2), model.dof))
+        self.threshold = float(chi2.isf(alarms / (3600.0 * gain / 2), dynamics.dof))
         self._last: tuple[FloatArray, ...] | None = None  # rates, mass and bias
         self._passed: tuple[FloatArray, FloatArray]  # what has come through the filter
 
@@ -157,12 +157,14 @@ class WrenchObserver:
 
         By default these are the measured ones; commanded ones are without noise.
         """
-        model, u, v = self.model, *signals[:2]
+        dynamics, u, v = self.dynamics, *signals[:2]
         commanded = v if rates is None else rates
-        bias = model.rigid_regressor(u, v, 0 * v) + model.friction_regressor(u, commanded)
-        mass = model.mass_regressor(u)
+        bias = dynamics.regressor(u, v, 0 * v, friction=False) + dynamics.friction_regressor(
+            u, commanded
+        )
+        mass = dynamics.mass_regressor(u)
         if self._last is None:  # nothing touches the robot at first
-            self._passed = bias, bias @ model.values
+            self._passed = bias, bias @ dynamics.values
         else:
             (D, force), (before, mass_before, bias_before) = self._passed, self._last
             gained = (mass + mass_before) / 2 * ((v - before) / self.interval)[:, None]
@@ -171,18 +173,18 @@ class WrenchObserver:
         self._last = v, mass, bias
         D, force = self._passed
         standing = np.abs(commanded) <= self.moving
-        return self._told(u, D @ model.values - force, D, standing)
+        return self._told(u, D @ dynamics.values - force, D, standing)
 
     def _told(
         self, positions: FloatArray, residual: FloatArray, D: FloatArray, standing: BoolArray
     ) -> WrenchEstimate:
-        model = self.model
+        dynamics = self.dynamics
         passed = self.part / (2.0 - self.part)  # of the variance of white noise
         variance = passed * self.noise**2 + self.unmodelled**2
-        variance += (standing * model.coefficients("Fc")) ** 2
-        S = D @ model.covariance @ D.T + np.diag(variance)
+        variance += (standing * dynamics.coefficients("Fc")) ** 2
+        S = D @ dynamics.covariance @ D.T + np.diag(variance)
         J = self.jacobian(positions)
-        units = np.repeat([1.0, model.mechanism.length], 3)[:, None]  # moments like forces
+        units = np.repeat([1.0, dynamics.robot.length], 3)[:, None]  # moments like forces
         left, sizes, right = np.linalg.svd(units * J)
         seen = int((sizes > UNSEEN * sizes[0]).sum())
         inverse = units * (left[:, :seen] / sizes[:seen] @ right[:seen])  # of Jᵀ
@@ -198,7 +200,6 @@ class WrenchObserver:
 
     def jacobian(self, positions: FloatArray) -> FloatArray:
         """J (6, dof) of the frame: its twist, linear above angular, by each coordinate's rate."""
-        q, G = self.model.assemble(positions), self.model.velocity_map(positions)
-        tree = self.model.mechanism.model
-        own = pin.computeFrameJacobian(tree, self._data, q, self.frame, pin.LOCAL_WORLD_ALIGNED)
-        return np.asarray(own @ G)
+        pose, tree = self.dynamics.pose(positions), self.dynamics.robot.model
+        frame = self.frame, pin.LOCAL_WORLD_ALIGNED
+        return np.asarray(pin.computeFrameJacobian(tree, self._data, pose.q, *frame) @ pose.G)

@@ -125,7 +125,7 @@ class RecursiveLeastSquares:
     def loosen(self, columns: FloatArray, deviations: FloatArray) -> None:
         """Forget along columns B (n, k): φ may have changed by B π, π of these deviations (k,).
 
-        With ``MotorModel.payload_columns``, by a body on a link.
+        With ``Dynamics.payload_columns``, by a body on a link.
         """
         B, values = finite(columns, "columns"), self.values
         spread = self.covariance + (B * finite(deviations, "deviations") ** 2) @ B.T

@@ -18,17 +18,19 @@ import numpy as np
 
 from loopid.arguments import FloatArray, Positive, checked, random_generator, samples
 from loopid.control.laws import Law, Reference, Signals
-from loopid.control.motor_model import MotorModel
 from loopid.errors import OptionError
 from loopid.motion.simulation import Noise
+from loopid.parameters import KINDS, Parameter
 from loopid.records import record
-from loopid.regressors.joint_laws import joint_term
+from loopid.regressors.dynamics import Dynamics
+from loopid.regressors.joint_laws import JointState, joint_term
 from loopid.robot.mechanism import shortened
 
 SAME, SWEEPS = 1e-12, 1000  # relative change of velocities that ends their iteration; at most
 # Kinds of friction that may hold a joint, or are viscous; of those before a number.
 FRICTION = "Fc", "Fc+", "Fc-", "Fv", "Ft"
 NUMBERED = "Fs~", "Fk0~", "Fk~", "Fa~", "Fa1~", "Fh@"
+VISCOUS, SLIPPING = "Fv", "Fh@"  # the latter has no friction in steady motion
 
 
 @record(kw_only=True, checked=True)
@@ -94,8 +96,8 @@ class ControlLoop:
 
     Parameters
     ----------
-    robot : MotorModel
-        The robot as it is, a full model; its friction is that of the motors.
+    robot : Dynamics
+        The robot as it is, of a full model; its friction is that of the motors.
     controller : Law
         What commands it.
     options : LoopOptions, optional
@@ -119,7 +121,7 @@ class ControlLoop:
     >>> import numpy as np, loopid
     >>> from loopid.control import PID, ControlLoop, Controller, Gravity
     >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"), "full", "Fc,Fv")
-    >>> robot, own = loopid.MotorModel(model), loopid.MotorModel(model)
+    >>> robot, own = loopid.Dynamics(model), loopid.Dynamics(model)
     >>> loop = ControlLoop(robot, Controller(PID(50.0, 5.0), Gravity(own)))
     >>> home = np.tile(loop.position, (100, 1))
     >>> run = loop.run(home, 0 * home, 0 * home)
@@ -130,7 +132,7 @@ class ControlLoop:
     @checked
     def __init__(
         self,
-        robot: MotorModel,
+        robot: Dynamics,
         controller: Law,
         *,
         options: LoopOptions = USUAL,
@@ -138,28 +140,29 @@ class ControlLoop:
     ) -> None:
         self.robot, self.controller, self.options = robot, controller, options
         self.random = random_generator(seed)
-        names = robot.mechanism.independent
+        names = robot.robot.independent
         others = [
             each.label
-            for each in robot.force_model.parameters
-            if each.kind in robot.friction_kinds
-            and not (each.link in names and _simulated(each.kind))
+            for each in robot.parameters
+            if _frictional(each) and not (each.link in names and _simulated(each.kind))
         ]
         if others:
             raise OptionError(
                 "only friction of independent coordinates that may hold them is simulated, not "
                 f"{shortened(others)}"
             )
-        self.viscous = robot.coefficients("Fv")
+        self.viscous = robot.coefficients(VISCOUS)
         self.values = np.array(robot.values)
-        own = robot.mechanism.velocity_indices(names)
-        self.position = robot.configuration[robot.mechanism.first_positions[own]]
+        own = robot.robot.velocity_indices(names)
+        self.position = robot.configuration[robot.robot.first_positions[own]]
         self.velocity, self.external = np.zeros(robot.dof), np.zeros(robot.dof)
         self._measured, self._rate = self._read(), np.zeros(robot.dof)
         self.signals = Signals(self.position, self.velocity, self.external)
         self._felt, self._waiting = np.zeros(robot.dof), list[FloatArray]()
         self._inertia, self._bias, self._age = np.zeros(0), np.zeros(0), np.inf
         self._load, self._springs = np.zeros(robot.dof), _Springs(robot)
+        self._dry = DryFriction(robot)
+        self._bodies = [each.kind in KINDS for each in robot.parameters]
 
     @checked
     def load(self, link: str, body: FloatArray) -> None:
@@ -219,11 +222,11 @@ class ControlLoop:
         """Let a force act for an interval."""
         self._felt = force
         if self._age >= self.options.refresh * (1 - SAME):
-            rigid, still = self.robot.rigid_regressor, np.zeros(self.robot.dof)
-            self._inertia = self.robot.mass_regressor(self.position) @ self.values
-            K = rigid(self.position, self.velocity, still)
-            bodies = self.robot.force_model.body_columns
-            self._bias, self._load = K @ self.values, K[:, bodies] @ self.values[bodies]
+            pose = self.robot.pose(self.position)
+            self._inertia = self.robot.mass_regressor(pose) @ self.values
+            K = self.robot.regressor(pose, self.velocity, friction=False)
+            self._bias = K @ self.values
+            self._load = K[:, self._bodies] @ self.values[self._bodies]
             self._age = 0.0
         self._age += self.options.interval
         steps = int(np.ceil(self.options.interval / self.options.step * (1 - SAME)))
@@ -231,7 +234,7 @@ class ControlLoop:
         A = self._inertia + h * np.diag(self.viscous)
         push = h * (force + self.external - self._bias)
         for _ in range(steps):
-            dry, uneven = self.robot.dry_friction(self.velocity, self._load)
+            dry, uneven = self._dry.at(self.velocity, self._load)
             dry = np.maximum(dry - self._springs.largest, 0.0)
             held, stiffness = self._springs.act(self.velocity)
             b = self._inertia @ self.velocity + push - h * (uneven + held)
@@ -244,9 +247,10 @@ class ControlLoop:
 class _Springs:
     """Elements of Maxwell slip of the motors: springs that slip, a part of their friction."""
 
-    def __init__(self, robot: MotorModel) -> None:
-        model, columns = robot.force_model, robot.force_model.slip_columns
-        own, names = [model.parameters[j] for j in columns], robot.mechanism.independent
+    def __init__(self, robot: Dynamics) -> None:
+        places = [(j, p) for j, p in enumerate(robot.parameters) if p.kind.startswith(SLIPPING)]
+        columns, own = [j for j, _ in places], [each for _, each in places]
+        names = robot.robot.independent
         self._joints = np.array([names.index(each.link) for each in own], dtype=np.int64)
         self._displacements = np.array([joint_term(each.kind).at for each in own])
         self._forces, self._states = robot.values[columns], np.zeros(len(own))
@@ -266,6 +270,42 @@ class _Springs:
 
     def _sums(self, numbers: FloatArray) -> FloatArray:
         return np.bincount(self._joints, numbers, self._dof).astype(np.float64)
+
+
+class DryFriction:
+    """Friction of steady motors but the viscous."""
+
+    def __init__(self, robot: Dynamics) -> None:
+        names, kinds = robot.robot.independent, dict[str, list[tuple[int, float]]]()
+        for each, value in zip(robot.parameters, robot.values.tolist(), strict=True):
+            if _frictional(each) and not (each.kind == VISCOUS or each.kind.startswith(SLIPPING)):
+                kinds.setdefault(each.kind, []).append((names.index(each.link), value))
+        # Laws, rows of the motors that have them, and coefficients.
+        self._laws = [
+            (joint_term(kind), [row for row, _ in own], np.array([value for _, value in own]))
+            for kind, own in kinds.items()
+        ]
+
+    def at(self, velocities: FloatArray, loads: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Its size (dof,), and what is alike both ways.
+
+        At standstill it is the largest that holds a motor. ``loads`` (dof,) are the forces that
+        move the bodies.
+        """
+        found = np.zeros((2, len(velocities)))
+        speeds = np.maximum(np.abs(velocities), np.finfo(float).tiny)
+        for term, rows, values in self._laws:
+            state = JointState(None, speeds[rows], None, math=np, torque=np.abs(loads[rows]))
+            ahead = term.law(state, term.at)
+            back = term.law(state._replace(rate=-speeds[rows]), term.at)
+            found[0, rows] += values * (ahead - back) / 2
+            found[1, rows] += values * (ahead + back) / 2
+        return np.maximum(found[0], 0.0), found[1]
+
+
+def _frictional(each: Parameter) -> bool:
+    """Whether a parameter is of a force in a joint that depends on its rate."""
+    return each.kind not in KINDS and bool({"rate", "sign"} & {*joint_term(each.kind).needs})
 
 
 def _simulated(kind: str) -> bool:

@@ -14,7 +14,7 @@ from scipy.special import stdtr
 
 from loopid.arguments import FloatArray, checked
 from loopid.errors import DataError
-from loopid.identification.saved import SavedFit
+from loopid.identification.result import VALUES, Fit
 from loopid.records import Tabular, record
 
 # Standard errors of a difference that 95 % of differences are below; probability that fits of which
@@ -89,13 +89,12 @@ class Agreement(Tabular):
 
 
 @checked
-def compare_fits(first: SavedFit, second: SavedFit) -> Agreement:
+def compare_fits(first: Fit, second: Fit) -> Agreement:
     """Compare fits of two logs of one robot, by what their errors let them differ.
 
     Parameters
     ----------
-    first, second : SavedFit
-        From ``read_fit``, or ``SavedFit.of`` a model and its fit.
+    first, second : Fit
 
     Raises
     ------
@@ -107,25 +106,21 @@ def compare_fits(first: SavedFit, second: SavedFit) -> Agreement:
     Two logs of one five-bar, the second with other noise:
 
     >>> import loopid
-    >>> from loopid import identification
     >>> robot = loopid.load_mechanism("five_bar")
     >>> model = loopid.find_force_model(robot, "full", "Fc,Fv")
     >>> run = loopid.prepare_recording(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
     >>> parts = loopid.split_recordings([run], 0.5)
-    >>> fits = [
-    ...     identification.SavedFit.of(model, identification.quiet_fit(model.samples(part)))
-    ...     for (part,) in parts
-    ... ]
+    >>> fits = [loopid.identification.quiet_fit(model.samples(part)) for (part,) in parts]
     >>> found = loopid.diagnosis.compare_fits(*fits)
     >>> len(found.expressions), found.usual > 0.7
     (15, True)
     """
-    for fit in (first, second):
-        if fit.estimate is None:
-            raise DataError("fits of values alone have no errors that they could agree within")
+    if VALUES in (first.estimator, second.estimator):
+        raise DataError("fits of values alone have no errors that they could agree within")
+    kinds = [fit.model and fit.model.model for fit in (first, second)]
     for what, one, other in (
-        ("robots", first.robot.coordinates, second.robot.coordinates),
-        ("models", first.force_model.model, second.force_model.model),
+        ("robots", first.actuators, second.actuators),
+        ("models", kinds[0] or kinds[1], kinds[1] or kinds[0]),
     ):
         if one != other:
             raise DataError(f"fits of different {what} cannot agree: {one} and {other}")
@@ -145,12 +140,10 @@ def compare_fits(first: SavedFit, second: SavedFit) -> Agreement:
     )
 
 
-def _known(fit: SavedFit) -> dict[str, tuple[float, float, float]]:
+def _known(fit: Fit) -> dict[str, tuple[float, float, float]]:
     """Value, variance and degrees of freedom of what the data of a fit determine, by its sum."""
-    assert fit.estimate is not None
-    freedom = np.broadcast_to(fit.estimate.degrees_of_freedom, len(fit.base_parameters))
     return {
-        base.expression: (base.value, base.standard_error**2, float(own))
-        for base, own in zip(fit.base_parameters, freedom, strict=True)
-        if base.name not in fit.estimate.assumed and np.isfinite(base.standard_error)
+        each.expression: (each.value, each.standard_error**2, float(own))
+        for each, own in zip(fit.estimates, fit.degrees_of_freedom, strict=True)
+        if each.name not in fit.assumed and np.isfinite(each.standard_error)
     }

@@ -30,7 +30,7 @@ from loopid.identification.estimator import (
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import FitResult
+from loopid.identification.result import Fit
 from loopid.logs.mapping import LogMapping
 from loopid.logs.recording import Recording
 from loopid.parameters import KINDS, ParameterSet
@@ -285,9 +285,7 @@ def motor_scales(
     return MotorScales(tuple(names[telling].tolist()), found, covariance, freedom, untold)
 
 
-def _converged(
-    rows: _Rows, telling: BoolArray, estimator: Estimator
-) -> tuple[FloatArray, FitResult]:
+def _converged(rows: _Rows, telling: BoolArray, estimator: Estimator) -> tuple[FloatArray, Fit]:
     """Scales (dof,) after steps until these change nothing, and the fit of a further one."""
     values = estimator.fit_samples(rows.unscaled).result.values
     scales, n = np.ones(len(telling)), len(values)

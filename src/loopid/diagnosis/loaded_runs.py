@@ -15,7 +15,7 @@ from loopid.identification.force_model import ForceModel
 from loopid.identification.friction import less_noise, with_friction
 from loopid.identification.information import Excitation, fit_excited
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import FitResult, NoiseModel
+from loopid.identification.result import Fit, NoiseModel
 from loopid.identification.terms import choose_terms
 from loopid.logs.recording import Recording
 from loopid.parameters import KINDS
@@ -119,7 +119,7 @@ class LoadedRuns:
         return self.force_model.random_regressor[:, :, _columns(self.force_model, self.link)]
 
 
-def _plain_fit(force_model: ForceModel, data: FitSamples, estimator: str) -> FitResult:
+def _plain_fit(force_model: ForceModel, data: FitSamples, estimator: str) -> Fit:
     """All that no prior needs to tell apart; elsewhere as in the robot file."""
     plain = data.select(force_model.plain_columns)
     prior, excitation = force_model.prior, Excitation.of(force_model, plain.problem)

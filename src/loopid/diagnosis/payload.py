@@ -32,7 +32,7 @@ from loopid.identification.fitting import working_fit
 from loopid.identification.force_model import ForceModel
 from loopid.identification.jackknife import with_scatter
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import FitResult
+from loopid.identification.result import Fit
 from loopid.inertia import from_moments
 from loopid.logs.recording import Recording
 from loopid.observation import Observation
@@ -130,7 +130,7 @@ class PayloadFit:
         That the payload was fixed to; moments are about its origin, along its axes.
     base : BaseParameters
         Of the payload: which combinations of its parameters can be told from the forces.
-    fit : FitResult
+    fit : Fit
         Of these combinations; its quality is that of robot and payload in all runs.
     standard_parameters : FloatArray
         (4,) or (10,), of the most likely solid body with these.
@@ -141,7 +141,7 @@ class PayloadFit:
 
     link: str
     base: BaseParameters
-    fit: FitResult
+    fit: Fit
     standard_parameters: FloatArray
     motors: MotorMasses | None = None
 
@@ -351,9 +351,7 @@ def _with_the_file(runs: LoadedRuns, base: BaseParameters) -> tuple[LoadedRuns, 
     return carrying, with_scatter(working)
 
 
-def _solid(
-    runs: LoadedRuns, base: BaseParameters, result: FitResult
-) -> tuple[FloatArray, FitResult]:
+def _solid(runs: LoadedRuns, base: BaseParameters, result: Fit) -> tuple[FloatArray, Fit]:
     """Standard parameters of the payload as a solid body, and its fit given that it is one."""
     first, robot, alone = len(result.values) - len(base), runs.force_model.mechanism, _alone(base)
     x, C = result.values[first:], result.covariance[first:, first:]
@@ -376,7 +374,7 @@ def _solid(
 
 
 def _by_motor(
-    runs: LoadedRuns, base: BaseParameters, result: FitResult, estimator: Estimator
+    runs: LoadedRuns, base: BaseParameters, result: Fit, estimator: Estimator
 ) -> MotorMasses | None:
     """The mass by each motor, about that of a fit; None where this is not clear from zero."""
     row = _alone(base).get("m")
@@ -393,9 +391,7 @@ def _by_motor(
     return MotorMasses(found.actuators, *numbers, found.untold)
 
 
-def _with_spread(
-    runs: LoadedRuns, working: WorkingFit, result: FitResult, motors: MotorMasses
-) -> FitResult:
+def _with_spread(runs: LoadedRuns, working: WorkingFit, result: Fit, motors: MotorMasses) -> Fit:
     """The fit with intervals that hold what motors disagree by [Welch1947]."""
     samples, bodies = working.samples, np.array(working.result.values)
     bodies[runs.force_model.joint_columns] = 0.0

@@ -18,7 +18,7 @@ from loopid.identification.information import Excitation
 from loopid.identification.pipeline import Identification
 from loopid.identification.prediction import Candidate, judge
 from loopid.identification.problem import FitProblem, FitSamples
-from loopid.identification.result import FitResult, of_all, relative_deviation
+from loopid.identification.result import Fit, of_all, relative_deviation
 from loopid.parameters import ParameterSet, html_table
 from loopid.records import record
 
@@ -77,7 +77,7 @@ class Reduction:
         From all parameters to the fewest.
     chosen : ReductionStep
         With the fewest parameters of those whose validation error is not clearly above the least.
-    result : FitResult
+    result : Fit
         Of the supported parameters; forces of the others are subtracted before.
     """
 
@@ -85,7 +85,7 @@ class Reduction:
     reference: FloatArray
     steps: tuple[ReductionStep, ...]
     chosen: ReductionStep
-    result: FitResult
+    result: Fit
 
     @property
     def columns(self) -> tuple[int, ...]:
@@ -93,7 +93,7 @@ class Reduction:
         return tuple(self.parameters.labels.index(label) for label in self.result.parameters.labels)
 
     @property
-    def fit(self) -> FitResult:
+    def fit(self) -> Fit:
         """All parameters: as fitted where supported, elsewhere ``assumed`` at their reference."""
         return of_all(self.result, self.parameters, np.array(self.columns), self.reference)
 
@@ -231,7 +231,7 @@ def eliminate_parameters(
     return Reduction(names, start, steps, chosen, result)
 
 
-def _error_scale(full: FitResult) -> FloatArray:
+def _error_scale(full: Fit) -> FloatArray:
     """What turns residuals (dof,) into units of the full model's errors; 0 without samples."""
     assert full.noise is not None
     deviation, present = full.noise.deviation, full.noise.samples > 0
@@ -396,7 +396,7 @@ def truncated_values(
     kept : int or sequence of str
         The first so many parameters, or names.
     weights : FloatArray, optional
-        (dof,), of the fit, ``FitResult.weights``; by default all actuators alike.
+        (dof,), of the fit, ``Fit.weights``; by default all actuators alike.
 
     Returns
     -------

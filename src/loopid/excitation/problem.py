@@ -29,8 +29,8 @@ from loopid.kinematics.poses import integrate
 from loopid.kinematics.projection import ClosedMotion, closed_motion
 from loopid.records import record
 from loopid.registry import Registry
-from loopid.regressors.closed_loop import motion_regressor
 from loopid.regressors.joint_terms import OF_FILE, JointTerms
+from loopid.regressors.motion_regressors import motion_regressor
 from loopid.robot.mechanism import Mechanism
 
 # Steps of the differences, in parts of a coordinate's unit: half the digits of a double would be

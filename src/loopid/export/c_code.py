@@ -17,9 +17,8 @@ from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, MissingExtraError, OptionError
 from loopid.files import write_files
 from loopid.identification.force_model import ForceModel
-from loopid.identification.plausibility import require_sane
-from loopid.identification.prediction import force_model_of
-from loopid.identification.result import FitResult
+from loopid.identification.plausibility import require_fit_for_use
+from loopid.identification.result import Fit
 from loopid.kinematics.assembly import USUAL
 from loopid.kinematics.measured import measured_coordinates
 from loopid.kinematics.projection import NEAR_SINGULARITY, partition, project
@@ -74,8 +73,7 @@ def c_source(
     model: ForceModel,
     *,
     name: str | None = None,
-    values: FitResult | FloatArray | None = None,
-    anyway: bool = False,
+    values: FloatArray | None = None,
 ) -> CSource:
     """Generate C source of a force model, for a controller that knows its motors only.
 
@@ -89,19 +87,25 @@ def c_source(
     model : ForceModel
     name : str, optional
         A C identifier; by default made of the mechanism's name.
-    values : FitResult or FloatArray, optional
+    values : FloatArray, optional
         Of the base parameters (n,), to be put into the source.
-    anyway : bool
-        Whether a fit is taken that breaks a law of sane ones (``absurdities``).
 
     Raises
     ------
     MissingExtraError
         When CasADi is not installed.
     OptionError
-        When the name is no identifier, a joint has no symbolic form, or the fit breaks a law.
+        When the name is no identifier, or a joint has no symbolic form.
     DataError
         When there are not n finite values.
+
+    Examples
+    --------
+    >>> import loopid, tempfile
+    >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"), joint_terms=None)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     [path.name for path in loopid.export.c_source(model).save(folder)]
+    ['five_bar.h', 'five_bar.c', 'five_bar.casadi']
     """
     if find_spec("casadi") is None:
         raise MissingExtraError.of("casadi", "codegen")
@@ -114,10 +118,6 @@ def c_source(
             f"{chosen!r}",
             given=chosen,
         )
-    if isinstance(values, FitResult):
-        model = force_model_of(values, model)
-        require_sane(values, model.joint_terms, anyway)
-        values = values.values
     given = _value_fields(model, chosen, values)
     robot = SymbolicRobot(model)
     functions = robot.functions(f"{chosen}_casadi")
@@ -128,45 +128,12 @@ def c_source(
     return CSource(chosen, _filled("robot.h", fields), source, whole)
 
 
-@checked
-def export_c(
-    model: ForceModel,
-    folder: str | Path,
-    *,
-    name: str | None = None,
-    values: FitResult | FloatArray | None = None,
-    anyway: bool = False,
+def c_code_of(
+    fit: Fit, folder: str | Path, *, name: str | None = None, anyway: bool = False
 ) -> list[Path]:
-    """Write the C source and header of ``c_source`` to a folder.
-
-    Parameters
-    ----------
-    model, name, values, anyway
-        As in ``c_source``.
-    folder : path
-        Made where it is missing.
-
-    Returns
-    -------
-    list of Path
-        Of the header and of the source.
-
-    Raises
-    ------
-    MissingExtraError, OptionError, DataError
-        As ``c_source``.
-    FileError
-        When the files cannot be written.
-
-    Examples
-    --------
-    >>> import loopid, tempfile
-    >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"), joint_terms=None)
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     [path.name for path in loopid.export_c(model, folder)]
-    ['five_bar.h', 'five_bar.c', 'five_bar.casadi']
-    """
-    return c_source(model, name=name, values=values, anyway=anyway).save(folder)
+    """Write the C source of a fit; see ``Fit.to_c``."""
+    require_fit_for_use(fit, anyway)
+    return c_source(fit.require_model(), name=name, values=fit.values).save(folder)
 
 
 def _identifier(name: str) -> str:

@@ -1,4 +1,4 @@
-"""All files that a saved fit becomes: a robot file, the fit itself, C source."""
+"""All files that a fit becomes: a robot file, the fit itself, C source."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from pathlib import Path
 from loopid.arguments import checked
 from loopid.errors import OptionError
 from loopid.export.c_code import c_source
-from loopid.export.robot_file import export_robot_file
+from loopid.export.robot_file import robot_file_of
 from loopid.files import require_other_file
-from loopid.identification.saved import SavedFit, robot_files
-from loopid.robot.mechanism import Mechanism
+from loopid.identification.plausibility import require_fit_for_use
+from loopid.identification.result import Fit
+from loopid.identification.saved import content, robot_files
 
 
 @checked
-def export_fit(  # noqa: PLR0913 (a file each)
-    saved: SavedFit,
-    mechanism: Mechanism,
+def export_fit(
+    fit: Fit,
     *,
     robot: str | Path | None = None,
     yaml: str | Path | None = None,
@@ -29,15 +29,13 @@ def export_fit(  # noqa: PLR0913 (a file each)
 
     Parameters
     ----------
-    saved : SavedFit
-    mechanism : Mechanism
-        Of the fit, as ``saved.load_robot`` gives it.
+    fit : Fit
     robot : path, optional
-        The robot's own file with new inertials and joint terms; see ``export_robot_file``.
+        See ``Fit.to_robot_file``.
     yaml : path, optional
         The fit as YAML, or as JSON.
     c : path, optional
-        Folder of C source for the controller, with the values; see ``c_source``.
+        Folder of C source; see ``Fit.to_c``.
     name : str, optional
         Of the C functions.
     overwrite : bool
@@ -60,33 +58,18 @@ def export_fit(  # noqa: PLR0913 (a file each)
     """
     if robot is yaml is c is None:
         raise OptionError('nothing to export: give robot="FILE", yaml="FILE" or c="DIR"')
-    mistakes = () if saved.estimate is None else saved.estimate.mistakes
-    if mistakes and not anyway:
-        raise OptionError(
-            f"the fit is of a log with a mistake and not fit for use: {mistakes[0]}. Then identify "
-            "again; anyway=True writes it nevertheless",
-            mistakes=mistakes,
-        )
-    saved.require_sane(anyway=anyway)
+    require_fit_for_use(fit, anyway)
+    model, written = fit.require_model(), list[Path]()
     if yaml is not None:
-        saved.content(yaml, anyway=anyway)
-        require_other_file(yaml, *robot_files(mechanism))
-    model, written = saved.find_force_model(mechanism), list[Path]()
+        content(fit, yaml, anyway=anyway)
+        require_other_file(yaml, *robot_files(model.mechanism))
     if robot is not None:
-        standard = saved.require_bodies()
-    code = None if c is None else c_source(model, name=name, values=saved.values)
+        fit.require_bodies()
+    code = None if c is None else c_source(model, name=name, values=fit.values)
     if robot is not None:
-        place = export_robot_file(
-            mechanism,
-            standard,
-            robot,
-            overwrite=overwrite,
-            parameters=saved.standard,
-            use=None if saved.estimate is None else saved.estimate.use,
-        )
-        written.append(place)
+        written.append(robot_file_of(fit, robot, overwrite=overwrite, anyway=anyway))
     if yaml is not None:
-        written.append(saved.save(yaml, anyway=anyway))
+        written.append(fit.save(yaml, anyway=anyway))
     if c is not None and code is not None:
         written += code.save(c)
     return written

@@ -8,47 +8,27 @@ from math import isnan
 import pinocchio as pin
 
 from loopid.arguments import checked
-from loopid.errors import DataError, ModelWarning, OptionError, warn
-from loopid.identification.force_model import ForceModel
+from loopid.errors import ModelWarning, warn
 from loopid.identification.friction import nearest_line
-from loopid.identification.plausibility import require_sane
-from loopid.identification.prediction import force_model_of
-from loopid.identification.result import FitResult
-from loopid.identification.saved import SavedFit
+from loopid.identification.plausibility import require_fit_for_use
+from loopid.identification.result import Fit
 from loopid.loading.pinocchio_robot import MODEL_FIELDS
 from loopid.regressors.joint_laws import grouped
-from loopid.robot.closures import CLOSURE_KINDS
 from loopid.robot.mechanism import Mechanism, shortened
 
 
 @checked
-def to_pinocchio(
-    robot: Mechanism | ForceModel,
-    fit: SavedFit | FitResult | None = None,
-    *,
-    anyway: bool = False,
-) -> tuple[pin.Model, pin.StdVec_RigidConstraintModel]:
+def to_pinocchio(robot: Mechanism) -> tuple[pin.Model, pin.StdVec_RigidConstraintModel]:
     """Pinocchio's model of the open tree, and the constraints that close its loops.
 
     They are what ``constraintDynamics`` takes, and what is built on it. Rotor inertias, viscous and
-    Coulomb friction are in ``armature``, ``damping`` and ``friction``; of a friction curve the
-    nearest line is (``nearest_line``).
-
-    Parameters
-    ----------
-    robot : Mechanism or ForceModel
-        The robot of a saved fit; the force model of a fit that is not saved.
-    fit : SavedFit or FitResult, optional
-        With bodies: the recommended one. By default bodies and joint terms are the robot file's.
-    anyway : bool
-        Whether a fit is taken that breaks a law of sane ones (``absurdities``).
+    Coulomb friction of the robot file are in ``armature``, ``damping`` and ``friction``. With the
+    values of a fit: ``fit.to_pinocchio()``.
 
     Raises
     ------
     OptionError
-        Naming a closure or a coupling that Pinocchio has no contact for, or the law.
-    DataError
-        When the fit has base parameters only, or is of another robot.
+        Naming a closure or a coupling that Pinocchio has no contact for.
 
     Warns
     -----
@@ -62,71 +42,44 @@ def to_pinocchio(
     >>> tree.nv, [loop.type.name for loop in loops]
     (4, ['CONTACT_3D'])
     """
-    mechanism = robot if isinstance(robot, Mechanism) else robot.mechanism
-    if fit is None:
-        tree, terms = mechanism.model.copy(), mechanism.joint_values
-    else:
-        model = force_model_of(fit, robot)
-        result = fit.result if isinstance(fit, SavedFit) else fit
-        require_sane(result, model.joint_terms, anyway)
-        tree, terms = _identified(model, fit)
+    return _with_terms(robot, robot.model.copy(), robot.joint_values), robot.constraint_models
+
+
+def pinocchio_of(
+    fit: Fit, *, anyway: bool = False
+) -> tuple[pin.Model, pin.StdVec_RigidConstraintModel]:
+    """Pinocchio's objects with the bodies of a fit; see ``Fit.to_pinocchio``.
+
+    Of a friction curve, the model has the nearest line (``nearest_line``).
+    """
+    require_fit_for_use(fit, anyway)
+    model, values = fit.require_model(), fit.require_bodies()
+    count = len(model.mechanism.parameters(model.model))
+    terms: dict[str, dict[str, float]] = {}
+    for parameter, value in zip(list(model.base.parameters)[count:], values[count:], strict=True):
+        terms.setdefault(parameter.link, {})[parameter.kind] = float(value)
+    for joint, kinds in terms.items():
+        if any(map(grouped, kinds)):
+            line = nearest_line(joint, kinds, fit.use)
+            straight = {kind: value for kind, value in kinds.items() if not grouped(kind)}
+            terms[joint] = straight | {"Fc": line.coulomb, "Fv": line.viscous}
+    robot = model.mechanism
+    return _with_terms(robot, robot.tree(values[:count]), terms), robot.constraint_models
+
+
+def _with_terms(
+    robot: Mechanism, tree: pin.Model, terms: Mapping[str, Mapping[str, float]]
+) -> pin.Model:
+    """The tree with joint terms in its fields."""
     others = []
     for joint, kinds in terms.items():
         for kind, value in kinds.items():
             if kind in MODEL_FIELDS and not isnan(value):
                 field = getattr(tree, MODEL_FIELDS[kind])
-                field[mechanism.velocity_indices([joint])] = value
+                field[robot.velocity_indices([joint])] = value
             else:
                 others.append(f"{joint}.{kind}")
     tree.lowerDryFrictionLimit = -tree.friction
     if others:
         warn(f"Pinocchio's model has no place for {shortened(others)}: left out", ModelWarning)
-    return tree, _constraints(mechanism)
-
-
-def _identified(
-    model: ForceModel, fit: SavedFit | FitResult
-) -> tuple[pin.Model, Mapping[str, Mapping[str, float]]]:
-    """The tree with the bodies of a fit; its joint terms, of friction curves their lines."""
-    values = fit.require_bodies() if isinstance(fit, SavedFit) else fit.standard_parameters
-    if values is None:
-        raise DataError(
-            "the fit has base parameters, which are those of many bodies: give the recommended "
-            "one, which has bodies"
-        )
-    count = len(model.mechanism.parameters(model.model))
-    terms: dict[str, dict[str, float]] = {}
-    for parameter, value in zip(list(model.base.parameters)[count:], values[count:], strict=True):
-        terms.setdefault(parameter.link, {})[parameter.kind] = float(value)
-    result = fit.result if isinstance(fit, SavedFit) else fit
-    for joint, kinds in terms.items():
-        if any(map(grouped, kinds)):
-            line = nearest_line(joint, kinds, None if result is None else result.use)
-            straight = {kind: value for kind, value in kinds.items() if not grouped(kind)}
-            terms[joint] = straight | {"Fc": line.coulomb, "Fv": line.viscous}
-    return model.mechanism.tree(values[:count]), terms
-
-
-def _constraints(mechanism: Mechanism) -> pin.StdVec_RigidConstraintModel:
-    found = pin.StdVec_RigidConstraintModel()
-    if mechanism.couplings:
-        raise OptionError(
-            f"Pinocchio has no contact for {mechanism.couplings[0].name}, a coupling of joints",
-            given=mechanism.couplings[0].name,
-        )
-    for closure in mechanism.closures:
-        contact = CLOSURE_KINDS[closure.kind].contact
-        if contact is None:
-            valid = tuple(name for name, kind in CLOSURE_KINDS.items() if kind.contact is not None)
-            raise OptionError(
-                f"Pinocchio has no contact for {closure.name} of kind {closure.kind}: describe it "
-                f"by closures of the kinds {', '.join(valid)}",
-                given=closure.kind,
-                valid=valid,
-            )
-        frames = [mechanism.model.frames[k] for k in closure.frame_ids]
-        ends = [part for frame in frames for part in (frame.parentJoint, frame.placement)]
-        constraint = pin.RigidConstraintModel(contact, mechanism.model, *ends, pin.LOCAL)
-        constraint.name = closure.name
-        found.append(constraint)
-    return found
+    return tree

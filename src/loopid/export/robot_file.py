@@ -22,7 +22,8 @@ from loopid.errors import DataError, FileError, ModelWarning, OptionError, Robot
 from loopid.export.urdf_editor import UrdfEditor
 from loopid.files import write_file
 from loopid.identification.friction import nearest_line
-from loopid.identification.result import MotorUse
+from loopid.identification.plausibility import require_fit_for_use
+from loopid.identification.result import Fit, MotorUse
 from loopid.inertia import body_defect, central_moments, centre, from_moments, pseudo_inertia
 from loopid.loading.files import files_of
 from loopid.parameters import KINDS, MODELS, ParameterSet
@@ -145,7 +146,7 @@ def export_robot_file(
     >>> robot = loopid.load_mechanism("five_bar")
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     heavier = 2 * robot.standard_parameters("full")
-    ...     loopid.export_robot_file(robot, heavier, f"{folder}/heavier.urdf").name
+    ...     loopid.export.export_robot_file(robot, heavier, f"{folder}/heavier.urdf").name
     'heavier.urdf'
     """
     place, tree = Path(path), files_of(mechanism).tree
@@ -159,6 +160,22 @@ def export_robot_file(
     content = updated_robot_file(mechanism, standard_parameters, parameters=parameters, use=use)
     write_file(place, content)
     return place
+
+
+def robot_file_of(
+    fit: Fit, path: str | Path, *, overwrite: bool = False, anyway: bool = False
+) -> Path:
+    """Write the robot file of a fit; see ``Fit.to_robot_file``."""
+    require_fit_for_use(fit, anyway)
+    model = fit.require_model()
+    return export_robot_file(
+        model.mechanism,
+        fit.require_bodies(),
+        path,
+        overwrite=overwrite,
+        parameters=model.base.parameters,
+        use=fit.use,
+    )
 
 
 def _updated_links(

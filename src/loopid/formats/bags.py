@@ -10,7 +10,6 @@ from functools import cached_property, partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
-from unittest.mock import patch
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from loopid.logs.formats import (
     optional,
     refusals,
 )
+from loopid.registry import exchanged
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 QUANTITIES = ("position", "velocity", "effort")
@@ -198,10 +198,10 @@ def _limited(ceiling: Ceiling) -> Iterator[None]:
     chunks = {name: lambda data, _, name=name: unpack[name](data) for name in ("lz4", "zstd")}
     files = SimpleNamespace(open=open_packed, decompress=unpack["zstd"])
     with (
-        patch.dict(ros1.decompressors, {name: unpack[name] for name in ("bz2", "lz4")}),
-        patch.dict(mcap.DECOMPRESSORS, chunks),
-        patch.object(ros2, "zstd", files),
-        patch.object(apsw, "connection_hooks", [limit]),
+        exchanged(ros1.decompressors, bz2=unpack["bz2"], lz4=unpack["lz4"]),
+        exchanged(mcap.DECOMPRESSORS, **chunks),
+        exchanged(vars(ros2), zstd=files),
+        exchanged(vars(apsw), connection_hooks=[limit]),
     ):
         yield
 

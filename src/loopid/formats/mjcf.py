@@ -48,7 +48,7 @@ AXES = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
 QUATERNION_LIMIT = np.full(4, 1.01)
 
 
-def read_mjcf(path: Path, floating_base: bool = False, free_mimics: bool = False) -> TreeSource:
+def read_mjcf(path: Path, floating_base: bool = False) -> TreeSource:
     """Read tree, closures, motors, reference and joint forces of an MJCF file."""
     if floating_base:
         raise OptionError(f"{path}: an MJCF says itself whether its base floats: add a freejoint")

@@ -15,13 +15,13 @@ from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 from typing import Any
-from unittest.mock import patch
 
 from loopid.errors import MissingExtraError, OptionError, RobotFileError, naming
 from loopid.formats.sdf import read_sdf
 from loopid.loading.tree import TreeSource
 from loopid.loading.urdf import read_urdf
 from loopid.loading.xml_elements import Element, parsed_xml
+from loopid.registry import exchanged
 
 try:
     import xacro
@@ -38,11 +38,11 @@ def read_xacro(
     path: Path,
     floating_base: bool = False,
     free_mimics: bool = False,
-    arguments: Mapping[str, str] | None = None,
+    xacro: Mapping[str, str] | None = None,
 ) -> TreeSource:
     """Read the URDF or SDF that a file of macros gives with some arguments."""
     with naming(path):
-        root, said = _written_out(path, arguments or {})
+        root, said = _written_out(path, xacro or {})
         if root.tag not in READERS:
             raise RobotFileError(f"its root is <{root.tag!s}>, not <robot> or <sdf>")
     source: TreeSource = READERS[str(root.tag)](path, floating_base, free_mimics, root)
@@ -53,7 +53,7 @@ def _written_out(path: Path, arguments: Mapping[str, str]) -> tuple[Element, lis
     """The file without macros, and what xacro warns of."""
     given, heard = _Arguments(arguments), io.StringIO()
     try:
-        with redirect_stderr(heard), patch.dict(sys.modules, _packages(path)):
+        with redirect_stderr(heard), exchanged(sys.modules, **_packages(path)):
             document = xacro.process_file(str(path), mappings=given)
             content = document.toxml("utf-8")
     except Exception as error:  # of any expression in the file

@@ -70,14 +70,13 @@ from .prediction import (
     Candidate as Candidate,
     Prediction as Prediction,
     judge as judge,
-    predict as predict,
     prediction_reach as prediction_reach,
 )
 from .problem import FitProblem as FitProblem, FitSamples as FitSamples
 from .result import (
     Estimate as Estimate,
     FileDeviation as FileDeviation,
-    FitResult as FitResult,
+    Fit as Fit,
     MotorUse as MotorUse,
     NoiseModel as NoiseModel,
     Quality as Quality,
@@ -86,5 +85,5 @@ from .result import (
     fit_quality as fit_quality,
 )
 from .robust import Bisquare as Bisquare
-from .saved import SavedFit as SavedFit, read_fit as read_fit, save_fit as save_fit
+from .saved import FitFile as FitFile, load_fit as load_fit
 from .terms import TermOptions as TermOptions, choose_terms as choose_terms

@@ -51,9 +51,9 @@ from loopid.identification.joint_priors import JointPriors
 from loopid.identification.problem import FitProblem, FitSamples
 from loopid.identification.result import (
     FileDeviation,
-    FitResult,
+    Fit,
     NoiseModel,
-    RobotUncertainty,
+    StandardUncertainty,
     TermDeviations,
     fit_quality,
 )
@@ -119,7 +119,7 @@ def consistent_fit(
     joint_values: FloatArray | None = None,
     joint_deviations: FloatArray | None = None,
     options: ConsistentOptions = ConsistentOptions(),
-) -> FitResult:
+) -> Fit:
     """Fit all standard parameters with the robot file as prior, every body solid.
 
     Parameters
@@ -136,7 +136,7 @@ def consistent_fit(
 
     Returns
     -------
-    FitResult
+    Fit
         With ``standard_parameters``, the ``deviation`` of the robot file, and the
         ``term_deviations`` of groups of joint terms.
 
@@ -178,7 +178,7 @@ def consistent_fit(
         options=options,
     )
     warn_of_bodies(force_model, found.result)
-    return found.result
+    return force_model.fit_of(found.result)
 
 
 def quiet_consistent_fit(
@@ -212,13 +212,13 @@ def consistent_parameters(
     noise: NoiseModel,
     *,
     options: ConsistentOptions = ConsistentOptions(),
-    like: FitResult | None = None,
+    like: Fit | None = None,
 ) -> FloatArray:
     """The standard parameters (p,) of ``consistent_fit``, without their uncertainty.
 
     Parameters
     ----------
-    like : FitResult, optional
+    like : Fit, optional
         Of more data, by ``consistent_fit`` or ``fit_terms``, whose deviations of the robot file and
         of groups of joint terms are taken; without it, those that are most likely.
     """
@@ -238,12 +238,12 @@ def consistent_parameters(
 
 
 @checked
-def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> FitResult:
+def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> Fit:
     """As ``consistent_fit``, with the bodies of the robot file.
 
     Returns
     -------
-    FitResult
+    Fit
         Parameters of bodies alone are ``assumed``; those that joint terms fold into are not.
     """
     weights, program = _posed(force_model, data, noise, None, None)
@@ -277,7 +277,7 @@ def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> F
         quality=fit_quality(data.problem, values),
         assumed=tuple(names[j] for j in np.flatnonzero(~inside.any(axis=1))),
         standard_parameters=standard,
-        uncertainty=RobotUncertainty(base.parameters, none, variances, file, known),
+        uncertainty=StandardUncertainty(base.parameters, none, variances, file, known),
         term_deviations=groups,
     )
 
@@ -708,7 +708,7 @@ def _posterior(
     rows = np.asarray(np.column_stack([inverse, inverse @ middle]), dtype=np.float64)
     factor = problem.weighted(weights, rows)[:-1, :-1]
     inverse = np.linalg.inv(factor)
-    plain = FitResult(
+    plain = Fit(
         estimator=CONSISTENT,
         parameters=data.parameters,
         actuators=data.actuators,
@@ -728,7 +728,7 @@ SINGULAR = 1e-12
 
 def _robot_uncertainty(
     force_model: ForceModel, program: _Program, state: _State, nu: float
-) -> RobotUncertainty:
+) -> StandardUncertainty:
     """Of standard parameters: what the posterior of the base parameters leaves open beside them."""
     T, M = program.changes(state), force_model.base.matrix
     spread = program.step(state).covariance(T)
@@ -736,7 +736,7 @@ def _robot_uncertainty(
     sizes = np.sqrt(np.diag(base))
     sizes = np.where(sizes > 0, sizes, 1.0)
     gain = both / sizes @ np.linalg.pinv(base / np.outer(sizes, sizes), SINGULAR, True) / sizes
-    return RobotUncertainty(
+    return StandardUncertainty(
         parameters=force_model.base.parameters,
         gain=gain,
         beside=np.maximum((spread * T).sum(axis=1) - (gain * both).sum(axis=1), 0.0),
@@ -826,7 +826,7 @@ def _solid_bodies(force_model: ForceModel) -> tuple[FloatArray, BoolArray]:
     return P, unsound
 
 
-def warn_of_bodies(force_model: ForceModel, found: FitResult) -> None:
+def warn_of_bodies(force_model: ForceModel, found: Fit) -> None:
     """Tell of bodies of the file that are none, and of a model that lacks a force."""
     name = force_model.mechanism.name
     if not found.settled:

@@ -19,7 +19,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.problem import ROUND_OFF, FitSamples
-from loopid.identification.result import FitResult, NoiseModel
+from loopid.identification.result import Fit, NoiseModel
 from loopid.motion.filtering import recursion
 from loopid.records import record
 from loopid.workers import one_blas_thread
@@ -252,7 +252,7 @@ def _error_models(fit: WorkingFit, inverse: FloatArray) -> dict[int, ErrorModel]
     return models
 
 
-def _noise_model(result: FitResult, models: dict[int, ErrorModel]) -> NoiseModel:
+def _noise_model(result: Fit, models: dict[int, ErrorModel]) -> NoiseModel:
     dof, order = len(result.actuators), max((m.model.order for m in models.values()), default=0)
     coefficients, samples = np.zeros((dof, order)), np.zeros(dof, dtype=np.int64)
     innovation, deviation, lag_one = np.full((3, dof), np.nan)

@@ -48,7 +48,7 @@ from loopid.identification.force_model import ForceModel
 from loopid.identification.hysteresis import POSSIBLE, slip_evidence
 from loopid.identification.jackknife import with_scatter
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import FitResult
+from loopid.identification.result import Fit
 from loopid.logs.preparing import near_saturation, on_independent, prepare_again, saturation_of
 from loopid.logs.recording import FilterOptions, MaskOptions, Recording
 from loopid.motion.filtering import LowPass
@@ -314,8 +314,8 @@ def in_motion_band(robot: Mechanism, recording: Recording) -> Recording:
 
 @checked
 def with_delay_errors(
-    fit: FitResult, data: FitSamples, recordings: Sequence[Recording], delay: Delay | None
-) -> FitResult:
+    fit: Fit, data: FitSamples, recordings: Sequence[Recording], delay: Delay | None
+) -> Fit:
     """A fit with what is not known of the delay in its covariance.
 
     An error of the delay adds forces D = ∂τ/∂t to those of the samples x, which move the estimates

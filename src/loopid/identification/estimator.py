@@ -20,7 +20,7 @@ from scipy.linalg import cho_solve, solve_triangular
 from loopid.arguments import BoolArray, FloatArray
 from loopid.errors import DataError, OptionError, RankError
 from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
-from loopid.identification.result import FitResult, fit_quality
+from loopid.identification.result import Fit, fit_quality
 from loopid.records import record
 from loopid.registry import Registry
 from loopid.workers import one_blas_thread
@@ -32,7 +32,7 @@ class WorkingFit:
 
     Attributes
     ----------
-    result : FitResult
+    result : Fit
     samples : FitSamples
         Working samples: with the weights of the result, and the rows of the prior, their least
         squares are the values of the result.
@@ -40,7 +40,7 @@ class WorkingFit:
         (k, n + 1), rows [L | L φ₀] of the prior, their errors of unit variance.
     """
 
-    result: FitResult
+    result: Fit
     samples: FitSamples
     prior: FloatArray | None = None
 
@@ -59,14 +59,14 @@ class WorkingFit:
 class Estimator:
     """A way of finding parameters: a record of its options with ``_fit`` or ``fit_samples``.
 
-    Triangular factors are enough for ``_fit``, which finds a ``FitResult`` for independent errors;
+    Triangular factors are enough for ``_fit``, which finds a ``Fit`` for independent errors;
     an estimator that needs the samples has ``fit_samples`` instead. A new one is a file, and a line
     in ``ESTIMATORS``.
     """
 
     name: ClassVar[str]
 
-    def fit(self, problem: FitProblem) -> FitResult:
+    def fit(self, problem: FitProblem) -> Fit:
         """Estimate the parameters, with the covariance for independent errors.
 
         Raises
@@ -86,7 +86,7 @@ class Estimator:
         """Estimate the parameters as ``fit``, and state the least squares that they solve."""
         return WorkingFit(self.fit(samples.problem), samples)
 
-    def _fit(self, problem: FitProblem) -> FitResult:
+    def _fit(self, problem: FitProblem) -> Fit:
         raise OptionError(
             f"{self.name} needs the samples, not only their triangular factors: "
             "use fit(samples, estimator)"
@@ -232,10 +232,10 @@ def result_of(
     R: FloatArray,
     weights: FloatArray,
     variance: float,
-) -> FitResult:
+) -> Fit:
     """The result whose covariance for independent errors is variance · (RᵀR)⁻¹."""
     inverse = np.linalg.inv(R)
-    return FitResult(
+    return Fit(
         estimator=name,
         parameters=problem.parameters,
         actuators=problem.actuators,
@@ -304,7 +304,7 @@ class OrdinaryLeastSquares(Estimator):
 
     name = "ols"
 
-    def _fit(self, problem: FitProblem) -> FitResult:
+    def _fit(self, problem: FitProblem) -> Fit:
         weights = equal_weights(problem)
         values, R = solved(problem, weights)
         variance = problem.residual_squares(values).sum() / problem.freedom
@@ -324,7 +324,7 @@ class WeightedLeastSquares(Estimator):
     name = "wls"
     iterations: int = ITERATIONS
 
-    def _fit(self, problem: FitProblem) -> FitResult:
+    def _fit(self, problem: FitProblem) -> Fit:
         def fitted(weights: FloatArray) -> tuple[FloatArray, FloatArray]:
             values, R = solved(problem, weights)
             return values, leverages(problem, weights, R)

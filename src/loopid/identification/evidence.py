@@ -29,8 +29,8 @@ from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import closed_motion, singularity_measure
 from loopid.logs.recording import MaskOptions, Recording
 from loopid.records import record
-from loopid.regressors.closed_loop import motion_regressor
 from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.motion_regressors import motion_regressor
 from loopid.robot.mechanism import Mechanism
 
 # Standard deviation of joint terms, in forces by the robot file, and of the offset of any drive, or

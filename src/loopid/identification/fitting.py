@@ -13,14 +13,14 @@ from loopid.identification.correlation import within_runs
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator
 from loopid.identification.jackknife import with_scatter
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import LEAST_FREEDOM, FitResult, fit_quality
+from loopid.identification.result import LEAST_FREEDOM, Fit, fit_quality
 
 
 @checked
 def fit(
     samples: FitSamples,
     estimator: str | Estimator = "wls",
-) -> FitResult:
+) -> Fit:
     """Estimate parameters, with intervals that allow for autocorrelated residuals.
 
     Of three recordings or more, intervals also hold what differs between these, such as friction.
@@ -34,7 +34,7 @@ def fit(
 
     Returns
     -------
-    FitResult
+    Fit
         With a model of the errors in ``noise``.
 
     Raises
@@ -76,7 +76,7 @@ def fit(
 def quiet_fit(
     samples: FitSamples,
     estimator: str | Estimator = "wls",
-) -> FitResult:
+) -> Fit:
     """As ``fit``, without warnings."""
     return working_fit(samples, estimator).result
 
@@ -96,7 +96,7 @@ def working_fit(
     return with_scatter(within, quiet=quiet)
 
 
-def _warn_of_insignificant(result: FitResult) -> None:
+def _warn_of_insignificant(result: Fit) -> None:
     """Name, once, the estimates that are not significant."""
     names = result.insignificant()
     if not names or result.degrees_of_freedom.max() < LEAST_FREEDOM:
@@ -117,7 +117,7 @@ def fit_in_steps(
     known: Sequence[str],
     *,
     estimator: str | Estimator = "wls",
-) -> FitResult:
+) -> Fit:
     """Take known parameters from a first experiment, and the rest from a second.
 
     All parameters of ``first`` are fitted to it. Those that are known keep their values; their
@@ -135,7 +135,7 @@ def fit_in_steps(
 
     Returns
     -------
-    FitResult
+    Fit
         All parameters of ``second``; the covariance holds what the uncertainty of the known ones
         does to the others. Quality and noise are those of the second experiment.
 

@@ -11,12 +11,13 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from loopid.arguments import FloatArray, IntArray, checked, row_blocks
+from loopid.arguments import FloatArray, IntArray, checked, finite, row_blocks
 from loopid.base_parameters.base import BaseParameters, find_base_parameters
 from loopid.base_parameters.choice import KeptChoice, SearchStrategy
 from loopid.errors import DataError, MissingExtraError, ModelWarning, OptionError, warn
 from loopid.identification.leaving_out import regions_of
 from loopid.identification.problem import FitProblem, FitSamples
+from loopid.identification.result import VALUES, Fit, Quality
 from loopid.kinematics.projection import ClosedMotion, closed_motion, project
 from loopid.kinematics.sampling import random_configurations, random_motions
 from loopid.logs.recording import Recording
@@ -24,7 +25,6 @@ from loopid.motion.joints import JointMotion
 from loopid.parameters import KINDS, ParameterSet, model_kinds
 from loopid.progress import Progress
 from loopid.records import record
-from loopid.regressors.closed_loop import motion_regressor
 from loopid.regressors.joint_laws import JointState, grouped, joint_term
 from loopid.regressors.joint_terms import (
     JointTerms,
@@ -34,6 +34,7 @@ from loopid.regressors.joint_terms import (
     with_loads,
 )
 from loopid.regressors.maxwell_slip import Slips, slips_along, slips_at
+from loopid.regressors.motion_regressors import motion_regressor
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import ordered_map
@@ -243,6 +244,40 @@ class ForceModel:
         whole = closed_motion(self.mechanism, configurations, velocities, accelerations)
         return motion_regressor(
             self.mechanism, whole, self.model, joint_terms=self.joint_terms, slips=slips
+        )
+
+    @checked
+    def fit_of(self, fit: Fit | FloatArray) -> Fit:
+        """A fit of these parameters, which then knows its model; or values (n,) without errors.
+
+        Raises
+        ------
+        DataError
+            When the fit is not one of these parameters, or has standard parameters of others.
+
+        Examples
+        --------
+        >>> import loopid
+        >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"), joint_terms=None)
+        >>> round(model.fit_of(2 * model.prior)["left_crank.my"].value, 3)
+        0.0
+        """
+        if isinstance(fit, Fit):
+            return replace(fit, model=self)
+        values, motors = finite(fit, "values"), self.mechanism.independent
+        unknown = np.full(len(motors), np.nan)
+        return Fit(
+            estimator=VALUES,
+            parameters=self.parameters,
+            actuators=motors,
+            values=values,
+            covariance=np.zeros(2 * values.shape),
+            condition_number=np.nan,
+            degrees_of_freedom=np.zeros(values.shape),
+            quality=Quality(unknown, unknown, np.zeros(len(motors), dtype=np.int64)),
+            weights=np.zeros(len(motors)),
+            assumed=self.parameters.names,
+            model=self,
         )
 
     def with_terms(self, kinds: Mapping[str, tuple[str, ...]]) -> ForceModel:

@@ -38,7 +38,7 @@ from loopid.identification.problem import FitSamples
 from loopid.identification.result import (
     LEAST_FREEDOM,
     Estimate,
-    FitResult,
+    Fit,
     MotorUse,
     NoiseModel,
     TermDeviations,
@@ -153,7 +153,7 @@ def with_friction(
     force_model: ForceModel,
     data: FitSamples,
     recordings: Sequence[Recording],
-    whole: FitResult,
+    whole: Fit,
     *,
     options: ConsistentOptions = ConsistentOptions(),
 ) -> tuple[ForceModel, FitSamples, WorkingFit]:
@@ -165,7 +165,7 @@ def with_friction(
     ----------
     data : FitSamples
         The recordings as samples of the force model.
-    whole : FitResult
+    whole : Fit
         Of all its parameters, with a model of the errors.
 
     Returns
@@ -254,7 +254,7 @@ def _asked(
     return {joint: own for joint, own in left.items() if own}
 
 
-def less_noise(whole: FitResult, data: FitSamples, values: FloatArray) -> NoiseModel:
+def less_noise(whole: Fit, data: FitSamples, values: FloatArray) -> NoiseModel:
     """The errors of a fit with what further terms explain of them taken off."""
     noise, old = whole.noise, whole.quality.residual_rms
     assert noise is not None
@@ -296,7 +296,7 @@ class FrictionCurve(Tabular):
 
 @checked
 def friction_curve(
-    fit: FitResult, joint: str, rates: FloatArray, *, joint_terms: JointTerms | None = None
+    fit: Fit, joint: str, rates: FloatArray, *, joint_terms: JointTerms | None = None
 ) -> FrictionCurve:
     """Friction of a joint over its rate, of all its terms that depend on the rate alone.
 
@@ -305,7 +305,7 @@ def friction_curve(
 
     Parameters
     ----------
-    fit : FitResult
+    fit : Fit
     joint : str
     rates : FloatArray
         (k,), in m/s or rad/s.
@@ -387,7 +387,7 @@ class FrictionSummary(Tabular):
 
 
 @checked
-def friction_summary(fit: FitResult) -> FrictionSummary:
+def friction_summary(fit: Fit) -> FrictionSummary:
     """Friction of each joint of a fit, in four numbers with intervals.
 
     Examples
@@ -414,7 +414,7 @@ def friction_summary(fit: FitResult) -> FrictionSummary:
     )
 
 
-def friction_findings(fit: FitResult) -> list[tuple[str, str]]:
+def friction_findings(fit: Fit) -> list[tuple[str, str]]:
     """What friction a fit has beside Coulomb and viscous friction, and of which joints."""
     groups, summary = fit.term_deviations, friction_summary(fit)
     clear = () if groups is None else np.flatnonzero(groups.evidence >= CLEARLY)
@@ -442,11 +442,11 @@ def friction_findings(fit: FitResult) -> list[tuple[str, str]]:
     return found
 
 
-def _loaded_joints(fit: FitResult) -> list[str]:
+def _loaded_joints(fit: Fit) -> list[str]:
     return [each.link for each in fit.parameters if each.kind == "Ft"]
 
 
-def _doubt(fit: FitResult, joint: str, rates: FloatArray, sizes: FloatArray) -> FloatArray:
+def _doubt(fit: Fit, joint: str, rates: FloatArray, sizes: FloatArray) -> FloatArray:
     """Deviation (k,) of friction of sizes (k,) between the points of its curves, and beyond.
 
     A curve is linear between its points, its prior is not. Beyond the rates that samples have told
@@ -480,12 +480,12 @@ def _between(laws: Sequence[JointTerm], speeds: FloatArray) -> FloatArray:
     return np.asarray(np.maximum((parts * (alike @ parts)).sum(axis=0), 0.0))
 
 
-def frictional_joints(fit: FitResult) -> tuple[str, ...]:
+def frictional_joints(fit: Fit) -> tuple[str, ...]:
     """Joints with terms that depend on the rate alone."""
     return tuple(dict.fromkeys(name.link for name in fit.parameters if _friction(name.kind)))
 
 
-def friction_columns(fit: FitResult, joint: str) -> list[int]:
+def friction_columns(fit: Fit, joint: str) -> list[int]:
     """Columns of a joint's terms that depend on the rate alone."""
     names = enumerate(fit.parameters)
     return [j for j, name in names if name.link == joint and _friction(name.kind)]

@@ -15,7 +15,7 @@ from loopid.arguments import FloatArray, checked
 from loopid.errors import OptionError
 from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import LEAST_FREEDOM, FitResult
+from loopid.identification.result import LEAST_FREEDOM, Fit
 from loopid.logs.recording import Recording
 from loopid.parameters import KINDS
 from loopid.records import Tabular, record
@@ -128,13 +128,13 @@ class HysteresisLoop(Tabular):
 
 @checked
 def hysteresis_loop(
-    fit: FitResult, joint: str, *, joint_terms: JointTerms | None = None
+    fit: Fit, joint: str, *, joint_terms: JointTerms | None = None
 ) -> HysteresisLoop:
     """Friction of a joint that builds up after a reversal, as far as a fit has it.
 
     Parameters
     ----------
-    fit : FitResult
+    fit : Fit
     joint : str
     joint_terms : JointTerms, optional
         Those of the force model, where they have a dead zone or are smoothed.
@@ -152,8 +152,8 @@ def hysteresis_loop(
     >>> W = rng.normal(size=(500, 1, 2))
     >>> force = W @ [2.0, 1.0] + 0.1 * rng.normal(size=(500, 1))
     >>> fit = loopid.fit(loopid.identification.FitSamples.of(names, ["elbow"], W, force))
-    >>> print(loopid.identification.hysteresis_loop(fit, "elbow").sentence)
-    friction of elbow builds up over 2.5 mrad after each reversal
+    >>> loopid.identification.hysteresis_loop(fit, "elbow").finding
+    ('friction of elbow builds up after reversals', 'over 2.5 mrad')
     """
     from scipy.special import stdtrit  # slow to import
 
@@ -192,14 +192,14 @@ def hysteresis_loop(
     )
 
 
-def hysteretic_joints(fit: FitResult) -> tuple[str, ...]:
+def hysteretic_joints(fit: Fit) -> tuple[str, ...]:
     """Joints whose friction builds up after a reversal."""
     names = (name.link for name in fit.parameters if _builds_up(name.kind))
     joints = dict.fromkeys(names)
     return tuple(joint for joint in joints if (fit.values[_columns(fit, joint)] > 0).any())
 
 
-def _columns(fit: FitResult, joint: str) -> list[int]:
+def _columns(fit: Fit, joint: str) -> list[int]:
     """Columns of the elements of a joint."""
     names = enumerate(fit.parameters)
     return [j for j, name in names if name.link == joint and _builds_up(name.kind)]
@@ -209,7 +209,7 @@ def _builds_up(kind: str) -> bool:
     return kind not in KINDS and "slip" in joint_term(kind).needs
 
 
-def _slow(fit: FitResult, joint: str) -> float:
+def _slow(fit: Fit, joint: str) -> float:
     """A rate at which friction is that next to standstill."""
     known = fit.use is not None and joint in fit.use.joints
     return SLOW * float(fit.use.of(joint)[0]) if known and fit.use else np.finfo(float).tiny

@@ -25,7 +25,7 @@ from loopid.identification.estimator import LEAST_EXCITATION, Estimator, excited
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_model import ForceModel, samples_of
 from loopid.identification.problem import FitProblem, FitSamples
-from loopid.identification.result import FitResult, fit_quality
+from loopid.identification.result import Fit, fit_quality
 from loopid.logs.recording import Recording
 from loopid.parameters import KINDS, ParameterSet
 from loopid.records import record
@@ -178,7 +178,7 @@ def fit_excited(
     excitation: Excitation,
     *,
     estimator: str | Estimator = "wls",
-) -> FitResult:
+) -> Fit:
     """Fit what the data excite; of all parameters that fit as well, those nearest to the prior.
 
     This is the limit of Bayes' estimate for a prior (n,) that is ever less certain, in sizes. In

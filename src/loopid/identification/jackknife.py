@@ -19,7 +19,7 @@ import numpy as np
 from loopid.arguments import FloatArray, IntArray, row_blocks
 from loopid.errors import DataWarning, warn
 from loopid.identification.estimator import WorkingFit
-from loopid.identification.result import FitResult
+from loopid.identification.result import Fit
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
@@ -149,7 +149,7 @@ def _at_least(found: WorkingFit, scatter: Jackknife, ratio: FloatArray) -> Worki
     return replace(found, result=result)
 
 
-def _warn_of_runs(result: FitResult, within: FitResult) -> None:
+def _warn_of_runs(result: Fit, within: Fit) -> None:
     """Tell of estimates that clearly vary from recording to recording."""
     from scipy.special import chdtri  # slow to import
 

@@ -16,7 +16,7 @@ from loopid.kinematics.projection import closed_motion
 from loopid.logs.log import Log
 from loopid.logs.preparing import PROVISIONAL
 from loopid.logs.recording import Recording
-from loopid.regressors.closed_loop import motion_regressor
+from loopid.regressors.motion_regressors import motion_regressor
 from loopid.robot.mechanism import Mechanism
 
 RIDGE = 1e-9  # of columns of size 1, so that a column that is none does no harm

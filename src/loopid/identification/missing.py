@@ -23,7 +23,7 @@ from loopid.identification.estimator import WorkingFit
 from loopid.identification.force_model import ForceModel
 from loopid.identification.jackknife import Jackknife
 from loopid.identification.leaving_out import stretches_of
-from loopid.identification.result import FitResult
+from loopid.identification.result import Fit
 from loopid.logs.recording import Recording
 from loopid.parameters import ParameterSet
 from loopid.records import record
@@ -221,7 +221,7 @@ def missing_forces(
         return tuple(each for each in found if each is not None)
 
 
-def with_missing(fit: FitResult, missing: Sequence[MissingForce]) -> FitResult:
+def with_missing(fit: Fit, missing: Sequence[MissingForce]) -> Fit:
     """A fit whose intervals hold the bias of forces that are missing."""
     biases = [np.outer(each.bias, each.bias) for each in missing]
     return replace(fit, covariance=sum(biases, fit.covariance)) if biases else fit

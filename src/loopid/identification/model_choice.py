@@ -26,7 +26,7 @@ from loopid.kinematics.projection import ClosedMotion, closed_motion
 from loopid.logs.recording import Recording
 from loopid.parameters import MODELS, ParameterSet
 from loopid.records import record
-from loopid.regressors.closed_loop import motion_regressor
+from loopid.regressors.motion_regressors import motion_regressor
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import one_blas_thread
 

@@ -51,9 +51,9 @@ from loopid.identification.plausibility import absurdities
 from loopid.identification.prediction import Candidate, error_ratio, judge, quality_of
 from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import (
-    FitResult,
+    Fit,
     NoiseModel,
-    RobotUncertainty,
+    StandardUncertainty,
     fit_quality,
     nearest_first,
     of_all,
@@ -66,8 +66,8 @@ from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.parameters import ParameterSet, html_table
 from loopid.records import record
-from loopid.regressors.closed_loop import force_parts
 from loopid.regressors.joint_laws import joint_term
+from loopid.regressors.motion_regressors import force_parts
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import one_blas_thread, require_processes
 
@@ -252,7 +252,7 @@ class Identification:
         return replace(self.data, used=used & first), replace(self.data, used=used & ~first)
 
     @property
-    def fit(self) -> FitResult:
+    def fit(self) -> Fit:
         """The recommended values with their uncertainty."""
         return self.recommended.fit
 
@@ -522,7 +522,6 @@ def identify(
             with_delay_errors(each, data, training, delay),
             cutoff=None if cutoff is None else cutoff.chosen,
             use=use,
-            force_model=force_model,
             mistakes=tuple(
                 str(found)
                 for one in suspected
@@ -546,7 +545,12 @@ def identify(
         new = data if left_out else force_model.widened(new, judging)
         judged = _judged(fits, data, new, left, regions)
     judged = {
-        name: replace(each, fit=replace(each.fit, broken=absurdities(force_model, each.fit, data)))
+        name: replace(
+            each,
+            fit=replace(
+                each.fit, model=force_model, broken=absurdities(force_model, each.fit, data)
+            ),
+        )
         for name, each in judged.items()
     }
     parts = tuple(training), tuple(judging), tuple(friction)
@@ -582,11 +586,11 @@ def _errors_by_region(fit: WorkingFit) -> FloatArray:
 
 def _refits(
     force_model: ForceModel,
-    fits: Mapping[str, FitResult],
+    fits: Mapping[str, Fit],
     excited: Identifiability,
     *,
     first: FitSamples | None,
-    known: FitResult | None,
+    known: Fit | None,
     options: FitOptions,
 ) -> dict[str, Callable[[FitSamples], FloatArray]]:
     """For each candidate, values (n,) from a part of the samples; the errors are those of all."""
@@ -626,7 +630,7 @@ def _friction_alone(
     first: FitSamples,
     friction: Sequence[Recording],
     options: FitOptions,
-) -> tuple[ForceModel, FitResult]:
+) -> tuple[ForceModel, Fit]:
     """The terms that an experiment of their own asks for, and their values."""
     whole = fit_all(force_model, first, identifiability(force_model, first), options=options)
     model, _, found = with_friction(force_model, first, friction, whole, options=options.consistent)
@@ -634,7 +638,7 @@ def _friction_alone(
 
 
 def _judged(
-    fits: Mapping[str, FitResult],
+    fits: Mapping[str, Fit],
     data: FitSamples,
     new: FitSamples,
     left: LeftOut | None,
@@ -682,7 +686,7 @@ def fit_all(
     *,
     first: FitSamples | None = None,
     options: FitOptions = FitOptions(),
-) -> FitResult:
+) -> Fit:
     """Fit all parameters that the data tell, by the estimator of the options.
 
     Joint terms whose size the evidence decides are zero: it takes a prior to tell them apart.
@@ -729,7 +733,7 @@ def fit_told(
     excited: Identifiability,
     estimator: Estimator,
     unidentifiable: str,
-) -> FitResult:
+) -> Fit:
     """Fit what data tell; the rest is as in the robot file (n,), unless that is an error."""
     if not excited.unidentifiable:
         try:
@@ -747,7 +751,7 @@ def fit_told(
     return found
 
 
-def widened(found: FitResult, parameters: ParameterSet) -> FitResult:
+def widened(found: Fit, parameters: ParameterSet) -> Fit:
     """A fit of some of the parameters, the others ``assumed`` to be zero."""
     if found.parameters == parameters:
         return found
@@ -761,7 +765,7 @@ def fit_joint_terms(
     data: FitSamples,
     *,
     options: FitOptions = FitOptions(),
-) -> FitResult:
+) -> Fit:
     """Fit the joint terms alone, with the bodies of the robot file: what others have to beat.
 
     Friction and drive inertia are not negative. Bodies are ``assumed``: their covariance is zero,
@@ -773,7 +777,7 @@ def fit_joint_terms(
     # A joint term may lead a combination with bodies, of which the robot file knows a part.
     excitation = Excitation.of(force_model, left.problem) if len(joints) else None
     if excitation is None or not excitation.rank:
-        return FitResult(
+        return Fit(
             estimator=ROBOT_FILE,
             parameters=force_model.parameters,
             actuators=data.actuators,
@@ -808,11 +812,11 @@ def fit_joint_terms(
         of_all(terms, force_model.parameters, joints, values),
         quality=fit_quality(data.problem, values),
         standard_parameters=standard,
-        uncertainty=RobotUncertainty(force_model.base.parameters, gain, *known),
+        uncertainty=StandardUncertainty(force_model.base.parameters, gain, *known),
     )
 
 
-def not_below(least: FloatArray, data: FitSamples, found: FitResult) -> FloatArray:
+def not_below(least: FloatArray, data: FitSamples, found: Fit) -> FloatArray:
     """Values (n,) of a fit from their least ones on, such as friction from zero on.
 
     What the data do not tell stays as it is in the fit.
@@ -835,7 +839,7 @@ def fit_solid_bodies(
     data: FitSamples,
     noise: NoiseModel | None,
     *,
-    known: FitResult | None = None,
+    known: Fit | None = None,
     options: FitOptions = FitOptions(),
 ) -> WorkingFit:
     """Fit all parameters with the robot file weighed, every body solid: as ``consistent_fit``.
@@ -844,7 +848,7 @@ def fit_solid_bodies(
     ----------
     noise : NoiseModel
         Of the forces, as of a fit of all parameters.
-    known : FitResult, optional
+    known : Fit, optional
         Joint terms of an experiment of their own, known to their errors.
     """
     if noise is None:
@@ -864,7 +868,7 @@ def fit_solid_bodies(
     return found
 
 
-def with_assumed(found: FitResult, excited: Identifiability) -> FitResult:
+def with_assumed(found: Fit, excited: Identifiability) -> Fit:
     """A fit, with what the data do not excite ``assumed``."""
     assumed = {*found.assumed, *(excited.assumed if excited.unidentifiable else ())}
     names = found.parameters.names

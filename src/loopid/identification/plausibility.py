@@ -16,7 +16,7 @@ from loopid.errors import OptionError
 from loopid.identification.force_model import ForceModel
 from loopid.identification.friction import friction_curve, frictional_joints
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import FitResult
+from loopid.identification.result import Fit
 from loopid.parameters import KINDS
 from loopid.regressors.joint_laws import joint_term
 from loopid.regressors.joint_terms import JointTerms
@@ -33,7 +33,7 @@ SANE = 'identify with terms="Fc,Fv" and estimator="wls"'
 
 
 @checked
-def absurdities(force_model: ForceModel, fit: FitResult, data: FitSamples) -> tuple[str, ...]:
+def absurdities(force_model: ForceModel, fit: Fit, data: FitSamples) -> tuple[str, ...]:
     """Laws that a fit breaks, a sentence each; none for a sane one.
 
     Friction of a motor does not drive, clear of its band, nor is it by a tenth more than the
@@ -53,16 +53,17 @@ def absurdities(force_model: ForceModel, fit: FitResult, data: FitSamples) -> tu
     return tuple(found)
 
 
-def require_sane(fit: FitResult | None, joint_terms: JointTerms | None, anyway: bool) -> None:
+def require_sane(fit: Fit, anyway: bool) -> None:
     """Refuse a fit that breaks a law, on its logs or by its values, unless asked for anyway.
 
     Raises
     ------
     OptionError
     """
-    if fit is None or anyway:
+    if anyway:
         return
-    broken = fit.broken or tuple(_of_friction(fit, joint_terms))
+    terms = None if fit.model is None else fit.model.joint_terms
+    broken = fit.broken or tuple(_of_friction(fit, terms))
     if broken:
         raise OptionError(
             f"the fit is not fit for use, as {broken[0]}: {SANE}; anyway=True takes it "
@@ -71,7 +72,23 @@ def require_sane(fit: FitResult | None, joint_terms: JointTerms | None, anyway: 
         )
 
 
-def _of_friction(fit: FitResult, joint_terms: JointTerms | None) -> Iterator[str]:
+def require_fit_for_use(fit: Fit, anyway: bool) -> None:
+    """Refuse a fit of a log with a mistake, or one that breaks a law, unless asked for anyway.
+
+    Raises
+    ------
+    OptionError
+    """
+    if fit.mistakes and not anyway:
+        raise OptionError(
+            f"the fit is of a log with a mistake and not fit for use: {fit.mistakes[0]}. Then "
+            "identify again; anyway=True writes it nevertheless",
+            mistakes=fit.mistakes,
+        )
+    require_sane(fit, anyway)
+
+
+def _of_friction(fit: Fit, joint_terms: JointTerms | None) -> Iterator[str]:
     """Of joints whose rates and forces in the log are known."""
     if fit.use is None:
         return
@@ -101,13 +118,13 @@ def _of_friction(fit: FitResult, joint_terms: JointTerms | None) -> Iterator[str
                 break
 
 
-def _units(fit: FitResult, joint: str) -> tuple[str, str]:
+def _units(fit: Fit, joint: str) -> tuple[str, str]:
     """Of the force and of the rate of a joint."""
     turns = any(each.unit.startswith("N m") for each in fit.parameters if each.link == joint)
     return ("N m", "rad/s") if turns else ("N", "m/s")
 
 
-def _of_terms(force_model: ForceModel, fit: FitResult, data: FitSamples, row: int) -> Iterator[str]:
+def _of_terms(force_model: ForceModel, fit: Fit, data: FitSamples, row: int) -> Iterator[str]:
     """Of the contributions to the force of a motor."""
     used, motor = data.used[:, row], data.actuators[row]
     W, most = data.regressor[used, row], float(np.abs(data.force[used, row]).max())

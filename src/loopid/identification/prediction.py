@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, checked, finite
-from loopid.errors import DataError, OptionError
+from loopid.errors import DataError
 from loopid.files import csv_text
 from loopid.identification.cutoff import prepared_at
+from loopid.identification.data import recordings_of
 from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import ROUND_OFF, FitSamples
-from loopid.identification.result import CONSTANT_FORCE, FitResult, Quality
-from loopid.identification.saved import SavedFit, model_of
+from loopid.identification.result import CONSTANT_FORCE, Fit, Quality
 from loopid.logs.recording import Recording
 from loopid.records import Tabular, columns_of, record
-from loopid.robot.mechanism import Mechanism
 
 
 @record
@@ -101,45 +101,13 @@ class Prediction(Tabular):
         return csv_text(names, recording.motion.time, tables.reshape(len(recording), -1))
 
 
-@checked
-def predict(
-    fit: SavedFit | FitResult, robot: Mechanism | ForceModel, recording: Recording
-) -> Prediction:
-    """Forces that a fit gives for the motion of a recording.
+def predictions(fit: Fit, data: Any) -> tuple[Prediction, ...]:
+    """Of data of any form; see ``Fit.predict``."""
+    model = fit.require_model()
+    return tuple(_predicted(fit, model, each) for each in recordings_of(model.mechanism, data))
 
-    Parameters
-    ----------
-    fit : SavedFit or FitResult
-        From ``read_fit``, or of an identification.
-    robot : Mechanism or ForceModel
-        The robot of a fit that is saved, or that ``identify`` made; the force model of others,
-        whose combinations of parameters only that knows.
-    recording : Recording
-        From ``prepare_recording``, of that robot. Where its filter leaves the cut-off open, it is
-        that of the fit.
 
-    Raises
-    ------
-    OptionError
-        When a fit comes without the force model that it needs.
-    DataError
-        When the robot is another one than that of the fit, or has other motors than the recording.
-
-    Examples
-    --------
-    >>> import loopid, tempfile, numpy as np
-    >>> robot = loopid.load_mechanism("four_bar")
-    >>> model = loopid.find_force_model(robot, "full", None)
-    >>> series = loopid.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
-    >>> motion = loopid.joint_motion(robot, series.motion(rate=20))
-    >>> run = loopid.simulate_measurement(robot, motion)
-    >>> recording = loopid.logs.Recording.of_motion(motion, run.force, robot.actuated)
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     fit = loopid.read_fit(loopid.save_fit(f"{folder}/fit.json", model, model.prior))
-    >>> loopid.predict(fit, robot, recording)
-    <Prediction of 'run': R² where motors move: crank_joint 1.000>
-    """
-    model = force_model_of(fit, robot)
+def _predicted(fit: Fit, model: ForceModel, recording: Recording) -> Prediction:
     if recording.actuators != model.mechanism.independent:
         raise DataError(
             f"recording {recording.name} is of {', '.join(recording.actuators)}, but the fit of "
@@ -148,29 +116,10 @@ def predict(
         )
     if fit.cutoff is not None:
         (recording,) = prepared_at(model, [recording], fit.cutoff)
-    samples, known = model.samples(recording), fit.result if isinstance(fit, SavedFit) else fit
-    reach = None
-    if known is not None and known.unseen_rms is not None:
-        reach = prediction_reach(samples.regressor, known.covariance, known.unseen_rms)
+    samples, reach = model.samples(recording), None
+    if fit.unseen_rms is not None:
+        reach = prediction_reach(samples.regressor, fit.covariance, fit.unseen_rms)
     return Prediction(recording, samples.predicted(fit.values), reach)
-
-
-def force_model_of(fit: SavedFit | FitResult, robot: Mechanism | ForceModel) -> ForceModel:
-    """The force model of a fit; see ``predict`` for what it refuses."""
-    if isinstance(fit, SavedFit):
-        return fit.find_force_model(robot if isinstance(robot, Mechanism) else robot.mechanism)
-    own = fit.force_model
-    if isinstance(robot, Mechanism):
-        if own is None or own.mechanism != robot:
-            raise OptionError(
-                "a fit that is not saved needs its ForceModel: give found.force_model in place of "
-                "the robot"
-            )
-        return own.with_loads(fit.values, fit.standard_parameters)
-    model = model_of(fit, robot)
-    if fit.parameters != model.parameters:
-        raise DataError("the fit is of other parameters than the force model has")
-    return model.with_loads(fit.values, fit.standard_parameters)
 
 
 # Stretches of time whose errors count as independent of each other: few, hence long, as errors
@@ -189,7 +138,7 @@ class Candidate:
     Attributes
     ----------
     name : str
-    fit : FitResult
+    fit : Fit
         All n values, with their uncertainty.
     validation : Quality
         On data that were not fitted.
@@ -208,7 +157,7 @@ class Candidate:
     """
 
     name: str
-    fit: FitResult
+    fit: Fit
     validation: Quality
     predicted: FloatArray
     rms_errors: tuple[FloatArray, FloatArray]
@@ -266,12 +215,12 @@ class Candidate:
 
 @checked
 def judge(
-    fit: FitResult,
+    fit: Fit,
     data: FitSamples,
     new: FitSamples,
     *,
     name: str,
-    against: FitResult,
+    against: Fit,
     predicted: tuple[FloatArray, FloatArray] | None = None,
 ) -> Candidate:
     """Judge a fit of data on new data, beside a baseline.
@@ -280,7 +229,7 @@ def judge(
     ----------
     data, new : FitSamples
         Of all parameters: what was fitted, and what was not.
-    against : FitResult
+    against : Fit
         The baseline.
     predicted : tuple of FloatArray, optional
         Forces (N, dof) on the new data, of the fit and of the baseline, where those were not
@@ -384,7 +333,7 @@ def prediction_reach(
     covariance : FloatArray
         (n, n).
     errors : FloatArray, optional
-        (dof,), root mean squares in N or N m, as ``FitResult.unseen_rms``; NaN for unknown ones.
+        (dof,), root mean squares in N or N m, as ``Fit.unseen_rms``; NaN for unknown ones.
 
     Raises
     ------

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import field, fields, replace
 from difflib import SequenceMatcher
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,9 +15,11 @@ from loopid.errors import DataError, OptionError
 from loopid.identification.problem import FitProblem
 from loopid.parameters import ParameterSet, html_table
 from loopid.records import Tabular, record
+from loopid.registry import fit_exports
 
 if TYPE_CHECKING:
     from loopid.identification.force_model import ForceModel
+    from loopid.robot.mechanism import Mechanism
 
 # Squared deviation of a force from its mean, relative to its square, that is but round-off.
 CONSTANT_FORCE = 1e-12
@@ -24,6 +27,7 @@ CONSTANT_FORCE = 1e-12
 LEAST_FREEDOM = 1.0
 # Lines of a ``repr`` that list parameters.
 LISTED = 7
+VALUES = "values"  # estimator of values that nothing was fitted to
 
 
 class OfArrays:
@@ -278,7 +282,7 @@ TOLD = 0.5
 
 
 @record
-class RobotUncertainty(OfArrays):
+class StandardUncertainty(OfArrays):
     """What the covariance of a fit, and the robot file, say of the p standard parameters.
 
     Attributes
@@ -303,7 +307,7 @@ class RobotUncertainty(OfArrays):
 
 
 @record
-class RobotEstimate(Estimate):
+class StandardEstimate(Estimate):
     """All numbers about one parameter of a body or joint.
 
     Attributes
@@ -316,7 +320,7 @@ class RobotEstimate(Estimate):
 
 
 @record
-class FitResult(OfArrays, Tabular):
+class Fit(OfArrays, Tabular):
     """Estimated parameters with their uncertainty, found by their names or sums.
 
     A combination, of which forces determine the sum alone, is called ``<leading parameter> + 3
@@ -350,7 +354,7 @@ class FitResult(OfArrays, Tabular):
     standard_parameters : FloatArray or None
         (p,), standard parameters and joint terms whose base parameters the values are, every body
         solid; None for estimators that find base parameters only.
-    uncertainty : RobotUncertainty or None
+    uncertainty : StandardUncertainty or None
         Of the standard parameters.
     deviation : FileDeviation or None
         Of the robot file, where the fit weighs it.
@@ -360,9 +364,9 @@ class FitResult(OfArrays, Tabular):
         Of groups of joint terms, where there are any.
     use : MotorUse or None
         Rates and loads of the motors in the data; None where they are not known.
-    force_model : ForceModel or None
-        Whose parameters these are, where ``identify`` fitted them: it may have chosen joint terms
-        beside those of the model that it was given.
+    model : ForceModel or None
+        Whose parameters these are, its gears loaded by these values; None for parameters that were
+        fitted to samples alone (``ForceModel.fit_of``).
     settled : bool
         Whether the solver reached the best values, where it takes steps.
     mistakes : tuple of str
@@ -385,7 +389,7 @@ class FitResult(OfArrays, Tabular):
     >>> low, high = found.intervals(0.999).T
     >>> bool(((low < [2.0, 0.5]) & ([2.0, 0.5] < high)).all())
     True
-    >>> found.predict(W).shape
+    >>> found.forces(W).shape
     (500, 1)
     """
 
@@ -402,12 +406,12 @@ class FitResult(OfArrays, Tabular):
     assumed: tuple[str, ...] = ()
     robustness: Robustness | None = None
     standard_parameters: FloatArray | None = None
-    uncertainty: RobotUncertainty | None = None
+    uncertainty: StandardUncertainty | None = None
     deviation: FileDeviation | None = None
     cutoff: float | None = None
     term_deviations: TermDeviations | None = None
     use: MotorUse | None = None
-    force_model: ForceModel | None = field(default=None, compare=False, repr=False)
+    model: ForceModel | None = field(default=None, compare=False, repr=False)
     settled: bool = True
     mistakes: tuple[str, ...] = ()
     unseen_rms: FloatArray | None = None
@@ -420,6 +424,35 @@ class FitResult(OfArrays, Tabular):
         for name in self.assumed:
             if name not in self.parameters.names:
                 raise OptionError.unknown("assumed parameter", name, self.parameters.names)
+        model = self.model
+        if model is None:
+            return
+        if self.parameters != model.parameters or self.values.shape != (len(model.base),):
+            raise DataError(
+                f"a fit of {len(self.parameters)} parameters with values {self.values.shape} is "
+                f"none of the {len(model.base)} base parameters of the force model"
+            )
+        loaded = model.with_loads(self.values, self.standard_parameters)
+        object.__setattr__(self, "model", loaded)
+
+    def require_model(self) -> ForceModel:
+        """The force model.
+
+        Raises
+        ------
+        OptionError
+            Where it is not known.
+        """
+        if self.model is None:
+            raise OptionError(
+                "the fit does not know its force model: give it one, fit = model.fit_of(fit)"
+            )
+        return self.model
+
+    @property
+    def robot(self) -> Mechanism:
+        """The robot of the force model."""
+        return self.require_model().mechanism
 
     @property
     def standard_errors(self) -> FloatArray:
@@ -446,6 +479,20 @@ class FitResult(OfArrays, Tabular):
         reach[[name in self.assumed for name in self.parameters.names]] = np.inf
         return np.stack([self.values - reach, self.values + reach], axis=1)
 
+    def model_for(self, robot: Mechanism | ForceModel, *, anyway: bool = False) -> ForceModel:
+        """The force model of the values, for a robot or its force model; ``Dynamics`` takes it.
+
+        Raises
+        ------
+        OptionError
+            When the fit breaks a law of sane ones (``absurdities``), and is not taken anyway.
+        DataError
+            When the robot is another one.
+        """
+        from loopid.identification.saved import on_robot  # stands on this
+
+        return on_robot(self, robot, anyway=anyway)
+
     def __getitem__(self, name: str) -> Estimate:
         names, sums = self.parameters.names, self.parameters.expressions
         if name in sums:
@@ -454,7 +501,8 @@ class FitResult(OfArrays, Tabular):
             return self.estimates[names.index(name)]
         with_it = [one.name for one in self.parameters if name in (one.label, *one.others)]
         if with_it:
-            of_robot = f'; of the robot, it is fit.robot["{name}"]' if name in self.robot else ""
+            alone = f'; of the robot, it is fit.standard["{name}"]'
+            of_robot = alone if name in self.standard else ""
             raise OptionError(
                 f"the data determine no {name} alone, but in sums: ask for "
                 f"{' or '.join(with_it)}{of_robot}",
@@ -480,7 +528,7 @@ class FitResult(OfArrays, Tabular):
         )
 
     @property
-    def robot(self) -> dict[str, RobotEstimate]:
+    def standard(self) -> dict[str, StandardEstimate]:
         """Masses, first moments, inertias and joint terms of the robot, by their labels.
 
         Empty for fits of base parameters alone. Of what only the robot file tells the interval is
@@ -499,7 +547,7 @@ class FitResult(OfArrays, Tabular):
         numbers = (values, errors, values - reach, values + reach, told)
         rows = zip(known.parameters, *(each.tolist() for each in numbers), strict=True)
         return {
-            p.label: RobotEstimate(value, error, (low, high), p.unit, p.label, told=of_data)
+            p.label: StandardEstimate(value, error, (low, high), p.unit, p.label, told=of_data)
             for p, value, error, low, high, of_data in rows
         }
 
@@ -521,7 +569,7 @@ class FitResult(OfArrays, Tabular):
         low, high = self.intervals().T
         return tuple(self.parameters.names[j] for j in np.flatnonzero((low <= 0) & (high >= 0)))
 
-    def predict(self, regressor: FloatArray) -> FloatArray:
+    def forces(self, regressor: FloatArray) -> FloatArray:
         """Forces (..., dof) of a regressor (..., dof, n)."""
         W = finite(regressor, "regressor")
         dof, n = len(self.actuators), len(self.parameters)
@@ -529,13 +577,183 @@ class FitResult(OfArrays, Tabular):
             raise DataError(f"the regressor must have shape (..., {dof}, {n}), not {W.shape}")
         return np.asarray(W @ self.values, dtype=np.float64)
 
+    # What it predicts, and what it becomes.
+
+    @checked
+    def predict(self, data: Any) -> Any:
+        """Forces of data beside what the fit gives for their motion.
+
+        Parameters
+        ----------
+        data
+            A path, a table, a ``Log`` or a ``Recording`` of the fit's robot; or a list of these.
+            Where a filter leaves the cut-off open, it is that of the fit.
+
+        Returns
+        -------
+        Prediction, or a tuple of them for a list
+
+        Raises
+        ------
+        OptionError
+            When the fit does not know its force model, or the data are nothing of that.
+        DataError
+            When the data are of other motors than the fit.
+
+        Examples
+        --------
+        >>> import loopid
+        >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"), "full", None)
+        >>> model.fit_of(model.prior).predict("urdf/logs/five_bar.csv").moving.samples
+        array([1, 2])
+        """
+        from loopid.identification.prediction import predictions  # stands on this
+
+        found = predictions(self, data)
+        return found if isinstance(data, list | tuple) else found[0]
+
+    def require_bodies(self) -> FloatArray:
+        """Standard parameters and joint terms (p,), which a robot file can be made of.
+
+        Raises
+        ------
+        DataError
+            When the fit is of base parameters only.
+        """
+        if self.standard_parameters is None:
+            raise DataError(
+                f"a fit by {self.estimator} has base parameters, which are those of many bodies: "
+                "identify with the default estimator, whose recommended fit has bodies"
+            )
+        return self.standard_parameters
+
+    @checked
+    def save(self, path: str | Path, *, anyway: bool = False) -> Path:
+        """Write a file with all that it takes to use the fit, for ``load_fit``.
+
+        Parameters
+        ----------
+        path : path
+            Ending in .yaml, .yml or .json; written whole or not at all.
+        anyway : bool
+            Whether a fit that breaks a law of sane ones (``absurdities``) is written.
+
+        Raises
+        ------
+        OptionError
+            When the name ends otherwise, the force model is not known, or the fit breaks a law.
+        FileError
+            When the file cannot be written, or is one of the robot's.
+
+        Examples
+        --------
+        >>> import loopid, tempfile
+        >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"), joint_terms=None)
+        >>> fit = model.fit_of(model.prior)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     fit.save(f"{folder}/fit.json").name
+        'fit.json'
+        """
+        from loopid.identification.saved import save  # stands on this
+
+        return save(self, path, anyway=anyway)
+
+    def record(self) -> dict[str, Any]:
+        """All of it in plain numbers, lists and texts, as it stands in its file."""
+        from loopid.identification.saved import FitFile  # stands on this
+
+        return FitFile.of(self).record()
+
+    @checked
+    def to_robot_file(
+        self, path: str | Path, *, overwrite: bool = False, anyway: bool = False
+    ) -> Path:
+        """Write the robot's own file with these bodies and joint terms; all else in it stays.
+
+        Parameters
+        ----------
+        path : path
+            Ending as the robot's own file does.
+        overwrite : bool
+            Whether the robot's own file may be replaced.
+        anyway : bool
+            Whether a fit is written that is not fit for use: of a log with a mistake, or one that
+            breaks a law of sane ones.
+
+        Raises
+        ------
+        DataError
+            When the fit has base parameters only.
+        OptionError, FileError
+            As ``save``.
+
+        Warns
+        -----
+        ModelWarning
+            Of joint terms that the file has no place for.
+        """
+        found: Path = fit_exports["robot file"](self, path, overwrite=overwrite, anyway=anyway)
+        return found
+
+    @checked
+    def to_c(
+        self, folder: str | Path, *, name: str | None = None, anyway: bool = False
+    ) -> list[Path]:
+        """Write C source for a controller that knows its motors only, with these values.
+
+        Parameters
+        ----------
+        folder : path
+            Made where it is missing.
+        name : str, optional
+            A C identifier that all names begin with; by default made of the robot's.
+        anyway : bool
+            As of ``to_robot_file``.
+
+        Returns
+        -------
+        list of Path
+            Of the header, of the source, and of the same for CasADi.
+
+        Raises
+        ------
+        MissingExtraError
+            When CasADi is not installed.
+        OptionError, FileError
+            As ``save``, and when a joint has no symbolic form.
+        """
+        found: list[Path] = fit_exports["C source"](self, folder, name=name, anyway=anyway)
+        return found
+
+    @checked
+    def to_pinocchio(self, *, anyway: bool = False) -> tuple[Any, Any]:
+        """Pinocchio's model of the open tree with these bodies, and its closures' constraints.
+
+        They are what ``pinocchio.constraintDynamics`` takes. Rotor inertias, viscous and Coulomb
+        friction are in ``armature``, ``damping`` and ``friction``.
+
+        Parameters
+        ----------
+        anyway : bool
+            As of ``to_robot_file``.
+
+        Raises
+        ------
+        DataError
+            When the fit has base parameters only.
+        OptionError
+            Naming a closure that Pinocchio has no contact for, or a law that the fit breaks.
+        """
+        found: tuple[Any, Any] = fit_exports["Pinocchio"](self, anyway=anyway)
+        return found
+
     def __str__(self) -> str:
         return "\n".join(str(estimate) for estimate in self.estimates)
 
     def __repr__(self) -> str:
         more = len(self.values) - LISTED
         lines = [
-            f"FitResult of {self.estimator}: {len(self.values)} parameters from "
+            f"Fit of {self.estimator}: {len(self.values)} parameters from "
             f"{int(self.quality.samples.sum())} forces of {len(self.actuators)} actuators, "
             f"condition number {self.condition_number:.4g}",
             *map(str, self.estimates[:LISTED]),
@@ -552,9 +770,7 @@ class FitResult(OfArrays, Tabular):
         return html_table(head, rows)
 
 
-def of_all(
-    found: FitResult, parameters: ParameterSet, columns: IntArray, others: FloatArray
-) -> FitResult:
+def of_all(found: Fit, parameters: ParameterSet, columns: IntArray, others: FloatArray) -> Fit:
     """A fit of some columns of all n parameters, the others ``assumed`` at values (n,)."""
     names = parameters.names
     known = {names[j] for j in columns} - {*found.assumed}

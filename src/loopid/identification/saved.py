@@ -1,8 +1,8 @@
-"""Saved fits: one schema for everything that is identified and written to a file.
+"""The file of a fit: all that it takes to use its values, written and read.
 
-A file holds all that it takes to use its values: which combinations of standard parameters they
-are, the options of the force model, how the robot was loaded, and states with the forces there, by
-which the robot is known again. Reading one never repeats a search for base parameters.
+It holds which combinations of standard parameters the values are, the options of the force model,
+how the robot was loaded, and states with the forces there, by which the robot is known again.
+Reading never repeats a search for base parameters. A digest shows whether a file was changed.
 """
 
 from __future__ import annotations
@@ -31,23 +31,22 @@ from loopid.identification.force_model import ForceModel
 from loopid.identification.plausibility import require_sane
 from loopid.identification.result import (
     FileDeviation,
-    FitResult,
+    Fit,
     MotorUse,
     NoiseModel,
     Quality,
-    RobotUncertainty,
     Robustness,
+    StandardUncertainty,
     TermDeviations,
 )
 from loopid.kinematics.constraint import constraint_residual
-from loopid.kinematics.projection import closed_motion
 from loopid.kinematics.sampling import random_configurations
 from loopid.loading.closure import Closure, Coupling
-from loopid.loading.files import bundled_robots, files_of
+from loopid.loading.files import bundled_directory, files_of
 from loopid.loading.load import load_mechanism
-from loopid.parameters import KINDS, Parameter, ParameterSet
-from loopid.regressors.closed_loop import motion_parameters, motion_regressor
-from loopid.regressors.joint_terms import JointTerms, load_places, with_loads
+from loopid.parameters import Parameter, ParameterSet
+from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.motion_regressors import motion_parameters
 from loopid.regressors.structural import structural_observation
 from loopid.robot.mechanism import Mechanism
 from loopid.yaml_files import LARGE, load_yaml
@@ -55,8 +54,8 @@ from loopid.yaml_files import LARGE, load_yaml
 ENDINGS = (".yaml", ".yml", ".json")
 LARGEST_JSON = 5 * LARGE  # bytes: a line a number
 STATES = 3  # of the robot, by which it is known again
-# Relative difference of closures, forces and columns up to which a robot is the same; of base
-# parameters from those of the standard parameters.
+# Relative difference of closures, forces and columns of one robot; of base parameters from those of
+# the standard parameters.
 SAME_ROBOT, FOLLOWS = 1e-6, 1e-9
 NO_EFFECT = 1e-10  # of a column, relative to the largest
 
@@ -81,7 +80,7 @@ class _Section(BaseModel):
     )
 
 
-class SavedOptions(_Section):
+class _Options(_Section):
     """Arguments of ``load_mechanism`` beside the path."""
 
     closures: tuple[Closure | Coupling, ...] = ()
@@ -95,18 +94,18 @@ class SavedOptions(_Section):
     xacro: dict[str, str] = Field(default={})
 
 
-class SavedRobot(_Section):
-    """The robot: name, path then, SHA-256 of its files, how they were loaded, its coordinates."""
+class _Robot(_Section):
+    """Name, path then, SHA-256 of the files, how they were loaded, coordinates."""
 
     name: str
     path: str = ""
     files: dict[str, str]
-    options: SavedOptions
+    options: _Options
     coordinates: tuple[str, ...] = Field(min_length=1)
 
 
-class SavedForceModel(_Section):
-    """The options of the force model; forces are along the coordinates named by its rows."""
+class _Model(_Section):
+    """Options of the force model; forces are along the coordinates named by its rows."""
 
     model: Literal["gravity", "full"]
     rows: tuple[str, ...] = Field(min_length=1)
@@ -114,36 +113,30 @@ class SavedForceModel(_Section):
     joint_terms: JointTerms | None = None
 
 
-class SavedStandard(_Section):
-    """A standard parameter or joint term, with its value where the fit has bodies.
-
-    ``told`` is whether the data tell it, or only the robot file.
-    """
+class _Standard(_Section):
+    """A standard parameter or joint term, with its value where the fit has bodies."""
 
     name: str
     unit: str
     value: Finite | None = None
     standard_error: Number | None = None
-    told: bool | None = None
+    told: bool | None = None  # by the data, not by the robot file alone
 
 
-class SavedBase(_Section):
-    """A base parameter: coefficients of standard parameters, 1 of the first, which leads it.
-
-    The name of a combination is ``<leading parameter> + 3 more``.
-    """
+class _Base(_Section):
+    """A base parameter: coefficients of standard parameters, 1 of the first, which leads it."""
 
     name: str
     unit: str
     expression: str
     value: Finite
-    standard_error: Number = math.nan
-    relative_std_percent: Number = math.nan
-    interval_95_percent: tuple[Number, Number] = (math.nan, math.nan)
+    standard_error: Number
+    relative_std_percent: Number
+    interval_95_percent: tuple[Number, Number]
     terms: dict[str, Finite]
 
 
-class SavedState(_Section):
+class _State(_Section):
     """A state of the robot, and the forces that the values give there."""
 
     configuration: Array
@@ -152,8 +145,8 @@ class SavedState(_Section):
     force: Array
 
 
-class SavedUncertainty(_Section):
-    """``RobotUncertainty`` of the standard parameters."""
+class _Uncertainty(_Section):
+    """``StandardUncertainty`` without its names."""
 
     gain: Array
     beside: Array
@@ -161,8 +154,8 @@ class SavedUncertainty(_Section):
     degrees_of_freedom: Infinite
 
 
-class SavedEstimate(_Section):
-    """What a ``FitResult`` has beside values, covariance and standard parameters."""
+class _Estimate(_Section):
+    """What a ``Fit`` has beside values, covariance and standard parameters."""
 
     estimator: str
     actuators: tuple[str, ...]
@@ -173,71 +166,64 @@ class SavedEstimate(_Section):
     assumed: tuple[str, ...]
     noise: NoiseModel | None = None
     robustness: Robustness | None = None
-    uncertainty: SavedUncertainty | None = None
+    uncertainty: _Uncertainty | None = None
     deviation: FileDeviation | None = None
     cutoff: Annotated[float, Field(gt=0, le=LARGEST)] | None = None
     term_deviations: TermDeviations | None = None
     use: MotorUse | None = None
+    settled: bool = True
     mistakes: tuple[str, ...] = ()
     unseen_rms: Column | None = None
     broken: tuple[str, ...] = ()
 
 
-class SavedFit(_Section):
-    """Values of base parameters with all that it takes to use them; from ``read_fit``.
+class FitFile(_Section):
+    """What the file of a fit says; ``load_fit`` makes the ``Fit`` of it.
 
     Attributes
     ----------
-    robot : SavedRobot
-    force_model : SavedForceModel
-    standard_parameters : tuple of SavedStandard
-        All p standard parameters and joint terms.
-    base_parameters : tuple of SavedBase
-        The r base parameters.
-    covariance : FloatArray or None
+    robot, force_model
+        What the fit is of.
+    standard_parameters, base_parameters : tuple
+        All p standard parameters and joint terms, and the r base parameters.
+    covariance : FloatArray
         (r, r).
-    check : tuple of SavedState
-    estimate : SavedEstimate or None
-        Where a ``FitResult`` was saved.
+    check : tuple
+        States with their forces.
+    estimate
+        All else that is known of the values.
     digest : str or None
-        SHA-256 of all but names and paths of the robot, by which a changed file is known; None
-        before it is written.
+        SHA-256 of all but names and paths of the robot; None before it is written.
     """
 
     format: Literal["loopid fit"] = "loopid fit"
-    version: Literal[1] = 1
+    version: Literal[2] = 2
     loopid: str
-    robot: SavedRobot
-    force_model: SavedForceModel
-    standard_parameters: tuple[SavedStandard, ...] = Field(min_length=1)
-    base_parameters: tuple[SavedBase, ...] = Field(min_length=1)
-    covariance: Array | None = None
-    check: tuple[SavedState, ...] = Field(min_length=1)
-    estimate: SavedEstimate | None = None
+    robot: _Robot
+    force_model: _Model
+    standard_parameters: tuple[_Standard, ...] = Field(min_length=1)
+    base_parameters: tuple[_Base, ...] = Field(min_length=1)
+    covariance: Array
+    check: tuple[_State, ...] = Field(min_length=1)
+    estimate: _Estimate
     digest: str | None = None
 
     @classmethod
-    def of(cls, model: ForceModel, fit: FitResult | FloatArray) -> SavedFit:
-        """What is saved of a fit, or of values (r,), of the parameters of a force model.
-
-        Raises
-        ------
-        DataError
-            When the fit is not one of these parameters, or has standard parameters of others.
-        """
-        estimate = fit if isinstance(fit, FitResult) else None
-        model = model if estimate is None else model_of(estimate, model)
-        robot, base, values = model.mechanism, model.base, _values_of(model, fit)
-        bodies = None if estimate is None else estimate.standard_parameters
-        standard = [None] * len(base.parameters) if bodies is None else bodies.tolist()
-        rows = () if estimate is None else estimate.robot.values()
-        known = [{"standard_error": x.standard_error, "told": x.told} for x in rows]
+    def of(cls, fit: Fit) -> FitFile:
+        """What is written of a fit, which knows its model."""
+        model = fit.require_model()
+        _require_own_bodies(fit, model)
+        robot, base, bodies = model.mechanism, model.base, fit.standard_parameters
+        known: list[dict[str, Any]] = [
+            {"value": x.value, "standard_error": x.standard_error, "told": x.told}
+            for x in fit.standard.values()
+        ] or [{"value": x} for x in ([None] * len(base.parameters) if bodies is None else bodies)]
         return cls.model_validate(
             {
                 "loopid": version("loopid"),
                 "robot": {
                     "name": robot.name,
-                    "path": "" if robot.path is None else str(robot.path),
+                    "path": _place(robot),
                     "files": _hashes(robot),
                     "options": dict(robot.options),
                     "coordinates": robot.coordinates,
@@ -249,36 +235,74 @@ class SavedFit(_Section):
                     "joint_terms": model.joint_terms,
                 },
                 "standard_parameters": tuple(
-                    {"name": parameter.label, "unit": parameter.unit, "value": value, **more}
-                    for parameter, value, more in zip(
-                        base.parameters, standard, known or [{}] * len(standard), strict=True
-                    )
+                    {"name": parameter.label, "unit": parameter.unit, **more}
+                    for parameter, more in zip(base.parameters, known, strict=True)
                 ),
-                "base_parameters": tuple(_entries(model, values, estimate)),
-                "covariance": estimate and estimate.covariance,
-                "check": tuple(_states(model.with_loads(values, bodies), values)),
-                "estimate": estimate,
+                "base_parameters": tuple(
+                    {
+                        **{"name": x.name, "unit": x.unit, "value": x.value},
+                        **{"expression": expression(terms), "terms": dict(terms)},
+                        "standard_error": x.standard_error,
+                        "relative_std_percent": x.relative_std,
+                        "interval_95_percent": x.interval,
+                    }
+                    for x, terms in zip(fit.estimates, base.terms, strict=True)
+                ),
+                "covariance": fit.covariance,
+                "check": tuple(_states(model, fit.values)),
+                "estimate": fit,
             }
         )
 
-    def __repr__(self) -> str:
-        kind = "values" if self.estimate is None else self.estimate.estimator
-        return (
-            f"<SavedFit of {self.robot.name}: {len(self.base_parameters)} base parameters, "
-            f"{self.force_model.model} model, {kind}>"
-        )
+    @classmethod
+    def read(cls, path: str | Path) -> FitFile:
+        """Read a file; see ``load_fit`` for what is refused."""
+        document = _document(Path(path))
+        try:
+            found, record = cls.model_validate_json(document), json.loads(document)
+        except ValidationError as error:
+            raise refusal(error, where=f"{path} is not a saved fit", kind=DataError) from error
+        except (TypeError, OverflowError) as error:  # of whole numbers that are none
+            raise DataError(f"{path} is not a saved fit: {error}") from error
+        if found.digest != digest(record):
+            raise DataError(
+                f"{path} was changed after it was written: its digest is not that of its content, "
+                "so write it anew by fit.save",
+                field="digest",
+            )
+        return found
 
-    __str__ = __repr__
+    def record(self) -> dict[str, Any]:
+        """All of it in plain numbers, lists and texts, as it stands in the file."""
+        record: dict[str, Any] = _plain(self.model_dump(exclude={"digest"}))
+        return record | {"digest": digest(record)}
+
+    # What it is made into.
+
+    def fit(self, model: ForceModel | None = None) -> Fit:
+        """The fit, the same to the bit; with its force model, where that is made."""
+        standard = np.array([each.value for each in self.standard_parameters], dtype=np.float64)
+        estimate = dict(self.estimate)
+        if (known := self.estimate.uncertainty) is not None:
+            estimate["uncertainty"] = StandardUncertainty(self.standard, **dict(known))
+        return Fit(
+            parameters=self.parameters,
+            values=np.array([base.value for base in self.base_parameters]),
+            covariance=self.covariance,
+            standard_parameters=None if np.isnan(standard).any() else standard,
+            model=model,
+            **estimate,
+        )
 
     @property
     def standard(self) -> ParameterSet:
         """Names of all p standard parameters and joint terms."""
-        return _parameter_set(self.standard_parameters)
-
-    @property
-    def standard_values(self) -> FloatArray:
-        """Values (p,) of the standard parameters; NaN where the file gives none."""
-        return np.array([standard.value for standard in self.standard_parameters], dtype=np.float64)
+        return ParameterSet(
+            tuple(
+                replace(Parameter.parse(each.name), unit=each.unit)
+                for each in self.standard_parameters
+            )
+        )
 
     @property
     def parameters(self) -> ParameterSet:
@@ -286,123 +310,57 @@ class SavedFit(_Section):
         found = []
         for base in self.base_parameters:
             leading, *others = base.terms
-            found.append(
-                replace(
-                    Parameter.parse(leading),
-                    unit=base.unit,
-                    others=tuple(others),
-                    expression=base.expression,
-                )
-            )
+            own = replace(Parameter.parse(leading), unit=base.unit, others=tuple(others))
+            found.append(replace(own, expression=base.expression))
         return ParameterSet(tuple(found))
 
-    @property
-    def values(self) -> FloatArray:
-        """Base parameters (r,)."""
-        return np.array([base.value for base in self.base_parameters])
-
-    @property
-    def matrix(self) -> FloatArray:
-        """M (r, p) of Φ_base = M Φ."""
-        rows = [
-            [base.terms.get(label, 0.0) for label in self.standard.labels]
-            for base in self.base_parameters
-        ]
-        return np.array(rows)
-
-    @property
-    def cutoff(self) -> float | None:
-        """In Hz, of the filter, where it was chosen by predictions."""
-        return None if self.estimate is None else self.estimate.cutoff
-
-    @property
-    def result(self) -> FitResult | None:
-        """The fit as it was saved; None where only values were."""
-        if self.estimate is None or self.covariance is None:
-            return None
-        standard, estimate = self.standard_values, dict(self.estimate)
-        if (known := self.estimate.uncertainty) is not None:
-            estimate["uncertainty"] = RobotUncertainty(self.standard, **dict(known))
-        return FitResult(
-            parameters=self.parameters,
-            values=self.values,
-            covariance=self.covariance,
-            standard_parameters=None if np.isnan(standard).any() else standard,
-            **estimate,
-        )
-
     def load_robot(self, file: str | Path | None = None) -> Mechanism:
-        """The robot of the fit, loaded as it was then: from a file, or from where it was.
+        """The robot, loaded as it was then: from a file, or from where it was.
 
         Raises
         ------
         FileError
             When it is no longer there.
         """
-        options, own = dict(self.robot.options), self.robot
-        if file is not None:
-            return load_mechanism(file, **options)
-        if not own.path:
+        own = self.robot
+        if file is None and not own.path:
             raise FileError(
                 f"the robot of the fit, {own.name}, was made in Python: make it again, for "
-                "saved.find_force_model(robot)",
+                "load_fit(path, robot)",
                 robot=own.name,
             )
         try:
-            return load_mechanism(own.path, **options)
+            return load_mechanism(own.path if file is None else file, **dict(own.options))
         except FileError:
-            if own.name in bundled_robots():
-                return load_mechanism(own.name, **options)
+            if file is not None:
+                raise
             raise FileError(
                 f"the robot of the fit, {own.name}, is no longer at {own.path}: say where it is, "
-                'file="FILE"',
+                'robot="FILE"',
                 file=own.path,
             ) from None
 
-    @checked
-    def require(self, mechanism: Mechanism) -> None:
-        """Refuse a mechanism on which the values would give other forces.
+    def model_of(self, mechanism: Mechanism) -> ForceModel:
+        """The force model of a mechanism with the base parameters of the file.
 
-        Names of coordinates, rows and parameters must agree, and gravity; the states of the fit
-        must close the loops, and give the forces of the file, to ``SAME_ROBOT``. Inertials may
-        differ, as in robot files that were exported.
+        Nothing is searched. The file's combinations are checked against the structural observation
+        of the mechanism. Names of coordinates, rows and parameters must agree, and gravity; the
+        states must close the loops, and give the forces of the file, to ``SAME_ROBOT``. Inertials
+        may differ, as in robot files that were exported.
 
         Raises
         ------
         DataError
-            Naming both robots, and the first thing that differs.
+            When the mechanism is another one, naming both and the first thing that differs.
         """
         difference = next(_differences(self, mechanism), None)
         if difference is not None:
             raise self._refusal(mechanism, difference)
-
-    @property
-    def _leading(self) -> list[int]:
-        labels = self.standard.labels
-        return [labels.index(next(iter(base.terms))) for base in self.base_parameters]
-
-    @checked
-    def find_force_model(self, mechanism: Mechanism) -> ForceModel:
-        """The force model of a mechanism with the base parameters of the file.
-
-        Nothing is searched: the combinations are those of the file, checked against the structural
-        observation of the mechanism.
-
-        Raises
-        ------
-        DataError
-            When the mechanism is another one.
-        """
-        self.require(mechanism)
         kind, terms = self.force_model.model, self.force_model.joint_terms
         observation = structural_observation(mechanism, kind, joint_terms=terms)
-        structure, M, base = analyse(observation), self.matrix, np.array(self._leading)
-        R, sizes = observation.factor, np.linalg.norm(observation.factor, axis=0)
-        errors = np.linalg.norm(R - R[:, base] @ M, axis=0)
-        allowed = SAME_ROBOT * (sizes + sizes[base] @ np.abs(M)) + NO_EFFECT * sizes.max()
-        if (errors > allowed).any():
-            worst = self.standard.labels[int(np.argmax(errors / allowed))]
-            raise self._refusal(mechanism, f"{worst} has other coefficients there")
+        structure, labels = analyse(observation), self.standard.labels
+        M = np.array([[each.terms.get(x, 0.0) for x in labels] for each in self.base_parameters])
+        base = np.array([labels.index(next(iter(each.terms))) for each in self.base_parameters])
         dependent = np.setdiff1d(structure.columns, base)
         chosen = tuple(np.searchsorted(structure.columns, dependent).tolist())
         found = BaseParameters(
@@ -413,54 +371,27 @@ class SavedFit(_Section):
             regrouping=frozen(M[:, dependent]),
             search=SearchResult("saved", "nullspace", chosen, math.nan, False, 1, 0),
         )
-        standard = self.standard_values
-        known = None if np.isnan(standard).any() else standard
-        return ForceModel(mechanism, kind, terms, found).with_loads(self.values, known)
+        model = ForceModel(mechanism, kind, terms, found)
+        self._require_forces(self.fit(model))
+        R, sizes = observation.factor, np.linalg.norm(observation.factor, axis=0)
+        errors = np.linalg.norm(R - R[:, base] @ M, axis=0)
+        allowed = SAME_ROBOT * (sizes + sizes[base] @ np.abs(M)) + NO_EFFECT * sizes.max()
+        if (errors > allowed).any():
+            worst = labels[int(np.argmax(errors / allowed))]
+            raise self._refusal(mechanism, f"{worst} has other coefficients there")
+        return model
 
-    def require_bodies(self) -> FloatArray:
-        """Standard parameters and joint terms (p,), which a robot file can be made of.
-
-        Raises
-        ------
-        DataError
-            When the fit is of base parameters only.
-        """
-        values = self.standard_values
-        if np.isnan(values).any():
-            kind = "values" if self.estimate is None else self.estimate.estimator
-            raise DataError(
-                f"a fit by {kind} has base parameters, which are those of many bodies: identify "
-                "with the default estimator, and save the recommended fit, which has bodies"
-            )
-        return values
-
-    def record(self) -> dict[str, Any]:
-        """All of it in plain numbers, lists and texts, as it stands in the file."""
-        record: dict[str, Any] = _plain(self.model_dump(exclude={"digest"}))
-        return record | {"digest": _digest(record)}
-
-    def require_sane(self, *, anyway: bool = False) -> None:
-        """Refuse a fit that breaks a law of sane ones (``absurdities``), unless asked for anyway.
-
-        Raises
-        ------
-        OptionError
-        """
-        require_sane(self.result, self.force_model.joint_terms, anyway)
-
-    def content(self, path: str | Path, *, anyway: bool = False) -> str:
-        """The content of a file of that name: JSON, which is YAML, but read 16 times faster.
-
-        Refused as by ``require_sane``.
-        """
-        _ending(path)
-        self.require_sane(anyway=anyway)
-        return json.dumps(self.record(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
-    def save(self, path: str | Path, *, anyway: bool = False) -> Path:
-        """Write to a file, whole or not at all; see ``save_fit``."""
-        write_file(path, self.content(path, anyway=anyway))
-        return Path(path)
+    def _require_forces(self, fit: Fit) -> None:
+        """Refuse a fit whose forces are others at the states of the file."""
+        model, *states = fit.require_model(), *_columns(self.check)
+        apart = np.abs(_forces(model, fit.values, *states[:3]) - states[3]).max(axis=0)
+        k = int(apart.argmax())
+        if apart[k] > SAME_ROBOT * np.abs(states[3]).max():
+            row = self.force_model.rows[k]
+            terms = model.joint_terms
+            why = " (bodies that load joints count)" if terms is not None and terms.loaded else ""
+            said = f"the force along {row} differs by {apart[k]:.3g} there{why}"
+            raise self._refusal(model.mechanism, said)
 
     def _refusal(self, mechanism: Mechanism, difference: str) -> DataError:
         hashes = _hashes(mechanism).items()
@@ -471,145 +402,82 @@ class SavedFit(_Section):
         )
 
 
-def model_of(fit: FitResult, model: ForceModel) -> ForceModel:
-    """The force model, or the one that ``identify`` made of it where it chose joint terms."""
-    own = fit.force_model
-    if own is None or fit.parameters == model.parameters or own.mechanism != model.mechanism:
-        return model
-    return own.with_loads(fit.values, fit.standard_parameters)
-
-
-def _values_of(model: ForceModel, fit: FitResult | FloatArray) -> FloatArray:
-    """Base parameters (r,) of a fit, which must be those of the force model."""
-    fitted = model.parameters
-    if isinstance(fit, FitResult):
-        fitted, values = fit.parameters, fit.values
-    else:
-        values = finite(fit, "values")
-    if fitted != model.parameters or values.shape != (len(model.base),):
-        raise DataError(
-            f"a fit of {len(fitted)} parameters with values {values.shape} is none of the "
-            f"{len(model.base)} base parameters of the force model"
-        )
-    bodies = fit.standard_parameters if isinstance(fit, FitResult) else None
-    if bodies is not None:
-        made, size = model.base.values(bodies), np.abs(model.base.matrix) @ np.abs(bodies)
-        apart = np.abs(made - values) > FOLLOWS * (size + np.abs(values))
-        if apart.any():
-            k = int(apart.argmax())
-            name = fitted.labels[k]
-            raise DataError(
-                f"standard parameters of the fit make {name} {made[k]:.6g}, not {values[k]:.6g}",
-                parameter=name,
-            )
-    return values
-
-
-def _entries(
-    model: ForceModel, values: FloatArray, fit: FitResult | None
-) -> Iterator[dict[str, Any]]:
-    """An entry for each base parameter, with its uncertainty where there is a fit."""
-    columns = zip(model.parameters, model.base.terms, values.tolist(), strict=True)
-    estimates = fit.estimates if fit is not None else ()
-    for k, (parameter, terms, value) in enumerate(columns):
-        entry = {"name": parameter.name, "unit": parameter.unit, "value": value}
-        entry |= {"expression": expression(terms), "terms": dict(terms)}
-        for estimate in estimates[k : k + 1]:
-            entry["standard_error"] = estimate.standard_error
-            entry["relative_std_percent"] = estimate.relative_std
-            entry["interval_95_percent"] = estimate.interval
-        yield entry
-
-
-def _states(model: ForceModel, values: FloatArray) -> Iterator[dict[str, FloatArray]]:
-    """Random states, the same for the same robot, and the forces there."""
-    q = random_configurations(model.mechanism, STATES, seed=0)
-    shape = 2, STATES, len(model.mechanism.independent)
-    v, a = np.random.default_rng(0).standard_normal(shape)
-    W = model.base.regressor(model.standard_regressor(q, v, a))
-    force = model.loaded(W) @ values
-    for state in zip(q, v, a, force, strict=True):
-        yield dict(zip(SavedState.model_fields, state, strict=True))
-
-
 @checked
-def save_fit(
-    path: str | Path, model: ForceModel, fit: FitResult | FloatArray, *, anyway: bool = False
-) -> Path:
-    """Save a fit with all that it takes to use it: for ``read_fit`` and ``loopid export``.
+def load_fit(path: str | Path, robot: Mechanism | str | Path | None = None) -> Fit:
+    """Read a fit that ``Fit.save`` wrote, the same to the bit, with its force model.
 
     Parameters
     ----------
     path : path
-        Ending in .yaml, .yml or .json; written whole or not at all.
-    model : ForceModel
-        Whose parameters were fitted, or that ``identify`` was given.
-    fit : FitResult or FloatArray
-        Or values (r,) of the base parameters.
-    anyway : bool
-        Whether a fit that breaks a law of sane ones (``absurdities``) is written.
+        Ending in .yaml, .yml or .json.
+    robot : Mechanism or path, optional
+        The robot, or its file; by default from where it was, loaded as it was.
 
     Raises
     ------
-    DataError
-        When the fit is not one of the parameters of the force model.
-    OptionError
-        When the name ends otherwise, or the fit breaks a law.
     FileError
-        When the file cannot be written, or is one of the robot's.
+        When there is no such file, or the robot is no longer where it was.
+    DataError
+        When it is no saved fit, or was changed; when the robot is another one.
+    OptionError
+        When the name ends otherwise.
 
     Examples
     --------
     >>> import loopid, tempfile
     >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"), joint_terms=None)
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     loopid.save_fit(f"{folder}/fit.json", model, model.prior).name
-    'fit.json'
+    ...     path = model.fit_of(1.1 * model.prior).save(f"{folder}/fit.yaml")
+    ...     fit = loopid.load_fit(path)
+    >>> fit.robot.name, fit.parameters == model.parameters
+    ('five_bar', True)
     """
-    require_other_file(path, *robot_files(model.mechanism))
-    return SavedFit.of(model, fit).save(path, anyway=anyway)
+    file = FitFile.read(path)
+    own = robot if isinstance(robot, Mechanism) else file.load_robot(robot)
+    return file.fit(file.model_of(own))
 
 
-@checked
-def read_fit(path: str | Path) -> SavedFit:
-    """Read a fit that ``save_fit`` wrote, the same to the bit.
+def on_robot(fit: Fit, robot: Mechanism | ForceModel, *, anyway: bool = False) -> ForceModel:
+    """The force model of a fit, of a robot that is the fit's or has other inertials alone."""
+    if fit.model is None and isinstance(robot, ForceModel):
+        fit = robot.fit_of(fit)
+    own = robot if isinstance(robot, Mechanism) else robot.mechanism
+    require_sane(fit, anyway)
+    if fit.robot != own:
+        fit = FitFile.of(fit).model_of(own).fit_of(fit)
+    return fit.require_model()
 
-    Raises
-    ------
-    FileError
-        When there is no such file.
-    DataError
-        When it is no saved fit, or damaged: what is missing or makes no sense.
-    OptionError
-        When the name ends otherwise than .yaml, .yml or .json.
 
-    Examples
-    --------
-    >>> import loopid, tempfile
-    >>> robot = loopid.load_mechanism("five_bar")
-    >>> model = loopid.find_force_model(robot, joint_terms=None)
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = loopid.save_fit(f"{folder}/fit.yaml", model, 1.1 * model.prior)
-    ...     saved = loopid.read_fit(path)
-    >>> saved
-    <SavedFit of five_bar: 6 base parameters, gravity model, values>
-    >>> saved.find_force_model(robot).parameters == model.parameters
-    True
-    """
-    document = _document(Path(path))
-    try:
-        saved = SavedFit.model_validate_json(document)
-    except ValidationError as error:
-        raise refusal(error, where=f"{path} is not a saved fit", kind=DataError) from error
-    except (TypeError, OverflowError) as error:  # of whole numbers that are none
-        raise DataError(f"{path} is not a saved fit: {error}") from error
-    if saved.digest != _digest(json.loads(document)):
+def _require_own_bodies(fit: Fit, model: ForceModel) -> None:
+    """Refuse bodies that make other base parameters than those of the fit."""
+    bodies = fit.standard_parameters
+    if bodies is None:
+        return
+    made, size = model.base.values(bodies), np.abs(model.base.matrix) @ np.abs(bodies)
+    apart = np.abs(made - fit.values) > FOLLOWS * (size + np.abs(fit.values))
+    if apart.any():
+        k = int(apart.argmax())
+        name = fit.parameters.labels[k]
         raise DataError(
-            f"{path} was changed after it was written: its digest is not that of its content, so "
-            "write it anew by save_fit",
-            field="digest",
+            f"standard parameters of the fit make {name} {made[k]:.6g}, not {fit.values[k]:.6g}",
+            parameter=name,
         )
-    return saved
+
+
+def save(fit: Fit, path: str | Path, *, anyway: bool = False) -> Path:
+    """Write a fit; see ``Fit.save``."""
+    text = content(fit, path, anyway=anyway)
+    require_other_file(path, *robot_files(fit.robot))
+    write_file(path, text)
+    return Path(path)
+
+
+def content(fit: Fit, path: str | Path, *, anyway: bool = False) -> str:
+    """The content of a file of that name: JSON, which is YAML, but read 16 times faster."""
+    _ending(path)
+    require_sane(fit, anyway)
+    record = FitFile.of(fit).record()
+    return json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _document(path: Path) -> bytes | str:
@@ -627,7 +495,7 @@ def _document(path: Path) -> bytes | str:
     return content
 
 
-def _digest(record: dict[str, Any]) -> str:
+def digest(record: dict[str, Any]) -> str:
     """SHA-256 of a record but for where its robot was, which may move."""
     place = ("name", "path", "files")
     robot = {key: value for key, value in record["robot"].items() if key not in place}
@@ -653,52 +521,60 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _parameter_set(entries: Iterable[SavedStandard | SavedBase]) -> ParameterSet:
-    return ParameterSet(
-        tuple(replace(Parameter.parse(entry.name), unit=entry.unit) for entry in entries)
-    )
+def _states(model: ForceModel, values: FloatArray) -> Iterator[dict[str, FloatArray]]:
+    """Random states, the same for the same robot, and the forces there."""
+    q = random_configurations(model.mechanism, STATES, seed=0)
+    shape = 2, STATES, len(model.mechanism.independent)
+    v, a = np.random.default_rng(0).standard_normal(shape)
+    for state in zip(q, v, a, _forces(model, values, q, v, a), strict=True):
+        yield dict(zip(_State.model_fields, state, strict=True))
 
 
-def _differences(saved: SavedFit, mechanism: Mechanism) -> Iterator[str]:
+def _columns(states: Iterable[_State]) -> list[FloatArray]:
+    return [np.array([getattr(each, part) for each in states]) for part in _State.model_fields]
+
+
+def _forces(
+    model: ForceModel, values: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray
+) -> FloatArray:
+    W = model.base.regressor(model.standard_regressor(q, v, a))
+    return np.asarray(model.loaded(W) @ values)
+
+
+def _differences(file: FitFile, mechanism: Mechanism) -> Iterator[str]:
     """What makes a mechanism another robot: only the first counts, the next build on it."""
-    kind, terms = saved.force_model.model, saved.force_model.joint_terms
+    kind, terms = file.force_model.model, file.force_model.joint_terms
     known = {*mechanism.joints, *mechanism.coordinates}
     missing = set(() if terms is None else terms.joints) - known
     if missing:
         yield f"that has no joint {min(missing)}"
     for what, there, here in (
-        ("coordinate", mechanism.coordinates, saved.robot.coordinates),
-        ("row", mechanism.independent, saved.force_model.rows),
-        ("parameter", motion_parameters(mechanism, kind, terms).labels, saved.standard.labels),
+        ("coordinate", mechanism.coordinates, file.robot.coordinates),
+        ("row", mechanism.independent, file.force_model.rows),
+        ("parameter", motion_parameters(mechanism, kind, terms).labels, file.standard.labels),
     ):
         for one, other in zip_longest(there, here):
             if one != other:
                 yield f"{what} {other or 'none'} is where that has {one or 'none'}"
     gravity = mechanism.model.gravity.linear.tolist()
-    if not np.allclose(gravity, saved.force_model.gravity, rtol=SAME_ROBOT):
-        yield f"gravity is {gravity} m/s² there, not {list(saved.force_model.gravity)}"
-    q, v, a, force = (
-        np.array([getattr(state, part) for state in saved.check])
-        for part in ("configuration", "velocity", "acceleration", "force")
+    if not np.allclose(gravity, file.force_model.gravity, rtol=SAME_ROBOT):
+        yield f"gravity is {gravity} m/s² there, not {list(file.force_model.gravity)}"
+    residual = np.abs(constraint_residual(mechanism, _columns(file.check)[0])).max(
+        axis=0, initial=0.0
     )
-    residual = np.abs(constraint_residual(mechanism, q)).max(axis=0, initial=0.0)
     most = SAME_ROBOT * mechanism.length + 2 * mechanism.closure_residual
     if residual.max(initial=0.0) > most:
         k = int(residual.argmax())
         yield f"closure {mechanism.row_names[k]} has a residual of {residual[k]:.3g} there"
-    W = motion_regressor(mechanism, closed_motion(mechanism, q, v, a), kind, joint_terms=terms)
-    values, places = saved.values, load_places(saved.parameters, mechanism.independent)
-    K, standard = W[..., saved._leading], saved.standard_values
-    own = np.array([each.kind in KINDS for each in saved.parameters])
-    bodies = np.array([each.kind in KINDS for each in saved.standard])
-    loads = K @ (own * values) if np.isnan(standard).any() else W @ (bodies * standard)
-    K = with_loads(K, places, loads)
-    apart = np.abs(K @ values - force).max(axis=0)
-    k = int(apart.argmax())
-    if apart[k] > SAME_ROBOT * np.abs(force).max():
-        why = " (bodies that load joints count)" if terms is not None and terms.loaded else ""
-        row = saved.force_model.rows[k]
-        yield f"the force along {row} differs by {apart[k]:.3g} there{why}"
+
+
+def _place(mechanism: Mechanism) -> str:
+    """Where a mechanism is loaded from again: a path, or the name of a bundled robot."""
+    if mechanism.path is None:
+        return ""
+    name = mechanism.path.stem
+    bundled = mechanism.path == bundled_directory() / f"{name}.yaml"
+    return name if bundled else str(mechanism.path)
 
 
 def _hashes(mechanism: Mechanism) -> dict[str, str]:

@@ -17,7 +17,7 @@ from loopid.identification.friction import friction_columns, friction_curve
 from loopid.identification.leaving_out import stretches_of
 from loopid.identification.prediction import Candidate
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import FitResult
+from loopid.identification.result import Fit
 from loopid.logs.recording import MaskOptions, Recording
 from loopid.records import record
 
@@ -123,7 +123,7 @@ def _rms(error: FloatArray, rows: BoolArray) -> FloatArray:
 
 
 def _standing(
-    fit: FitResult, force_model: ForceModel, new: FitSamples, rates: FloatArray
+    fit: Fit, force_model: ForceModel, new: FitSamples, rates: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
     """Forces (N, dof) beyond breakaway, and where motors stand (N, dof)."""
     left, loads = new.residual(fit.values), np.abs(force_model.loads(new.regressor))

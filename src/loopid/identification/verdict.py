@@ -10,7 +10,7 @@ import numpy as np
 from loopid.findings import PAGE, Finding, most_important_first
 from loopid.identification.consistent import UNSETTLED
 from loopid.identification.missing import missing_findings
-from loopid.identification.result import FitResult
+from loopid.identification.result import Fit
 from loopid.records import record
 from loopid.regressors.joint_laws import grouped
 
@@ -311,7 +311,7 @@ def _least_known(found: Identification) -> tuple[str, ...]:
     return tuple(labels[j] for j in order if names[j] in weak)
 
 
-def insignificant(fit: FitResult) -> tuple[str, ...]:
+def insignificant(fit: Fit) -> tuple[str, ...]:
     """Names of parameters not clearly different from zero; points of a curve are none."""
     kinds = {each.name: each.kind for each in fit.parameters}
     return tuple(name for name in fit.insignificant() if not grouped(kinds[name]))

@@ -16,7 +16,7 @@ from collections.abc import Callable
 import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, checked, samples
-from loopid.kinematics.poses import blocks, frame_motions, frame_poses, prepared
+from loopid.kinematics.poses import FramePoses, blocks, frame_motions, frame_poses, prepared
 from loopid.robot.closures import Equations, FramePair, PairRates
 from loopid.robot.mechanism import Mechanism
 
@@ -26,11 +26,19 @@ ROUND_OFF = 1e-13  # of the characteristic length
 class Constraint:
     """All closures and couplings of a mechanism at configurations (N, nq)."""
 
-    def __init__(self, mechanism: Mechanism, q: FloatArray, jacobians: bool = True) -> None:
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        q: FloatArray,
+        jacobians: bool = True,
+        poses: FramePoses | None = None,
+    ) -> None:
         self.mechanism, self.q, self.prepared = mechanism, q, prepared(mechanism)
-        ids = self.prepared.closure_frames
-        # Without loops there is nothing to ask for.
-        self.poses = frame_poses(mechanism, q if ids else q[:0], ids, jacobians=jacobians)
+        if poses is None:
+            ids = self.prepared.closure_frames
+            # Without loops there is nothing to ask for.
+            poses = frame_poses(mechanism, q if ids else q[:0], ids, jacobians=jacobians)
+        self.poses = poses
         p, R = self.poses.origin, self.poses.rotation
         distance = p[:, 1::2] - p[:, ::2]
         self.pairs = [
@@ -41,6 +49,11 @@ class Constraint:
             )
             for group in self.prepared.groups
         ]
+
+    def repeated(self, count: int) -> Constraint:
+        """The same, each configuration so many times."""
+        q = np.repeat(self.q, count, axis=0)
+        return Constraint(self.mechanism, q, poses=self.poses.repeated(count))
 
     def residual(self) -> FloatArray:
         """(N, rows), m or rad."""

@@ -152,6 +152,12 @@ class FramePoses:
     supports: FloatArray  # (F, nv), 1 where a coordinate moves a frame, else 0
     joint_jacobian: FloatArray  # (N, 6, nv), ``data.J``; without rows where not asked for
 
+    def repeated(self, count: int) -> FramePoses:
+        """The same, each sample so many times."""
+        arrays = self.origin, self.rotation, self.joint_jacobian
+        origin, rotation, jacobian = (np.repeat(each, count, axis=0) for each in arrays)
+        return FramePoses(origin, rotation, self.supports, jacobian)
+
     @cached_property
     def angular(self) -> FloatArray:
         """(N, F, 3, nv), angular velocity of the frames per unit of each coordinate."""
@@ -283,6 +289,39 @@ def _columns(mechanism: Mechanism, own: Prepared, model: str) -> tuple[IntArray,
         ties = mechanism.tie_matrix(len(model_kinds(model))) if mechanism.tied else None
         own.columns[model] = mechanism.columns(model), ties
     return own.columns[model]
+
+
+class Tree:
+    """A tree of bodies without closures, and Pinocchio's memory of it in each thread."""
+
+    def __init__(self, model: pin.Model) -> None:
+        self.model, self._memory = model, _Memory(model)
+
+    def __reduce__(self) -> tuple[type[Tree], tuple[pin.Model]]:
+        return Tree, (self.model,)
+
+    def inverse_dynamics(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Joint forces (N, k, nv) at configurations (N, nq), for k motions (N, k, nv) of each."""
+        model, data, tau = self.model, self._memory.data, np.empty(v.shape)
+        for out, configuration, rates, accelerations in zip(tau, q, v, a, strict=True):
+            for k in range(len(out)):
+                out[k] = pin.rnea(model, data, configuration, rates[k], accelerations[k])
+        return tau
+
+    def gravity(self, q: FloatArray) -> FloatArray:
+        """Joint forces (N, nv) that hold it at configurations (N, nq)."""
+        model, data, tau = self.model, self._memory.data, np.empty((len(q), self.model.nv))
+        for out, configuration in zip(tau, q, strict=True):
+            out[:] = pin.computeGeneralizedGravity(model, data, configuration)
+        return tau
+
+    def mass_matrices(self, q: FloatArray) -> FloatArray:
+        """Mass matrices (N, nv, nv) at configurations (N, nq)."""
+        nv = self.model.nv
+        M, data = np.empty((len(q), nv, nv)), self._memory.data
+        for out, configuration in zip(M, q, strict=True):
+            out[:] = pin.crba(self.model, data, configuration)
+        return np.asarray(np.triu(M) + np.triu(M, 1).swapaxes(1, 2))
 
 
 def tree_reactions(

@@ -8,7 +8,7 @@ with ranks that it and others need come first.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple
@@ -283,7 +283,9 @@ def project(
     """
     q = samples(configurations, mechanism.model.nq, "configurations")
     parts = partition(mechanism, independent)
-    return _projection(_parts(mechanism, q, parts, None), parts)
+    found = [(each.G, each.solver.matrices) for _, each in tangent_spaces(mechanism, q, parts)]
+    G, columns = map(_joined, zip(*found, strict=True))
+    return Projection(G, parts[0], columns)
 
 
 @checked
@@ -322,7 +324,7 @@ def closed_motion(
     """
     q = samples(configurations, mechanism.model.nq, "configurations")
     parts = partition(mechanism, independent)
-    rates = samples(velocities, len(parts[0]), "independent velocities", len(q))
+    rates = samples(velocities, len(parts[0]), "velocities", len(q))
     second = samples(accelerations, len(parts[0]), "accelerations", len(q))
     return completed(mechanism, q, parts, rates, second)
 
@@ -359,7 +361,7 @@ def velocity_maps(
     mechanism: Mechanism, q: FloatArray, parts: tuple[IntArray, IntArray]
 ) -> FloatArray:
     """G (N, nv, dof) of ``project`` alone."""
-    return _joined([part.G for part in _parts(mechanism, q, parts, None)])
+    return _joined([each.G for _, each in tangent_spaces(mechanism, q, parts)])
 
 
 def completed(
@@ -370,58 +372,61 @@ def completed(
     accelerations: FloatArray,
 ) -> ClosedMotion:
     """As ``closed_motion``, of arrays and indices that are checked."""
-    found = _parts(mechanism, q, parts, rates)
-    projection = _projection(found, parts)
-    v, gamma = _joined([part.v for part in found]), _joined([part.gamma for part in found])
-    a = (projection.G @ accelerations[:, :, None])[:, :, 0] + gamma
+    found = []
+    for rows, each in tangent_spaces(mechanism, q, parts):
+        v = (each.G @ rates[rows, :, None])[:, :, 0]
+        found.append((each.G, each.solver.matrices, v, each.gamma(v[:, None])[:, 0]))
+    G, columns, v, gamma = map(_joined, zip(*found, strict=True))
+    a = (G @ accelerations[:, :, None])[:, :, 0] + gamma
     a.setflags(write=False)  # a record need not copy what nobody else has
-    return ClosedMotion(q, v, a, gamma, projection)
+    return ClosedMotion(q, v, a, gamma, Projection(G, parts[0], columns))
 
 
-class _Part(NamedTuple):
-    """Some samples."""
+@dataclass(eq=False)
+class TangentSpaces:
+    """The motion that the loops allow at N configurations."""
 
-    G: FloatArray
+    constraint: Constraint
+    dependent: IntArray  # velocity indices of the dependent coordinates
+    G: FloatArray  # (N, nv, dof)
     solver: Solver  # with the dependent columns A_d
-    v: FloatArray  # (N, nv), and γ; empty where no rates were given
-    gamma: FloatArray
+
+    @classmethod
+    def of(cls, constraint: Constraint, parts: tuple[IntArray, IntArray]) -> TangentSpaces:
+        """At the configurations of a constraint; ``solver.ill_conditioned`` are in doubt."""
+        A = scaled_jacobian(constraint.mechanism, constraint.jacobian())
+        return cls(constraint, parts[1], *velocity_map(constraint.mechanism, A, *parts))
+
+    def gamma(self, v: FloatArray) -> FloatArray:
+        """γ (N, k, nv) at k velocities (N, k, nv) of each: A γ = -Ȧ v."""
+        mechanism, (count, k, nv) = self.constraint.mechanism, v.shape
+        at = self.constraint if k == 1 else self.constraint.repeated(k)
+        drift = mechanism.row_scales * at.drift(v.reshape(-1, nv))
+        steps = self.solver.solve(drift.reshape(count, k, drift.shape[1]).swapaxes(1, 2))
+        gamma = np.zeros_like(v)
+        scales = mechanism.coordinate_scales.take(self.dependent)
+        gamma[:, :, self.dependent] = -scales * steps.swapaxes(1, 2)
+        return gamma
 
 
-NOTHING = np.empty((0, 0))
-
-
-def _parts(
-    mechanism: Mechanism,
-    q: FloatArray,
-    parts: tuple[IntArray, IntArray],
-    rates: FloatArray | None,
-) -> list[_Part]:
+def tangent_spaces(
+    mechanism: Mechanism, q: FloatArray, parts: tuple[IntArray, IntArray]
+) -> Iterator[tuple[slice, TangentSpaces]]:
     """All samples, block by block, none of which may be singular."""
-    found, doubts = list[_Part](), list[_Doubt]()
+    doubts = list[_Doubt]()
     for rows in blocks(len(q)):
-        constraint = Constraint(mechanism, q[rows])
-        A = scaled_jacobian(mechanism, constraint.jacobian())
+        found = TangentSpaces.of(Constraint(mechanism, q[rows]), parts)
         if rows.start == 0:
-            _refuse_too_many(mechanism, A[:1], parts)
-        G, solver = velocity_map(mechanism, A, *parts)
+            _refuse_too_many(found.constraint, parts)
+        solver = found.solver
         if len(solver.ill_conditioned):
             doubts.append((rows.start + solver.ill_conditioned, solver.factors))
-        v = gamma = NOTHING
-        if rates is not None:
-            v = (G @ rates[rows, :, None])[:, :, 0]
-            gamma = drift_acceleration(constraint, v, parts[1], solver)
-        found.append(_Part(G, solver, v, gamma))
+        yield rows, found
     if doubts:
         _refuse_singular(doubts, len(parts[1]))
-    return found
 
 
-def _projection(found: list[_Part], parts: tuple[IntArray, IntArray]) -> Projection:
-    columns = _joined([part.solver.matrices for part in found])
-    return Projection(_joined([part.G for part in found]), parts[0], columns)
-
-
-def _joined(arrays: list[FloatArray]) -> FloatArray:
+def _joined(arrays: Sequence[FloatArray]) -> FloatArray:
     """One read-only array, which nobody else has: a record need not copy it."""
     whole = arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
     whole.setflags(write=False)
@@ -439,17 +444,6 @@ def velocity_map(
     G = np.empty((len(jacobian), len(scales), len(chosen)))
     G[:, chosen], G[:, dependent] = np.eye(len(chosen)), dependent_rows
     return G, solver
-
-
-def drift_acceleration(
-    constraint: Constraint, v: FloatArray, dependent: IntArray, solver: Solver
-) -> FloatArray:
-    """γ (N, nv) at velocities (N, nv), with the solver of A_d: A γ = -Ȧ v."""
-    mechanism, gamma = constraint.mechanism, np.zeros_like(v)
-    drift = mechanism.row_scales * constraint.drift(v)
-    step = solver.solve(drift[:, :, None])[:, :, 0]
-    gamma[:, dependent] = -mechanism.coordinate_scales[dependent] * step
-    return gamma
 
 
 # Numbers of samples whose condition is in doubt, and their singular values.
@@ -484,17 +478,17 @@ def _refuse_singular(doubts: list[_Doubt], width: int) -> None:
         )
 
 
-def _refuse_too_many(
-    mechanism: Mechanism, jacobian: FloatArray, parts: tuple[IntArray, IntArray]
-) -> None:
+def _refuse_too_many(constraint: Constraint, parts: tuple[IntArray, IntArray]) -> None:
     """Refuse more independent joints than the first sample has degrees of freedom.
 
     What was few enough once is not asked again: a rank that falls later is a singularity.
     """
-    count, few = len(parts[0]), prepared(mechanism).few_enough
+    mechanism, count = constraint.mechanism, len(parts[0])
+    few = prepared(mechanism).few_enough
     # No more equations than dependent coordinates have no larger rank.
-    if count in few or jacobian.shape[1] <= len(parts[1]):
+    if count in few or mechanism.rows <= len(parts[1]):
         return
+    jacobian = scaled_jacobian(mechanism, constraint.jacobian()[:1])
     rank = Factorisation.of(jacobian, mechanism.closure_rank_tolerance).rank
     freedom = mechanism.model.nv - int(rank.max(initial=0))
     if count > freedom:

@@ -16,7 +16,6 @@ from loopid.yaml_files import read_yaml
 
 YAML = (".yaml", ".yml")
 MOTIONS = "_motions.yaml"
-XACRO = ".xacro"  # macros, which take arguments
 
 
 class RobotFiles(NamedTuple):

@@ -3,31 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from inspect import signature
 from pathlib import Path
+from typing import Any, Unpack
+
+from pydantic import with_config
+from typing_extensions import TypedDict
 
 from loopid.arguments import checked
 from loopid.errors import OptionError
 from loopid.loading.build import build_robot
 from loopid.loading.closure import Closure, Coupling, with_more
-from loopid.loading.files import XACRO, RobotFiles, find_files
+from loopid.loading.files import RobotFiles, find_files
 from loopid.loading.tree import Reference, TreeSource
 from loopid.registry import robot_formats
 from loopid.robot.mechanism import Mechanism
 
 
+@with_config(extra="forbid")
+class Reading(TypedDict, total=False):
+    """How a file is read; each format takes some of it."""
+
+    floating_base: bool  # whether the root of a URDF moves freely
+    free_mimics: bool  # whether joints of a URDF that mimic others have motors all the same
+    xacro: Mapping[str, str]  # arguments of a ``.xacro``, in addition to those of the YAML
+
+
 @checked
-def load_mechanism(  # noqa: PLR0913 (what a YAML says, and how it is read)
+def load_mechanism(
     path: str | Path,
     *,
     closures: Sequence[Closure | Coupling] = (),
     motors: Sequence[str] | None = None,
     reference: Mapping[str, Reference] | None = None,
     lock: Sequence[str] = (),
-    floating_base: bool = False,
-    free_mimics: bool = False,
-    tied: bool = False,
     rounding: float | None = None,
-    xacro: Mapping[str, str] | None = None,
+    tied: bool = False,
+    **reading: Unpack[Reading],
 ) -> Mechanism:
     """Load a robot and check that it is one.
 
@@ -46,18 +58,14 @@ def load_mechanism(  # noqa: PLR0913 (what a YAML says, and how it is read)
     lock : sequence of str
         Joints, or turns of spherical joints such as ``"ball.wz"``, to lock at their reference, or
         with one coordinate at a value, as in ``"hip=0.5"``; in addition to those the YAML fixes.
-    floating_base : bool
-        Whether the root of a URDF moves freely.
-    free_mimics : bool
-        Whether joints of a URDF that mimic others have motors of their own all the same.
-    tied : bool
-        Whether links that the file declares ``identical`` share their parameters.
     rounding : float, optional
         To what the numbers of the file are rounded, in m and rad; by default what the file's YAML
-        says, else six digits where loops would not close or not move otherwise. Closures are then
-        closed, by moving their frames as little as possible.
-    xacro : mapping, optional
-        Arguments of a ``.xacro`` by name, in addition to those of the YAML.
+        says, else six digits where loops would not close or not move otherwise. Loops then stay
+        open within it.
+    tied : bool
+        Whether links that the file declares ``identical`` share their parameters.
+    **reading
+        What the reader of the file takes: see ``Reading``.
 
     Returns
     -------
@@ -92,30 +100,36 @@ def load_mechanism(  # noqa: PLR0913 (what a YAML says, and how it is read)
         "motors": None if motors is None else tuple(motors),
         "reference": None if reference is None else dict(reference),
         "lock": tuple(lock),
-        "floating_base": floating_base,
-        "free_mimics": free_mimics,
-        "tied": tied,
         "rounding": rounding,
-        "xacro": dict(xacro or {}),
+        "tied": tied,
+        **{name: value for name, value in reading.items() if value},
     }
-    source = _source(files, floating_base or given.floating_base, free_mimics, xacro or {})
+    source = _source(files, reading)
     return build_robot(
         source, given, files.named, lock=lock, tied=tied, rounding=rounding, options=options
     )
 
 
-def _source(
-    files: RobotFiles, floating: bool, free_mimics: bool, given: Mapping[str, str]
-) -> TreeSource:
-    """The tree as its file has it; arguments are for macros."""
-    own = {name: _argument(value) for name, value in files.given.xacro.items()}
-    arguments = {**own, **given}
-    if arguments and files.tree.suffix != XACRO:
-        raise OptionError(f"{files.tree} takes no xacro arguments: only a {XACRO} does")
-    more = [arguments] if arguments else []
-    source: TreeSource = robot_formats[files.tree.suffix](files.tree, floating, free_mimics, *more)
+def _source(files: RobotFiles, reading: Reading) -> TreeSource:
+    """The tree as the reader of its file's ending reads it, with the options that this takes."""
+    own = {key: _word(value) for key, value in files.given.xacro.items()}
+    options: dict[str, Any] = {"floating_base": files.given.floating_base, **reading}
+    options["floating_base"] |= files.given.floating_base
+    options["xacro"] = {**own, **reading.get("xacro", {})}
+    asked = {name: value for name, value in options.items() if value}
+    reader = robot_formats[files.tree.suffix]
+    taken = signature(reader).parameters
+    for name in asked:
+        if name not in taken:
+            valid = tuple(each for each in Reading.__annotations__ if each in taken)
+            raise OptionError(
+                f"{files.tree} is read without {name}: it takes {', '.join(valid) or 'none'}",
+                argument=name,
+                valid=valid,
+            )
+    source: TreeSource = reader(files.tree, **asked)
     return source
 
 
-def _argument(value: str | float | bool) -> str:
+def _word(value: str | float | bool) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)

@@ -31,8 +31,6 @@ from loopid.kinematics.poses import difference, frame_poses, integrate
 from loopid.kinematics.projection import NEAR_SINGULARITY, Factorisation, singularity_measure
 from loopid.kinematics.rounding import (
     SIX_DIGITS,
-    changes,
-    exact_geometry,
     geometry_accuracy,
     largest_gap,
     rounding_that_closes,
@@ -78,10 +76,9 @@ def close_reference(
     motors that it leaves out; then several seeded starts of all joints left out are tried. Where
     that pose is singular or far from the written one, the best of its assembly modes is taken.
 
-    Loops that hardly miss, or hardly keep the robot from moving, are closed by moving what the file
-    has rounded: to the rounding that is given, else to six digits. Whatever of this was needed is
-    warned of; a RobotFileError names the closure that stays open most, a MobilityError says that
-    nothing can move.
+    Loops that hardly miss, or hardly keep the robot from moving, stay open by what the file's
+    rounding leaves: the one that is given, else six digits. That is warned of; a RobotFileError
+    names the closure that stays open most, a MobilityError says that nothing can move.
     """
     usual = min(SIX_DIGITS, FIVE_DIGITS * mechanism.length) if rounding is None else rounding
     near, closed = largest_gap(usual, mechanism.length), CLOSURE_TOLERANCE * mechanism.length
@@ -100,7 +97,7 @@ def close_reference(
             raise reason or error from None
         if found is None:
             raise _open_loops(loose, loose.reference, given)
-        chosen = _exact(mechanism, found[0], usual)
+        chosen = _loose(mechanism, found[0], usual)
     if not given and (excluded := _excluded(mechanism)):
         warn(
             f"{mechanism.source}: the limits of {', '.join(excluded)} exclude the drawn pose (zero)"
@@ -125,21 +122,18 @@ def _hardly_held(mechanism: Mechanism, around: FloatArray, near: float) -> bool:
     return bool(ranks[1] < ranks[0])
 
 
-def _exact(file: Mechanism, loose: Mechanism, rounding: float) -> ClosedReference:
-    """The mechanism with places corrected within the rounding, so that its loops close."""
-    moved = exact_geometry(loose, loose.reference, rounding)
-    near = replace(moved, closure_residual=largest_gap(rounding, moved.length))
-    open_by = float(largest_residual(moved, nearby_configurations(near, near.reference)).max())
-    if open_by <= CLOSURE_TOLERANCE * moved.length:
-        moved = replace(moved, closure_rank_tolerance=file.closure_rank_tolerance)
-        open_by = 0.0
-    closed, around = closed_at(replace(moved, closure_residual=WIDER * open_by), moved.reference)
-    shift, turn = changes(loose, closed)
-    if closed.model is not loose.model or open_by:
-        text = f"joints and closures were moved by up to {shift:.1e} m and {turn:.1e} rad"
-        if open_by:
-            text += f", and the loops then stay open by up to {open_by:.1e} m"
-        warn(f"{file.source}: its numbers are rounded: {text}", AccuracyWarning)
+def _loose(file: Mechanism, loose: Mechanism, rounding: float) -> ClosedReference:
+    """The mechanism whose loops stay open by what its rounded numbers leave."""
+    near = replace(loose, closure_residual=largest_gap(rounding, loose.length))
+    open_by = float(largest_residual(loose, nearby_configurations(near, near.reference)).max())
+    closed, around = closed_at(replace(loose, closure_residual=WIDER * open_by), loose.reference)
+    if open_by <= CLOSURE_TOLERANCE * loose.length:
+        closed = replace(closed, closure_rank_tolerance=file.closure_rank_tolerance)
+    else:
+        warn(
+            f"{file.source}: its numbers are rounded: the loops stay open by up to {open_by:.1e} m",
+            AccuracyWarning,
+        )
     return replace(closed, rounding=rounding), around
 
 

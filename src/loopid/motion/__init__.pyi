@@ -15,7 +15,6 @@ from .joints import (
 )
 from .simulation import (
     Noise as Noise,
-    forward_dynamics as forward_dynamics,
     log_text as log_text,
     scaled_bodies as scaled_bodies,
     simulate_log as simulate_log,

@@ -1,12 +1,4 @@
-"""How the robot moves under forces, and what its sensors would tell of a motion.
-
-Forward dynamics: the tree moves by M a + h = S τ + Aᵀ λ [Featherstone2008, ch. 8]. Projected by Gᵀ,
-which the constraint forces do no work on, and with a = G ü + γ,
-
-    (Gᵀ M G) ü = Gᵀ (S τ - h - M γ).
-
-Both sides are regressors times parameters, so that any values do, even those that no body has.
-"""
+"""What the sensors of a robot would tell of a motion."""
 
 from __future__ import annotations
 
@@ -22,19 +14,19 @@ from loopid.arguments import (
     frozen,
     random_generator,
     row_blocks,
-    samples,
 )
-from loopid.errors import DataError, OptionError, SingularityError
+from loopid.errors import DataError, OptionError
 from loopid.files import csv_text
 from loopid.kinematics.measured import JointCoordinates
-from loopid.kinematics.projection import ClosedMotion, Factorisation, closed_motion
+from loopid.kinematics.projection import ClosedMotion, closed_motion
 from loopid.motion.joints import JointMotion, joint_motion
 from loopid.motion.trajectories import Motion
 from loopid.parameters import KINDS
 from loopid.records import record
-from loopid.regressors.closed_loop import closed_inertia, motion_regressor, standard_values
+from loopid.regressors.dynamics import Dynamics
 from loopid.regressors.joint_terms import JointTerms, load_places, with_loads
 from loopid.regressors.maxwell_slip import slips_at
+from loopid.regressors.motion_regressors import motion_regressor
 from loopid.robot.mechanism import Mechanism
 
 # Samples whose regressor of all standard parameters is in memory at a time.
@@ -43,8 +35,6 @@ CHUNK = 2048
 STANDS = 1e-9
 # Part of the forces that nothing balances, above which it is no round-off.
 UNBALANCED = 1e-6
-# Inertias below this fraction of the robot's largest are round-off.
-LEAST_INERTIA = 1e-14
 
 
 @record(checked=True)
@@ -142,7 +132,7 @@ def simulate_measurement(
     >>> loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=0.1))
     <Measurement of 1 motors: 41 samples over 2 s>
     """
-    values = [standard_values(mechanism, standard_parameters)]
+    values = [Dynamics(mechanism, standard_parameters).values]
     if joint_terms is not None or joint_values is not None:
         if joint_terms is None or joint_values is None:
             raise OptionError("joint_terms and joint_values go together: give both or neither")
@@ -261,7 +251,7 @@ def _motor_forces(
         names = [name for name, flag in zip(mechanism.free, wrong, strict=True) if flag]
         raise DataError(
             f"the motors of {mechanism.name} leave {', '.join(names)} free, and the motion asks "
-            "for forces there: take accelerations from forward_dynamics"
+            "for forces there: take accelerations from Dynamics.forward"
         )
     return np.asarray(force, dtype=np.float64)
 
@@ -277,81 +267,3 @@ def _at_rest(mechanism: Mechanism, motion: ClosedMotion, fastest: float) -> Clos
     return replace(
         motion, velocities=np.where(np.abs(rates) > STANDS * scale, motion.velocities, 0.0)
     )
-
-
-@checked
-def forward_dynamics(
-    mechanism: Mechanism,
-    configurations: FloatArray,
-    velocities: FloatArray,
-    *,
-    forces: FloatArray,
-    standard_parameters: FloatArray | None = None,
-) -> ClosedMotion:
-    """Accelerations of all coordinates from the forces of the motors.
-
-    Parameters
-    ----------
-    configurations : FloatArray
-        (N, nq), closed.
-    velocities : FloatArray
-        (N, dof) of the independent coordinates, as in ``closed_motion``.
-    forces : FloatArray
-        (N, m) of the motors in N or N m, in the order of ``mechanism.actuated``: also of those
-        beyond the degrees of freedom. Free coordinates have none.
-    standard_parameters : FloatArray, optional
-        (n,) of ``mechanism.parameters()``; by default those of the robot file.
-
-    Returns
-    -------
-    ClosedMotion
-        Coordinates that no mass resists, such as the spin of a rod without inertia, do not
-        accelerate.
-
-    Raises
-    ------
-    SingularityError
-        Where the motors do not determine the motion, or a force acts where no mass resists.
-
-    Examples
-    --------
-    >>> import numpy as np, loopid
-    >>> robot = loopid.load_mechanism("five_bar")
-    >>> K, masses = loopid.gravity_regressor(robot, robot.reference), robot.standard_parameters
-    >>> forces = K @ masses("gravity")  # that hold it
-    >>> motion = loopid.forward_dynamics(robot, robot.reference, np.zeros(2), forces=forces)
-    >>> bool(np.abs(motion.accelerations).max() < 1e-9)
-    True
-    """
-    pi = standard_values(mechanism, standard_parameters)
-    q = samples(configurations, mechanism.model.nq, "configurations")
-    rates = samples(velocities, len(mechanism.independent), "velocities", len(q))
-    motion = closed_motion(mechanism, q, rates, np.zeros_like(rates))
-    motors = mechanism.velocity_indices(mechanism.actuated)
-    tau = samples(forces, len(motors), "forces", len(q))
-    driving = np.einsum("nji,nj->ni", motion.projection.G[:, motors], tau)  # Gᵀ S τ
-    inertia = closed_inertia(mechanism, q, motion.projection.G, pi)
-    left = driving - motion_regressor(mechanism, motion) @ pi
-    accelerations = _balanced(mechanism, inertia, left)
-    steps = np.einsum("nij,nj->ni", motion.projection.G, accelerations)
-    return replace(motion, accelerations=motion.gamma + steps)
-
-
-def _balanced(mechanism: Mechanism, inertia: FloatArray, forces: FloatArray) -> FloatArray:
-    """Independent accelerations (N, dof), solved with inertias of comparable size."""
-    own = np.abs(np.einsum("nii->ni", inertia))
-    most = own.max(axis=1, initial=np.finfo(float).tiny, keepdims=True)
-    scales = 1.0 / np.sqrt(np.where(own > LEAST_INERTIA * most, own, most))
-    matrix = scales[:, :, None] * inertia * scales[:, None, :]
-    target = scales * forces
-    solution = Factorisation.of(matrix).solve(target[:, :, None])
-    left = np.abs(target - (matrix @ solution)[:, :, 0])
-    most = left.max(axis=1, initial=0.0)
-    lost = np.flatnonzero(most > UNBALANCED * np.abs(target).max(axis=1, initial=0.0))
-    if len(lost):
-        name = mechanism.independent[int(left[lost[0]].argmax())]
-        raise SingularityError(
-            f"sample {lost[0]}: a force acts on {name}, but no mass resists it "
-            f"({len(lost)} such samples)"
-        )
-    return np.asarray(scales * solution[:, :, 0], dtype=np.float64)

@@ -15,7 +15,7 @@ from rich.table import Table
 from loopid.arguments import FloatArray
 from loopid.base_parameters.base import expression
 from loopid.base_parameters.choice import SearchResult
-from loopid.identification.result import FitResult
+from loopid.identification.result import Fit
 from loopid.paper.reproduction import (
     CONDITION_NUMBERS,
     EIGHT,
@@ -267,7 +267,6 @@ def _sections(found: PaperReproduction, subgroups: dict[str, Any]) -> tuple[Sect
         steps_table(found.two_steps),
         influence_table(simulated),
         actual_table(actual),
-        errors_table(actual),
     )
     groups = tuple(groups_table(each, _groups_title(each)) for each in subgroups.values())
     return (
@@ -477,17 +476,7 @@ def actual_table(actual: ActualFit) -> Table:
     return plain_table(title, (*columns, *([">true"] if actual.is_stand_in else [])), rows)
 
 
-def errors_table(actual: ActualFit) -> Table:
-    """How well the fits of Table V predict the data that were not fitted."""
-    rows = (
-        (f"limb {limb}", *(f"{error:.3g}" for error in errors))
-        for limb, errors in enumerate(zip(*actual.new_errors.values(), strict=True), start=1)
-    )
-    columns = ("", *(f">{name}" for name in actual.new_errors))
-    return plain_table("rms errors of the forces on new data (N)", columns, rows)
-
-
-def _reach(result: FitResult, k: int, value: str = ".3g", reach: str = ".2g") -> str:
+def _reach(result: Fit, k: int, value: str = ".3g", reach: str = ".2g") -> str:
     low, high = result.intervals(LEVEL)[k]
     return f"{result.values[k]:{value}} ± {(high - low) / 2:{reach}}"
 
@@ -561,7 +550,7 @@ def _rows(numbers: Iterable[int]) -> dict[str, Any]:
 
 
 def _interval_marks(
-    name: str, fit: FitResult, middle: FloatArray, place: FloatArray, look: str
+    name: str, fit: Fit, middle: FloatArray, place: FloatArray, look: str
 ) -> tuple[Mark, Mark]:
     """The first parameters of a fit with their intervals, less other values."""
     low, high = fit.intervals(LEVEL)[: len(place)].T - middle
@@ -578,7 +567,8 @@ def errors_chart(actual: ActualFit) -> Chart:
         for look, (name, errors) in zip(looks, actual.new_errors.items(), strict=True)
     )
     labels = tuple(f"limb {k + 1}" for k in range(len(place)))
-    panel = Panel("Rms error of the force (N)", marks, labels=labels)
+    columns = {n: tuple(f"{x:.3g}" for x in errors) for n, errors in actual.new_errors.items()}
+    panel = Panel("Rms error of the force (N)", marks, labels=labels, columns=columns)
     return Chart("errors", "Errors on data that were not fitted.", "", (panel,))
 
 

@@ -30,7 +30,7 @@ from loopid.identification.force_model import ForceModel, find_force_model, samp
 from loopid.identification.pipeline import split_recordings
 from loopid.identification.prediction import prediction_reach
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import FitResult, fit_quality
+from loopid.identification.result import Fit, fit_quality
 from loopid.loading.load import load_mechanism
 from loopid.logs.log import Log
 from loopid.logs.preparing import prepare_recording
@@ -52,8 +52,8 @@ from loopid.paper.structure import (
 )
 from loopid.progress import Progress
 from loopid.records import record
-from loopid.regressors.closed_loop import ForceParts, force_parts
 from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.motion_regressors import ForceParts, force_parts
 from loopid.robot.mechanism import Mechanism
 
 # What the paper prints.
@@ -245,8 +245,8 @@ class SimulatedFit:
     """Table IV and figure 4: fits to the nine trajectories, in the order of Table II."""
 
     truth: FloatArray  # (15,), by the robot file
-    fifteen: FitResult  # with all base parameters
-    eight: FitResult  # with the first eight
+    fifteen: Fit  # with all base parameters
+    eight: Fit  # with the first eight
     expected: FloatArray  # (8,), what leaving out the other seven makes of them on average
     expected_range: FloatArray  # (8, 2), least and greatest of the same over single trajectories
     condition_numbers: dict[str, tuple[float, float]]  # cond(W_1) with 15 and 8, "all" or by name
@@ -289,8 +289,8 @@ class TwoSteps:
     """The paper's indirect way: base parameters as in Table II, then friction by limb."""
 
     truth: FloatArray  # (23,)
-    in_steps: FitResult  # friction first, from a warm-up, and gravity second
-    together: FitResult
+    in_steps: Fit  # friction first, from a warm-up, and gravity second
+    together: Fit
 
 
 def identify_in_two_steps(experiment: Experiment, seed: int) -> TwoSteps:
@@ -312,9 +312,9 @@ class ActualFit:
     sources: tuple[str, ...]  # names of the logs, or of the trajectories of a stand-in
     cad: FloatArray  # (15,), base parameters of the robot file in the order of Table II
     truth: FloatArray | None  # (15,), of a stand-in
-    eight: FitResult  # the first eight base parameters
-    fifteen: FitResult  # all of them
-    informed: FitResult  # all of them, with the robot file as prior
+    eight: Fit  # the first eight base parameters
+    fifteen: Fit  # all of them
+    informed: Fit  # all of them, with the robot file as prior
     new_errors: dict[str, FloatArray]  # rms (4,) in N on data that were not fitted, by fit
     time: FloatArray  # (N,) in s, of the first log
     used: BoolArray  # (N, 4), where the forces say something
@@ -332,10 +332,11 @@ class ActualFit:
         return self.truth is not None
 
 
-def _in_order(fit: FitResult, order: IntArray) -> FitResult:
+def _in_order(fit: Fit, order: IntArray) -> Fit:
     """The same parameters in another order."""
     return replace(
         fit,
+        model=None,
         parameters=fit.parameters.select(order),
         values=fit.values[order],
         covariance=fit.covariance[np.ix_(order, order)],

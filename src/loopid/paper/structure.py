@@ -16,7 +16,7 @@ from loopid.errors import OptionError
 from loopid.kinematics.measured import platform_coordinates
 from loopid.kinematics.sampling import random_configurations
 from loopid.records import record
-from loopid.regressors.closed_loop import gravity_regressor
+from loopid.regressors.motion_regressors import gravity_regressor
 from loopid.regressors.structural import structural_observation
 from loopid.report.page import Formula
 from loopid.robot.mechanism import Mechanism

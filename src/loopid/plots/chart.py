@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import math
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import field
 from typing import Any
 
@@ -255,7 +255,7 @@ class Panel:
         if self.title and not (self.labels and self.motor):
             panel.append(E.p({"class": "say"}, self.title) if small else E.h3(self.title))
         if self.labels:
-            panel.extend(self._tables(across))
+            panel.extend(in_parts(len(self.labels), lambda rows: self._table(rows, across)))
             return panel
         panel.append(E.output())
         x_ticks = ticks(*across, log="x" in self.log, count=TICKS if ticked else 2 * TICKS)
@@ -298,14 +298,6 @@ class Panel:
                 left, top = _place(x, across, 100), _place(y, high[::-1], 100)
                 place = {"style": f"left:{left:.2f}%;top:{top:.2f}%"}
                 yield E.i({"class": f"sign {mark.kind} {mark.look}"}, place, text)
-
-    def _tables(self, across: Ends) -> list[HtmlElement]:
-        """Rows with pictures; those beyond ``MOST_ROWS`` unfold."""
-        rows = range(len(self.labels))
-        first, others = rows[:MOST_ROWS], rows[MOST_ROWS:]
-        more = f"{len(others)} more {'row' if len(others) == 1 else 'rows'}"
-        folded = [unfolding(more, self._table(others, across))] if others else []
-        return [self._table(first, across), *folded]
 
     def _table(self, rows: Iterable[int], across: Ends) -> HtmlElement:
         places = ticks(*across, log="x" in self.log, count=TICKS if self.columns else 3)
@@ -500,6 +492,15 @@ def _short_or_whole(short: str, whole: str) -> HtmlElement | str:
     if whole in ("", short):
         return short
     return E.details({"class": "sum"}, E.summary(short), E.span(whole))
+
+
+def in_parts(count: int, table: Callable[[range], HtmlElement]) -> list[HtmlElement]:
+    """So many rows of a table; those beyond ``MOST_ROWS`` unfold."""
+    found, left = [table(range(min(count, MOST_ROWS)))], count - MOST_ROWS
+    if left > 0:
+        title = f"{left} more {'row' if left == 1 else 'rows'}"
+        found.append(unfolding(title, table(range(MOST_ROWS, count))))
+    return found
 
 
 def unfolding(title: str, *content: HtmlElement) -> HtmlElement:

@@ -274,7 +274,7 @@ def joints_chart(found: Identification) -> Chart:
 @checked
 def masses_chart(found: Identification) -> Chart:
     """Masses of the bodies of the recommended robot beside the robot file."""
-    robot, file = found.fit.robot, found.force_model.standard_prior.tolist()
+    robot, file = found.fit.standard, found.force_model.standard_prior.tolist()
     known = dict(zip(found.force_model.base.parameters.labels, file, strict=True))
     masses = [each for each in robot.values() if each.name.endswith(".m") and known.get(each.name)]
     ends = np.array([(each.value, *each.interval) for each in masses]).reshape(-1, 3)

@@ -10,9 +10,8 @@ import numpy as np
 from loopid.arguments import BoolArray, FloatArray, checked, spread_rows
 from loopid.errors import OptionError
 from loopid.identification.prediction import Prediction
-from loopid.identification.saved import SavedFit
+from loopid.identification.result import Estimate, Fit
 from loopid.numbers import number
-from loopid.parameters import Parameter
 from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel
 from loopid.plots.structure import force_unit
 from loopid.regressors.joint_laws import grouped
@@ -55,16 +54,14 @@ def forces_chart(
     Examples
     --------
     >>> import loopid
-    >>> from matplotlib.figure import Figure
     >>> robot = loopid.load_mechanism("five_bar")
     >>> log = loopid.read_log(robot.path.parent / "logs" / "five_bar.csv", robot)
     >>> recording = loopid.prepare_recording(robot, log)
     >>> found = loopid.identify(loopid.find_force_model(robot, "full"), [recording])
-    >>> prediction = loopid.predict(found.fit, found.force_model, recording)
+    >>> prediction = found.fit.predict(recording)
     >>> chart = loopid.plots.forces_chart(robot, prediction, motors=["left_crank_joint"])
     >>> [panel.title for panel in chart.panels]
     ['measured force (N m)', 'left by this fit (N m), rms 0.0098']
-    >>> chart.draw(Figure().subplots(2))
     """
     run, panels = found.recording, list[Panel]()
     time = run.motion.time
@@ -114,22 +111,21 @@ def _spans(time: FloatArray, chosen: BoolArray) -> Any:
     return time[first], np.zeros(len(first)), "faint", "shade", ends
 
 
-def alone(fit: SavedFit) -> list[Any]:
+def alone(fit: Fit) -> list[Estimate]:
     """Base parameters of a fit without points of curves, which say nothing alone."""
-    first = (Parameter.parse(each.name.split()[0]) for each in fit.base_parameters)
-    pairs = zip(first, fit.base_parameters, strict=True)
+    pairs = zip(fit.parameters, fit.estimates, strict=True)
     return [each for parameter, each in pairs if not grouped(parameter.kind)]
 
 
 @checked
-def comparison_chart(fits: Mapping[str, SavedFit]) -> Chart:
+def comparison_chart(fits: Mapping[str, Fit]) -> Chart:
     """Values of fits with 95 % intervals, each less their mean, by the name of their run."""
     names = {each.expression: each.name for fit in fits.values() for each in alone(fit)}
     x, s = np.full((2, len(names), len(fits)), np.nan)
     for k, fit in enumerate(fits.values()):
         rows = [[*names].index(each.expression) for each in alone(fit)]
         x[rows, k] = [each.value for each in alone(fit)]
-        s[rows, k] = [each.standard_error or 0.0 for each in alone(fit)]
+        s[rows, k] = [each.standard_error for each in alone(fit)]
     size = np.nanmax(s, axis=1, keepdims=True)
     size = np.where(size > 0, size, np.nanmax(np.abs(x), axis=1, keepdims=True))
     middle = (x - np.nanmean(x, axis=1, keepdims=True)) / np.where(size > 0, size, 1.0)

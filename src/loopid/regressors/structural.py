@@ -17,9 +17,9 @@ from loopid.observation import Draws, Observation, StackedRows
 from loopid.parameters import ParameterSet
 from loopid.progress import Progress
 from loopid.records import record
-from loopid.regressors.closed_loop import motion_parameters, motion_regressor
 from loopid.regressors.joint_laws import joint_term
 from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.motion_regressors import motion_parameters, motion_regressor
 from loopid.robot.mechanism import Mechanism
 from loopid.workers import one_blas_thread
 

@@ -12,7 +12,6 @@ from .page import (
     Formula as Formula,
     Page as Page,
     Report as Report,
-    Run as Run,
     Section as Section,
 )
 from .schema import json_schema as json_schema

@@ -11,7 +11,8 @@ from rich.table import Table
 
 from loopid.diagnosis.agreement import Agreement, compare_fits
 from loopid.errors import DataError, OptionError
-from loopid.identification.saved import SavedFit
+from loopid.identification.result import Fit
+from loopid.identification.saved import FitFile
 from loopid.numbers import with_error
 from loopid.plots.pictures import alone, comparison_chart
 from loopid.report.look import json_value, plain_table, table_of
@@ -27,18 +28,19 @@ RUN = {
 }
 
 
-def comparison_report(fits: dict[str, SavedFit]) -> Report:
-    """Values of fits by the name of their run, matched by what they are sums of.
+def comparison_report(files: dict[str, FitFile]) -> Report:
+    """Values of saved fits by the name of their run, matched by what they are sums of.
 
     Raises
     ------
     OptionError
         When there are fewer than two.
     """
-    if len(fits) < 2:
-        raise OptionError(f"two fits or more can be compared, not {len(fits)}", given=len(fits))
-    pairs = _pairs(fits)
-    record = _record(fits, pairs)
+    if len(files) < 2:
+        raise OptionError(f"two fits or more can be compared, not {len(files)}", given=len(files))
+    fits = {name: file.fit() for name, file in files.items()}
+    pairs = _pairs(files, fits)
+    record = _record(files, fits, pairs)
     shown = {each.expression for fit in fits.values() for each in alone(fit)}
     rows, names = [row for row in record["parameters"] if row["expression"] in shown], list(fits)
     tables = [_table(rows, names, k) for k in range(0, len(names), BESIDE)]
@@ -56,12 +58,14 @@ def comparison_report(fits: dict[str, SavedFit]) -> Report:
     )
 
 
-def _pairs(fits: dict[str, SavedFit]) -> dict[tuple[str, str], Agreement]:
+def _pairs(files: dict[str, FitFile], fits: dict[str, Fit]) -> dict[tuple[str, str], Agreement]:
     """Which fits of one robot and model agree, by their names."""
     found = {}
-    for one, other in combinations(fits, 2):
+    for pair in combinations(fits, 2):
+        one, other = ((files[x].robot.coordinates, files[x].force_model.model) for x in pair)
         with suppress(DataError):
-            found[one, other] = compare_fits(fits[one], fits[other])
+            if one == other:
+                found[pair] = compare_fits(*(fits[x] for x in pair))
     return found
 
 
@@ -112,11 +116,13 @@ def _pairs_table(pairs: dict[tuple[str, str], Agreement]) -> Table:
     return plain_table("differences in their standard errors", columns, cells)
 
 
-def _record(fits: dict[str, SavedFit], pairs: dict[tuple[str, str], Agreement]) -> dict[str, Any]:
+def _record(
+    files: dict[str, FitFile], fits: dict[str, Fit], pairs: dict[tuple[str, str], Agreement]
+) -> dict[str, Any]:
     """Values and standard errors of each parameter, null where a fit has none; ready for JSON."""
     known = dict[str, dict[str, Any]]()
     for k, fit in enumerate(fits.values()):
-        for each in fit.base_parameters:
+        for each in fit.estimates:
             row = known.setdefault(
                 each.expression,
                 {"name": each.name, "expression": each.expression, "unit": each.unit}
@@ -132,12 +138,14 @@ def _record(fits: dict[str, SavedFit], pairs: dict[tuple[str, str], Agreement]) 
     runs = [
         {
             "name": name,
-            "robot": fit.robot.name,
-            "model": fit.force_model.model,
-            "estimator": fit.estimate and fit.estimate.estimator,
-            "rms": None if fit.estimate is None else json_value(fit.estimate.quality.residual_rms),
+            "robot": file.robot.name,
+            "model": file.force_model.model,
+            "estimator": fits[name].estimator,
+            "rms": json_value(fits[name].quality.residual_rms)
+            if fits[name].quality.samples.any()
+            else None,
         }
-        for name, fit in fits.items()
+        for name, file in files.items()
     ]
     agreements = [
         {"fits": [*pair], "usual": found.usual, "clear": [*found.clear]}

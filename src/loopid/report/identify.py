@@ -13,8 +13,8 @@ from loopid.errors import counted
 from loopid.identification.information import WeakDirection
 from loopid.identification.pipeline import Identification
 from loopid.identification.prediction import Candidate, Prediction, prediction_reach
-from loopid.identification.result import Estimate, FitResult
-from loopid.identification.saved import SavedFit
+from loopid.identification.result import Estimate, Fit
+from loopid.identification.saved import content
 from loopid.identification.unseen import WHERE
 from loopid.identification.verdict import GOOD, NOT_FIT, ROUGH, Verdict
 from loopid.logs.recording import Recording
@@ -172,7 +172,7 @@ def _sections(study: Study, worst: str) -> Iterator[Section]:
     yield Section("Checks of the log", (*log, *_log_tables(study)), folded=True, short="Log")
     model: list[Part] = [terms_chart(study.term_sets)]
     model += [] if found.cutoff is None else [filter_chart(found.cutoff)]
-    model += [*_candidates_tables(study), _essential_table(study)]
+    model += [_candidates_table(study), _essential_table(study)]
     yield Section("Checks of the model", tuple(model), folded=True, short="Model")
     values = _estimates_table(found)
     yield Section("All values", (values,), folded=values.row_count > OPEN)
@@ -226,13 +226,11 @@ def _fits(found: Identification, anyway: bool) -> dict[str, bytes | str]:
 
     That one may break laws: its file says which, and controllers refuse it.
     """
-    model, whole = found.force_model, found["all parameters"]
+    whole = found["all parameters"]
     name, other = "parameters.yaml", "all_parameters.yaml"
-    files: dict[str, bytes | str] = {
-        name: SavedFit.of(model, found.fit).content(name, anyway=anyway)
-    }
+    files: dict[str, bytes | str] = {name: content(found.fit, name, anyway=anyway)}
     if found.recommended is not whole:
-        files[other] = SavedFit.of(model, whole.fit).content(other, anyway=True)
+        files[other] = content(whole.fit, other, anyway=True)
     return files
 
 
@@ -249,9 +247,9 @@ def identification_record(study: Study, judged: Verdict | None = None) -> dict[s
         "validation": [_recording(recording) for recording in found.validation],
         "expressions": list(model.base.expressions),
         "robot_file": json_value(model.prior),
-        "all_parameters": SavedFit.of(model, found["all parameters"].fit).record(),
+        "all_parameters": found["all parameters"].fit.record(),
         "recommended": found.recommended.name,
-        "fit": SavedFit.of(model, found.fit).record(),
+        "fit": found.fit.record(),
         "judged": json_value(judged)
         | json_fields(judged, *USES)
         | {"ratio": json_value(root(*judged.ratio))},
@@ -275,7 +273,7 @@ def identification_record(study: Study, judged: Verdict | None = None) -> dict[s
         "candidates": [_candidate(candidate) for candidate in _candidates(study)],
         "delay": json_value(found.delay),
         "suspicions": json_value(found.suspicions),
-        "robot": [json_fields(each, *ROBOT) for each in found.fit.robot.values()],
+        "robot": [json_fields(each, *ROBOT) for each in found.fit.standard.values()],
     }
 
 
@@ -349,7 +347,7 @@ def _term_sets(found: TermComparison) -> list[dict[str, Any]]:
     ]
 
 
-def _value_and_error(fit: FitResult, estimate: Estimate) -> tuple[str, str]:
+def _value_and_error(fit: Fit, estimate: Estimate) -> tuple[str, str]:
     """As they are shown; no error of what is as in the robot file."""
     error = 0.0 if estimate.name in fit.assumed else estimate.standard_error
     return with_error(estimate.value, error)
@@ -378,7 +376,7 @@ def _clear(low: float, high: float) -> str:
     return "clear" if low > 0 or high < 0 else "not clear"
 
 
-def _shown(fit: FitResult) -> list[Estimate]:
+def _shown(fit: Fit) -> list[Estimate]:
     """Estimates without terms that the evidence sizes: the friction of each motor has these."""
     shown = zip(fit.parameters, fit.estimates, strict=True)
     return [one for each, one in shown if not grouped(each.kind)]
@@ -414,7 +412,7 @@ def _robot_tables(found: Identification) -> list[Table]:
         "unit": "unit",
         "by": lambda each: "log" if each.told else "file",
     }
-    robot = found.fit.robot.values()
+    robot = found.fit.standard.values()
     return [table_of(f"robot: {found.recommended.name}", columns, robot)] if robot else []
 
 
@@ -423,30 +421,14 @@ def _of_body(estimate: Estimate) -> bool:
     return Parameter.parse(estimate.name).kind in KINDS
 
 
-def _candidates_tables(study: Study) -> list[Table]:
+def _candidates_table(study: Study) -> Table:
     """Errors on new data of the robot file, all parameters, the essential ones, and others."""
-    found, mechanism = study.identification, study.identification.force_model.mechanism
+    found = study.identification
     columns = {
         **{"fit": "name", ">fitted": "fitted", ">error over the file's": _over_file},
         "against the file": lambda each: _grade(each, found),
     }
-    rows = [
-        (
-            motor,
-            each.name,
-            " ± ".join(
-                with_error(float(each.validation.residual_rms[k]), float(each.rms_errors[1][k]))
-            ),
-            force_unit(mechanism, motor),
-        )
-        for k, motor in enumerate(mechanism.independent)
-        for each in _candidates(study)
-    ]
-    errors = "other fits: errors by motor, RMS ± std", ("motor", "fit", ">on new data", "unit")
-    return [
-        table_of("other fits: errors on new data", columns, _candidates(study)),
-        plain_table(*errors, rows),
-    ]
+    return table_of("other fits: errors on new data", columns, _candidates(study))
 
 
 def _over_file(each: Candidate) -> str:

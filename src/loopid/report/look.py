@@ -13,7 +13,6 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
-from pydantic_core import to_json
 from rich import box
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderResult
@@ -124,7 +123,7 @@ def _cell(thing: Any, column: Any) -> str:
 
 def json_text(record: Any) -> str:
     """A record as JSON; what is not printable, such as a terminal's control codes, as escapes."""
-    text = to_json(record, indent=2).decode()
+    text = json.dumps(record, indent=2, ensure_ascii=False)
     return re.sub(
         r"[^\n -~]", lambda c: c[0] if c[0].isprintable() else json.dumps(c[0])[1:-1], text
     )

@@ -19,7 +19,7 @@ from lxml.html import HtmlElement, fragment_fromstring, tostring
 from rich.table import Table
 
 from loopid.findings import Finding, most_important_first
-from loopid.plots.chart import MOST_ROWS, Chart, E, Panel, unfolding
+from loopid.plots.chart import Chart, E, Panel, in_parts, unfolding
 from loopid.records import record
 from loopid.report.look import facts, json_text, json_value, plain_table, rounded
 
@@ -109,20 +109,16 @@ def _folded(table: Table) -> HtmlElement:
 
 
 def _tables(table: Table) -> HtmlElement:
-    """The table; rows beyond ``MOST_ROWS`` unfold."""
-    left = table.row_count - MOST_ROWS
-    if left <= 0:
-        return _table(table, slice(None))
-    rest = unfolding(
-        f"{left} more {'row' if left == 1 else 'rows'}", _table(table, slice(MOST_ROWS, None))
-    )
-    return E.div(_table(table, slice(MOST_ROWS)), rest)
+    """The table; rows beyond the first ones unfold."""
+    return E.div(*in_parts(table.row_count, lambda rows: _table(table, rows)))
 
 
-def _table(table: Table, some: slice) -> HtmlElement:
+def _table(table: Table, some: range) -> HtmlElement:
     heads = [str(column.header) for column in table.columns]
     sides = [{"class": "number"} if column.justify == "right" else {} for column in table.columns]
-    rows = list(zip(*(column.cells for column in table.columns), strict=True))[some]
+    rows = list(zip(*(column.cells for column in table.columns), strict=True))[
+        some.start : some.stop
+    ]
     body = (
         E.tr(*(E.td(side, str(each)) for side, each in zip(sides, row, strict=True)))
         for row in rows
@@ -258,36 +254,13 @@ def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-@record(kw_only=True)
-class Run:
-    """How a report came about.
-
-    Attributes
-    ----------
-    command : str
-        The command line, empty where there was none.
-    """
-
-    command: str = ""
-
-    @property
-    def versions(self) -> dict[str, str]:
-        """Of the libraries that decide the numbers."""
-        return {
-            **{name: version(name) for name in LIBRARIES},
-            "Python": platform.python_version(),
-            "machine": f"{platform.system()} {platform.machine()}",
-        }
-
-    def section(self) -> Section:
-        """What reproduces the run."""
-        told = {"command": self.command} if self.command else {}
-        return Section(
-            "To reproduce this run", (facts("", told | self.versions),), short="Reproduce"
-        )
-
-
-NO_RUN = Run()
+def _reproducing(command: str) -> Section:
+    """The command line, if there was one, and versions of the libraries that decide the numbers."""
+    told = {"command": command} if command else {}
+    told |= {name: version(name) for name in LIBRARIES}
+    told["Python"] = platform.python_version()
+    told["machine"] = f"{platform.system()} {platform.machine()}"
+    return Section("To reproduce this run", (facts("", told),), short="Reproduce")
 
 
 @record
@@ -439,19 +412,19 @@ class Report:
         panels = (p for part in parts if isinstance(part, Chart) for p in part.panels if p.columns)
         return [*map(_panel_table, panels), *(part for part in parts if isinstance(part, Table))]
 
-    def page(self, run: Run = NO_RUN) -> Page:
-        """The page."""
+    def page(self, command: str = "") -> Page:
+        """The page, with the command line that reproduces it."""
         told = self.findings or self.checks
         findings = findings_html(self.findings, self.checks) if told else None
         data = {key: value for key, value in self.data.items() if key not in self.beside}
-        sections = (*self.sections(), run.section())
+        sections = (*self.sections(), _reproducing(command))
         return Page(
             self.title, sections, self.under, self.card, tuple(self.pictures()), findings, data
         )
 
-    def files(self, run: Run = NO_RUN, *, figures: bool = False) -> dict[str, bytes | str]:
+    def files(self, command: str = "", *, figures: bool = False) -> dict[str, bytes | str]:
         """Page, record, results, and figures for papers if asked for, by file name."""
-        page = self.page(run)
+        page = self.page(command)
         parts = (*page.pictures, *(part for each in page.sections for part in each.parts))
         charts = [part for part in parts if isinstance(part, Chart)]
         drawn = {n: c for chart in charts if figures for n, c in chart.files().items()}

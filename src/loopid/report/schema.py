@@ -29,7 +29,7 @@ from loopid.findings import Finding
 from loopid.identification.cutoff import CutoffChoice
 from loopid.identification.delay import Delay
 from loopid.identification.log_mistakes import Suspicions
-from loopid.identification.result import RobotEstimate
+from loopid.identification.result import StandardEstimate
 from loopid.identification.verdict import Verdict
 from loopid.motion.joints import MotionReview
 from loopid.report.excitation import CRITERIA, FOUND
@@ -105,7 +105,7 @@ _RECORDING = {
     **{key: [str] for key in ("dropped", "wrenches")},
 }
 _ERRORS = {"rms": [Real], "rms_standard_error": [Real]}
-FIT = {str: object}  # its own ``format`` and ``version`` say its form: ``read_fit`` reads it
+FIT = {str: object}  # its own ``format`` and ``version`` say its form: ``load_fit`` reads it
 FORMS: dict[str, dict[Any, Any]] = {
     "check": {
         "mechanism": str,
@@ -163,7 +163,7 @@ FORMS: dict[str, dict[Any, Any]] = {
             {"motor": str, "number": int, "unit": str, "where": {str: Real}}
             | {"fit": _ERROR, "robot_file": _ERROR}
         ],
-        "robot": [of(RobotEstimate, *ROBOT)],
+        "robot": [of(StandardEstimate, *ROBOT)],
         **{"cutoff": (of(CutoffChoice), None), "delay": (of(Delay), None)},
         "suspicions": [of(Suspicions)],
         **{"joint_terms": {str: [str]}, "fitted_bodies_pay": bool},

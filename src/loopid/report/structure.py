@@ -21,7 +21,8 @@ from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.projection import NEAR_SINGULARITY, Factorisation, singularity_measure
 from loopid.loading.checks import inertia_defects, odd_masses, unequal_links
 from loopid.plots.structure import robot_chart, search_chart
-from loopid.regressors.joint_terms import OF_FILE, FileForce, file_forces
+from loopid.regressors.file_forces import FileForce, file_forces
+from loopid.regressors.joint_terms import OF_FILE
 from loopid.report.look import facts, json_fields, json_value, plain_table, table_of
 from loopid.report.page import Card, Figure, Report, Section, Tone
 from loopid.report.searches import groups_table, search_record, subgroup_facts

@@ -19,7 +19,7 @@ from loopid.arguments import BoolArray, FloatArray, IntArray, Number, frozen
 from loopid.errors import DataError, OptionError
 from loopid.parameters import KINDS, ParameterSet, html_table, model_kinds
 from loopid.records import record
-from loopid.robot.closures import UNIT, JointCoupling, LoopClosure
+from loopid.robot.closures import CLOSURE_KINDS, UNIT, JointCoupling, LoopClosure
 from loopid.robot.platform import Platform
 
 # Singular values of closures below this fraction of the largest count as zero. Configurations are
@@ -605,6 +605,37 @@ class Mechanism:
                 centre, inertia = (moment / mass if mass else old.lever), old.inertia
             tree.inertias[body.joint_id] = pin.Inertia(mass, centre, inertia)
         return tree
+
+    @property
+    def constraint_models(self) -> pin.StdVec_RigidConstraintModel:
+        """The closures as Pinocchio's constraints, made anew: they cannot be pickled.
+
+        Raises
+        ------
+        OptionError
+            Naming a closure or a coupling that Pinocchio has no contact for.
+        """
+        if self.couplings:
+            name = self.couplings[0].name
+            message = f"Pinocchio has no contact for {name}, a coupling of joints"
+            raise OptionError(message, given=name)
+        found = pin.StdVec_RigidConstraintModel()
+        for closure in self.closures:
+            contact = CLOSURE_KINDS[closure.kind].contact
+            if contact is None:
+                valid = tuple(k for k, kind in CLOSURE_KINDS.items() if kind.contact is not None)
+                raise OptionError(
+                    f"Pinocchio has no contact for {closure.name} of kind {closure.kind}: describe "
+                    f"it by closures of the kinds {', '.join(valid)}",
+                    given=closure.kind,
+                    valid=valid,
+                )
+            frames = [self.model.frames[k] for k in closure.frame_ids]
+            ends = [part for frame in frames for part in (frame.parentJoint, frame.placement)]
+            constraint = pin.RigidConstraintModel(contact, self.model, *ends, pin.LOCAL)
+            constraint.name = closure.name
+            found.append(constraint)
+        return found
 
     def columns(self, model: str = "full") -> IntArray:
         """Columns of Pinocchio's tree regressor that the bodies occupy; shape (n,)."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray, checked
 from loopid.errors import DataError
-from loopid.identification.saved import SavedFit
+from loopid.identification.result import Fit
 from loopid.inertia import central_moments, centre, pseudo_inertia
 from loopid.records import record
 from loopid.robot.mechanism import Mechanism
@@ -57,16 +57,17 @@ def body_masses(mechanism: Mechanism, parameters: FloatArray | None = None) -> t
 
 
 @checked
-def fitted_masses(mechanism: Mechanism, fit: SavedFit) -> tuple[BodyMass, ...]:
-    """Where a saved fit says that the masses are.
+def fitted_masses(mechanism: Mechanism, fit: Fit) -> tuple[BodyMass, ...]:
+    """Where a fit says that the masses are.
 
     Raises
     ------
     DataError
         When the fit is one of another robot, or has values of base parameters alone.
     """
-    labels = mechanism.parameters(fit.force_model.model).labels
-    known = dict(zip(fit.standard.labels, fit.standard_values, strict=True))
+    model, bodies = fit.require_model(), fit.standard_parameters
+    labels = mechanism.parameters(model.model).labels
+    known = {} if bodies is None else dict(zip(model.base.parameters.labels, bodies, strict=True))
     values = np.array([known.get(label, np.nan) for label in labels])
     if np.isnan(values).any():
         raise DataError(

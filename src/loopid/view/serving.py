@@ -12,12 +12,12 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
-from unittest.mock import patch
 
 import websockets.asyncio.server as websockets
 from viser import _messages
 
 from loopid.errors import MissingExtraError
+from loopid.registry import exchanged
 
 NAMES = ("127.0.0.1", "localhost")  # of this machine
 _starting = threading.Lock()  # viser has no setting for what it hands to websockets
@@ -76,7 +76,7 @@ def _of(places: list[str], then: Callable[[Any, Any], Any]) -> Callable[[Any, An
 @contextmanager
 def own_pages_only() -> Iterator[None]:
     """Let a server of viser that starts inside serve its own pages alone."""
-    with _starting, patch.object(websockets, "serve", _OwnPages):
+    with _starting, exchanged(vars(websockets), serve=_OwnPages):
         before = _OwnPages.used
         yield
         if _OwnPages.used == before:

@@ -22,7 +22,8 @@ from trimesh import creation
 
 from loopid.arguments import FloatArray, checked, spread_rows
 from loopid.errors import MissingExtraError, OptionError
-from loopid.identification.saved import SavedFit, read_fit
+from loopid.identification.result import Fit
+from loopid.identification.saved import load_fit
 from loopid.logs.preparing import read_recordings
 from loopid.motion.files import read_motion_program
 from loopid.motion.joints import JointMotion, joint_motion
@@ -85,7 +86,7 @@ class Viewer:
         mechanism: Mechanism,
         *,
         motion: JointMotion | None = None,
-        fits: Mapping[str, SavedFit] | None = None,
+        fits: Mapping[str, Fit] | None = None,
         port: Port = 8080,
     ) -> None:
         try:
@@ -385,11 +386,11 @@ def open_viewer(
     port : int
         See ``Viewer``.
     """
-    motions, fits = dict[str, JointMotion](), dict[str, SavedFit]()
+    motions, fits = dict[str, JointMotion](), dict[str, Fit]()
     for path in map(str, files):
         text = Path(path).suffix in (".yaml", ".yml", ".json")
         if text and "loopid fit" in Path(path).read_text(errors="replace")[:200]:
-            fits[path] = read_fit(path)
+            fits[path] = load_fit(path, mechanism)
         elif text or not Path(path).exists():
             planned = read_motion_program(path).motion(rate=RATE)
             motions[path] = joint_motion(mechanism, planned)

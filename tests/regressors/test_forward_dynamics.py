@@ -11,8 +11,8 @@ from bank_robots import few_of
 from closure_robots import body
 from linkages import LINKAGES
 from loopid import (
+    Dynamics,
     find_base_parameters,
-    forward_dynamics,
     load_mechanism,
     random_configurations,
     structural_observation,
@@ -25,12 +25,6 @@ ROBOTS = (*LINKAGES, "3ups_rpu", "flying")
 GEPETTO = ("5bar_linkage", "5bar_linkage_iso3d", "robot_delta", "digit_like", "talos_like")
 WITHOUT_AXES = ("3d loop", "6d loop", "3d four-bar", "6d four-bar", "ball rssr",
                 "redundant five-bar")  # fmt: skip
-
-
-def motor_map(mechanism, motion):
-    """Forces along the independent coordinates from those of the motors, (N, dof, motors)."""
-    motors = mechanism.velocity_indices(mechanism.actuated)
-    return motion.projection.G[:, motors].transpose(0, 2, 1)
 
 
 @pytest.fixture(scope="module")
@@ -50,24 +44,27 @@ def case(mechanism, count=4, q=None):
     return q, rates, forces
 
 
-def moved(robot, q, rates, forces, **options):
-    return forward_dynamics(robot, q, rates, forces=forces, **options)
+def moved(robot, q, rates, forces, values=None):
+    """The motion under forces of the motors, and these along the independent coordinates."""
+    dynamics = Dynamics(robot, values)
+    pose, motors = dynamics.pose(q=q), robot.velocity_indices(robot.actuated)
+    tau = np.einsum("nji,nj->ni", pose.G[:, motors], forces)
+    return closed_motion(robot, q, rates, dynamics.forward(pose, rates, tau)), tau
 
 
 @pytest.mark.parametrize("robot", ROBOTS, indirect=True)
 def test_inverse_dynamics_gives_the_forces_back(robot):
     q, rates, forces = case(robot)
-    motion = forward_dynamics(robot, q, rates, forces=forces)
+    motion, expected = moved(robot, q, rates, forces)
     again = closed_motion(robot, q, rates, motion.accelerations[:, motion.projection.independent])
     np.testing.assert_allclose(again.accelerations, motion.accelerations, rtol=1e-9, atol=1e-9)
-    expected = np.einsum("nij,nj->ni", motor_map(robot, motion), forces)
     found = motion_regressor(robot, motion) @ robot.standard_parameters()
     np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(expected).max())
 
 
 def assert_pinocchio_agrees(mechanism, q=None):
     q, rates, forces = case(mechanism, 4 if q is None else len(q), q)
-    motion = forward_dynamics(mechanism, q, rates, forces=forces)
+    motion, _ = moved(mechanism, q, rates, forces)
     states = zip(q, motion.velocities, forces, strict=True)
     expected = np.array([pinocchio_loops.accelerations(mechanism, *state) for state in states])
     unit = np.abs(expected).max()
@@ -98,7 +95,7 @@ def energy(mechanism, q, v):
 @pytest.mark.parametrize("robot", ["hinge loop, skew", "ball rssr", "flying"], indirect=True)
 def test_the_motors_power_is_what_the_energy_grows_by(robot, rate):
     q, rates, forces = case(robot)
-    motion = forward_dynamics(robot, q, rates, forces=forces)
+    motion, _ = moved(robot, q, rates, forces)
     motors = robot.velocity_indices(robot.actuated)
     for k, (v, a) in enumerate(zip(motion.velocities, motion.accelerations, strict=True)):
 
@@ -112,7 +109,7 @@ def test_the_motors_power_is_what_the_energy_grows_by(robot, rate):
 def test_a_tree_falls_as_pinocchio_says(knee):
     tree = replace(knee, closures=(), actuated=knee.joints)
     q, rates, forces = case(tree)
-    found = forward_dynamics(tree, q, rates, forces=forces).accelerations
+    found = Dynamics(tree).forward(Dynamics(tree).pose(q=q), rates, forces)
     data = tree.model.createData()
     for k, expected in enumerate(found):
         np.testing.assert_allclose(
@@ -126,8 +123,8 @@ def test_base_parameters_alone_move_the_robot_alike(robot):
     base = find_base_parameters(structural_observation(robot, "full"))
     regrouped = np.zeros(len(base.parameters))
     regrouped[base.base] = base.values(robot.standard_parameters())
-    expected = moved(robot, *case(robot)).accelerations
-    found = moved(robot, *case(robot), standard_parameters=regrouped).accelerations
+    expected = moved(robot, *case(robot))[0].accelerations
+    found = moved(robot, *case(robot), regrouped)[0].accelerations
     np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(expected).max())
 
 
@@ -139,7 +136,7 @@ def without_mass(name, link):
 @pytest.mark.parametrize("flying", [False, True])
 def test_a_rod_without_inertia_does_not_spin_faster(flying, load_files):
     robot = load_files(*without_mass("ball rssr", "rod"), floating_base=flying)
-    motion = moved(robot, *case(robot, count=20))
+    motion, _ = moved(robot, *case(robot, count=20))
     spin = motion.accelerations[:, robot.velocity_indices(["ball.wx"])]
     np.testing.assert_allclose(spin, 0, atol=1e-9)
     assert 1 < np.abs(motion.accelerations).max() < 1e4
@@ -152,19 +149,10 @@ def test_a_force_that_no_mass_resists_is_refused(load_files):
         moved(robot, *case(robot))
 
 
-def test_one_sample_needs_no_axis_of_samples(linkage):
-    robot = linkage("five-bar")
-    whole = moved(robot, *case(robot))
-    first = moved(robot, *(values[0] for values in case(robot)))
-    # As many samples at a time as there are, products of matrices are summed in another order.
-    np.testing.assert_allclose(first.accelerations, whole.accelerations[:1], rtol=1e-12)
-
-
-@pytest.mark.parametrize(("place", "name"), [(1, "velocities"), (2, "forces")])
+@pytest.mark.parametrize(("place", "name"), [(0, "velocities"), (1, "forces")])
 def test_bad_arrays_are_refused_by_name(linkage, place, name):
-    robot = linkage("redundant five-bar")
-    for bad in (np.zeros((4, 5)), np.full((4, 2 + (place == 2)), np.nan), np.zeros((2, 1 + place))):
-        state = list(case(robot))
-        state[place] = bad
+    dynamics = Dynamics(linkage("redundant five-bar"))
+    pose, arrays = dynamics.pose(q=case(dynamics.robot)[0]), [np.zeros((4, 2))] * 2
+    for bad in (np.zeros((4, 5)), np.full((4, 2), np.nan), np.zeros((2, 2))):
         with pytest.raises(DataError, match=name):
-            moved(robot, *state)
+            dynamics.forward(pose, *arrays[:place], bad, *arrays[place + 1 :])

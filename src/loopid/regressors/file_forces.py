@@ -1,0 +1,118 @@
+"""What a robot file gives beyond rigid bodies, with its size at random states."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from loopid.arguments import FloatArray, checked
+from loopid.errors import AccuracyWarning, AssemblyError, SingularityError
+from loopid.kinematics.poses import torque_regressors
+from loopid.kinematics.projection import ClosedMotion, closed_motion
+from loopid.kinematics.sampling import random_configurations, random_motions
+from loopid.records import record
+from loopid.regressors.joint_laws import joint_term
+from loopid.regressors.joint_terms import OF_FILE, JointTerms
+from loopid.robot.mechanism import LeftOut, Mechanism, link_frames
+
+SAMPLES = 60  # random states that forces of the robot file are compared in
+NOTHING = 1e-12  # of the largest rigid-body force: round-off
+
+
+@record
+class FileForce:
+    """A force that the robot file gives and that rigid bodies do not have."""
+
+    what: str
+    joint: str = ""  # of a joint term; empty for what no model has
+    kind: str = ""
+    value: float = np.nan  # coefficient of the joint term, in ``unit``; NaN for what no model has
+    unit: str = ""
+    # Rms over random states, relative to the rigid-body forces of the motor, or free coordinate,
+    # that feels it most; infinite where these are zero, NaN where it is not known
+    size: float = np.nan
+
+
+@checked
+def file_forces(mechanism: Mechanism) -> tuple[FileForce, ...]:
+    """All that the robot file gives beyond rigid bodies, with its size.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> from loopid.regressors import file_forces
+    >>> file_forces(loopid.load_mechanism("five_bar"))
+    ()
+    """
+    terms = JointTerms.of(mechanism, OF_FILE)
+    if terms is None and not mechanism.left_out:
+        return ()
+    try:
+        q = random_configurations(mechanism, SAMPLES)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", AccuracyWarning)  # the draws keep a margin
+            motion = closed_motion(mechanism, q, *random_motions(mechanism, SAMPLES))
+    except (AssemblyError, SingularityError):
+        motion = None
+    return tuple(_sized(mechanism, terms, motion))
+
+
+def _sized(
+    mechanism: Mechanism, terms: JointTerms | None, motion: ClosedMotion | None
+) -> Iterator[FileForce]:
+    rigid = None if motion is None else _rms(_rigid_forces(mechanism, motion))
+
+    def size(force: FloatArray | None) -> float:
+        if rigid is None or force is None:
+            return float("nan")
+        found = _rms(force)
+        known = rigid > NOTHING * rigid.max(initial=0.0)
+        felt = found > NOTHING * max(found.max(initial=0.0), rigid.max(initial=0.0))
+        if (felt & ~known).any():
+            return float("inf")
+        return float((found[known] / rigid[known]).max(initial=0.0))
+
+    if terms is not None:
+        names, values = terms.parameters(mechanism), terms.values(mechanism)
+        columns = (
+            None if motion is None else terms.columns(mechanism, motion) * np.nan_to_num(values)
+        )
+        for j, (name, value) in enumerate(zip(names, values, strict=True)):
+            law, own = joint_term(name.kind), terms.of_joints[name.link]
+            # A spring counts from where it is slack.
+            parts = [j, *(names.labels.index(f"{name.link}.{kind}") for kind in law.beside)]
+            force = None if columns is None else columns[..., parts].sum(axis=2)
+            parted = any(name.kind in joint_term(kind).beside for kind in own)
+            if not (np.isnan(value) or parted):
+                what = f"{law.name} of {name.link}"
+                yield FileForce(what, name.link, name.kind, float(value), name.unit, size(force))
+    for left in mechanism.left_out:
+        yield FileForce(left.what, size=size(_force(mechanism, motion, left)))
+
+
+def _rms(force: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt((force**2).mean(axis=0)))
+
+
+def _rigid_forces(mechanism: Mechanism, motion: ClosedMotion) -> FloatArray:
+    state = motion.configurations, motion.velocities, motion.accelerations
+    columns = torque_regressors(mechanism, *state, G=motion.projection.G)
+    return np.asarray(columns @ mechanism.standard_parameters("full"))
+
+
+def _force(mechanism: Mechanism, motion: ClosedMotion | None, left: LeftOut) -> FloatArray | None:
+    """Force (N, dof) of what is left out; None where it is not known."""
+    if motion is None or not left.weights:
+        return None
+    untied, pi = replace(mechanism, tied=False), np.zeros((len(mechanism.bodies), 4))
+    carriers = [body.joint_id for body in mechanism.bodies]
+    for link, (mass, *centre) in left.weights.items():
+        frame = mechanism.model.frames[link_frames(mechanism.model)[link]]
+        if frame.parentJoint in carriers:
+            point = frame.placement.act(np.array(centre))
+            pi[carriers.index(frame.parentJoint)] += mass * np.array([1.0, *point])
+    K = torque_regressors(untied, motion.configurations, model="gravity", G=motion.projection.G)
+    return np.asarray(-(K @ pi.ravel()))

@@ -1,0 +1,191 @@
+"""Regressors of configurations and motions that are known: K = Gᵀ Y.
+
+Y(q, v, a) π are the joint forces of the open tree for the parameters π of all bodies. The motion
+that the loops allow, v = G u̇ and a = G ü + γ, does work with Gᵀ of them only. At rest, v = a = 0,
+with the columns m, mx, my, mz of Y, Gᵀ Y is the paper's K_G. ``Dynamics`` assembles the motion too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from loopid.arguments import FloatArray, checked, samples
+from loopid.kinematics.poses import torque_regressors
+from loopid.kinematics.projection import ClosedMotion, closed_motion, project
+from loopid.parameters import ParameterSet, model_kinds
+from loopid.records import record
+from loopid.regressors.dynamics import Dynamics
+from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.maxwell_slip import Slips
+from loopid.robot.mechanism import Mechanism
+
+
+def _full(mechanism: Mechanism, motion: ClosedMotion) -> FloatArray:
+    q, v, a = motion.configurations, motion.velocities, motion.accelerations
+    return torque_regressors(mechanism, q, v, a, G=motion.projection.G)
+
+
+@checked
+def gravity_regressor(mechanism: Mechanism, configurations: FloatArray) -> FloatArray:
+    """Actuator forces at rest per unit of mass and first moment.
+
+    The forces that hold the robot against gravity are K π with π =
+    ``mechanism.standard_parameters("gravity")``; the paper's K_G.
+
+    Parameters
+    ----------
+    configurations : FloatArray
+        (N, nq), closed.
+
+    Returns
+    -------
+    FloatArray
+        (N, dof, n), rows in the order of ``mechanism.independent``.
+
+    Raises
+    ------
+    DataError, SingularityError
+        As ``project``.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("3ups_rpu")
+    >>> loopid.gravity_regressor(robot, robot.reference).shape
+    (1, 4, 36)
+    """
+    q = samples(configurations, mechanism.model.nq, "configurations")
+    return torque_regressors(mechanism, q, model="gravity", G=project(mechanism, q).G)
+
+
+@checked
+def dynamic_regressor(
+    mechanism: Mechanism,
+    configurations: FloatArray,
+    velocities: FloatArray,
+    *,
+    accelerations: FloatArray,
+) -> FloatArray:
+    """Actuator forces in motion per unit of all ten parameters a body.
+
+    Parameters
+    ----------
+    configurations : FloatArray
+        (N, nq), closed.
+    velocities, accelerations : FloatArray
+        (N, dof) of the independent coordinates; those of the others follow, v = G u̇, a = G ü + γ.
+
+    Returns
+    -------
+    FloatArray
+        (N, dof, n), rows in the order of ``mechanism.independent``.
+
+    Raises
+    ------
+    DataError, SingularityError
+        As ``closed_motion``.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("3ups_rpu")
+    >>> q, still, pushed = robot.reference, [0, 0, 0, 0], [1, 0, 0, 0]
+    >>> loopid.dynamic_regressor(robot, q, still, accelerations=pushed).shape
+    (1, 4, 90)
+    """
+    return _full(mechanism, closed_motion(mechanism, configurations, velocities, accelerations))
+
+
+@checked
+def motion_parameters(
+    mechanism: Mechanism, model: str = "full", joint_terms: JointTerms | None = None
+) -> ParameterSet:
+    """Names of the columns of ``motion_regressor``."""
+    bodies = mechanism.parameters(model)
+    return bodies if joint_terms is None else bodies + joint_terms.parameters(mechanism)
+
+
+@checked
+def motion_regressor(
+    mechanism: Mechanism,
+    motion: ClosedMotion,
+    model: str = "full",
+    *,
+    joint_terms: JointTerms | None = None,
+    standard_parameters: FloatArray | None = None,
+    slips: Slips | None = None,
+) -> FloatArray:
+    """Actuator forces (N, dof, n) per unit of the parameters of all bodies, then of joint terms.
+
+    The model is ``"full"``, or ``"gravity"`` for what holds the robot at rest in each
+    configuration; joint terms are those of the motion in either. ``motion_parameters`` names the
+    columns. Loads of joints are those of the bodies of the robot file, or of other
+    ``standard_parameters`` (n,) of the full model. Hysteresis needs ``JointTerms.slips`` of the
+    whole motion; without, friction is that of steady motion.
+    """
+    if model_kinds(model) == model_kinds("full"):
+        bodies = _full(mechanism, motion)
+    else:
+        q, G = motion.configurations, motion.projection.G
+        bodies = torque_regressors(mechanism, q, model=model, G=G)
+    if joint_terms is None:
+        return bodies
+    columns = joint_terms.columns(mechanism, motion, standard_parameters, slips=slips)
+    return np.concatenate([bodies, columns], axis=2)
+
+
+@record
+class ForceParts:
+    """Parts of the actuator forces, each (N, dof) in N or N m."""
+
+    inertial: FloatArray  # linear in the accelerations of the independent coordinates
+    coriolis: FloatArray  # quadratic in their velocities, through the tree's own terms and γ
+    gravity: FloatArray  # what holds the robot at rest
+
+    @property
+    def total(self) -> FloatArray:
+        """Their sum, the forces of ``dynamic_regressor``."""
+        return self.inertial + self.coriolis + self.gravity
+
+
+@checked
+def force_parts(
+    mechanism: Mechanism,
+    configurations: FloatArray,
+    velocities: FloatArray,
+    accelerations: FloatArray,
+    *,
+    standard_parameters: FloatArray | None = None,
+) -> ForceParts:
+    """Split the actuator forces of a motion by their cause.
+
+    Parameters
+    ----------
+    configurations : FloatArray
+        (N, nq), closed.
+    velocities, accelerations : FloatArray
+        (N, dof) of the independent coordinates.
+    standard_parameters : FloatArray, optional
+        (n,) of ``mechanism.parameters()``; by default those of the robot file.
+
+    Raises
+    ------
+    DataError, SingularityError
+        As ``closed_motion``.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> parts = loopid.regressors.force_parts(robot, robot.reference, np.zeros(2), np.zeros(2))
+    >>> bool(np.allclose(parts.total, parts.gravity))
+    True
+    """
+    q = samples(configurations, mechanism.model.nq, "configurations")
+    dynamics, still = Dynamics(mechanism, standard_parameters), np.zeros_like(velocities)
+    pose = dynamics.pose(q=q)
+    gravity, moving, whole = (
+        dynamics.inverse(pose, *rates)
+        for rates in ((), (velocities, still), (velocities, accelerations))
+    )
+    return ForceParts(whole - moving, moving - gravity, gravity)
