@@ -233,11 +233,33 @@ def _found(force_model: ForceModel, recordings: Sequence[Recording]) -> Delay | 
         slips = not known or search.slips(plain)
         if not (slips or plain.clear):
             return plain
-        # What builds up looks late: a delay that is none beside plain friction is none.
-        robust = _Search(forces, slip=True).result(undo=plain.clear or not known)
+        robust = _Search(forces, slip=True).result()
     except (DataError, RankError):
         return None
-    return robust if slips or not _sharpens(plain, robust) else plain
+    # What is undone is there in either way.
+    if slips or not _sharpens(plain, robust):
+        return robust if not known or _has(plain, robust.undone) else _kept(robust)
+    return plain if _has(robust, plain.undone) else _kept(plain)
+
+
+def _has(delay: Delay, undone: FloatArray) -> bool:
+    """Whether intervals of what was undone (m,), in common or alone, are without zero."""
+    alone = delay.intervals[undone != 0] if np.ptp(undone) else np.array([delay.interval])
+    return bool((np.sign(alone).prod(axis=1) > 0).all())
+
+
+def _kept(delay: Delay) -> Delay:
+    """A delay of which nothing is undone."""
+    error = float(np.ptp(delay.interval)) / 2 / NORMAL
+    left = np.array([_left_open(delay.common, error, delay.step)])
+    return replace(delay, undone=0.0 * delay.undone, left=left)
+
+
+def _left_open(common: float, error: float, step: float) -> float:
+    """Deviation in s of a delay that is not clear: what the data leave of a usual one."""
+    usual = min(USUAL, step)
+    told = 1 / (1 + (error / usual) ** 2)
+    return float(np.hypot(told * common, usual * np.sqrt(1 - told)))
 
 
 def _sharpens(sharp: Delay, other: Delay) -> bool:
@@ -599,8 +621,8 @@ class _Search:
             for row, table in self.forces.slips.items()
         )
 
-    def result(self, *, undo: bool = True) -> Delay:
-        """The delay of all motors, and of each; without ``undo`` none is clear."""
+    def result(self) -> Delay:
+        """The delay of all motors, and of each."""
         count, joints = self.forces.count, self.forces.joints
         shift, settled = self.settled(self.best)
         each, alone = self.settled(np.repeat(shift, count))
@@ -612,9 +634,9 @@ class _Search:
         common, half = float(shift[0]), NORMAL * error
         undone = np.zeros(count)
         single = [k for k in range(count) if self._stands_out(k, each, errors)]
-        if single and undo:
+        if single:
             undone[single] = each[single]
-        elif undo and self._clear(common, half):
+        elif self._clear(common, half):
             undone[:] = common
         m, ends = len(joints), NORMAL * np.multiply.outer(errors, [-1.0, 1.0])
         return Delay(
@@ -631,18 +653,12 @@ class _Search:
     def _left(
         self, common: float, error: float, undone: FloatArray, errors: FloatArray
     ) -> FloatArray:
-        """Standard deviation in s of what is left in the log, of all motors or of each.
-
-        Of a delay that was undone its error; of one that is not clear, what the data leave of a
-        usual one.
-        """
+        """Standard deviation in s of what is left in the log, of all motors or of each."""
         if np.ptp(undone):
             return np.where(undone != 0, errors, 0.0)
         if undone.any():
             return np.array([error])
-        usual = min(USUAL, self.forces.step)
-        told = 1 / (1 + (error / usual) ** 2)
-        return np.array([np.hypot(told * common, usual * np.sqrt(1 - told))])
+        return np.array([_left_open(common, error, self.forces.step)])
 
     def _stands_out(self, k: int, delays: FloatArray, errors: FloatArray) -> bool:
         """Whether a motor has clearly a delay of its own, and the others none like it."""
