@@ -30,7 +30,6 @@ from loopid import (
     random_configurations,
     read_log,
 )
-from loopid.diagnosis import examine
 from loopid.errors import ModelWarning
 from loopid.paper import reproduce_paper
 from made_runs import friction, logged, quietly, wander
@@ -319,7 +318,7 @@ def study(knee, knee_run, once):
     def studied():
         recording = prepare_recording(knee, read_log(knee_run, knee))
         model = find_force_model(knee, "gravity", friction(knee)[0])
-        return examine(identify(model, [recording]))
+        return identify(model, recording)
 
     return once("study", lambda: quietly(studied))
 

@@ -32,6 +32,11 @@ ARM = urdf(
 )
 
 
+def unchecked(*arrays, **options):
+    """A log of arrays as if it had been compared with its robot: limits are no matter."""
+    return replace(Log.from_arrays(*arrays, **options), checked=True)
+
+
 def friction(robot, kinds=("Fc", "Fv")):
     """Terms of the motors, and values in their order."""
     values = [FRICTION[kind][k] for k in range(len(robot.actuated)) for kind in kinds]
@@ -141,3 +146,10 @@ def with_deviation(found, common):
     deviated = replace(fit, deviation=replace(fit.deviation, common=common))
     candidates = {**found.candidates, "consistent": replace(found["consistent"], fit=deviated)}
     return replace(found, candidates=candidates)
+
+
+def with_answers(found, asked):
+    """An identification that has been asked what another one has, and would answer alike."""
+    for name in ("term_sets", "reduction", "essential"):
+        found.__dict__[name] = getattr(asked, name)
+    return found

@@ -11,7 +11,7 @@ from loopid import plots
 
 @pytest.fixture(scope="module")
 def prediction(study):
-    found = study.identification
+    found = study
     return found.fit.predict(found.training[0].between(0.0, 20.0))
 
 
@@ -65,7 +65,7 @@ def test_a_flat_robot_is_seen_from_its_front_and_signs_do_not_cover_each_other(l
 
 def test_values_are_beside_those_of_the_robot_file(study):
     """A bar a run, whose middle is its value."""
-    found = study.identification
+    found = study
     fits = {name: found[name].fit for name in ("robot file", "all parameters")}
     (panel,) = plots.comparison_chart(fits).panels
     assert len(panel.labels) == len(found.fit.values)

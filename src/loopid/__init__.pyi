@@ -25,11 +25,7 @@ from .base_parameters import (
     SearchOptions as SearchOptions,
     find_base_parameters as find_base_parameters,
 )
-from .diagnosis import (
-    drive_gains as drive_gains,
-    identify_payload as identify_payload,
-    study_logs as study_logs,
-)
+from .diagnosis import drive_gains as drive_gains, identify_payload as identify_payload
 from .errors import LoopidError as LoopidError
 from .excitation import (
     DesignOptions as DesignOptions,

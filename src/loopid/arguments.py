@@ -129,13 +129,13 @@ def number(text: str) -> float:
 
 
 def spread_rows(count: int, most: int) -> IntArray:
-    """Evenly spread numbers of at most so many of the rows, the first and the last among them."""
+    """Numbers of at most ``most`` evenly spread rows, the first and the last among them."""
     rows = np.linspace(0, count - 1, min(count, most)).round().astype(np.int64)
     return np.asarray(np.unique(rows), dtype=np.int64)
 
 
 def row_blocks(rows: int | slice, size: int | None = None) -> Iterator[slice]:
-    """The rows, or so many from 0 on, in blocks, lest a temporary array be as large as all."""
+    """Rows, or their count from 0 on, in blocks: no temporary array is as large as all."""
     whole = slice(0, rows) if isinstance(rows, int) else rows
     step = BLOCK_ROWS if size is None else size
     for first in range(whole.start, whole.stop, step):

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 BLOCK_BYTES = 2**20  # of text that are read at a time
-# The one limit of sizes. What stands for more bytes than so many, and for so many times as many as
+# The one limit of sizes. What stands for more bytes than this, and for this many times as many as
 # its file has, is no measurement but a bomb.
 UNPACKED_BYTES, UNPACKED_RATIO = 2**24, 200.0
 GZIP_SIZE = 4  # bytes at the end of a packed file

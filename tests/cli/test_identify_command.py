@@ -24,7 +24,7 @@ def lines_of(text):
 @pytest.fixture(scope="module")
 def record(study):
     """What the library says of the first run."""
-    return identification_report(study, excite_command(study.identification, ["run.csv"])).data
+    return identification_report(study, excite_command(study, ["run.csv"])).data
 
 
 @pytest.fixture

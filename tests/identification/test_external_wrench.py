@@ -16,7 +16,6 @@ from loopid import (
     random_configurations,
     wrench_forces,
 )
-from loopid.diagnosis import examine
 from loopid.identification import quiet_fit, suspicions
 from loopid.kinematics import random_motions, singularity_measure
 from loopid.logs import Recording
@@ -74,7 +73,7 @@ def test_an_identification_and_a_prediction_with_a_leg(knee, knee_model, carried
     found = quietly(identify, knee_model, [whole], validation=[judged])
     reached = found.candidates["all parameters"].validation.residual_rms
     assert reached == pytest.approx(np.full(4, NOISE), rel=0.15)
-    report = identification_report(quietly(examine, found)).data
+    report = identification_report(found).data
     assert any("on platform" in said["why"] for said in report["findings"])
     assert report["training"][0]["wrenches"] == ["platform"]
     lost = quietly(identify, knee_model, [run], validation=[other])

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from loopid import FitOptions
-from loopid.diagnosis import eliminate_parameters
 from loopid.errors import OptionError, RankError
 from loopid.identification import (
     ESTIMATORS,
@@ -15,6 +14,7 @@ from loopid.identification import (
     InstrumentalVariables,
     OrdinaryLeastSquares,
     WeightedLeastSquares,
+    eliminate_parameters,
     fit,
     fit_in_steps,
     quiet_fit,

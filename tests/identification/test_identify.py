@@ -9,15 +9,16 @@ import numpy as np
 import pytest
 
 from loopid import JointTerms
-from loopid.diagnosis import eliminate, judge_essential
 from loopid.errors import DataError, DataWarning, OptionError, RankError
 from loopid.identification import (
     FitOptions,
     WeightedLeastSquares,
+    eliminate,
     find_force_model,
     fit,
     identifiability,
     identify,
+    judge_essential,
     load_fit,
     quiet_fit,
     split_recordings,

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from loopid import JointTerms, find_force_model, identify, load_fit
-from loopid.diagnosis import compare_terms
 from loopid.errors import DataError, OptionError
 from loopid.export import export_robot_file
-from loopid.identification import quiet_fit
+from loopid.identification import compare_terms, quiet_fit
 from loopid.motion import scaled_bodies
 from made_runs import quietly, record, wander, with_deviation
 

@@ -1,13 +1,17 @@
 """Forces that a model lacks: which, how large, and what they would save; none where none is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from loopid import JointTerms, find_force_model, identify, prepare_recording
+from loopid.identification.lengths import length_forces
 from loopid.identification.sensor_noise import sensor_noise
-from loopid.logs import Log, Recording
-from loopid.motion import LowPass, scaled_bodies
-from made_runs import quietly, record, wander
+from loopid.kinematics.loop_motion import closed_nearby
+from loopid.logs import Recording
+from loopid.motion import LowPass, Motion, joint_motion, scaled_bodies
+from made_runs import quietly, record, unchecked, wander
 
 LEFT, RIGHT = "left_crank_joint", "right_crank_joint"
 
@@ -56,7 +60,8 @@ def test_a_missing_force_is_named_with_its_size_and_what_it_would_save(robot, mo
     (finding,) = [each for each in found.findings if LEFT in each.title and law in each.title]
     assert finding.severity == "warning"
     assert "% smaller" in finding.why
-    assert finding.do
+    assert len(finding.brief) <= 150
+    assert finding.do in finding.brief
     assert "as parameters" not in str(found.verdict)
 
 
@@ -68,6 +73,52 @@ def test_what_advice_prints_takes_the_spring_away(robot):
     again = quietly(identify, find_force_model(robot, "full", terms), [recording])
     assert not again.missing
     assert again.fit[f"{LEFT}.Ks"].value == pytest.approx(2.0, rel=0.1)
+
+
+def test_a_spring_that_moves_estimates_and_hardly_any_error_is_named(robot, model):
+    spring = run(robot, lambda t, q, v, a: q - q.mean())
+    (own,) = quietly(identify, model, [spring]).missing
+    assert own.law == "grows with its position"
+    assert own.left > 0.9
+    assert own.moved > 10
+    assert "standard errors" in own.effect
+
+
+def longer(robot, part):
+    """The robot whose left coupler is so much longer than its file says."""
+    model = robot.model.copy()
+    place = model.frames[model.getFrameId("left_coupler_end")].placement
+    place.translation = (1 + part) * place.translation
+    other = replace(robot, model=model)
+    return replace(other, reference=closed_nearby(robot, other, robot.reference[None])[0])
+
+
+def as_in_the_file(robot, motion):
+    """The motion of a robot's motors, as its file closes the loops."""
+    q = motion.configurations[:, [robot.joint(name).idx_q for name in robot.actuated]]
+    signals = q, motion.velocities, motion.accelerations
+    return joint_motion(robot, Motion(robot.actuated, motion.time, *signals))
+
+
+def test_a_length_that_is_off_is_named(robot, model):
+    true = run(longer(robot, 0.02))
+    motion = true.motion
+    there = as_in_the_file(robot, motion)
+    found = quietly(identify, model, [Recording.of_motion(there, true.force, robot.actuated)])
+    assert [each.motor for each in found.missing] == [""]
+    assert 0.005 < abs(found.missing[0].number) < 0.04
+    assert any("lengths of the robot file" in each.title for each in found.findings)
+    assert "as parameters" not in str(found.verdict)
+
+
+def test_forces_of_a_length_are_those_of_a_robot_with_that_length(robot, model):
+    other = longer(robot, 0.001)
+    motion = wander(other, 4, 5.0, 20.0, size=(0.5, 0.5))
+    there = as_in_the_file(robot, motion)
+    force = record(other, motion, noise=0.0).force - record(robot, there, noise=0.0).force
+    still = Recording.of_motion(there, np.zeros_like(force), robot.actuated)
+    found = length_forces(model, model.standard_prior, [still])["left_coupler_end"]
+    np.testing.assert_allclose(0.001 * found, force, atol=0.02 * np.abs(force).max())
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -96,7 +147,7 @@ def logs(robot):
     noise = 0.1 * np.random.default_rng(0).normal(size=position.shape)
     force = 3 * np.sin(time[:, None]) + noise
     filtered = LowPass(20.0).apply(force, 200.0)
-    return [Log.from_arrays(time, position, each, robot.actuated) for each in (force, filtered)]
+    return [unchecked(time, position, each, robot.actuated) for each in (force, filtered)]
 
 
 def test_noise_of_sensors_is_what_the_filter_leaves_of_it(robot, logs):

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import loopid
-from loopid import JointTerms, find_force_model, identify
-from loopid.diagnosis import StudyOptions, study_logs
+from loopid import FitOptions, JointTerms, find_force_model, identify
 from loopid.errors import DataError, OptionError
 from loopid.identification import choose_model
 from loopid.motion import scaled_bodies
@@ -76,8 +75,8 @@ def test_identify_and_studies_of_a_robot_choose(five_bar):
     assert share in str(found.verdict)
     (said,) = [each for each in found.findings if "too slow for inertia" in each.title]
     assert said.severity == "note"
-    study = quietly(study_logs, five_bar, [slow], options=StudyOptions(terms="Fc"))
-    assert study.identification.force_model.model == "gravity"
+    study = quietly(identify, five_bar, slow, options=FitOptions(terms="Fc"))
+    assert study.force_model.model == "gravity"
 
 
 def test_a_gravity_model_of_fast_motion_is_a_finding_with_the_errors_of_both(five_bar):
@@ -110,6 +109,6 @@ def test_inertia_that_the_file_knows_nothing_of_shows_by_what_it_predicts(five_b
 
 def test_an_unknown_model_is_refused_with_the_choices(five_bar):
     with pytest.raises(OptionError, match="'slow': choose among auto, gravity, full"):
-        StudyOptions(model="slow").require_terms(five_bar)
+        identify(five_bar, "run.csv", options=FitOptions(model="slow"))
     with pytest.raises(DataError, match="give at least one"):
         choose_model(five_bar, [])

@@ -1,14 +1,10 @@
 """Springs in logs: they are found, intervals cover them, and they are rejected where none is."""
 
-import warnings
-
 import numpy as np
 import pytest
 
-from loopid import JointTerms, find_force_model, identify
-from loopid.diagnosis import StudyOptions, compare_terms, examine
-from loopid.errors import DataWarning
-from loopid.identification import quiet_fit
+from loopid import FitOptions, JointTerms, find_force_model, identify
+from loopid.identification import compare_terms, quiet_fit
 from loopid.motion import scaled_bodies
 from made_runs import modelled, quietly, record, wander, with_deviation
 
@@ -121,19 +117,14 @@ def test_sets_are_fitted_by_least_squares(suspected):
         assert error.mean == pytest.approx(squares[unseen.used].mean(), rel=0.05)
 
 
-def test_terms_that_new_data_ask_for_are_warned_of(suspected, load_once):
+def test_terms_that_new_data_ask_for_are_a_finding(suspected, load_once):
     robot, sprung = load_once("five_bar"), "Fc,Fv; left_crank_joint: Ks,Fo"
     runs = logs(suspected, "Fc=0.1,Fv=0.05; left_crank_joint: Ks=4", 0)
     model = find_force_model(robot, "full", JointTerms(robot.actuated, ("Fc", "Fv")))
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        options = StudyOptions(compared=(sprung,))
-        identified = quietly(identify, model, runs[0], validation=runs[1])
-        study = examine(identified, options=options)
-    (said,) = (str(one.message) for one in told if one.category is DataWarning)
+    options = FitOptions(compared=(sprung,))
+    study = quietly(identify, model, runs[0], validation=runs[1], options=options)
     (found,) = (each for each in study.findings if "too few" in each.title)
-    assert said == str(found)
-    assert said.startswith(f"joint terms Fc,Fv are too few: with {sprung} errors")
+    assert str(found).startswith(f"joint terms Fc,Fv are too few: with {sprung} errors")
     assert found.do == f'use terms="{sprung}"'
     own, best = study.term_sets.chosen, study.term_sets.missing
     assert best.errors[1].mean < 0.5 * own.errors[1].mean

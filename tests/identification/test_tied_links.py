@@ -8,12 +8,13 @@ import pytest
 from test_force_model import random_motion
 
 from loopid import find_base_parameters, load_mechanism, structural_observation
-from loopid.diagnosis import eliminate, judge_essential
 from loopid.errors import ModelWarning
 from loopid.identification import (
     WeightedLeastSquares,
+    eliminate,
     find_force_model,
     identify,
+    judge_essential,
     prediction_reach,
     quiet_fit,
 )

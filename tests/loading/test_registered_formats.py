@@ -67,14 +67,21 @@ def test_a_kind_of_closure_that_is_registered_is_read(write_files):
     assert mobility(robot).rows == 2
 
 
-def test_the_core_reads_a_urdf_without_the_formats():
-    """And imports neither regressors nor base parameters to load a robot."""
+def test_the_core_knows_no_file():
+    """A robot of Pinocchio's objects needs no reader; a URDF needs no other format.
+
+    Neither needs regressors or base parameters.
+    """
     program = (
         "import sys, loopid\n"
+        "from pinocchio import buildSampleModelManipulator as arm\n"
+        "loopid.from_pinocchio(arm(), motors=['shoulder1_joint'])\n"
+        "readers = {'lxml', 'ruamel', 'yourdfpy', 'polars', 'loopid.loading.files'}\n"
+        "print(sorted(readers & {*sys.modules}))\n"
         "loopid.load_mechanism('3ups_rpu')\n"
         "rooms = {name.split('.')[1] for name in sys.modules if name.startswith('loopid.')}\n"
         "print(sorted(rooms & {'regressors', 'base_parameters', 'identification', 'diagnosis'}))\n"
         "print([name for name in sys.modules if name.startswith('loopid.formats.')])"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert done.stdout.split("\n")[:2] == ["[]", "[]"], done.stderr
+    assert done.stdout.split("\n")[:3] == ["[]"] * 3, done.stderr

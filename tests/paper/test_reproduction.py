@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid.diagnosis import truncated_values
 from loopid.errors import LoopidError
-from loopid.identification import FitSamples
+from loopid.identification import FitSamples, truncated_values
 from loopid.paper import reproduce_paper, reproduction
 from loopid.paper.reproduction import (
     BODIES,

@@ -25,10 +25,9 @@ import loopid
 from loopid import JointTerms
 from loopid.base_parameters import SubgroupSearch
 from loopid.control import RecursiveLeastSquares, WrenchObserver
-from loopid.diagnosis import eliminate_parameters
 from loopid.errors import LoopidError, MissingExtraError
 from loopid.export import c_source, export_fit
-from loopid.identification import Bisquare, FitSamples, WeightedLeastSquares
+from loopid.identification import Bisquare, FitSamples, WeightedLeastSquares, eliminate_parameters
 from loopid.kinematics import SamplingOptions
 from loopid.loading import bundled_directory
 from loopid.motion import JointMotion

@@ -16,7 +16,6 @@ from lxml.html import fromstring
 
 import loopid
 from closure_robots import body, urdf
-from loopid.diagnosis import examine
 from loopid.identification import FitSamples
 from loopid.logs import Recording
 from loopid.plots import Chart, Mark, Panel
@@ -30,7 +29,7 @@ from loopid.report import (
     prediction_report,
 )
 from loopid.report.look import plain_table
-from made_runs import HINGE, quietly, record, wander
+from made_runs import HINGE, quietly, record, wander, with_answers
 
 HOSTILE = (
     "<script>alert(1)</script>",
@@ -47,16 +46,14 @@ def pages(study, knee):
     return {
         "identification": identification_report(study, "loopid excite").page(run).html(),
         "check": check_report(knee).page(run).html(),
-        "base": base_report(knee, "gravity", study.identification.force_model.base)
-        .page(run)
-        .html(),
+        "base": base_report(knee, "gravity", study.force_model.base).page(run).html(),
         "prediction": prediction_report(knee, [prediction_of(study)]).page(run).html(),
         "hostile": hostile(),
     }
 
 
 def prediction_of(study):
-    found = study.identification
+    found = study
     return found.fit.predict(found.training[0])
 
 
@@ -143,7 +140,7 @@ def longer(study, count):
     def repeated(array):
         return np.resize(array, (count, *array.shape[1:]))
 
-    found = study.identification
+    found = study
     motion, data = found.training[0].motion, found.data
     columns = {field.name: repeated(getattr(motion, field.name)) for field in fields(motion)}
     motion = replace(motion, **columns | {"time": 0.001 * np.arange(count)})
@@ -155,7 +152,7 @@ def longer(study, count):
         for name, each in found.candidates.items()
     }
     more = {"training": runs, "data": samples, "new": samples, "candidates": candidates}
-    return replace(study, identification=replace(found, **more))
+    return with_answers(replace(found, **more), study)
 
 
 @pytest.mark.parametrize("robot", ["knee", pytest.param("arm", marks=pytest.mark.validate)])
@@ -169,7 +166,7 @@ def test_the_page_of_a_long_log_is_small_and_made_quickly(robot, request, tmp_pa
         terms, values = loopid.JointTerms.with_values(arm, "Fc=2,Fv=3")
         run = record(arm, wander(arm, 0, size=8 * (0.5,)), (terms, values))
         model = loopid.find_force_model(arm, "gravity", terms)
-        study = quietly(examine, quietly(loopid.identify, model, [run]))
+        study = quietly(loopid.identify, model, [run])
     study = longer(study, 100_000)
     start = process_time()
     files = identification_report(study).files()

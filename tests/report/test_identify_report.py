@@ -18,7 +18,7 @@ from loopid.plots import Chart, friction_chart
 from loopid.report import identification_report
 from loopid.report.identify import _card, identification_record
 from loopid.report.look import json_value, rounded
-from made_runs import modelled, quietly, wander
+from made_runs import modelled, quietly, wander, with_answers
 
 
 @pytest.fixture(scope="module")
@@ -53,11 +53,11 @@ def printed(table, width):
 def judged(study, **changes):
     """The study with other verdicts on its candidates."""
     names = {"full": "all parameters", "informed": "consistent"}
-    found = study.identification
+    found = study
     others = {
         names[name]: replace(found[names[name]], **change) for name, change in changes.items()
     }
-    return replace(study, identification=replace(found, candidates=found.candidates | others))
+    return with_answers(replace(found, candidates=found.candidates | others), study)
 
 
 def test_the_page_holds_all_tables_and_charts(files, report):
@@ -113,7 +113,7 @@ def test_all_tables_fit_the_terminal_and_no_number_in_them_is_cut(report, width)
 def test_the_terminal_shows_the_recommended_values(report, study):
     (brief,) = report.brief
     names, values, errors, _ = ([str(c) for c in column.cells] for column in brief.columns)
-    fit = study.identification.fit
+    fit = study.fit
     shown = names[:-1] if names[-1].startswith("... and ") else names
     assert shown == list(fit.parameters.names)[: len(shown)]
     left = len(fit.values) - len(shown)
@@ -125,7 +125,7 @@ def test_the_terminal_shows_the_recommended_values(report, study):
 
 def test_values_in_the_tables_are_those_of_the_fit(report, study):
     names, values, file, intervals, clear, _ = table(report, "parameter", "value ± std")
-    found = study.identification
+    found = study
     fit, model = found.fit, found.force_model
     assert names == list(fit.parameters.names)
     for k, (low, high) in enumerate(fit.intervals()):
@@ -141,7 +141,7 @@ def test_values_in_the_tables_are_those_of_the_fit(report, study):
 def test_tables_of_the_essential_parameters_name_their_sums_and_file_values(report, study):
     names, values, _, known, _ = table(report, "parameter", "value", "± std", "robot file")
     columns = study.reduction.columns
-    model = study.identification.force_model
+    model = study.force_model
     assert names == [model.base.expressions[j] for j in columns]
     assert [cell == "-" for cell in known] == [j in model.joint_columns for j in columns]
     result = study.reduction.result
@@ -150,7 +150,7 @@ def test_tables_of_the_essential_parameters_name_their_sums_and_file_values(repo
 
 def test_what_was_left_out_is_listed(report, study):
     _, reasons, *_ = table(report, "recording", "reason")
-    assert reasons == [part.reason for part in study.identification.training[0].dropped]
+    assert reasons == [part.reason for part in study.training[0].dropped]
     assert "leg4_stroke stands still" in reasons
 
 
@@ -162,7 +162,7 @@ def marks(panel, name):
 
 
 def test_errors_are_those_of_the_candidates_the_largest_first(study, report):
-    found, chart = study.identification, charts(report)["errors"]
+    found, chart = study, charts(report)["errors"]
     fits = {"robot file": found.baseline, "this fit": found.recommended}
     told = {entry["motor"]: entry for entry in report.data["errors"]}
     sizes = []
@@ -188,7 +188,7 @@ def test_errors_are_those_of_the_candidates_the_largest_first(study, report):
 
 
 def test_what_is_left_of_forces_is_by_fits_that_have_not_seen_them(study, report):
-    found, chart = study.identification, charts(report)["forces"]
+    found, chart = study, charts(report)["forces"]
     (run,) = found.training
     fits = {
         "measured less the robot file": found.baseline,
@@ -213,7 +213,7 @@ def test_what_is_left_of_forces_is_by_fits_that_have_not_seen_them(study, report
 
 
 def test_parameters_are_shown_against_the_robot_file_with_their_intervals(study, report):
-    found, (panel,) = study.identification, charts(report)["parameters"].panels
+    found, (panel,) = study, charts(report)["parameters"].panels
     model, bodies = found.force_model, found.force_model.body_columns
     fit, place = found.fit, np.arange(len(bodies))
     (spans,) = marks(panel, "95 % interval")
@@ -233,7 +233,7 @@ def test_parameters_are_shown_against_the_robot_file_with_their_intervals(study,
 
 
 def test_charts_of_the_log_and_the_model_are_those_of_the_records(study, report):
-    found, drawn = study.identification, charts(report)
+    found, drawn = study, charts(report)
     cutoff = found.cutoff
     (good,) = marks(drawn["filter"].panels[0], "equally good")
     assert (good.x[0], good.to[0]) == (cutoff.equally_good[0], cutoff.equally_good[-1])
@@ -257,7 +257,7 @@ def test_charts_of_the_log_and_the_model_are_those_of_the_records(study, report)
 
 def test_friction_is_drawn_with_what_it_explains(study, report):
     """Curve and band are those of the fit; dots are forces less all other parts of the model."""
-    found = study.identification
+    found = study
     fit, labels = found.fit, found.fit.parameters.labels
     panels = charts(report)["friction"].panels
     for k, (panel, joint) in enumerate(zip(panels, found.data.actuators, strict=True)):
@@ -284,13 +284,13 @@ def test_a_robot_without_friction_has_no_picture_of_it(knee):
 
 
 def test_a_mistake_is_the_verdict_everywhere_and_gains_are_listed(study):
-    found = study.identification
+    found = study
     (listed,) = identification_record(study)["suspicions"]
     assert (listed["recording"], listed["mistakes"]) == ("run", [])
     assert [gain["joint"] for gain in listed["gains"]] == list(found.data.actuators)
     told = Finding("mistake", "the force of leg1_stroke is in mN m", "e^9", "set it to 0.001")
     suspected = replace(found, suspicions=(replace(found.suspicions[0], mistakes=(told,)),))
-    report = identification_report(replace(study, identification=suspected))
+    report = identification_report(with_answers(suspected, study))
     assert suspected.verdict.excite == ()
     for text in (str(suspected.verdict), report.verdict, suspected._repr_html_()):
         assert "Not fit for use: the force of leg1_stroke is in mN m (e^9)." in text
@@ -327,7 +327,7 @@ def test_a_mistake_is_the_verdict_everywhere_and_gains_are_listed(study):
 )
 def test_the_card_says_the_verdict(study, use, word, said, chips):
     judged = replace(study.verdict, use=use)
-    card = _card(study.identification, judged, "loopid excite")
+    card = _card(study, judged, "loopid excite")
     assert (card.said, card.use) == (word, said)
     assert tuple(text.split(": ")[1] for _, text in card.chips) == chips
     error, *_, mistakes = card.figures
@@ -358,7 +358,7 @@ def test_verdicts_take_two_standard_errors(study, ratio, grade):
 
 def test_the_recommended_fit_is_said_listed_and_saved(study):
     study = judged(study, informed={"error_ratio": (0.5, 0.1)})
-    found, files = study.identification, identification_report(study).files()
+    found, files = study, identification_report(study).files()
     assert found.recommended is found["consistent"]
     saved = {
         name: YAML(typ="safe").load(files[name])["base_parameters"]
@@ -375,7 +375,7 @@ def test_the_recommended_fit_is_said_listed_and_saved(study):
     assert record["fit"] == found.fit.record()
     assert record["verdict"] == str(study.verdict)
     worse = judged(study, informed={"error_ratio": (2.0, 0.1)})
-    other = worse.identification
+    other = worse
     assert other.recommended is other["robot file"]
     (said,) = [each for each in worse.findings if "recommended" in each.title]
     assert "robot file with fitted joint terms, as fitted bodies are clearly worse" in said.why
@@ -390,10 +390,10 @@ def test_findings_are_lines_the_most_serious_first(study):
     for each in said:
         assert not each.title.endswith(".")
         assert "\n" not in str(each)
-    cutoff = study.identification.training[0].cutoff
+    cutoff = study.training[0].cutoff
     assert any(f"filtered at {cutoff:.3g} Hz" in each.title for each in said)
-    plain = tuple(replace(part, cutoff=None) for part in study.identification.training)
-    said = replace(study, identification=replace(study.identification, training=plain)).findings
+    plain = tuple(replace(part, cutoff=None) for part in study.training)
+    said = with_answers(replace(study, training=plain), study).findings
     assert any("unfiltered" in each.title for each in said)
 
 
@@ -405,7 +405,7 @@ def assert_strict(record):
 
 
 def test_an_identification_is_recorded_whole(study):
-    record, found = identification_record(study), study.identification
+    record, found = identification_record(study), study
     model, count = found.force_model, len(found.fit.values)
     assert (record["mechanism"], record["model"]) == ("3ups_rpu", "gravity")
     assert record["actuators"] == list(model.mechanism.actuated)
@@ -420,7 +420,7 @@ def test_an_identification_is_recorded_whole(study):
 
 def test_recordings_are_recorded_with_what_was_left_out(study):
     record = identification_record(study)
-    (entry,), (recording,) = record["training"], study.identification.training
+    (entry,), (recording,) = record["training"], study.training
     assert record["validation"] == []
     assert (entry["name"], entry["samples"]) == ("run", len(recording))
     assert entry["used"] == recording.used.sum(axis=0).tolist()
@@ -431,7 +431,7 @@ def test_recordings_are_recorded_with_what_was_left_out(study):
 def test_candidates_are_recorded_with_their_errors(study):
     record = identification_record(study)
     assert len(record["candidates"]) == 4
-    start, whole, informed = study.identification.candidates.values()
+    start, whole, informed = study.candidates.values()
     candidates = start, whole, study.essential, informed
     for entry, candidate in zip(record["candidates"], candidates, strict=True):
         assert (entry["name"], entry["fitted"]) == (candidate.name, candidate.fitted)
@@ -446,7 +446,7 @@ def test_candidates_are_recorded_with_their_errors(study):
 def test_term_sets_are_recorded_and_the_one_that_is_enough_is_named(study):
     found, record = study.term_sets, identification_record(study)
     assert record["joint_terms"] == {
-        joint: ["Fc", "Fv"] for joint in study.identification.force_model.mechanism.actuated
+        joint: ["Fc", "Fv"] for joint in study.force_model.mechanism.actuated
     }
     assert [entry["terms"] for entry in record["term_sets"]] == ["none", "Fv", "Fc,Fv", "Fc,Fv,Fo"]
     assert [entry["chosen"] for entry in record["term_sets"]] == [False, False, True, False]
@@ -458,12 +458,13 @@ def test_term_sets_are_recorded_and_the_one_that_is_enough_is_named(study):
     sentence = said.why
     assert "these are enough with fitted bodies" in sentence
     assert "Try" not in sentence
-    other = replace(study, term_sets=replace(found, chosen=found.sets[0]))
+    other = replace(study)
+    other.__dict__["term_sets"] = replace(found, chosen=found.sets[0])
     assert any('Try terms="Fc,Fv".' in each.why for each in other.findings)
 
 
 def test_what_is_not_finite_is_null(study):
-    candidate = study.identification["all parameters"]
+    candidate = study["all parameters"]
     empty = replace(candidate.validation, residual_rms=np.full(4, np.nan))
     odd = {"validation": empty, "error_ratio": (np.inf, np.nan)}
     record = identification_record(judged(study, full=odd))

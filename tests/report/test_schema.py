@@ -65,13 +65,13 @@ def design(robot):
 
 
 def prediction(study):
-    found = study.identification
+    found = study
     (run,) = found.training
     return Prediction(run, found.force_model.samples(run).predicted(found.fit.values))
 
 
 def saved(study):
-    found = study.identification
+    found = study
     fits = found.fit, found["all parameters"].fit, found.force_model.prior
     names = "recommended", "all", "values alone"
     whole = (FitFile.of(found.force_model.fit_of(fit)) for fit in fits)

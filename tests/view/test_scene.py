@@ -123,7 +123,7 @@ def test_an_ellipsoid_has_the_inertia_of_its_body(scene):
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_masses_of_a_fit_are_those_that_it_found(study, knee, tmp_path):
-    found = study.identification
+    found = study
     path = found.fit.save(tmp_path / "fit.yaml")
     values = found.fit.standard_parameters
     for k, mass in enumerate(fitted_masses(knee, loopid.load_fit(path))):

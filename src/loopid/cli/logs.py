@@ -22,8 +22,8 @@ from loopid.progress import progress_bar
 if TYPE_CHECKING:
     from loopid.cli.shell import Answer
     from loopid.diagnosis.gains import GainFit
+    from loopid.identification.identification import Identification
     from loopid.identification.log_mistakes import Suspicions
-    from loopid.identification.pipeline import Identification
     from loopid.logs.recording import Recording
     from loopid.report.page import Report
     from loopid.robot.mechanism import Mechanism
@@ -83,22 +83,20 @@ def identify(
     n_jobs: int = Option(1, "--jobs", metavar="N", help="Processes that compute the regressors."),
 ) -> None:
     """Identify parameters and friction from logs."""
-    from loopid.diagnosis.study import StudyOptions, study_logs
-    from loopid.identification.pipeline import FitOptions
+    from loopid.identification.options import FitOptions
+    from loopid.identification.pipeline import identify as identified
     from loopid.logs.reading import locked_as_logged
     from loopid.report.identify import identification_report
 
-    options = StudyOptions(
+    options = FitOptions(
         model=model,
         terms=terms,
         compared=tuple(compare_terms or ()),
-        fit=FitOptions(
-            estimator=estimator,
-            unidentifiable=unidentifiable,
-            fraction=fraction,
-            undo_delay=undo_delay,
-            n_jobs=n_jobs,
-        ),
+        estimator=estimator,
+        unidentifiable=unidentifiable,
+        fraction=fraction,
+        undo_delay=undo_delay,
+        n_jobs=n_jobs,
     )
     options.require_terms(robot)
     answer.require(robot.path, mapping, *logs, *(validate or ()))
@@ -109,17 +107,15 @@ def identify(
     judging = recordings(robot, validate, mapping, cutoff)
     commanded = recordings(robot, reference, mapping, cutoff)
     friction = recordings(robot, friction_log, mapping, cutoff)
-    with progress_bar("poses") as report:
-        found = study_logs(
-            robot,
-            [run.between(start, end) for run in runs],
-            validation=judging or None,
-            friction=friction,
-            references=[each.motion for each in commanded],
-            options=options,
-            progress=report,
-        )
-    command = excite_command(found.identification, logs, mapping)
+    found = identified(
+        robot,
+        [run.between(start, end) for run in runs],
+        validation=judging or None,
+        friction=friction,
+        references=[each.motion for each in commanded],
+        options=options,
+    )
+    command = excite_command(found, logs, mapping)
     answer.show(identification_report(found, command, anyway=anyway))
 
 

@@ -420,7 +420,7 @@ def number(text: str, option: str) -> float:
 
 
 def numbers(text: str, option: str, count: int) -> Any:
-    """So many numbers with commas between."""
+    """Numbers with commas between, as many as ``count``."""
     found = [number(part, option) for part in text.split(",")]
     if len(found) != count:
         raise OptionError(f"{option} must have {count} numbers, not {text!r}", given=text)

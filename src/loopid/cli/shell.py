@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import os
-import re
 import shlex
 import shutil
 import sys
 import warnings
-from ast import literal_eval
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -21,6 +19,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import typer
 from typer.core import TyperCommand
 
+from loopid.cli.advice import in_options
 from loopid.errors import LoopidError, counted, one_line
 from loopid.files import require_folder, require_other_file, write_files
 
@@ -30,13 +29,6 @@ if TYPE_CHECKING:
 
 MOST_SAID = 5  # findings that are shown without being asked for
 WIDTH = 80  # columns of a table where the terminal tells none, as by COLUMNS=0
-# Advice in Python's words, between spaces: keyword=value, a list, text, a number or a flag; of a
-# motion with the function that designs it.
-ADVICE = re.compile(
-    r"""(?<![^\s(])(?P<caller>design_excitation with )?(?P<name>[a-z]\w*)="""
-    r"""(?P<value>\[[^]]*\]|"[^"]*"|'[^']*'|-?\d+(?:\.\d+)?(?:e[-+]?\d+)?|True|False)"""
-    r"""(?=[,;:.)]*(?:\s|$))"""
-)
 
 
 class Command(TyperCommand):
@@ -76,41 +68,6 @@ class Command(TyperCommand):
         except KeyboardInterrupt:
             say("interrupted")
             raise
-
-
-def in_options(text: str, context: typer.Context) -> str:
-    """Text whose advice to use a parameter of a command names the command's option.
-
-    ``lock=["x", "y"]`` becomes ``--lock x --lock y`` where the command has that option, and
-    ``loopid base --lock x --lock y`` where only others have it; ``design_excitation with`` becomes
-    ``loopid excite`` with the robot. All other text stays as it is.
-    """
-    others = getattr(context.find_root().command, "commands", {}).values()
-
-    def option(found: re.Match[str]) -> str:
-        for command in (context.command, *others):
-            for known in command.params:
-                if known.name == found["name"] and known.param_type_name == "option":
-                    words = _in_words(known, found["value"]) or found[0]
-                    elsewhere = words != found[0] and command.name != context.command.name
-                    called = f"loopid {command.name} {words}" if elsewhere else words
-                    return called if found["caller"] is None else _excite(words, context)
-        return found[0]
-
-    return ADVICE.sub(option, text)
-
-
-def _excite(words: str, context: typer.Context) -> str:
-    return f"loopid excite {shlex.quote(str(context.params.get('file', 'ROBOT')))} {words}"
-
-
-def _in_words(known: Any, value: str) -> str:
-    """An option with a value in Python's words; empty where a flag has no such value."""
-    if known.is_flag:
-        return str(next(iter(known.opts if value == "True" else known.secondary_opts), ""))
-    given = literal_eval(value) if value[0] in "[\"'" else value
-    words = given if isinstance(given, list) else [given]
-    return " ".join(f"{known.opts[0]} {shlex.quote(str(word))}" for word in words)
 
 
 def refuse(reason: str) -> NoReturn:

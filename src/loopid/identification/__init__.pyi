@@ -40,6 +40,7 @@ from .friction import (
     with_friction as with_friction,
 )
 from .hysteresis import HysteresisLoop as HysteresisLoop, hysteresis_loop as hysteresis_loop
+from .identification import Identification as Identification, split_recordings as split_recordings
 from .information import (
     Excitation as Excitation,
     Identifiability as Identifiability,
@@ -56,14 +57,12 @@ from .log_mistakes import (
     suspicions_by_log as suspicions_by_log,
 )
 from .model_choice import ModelChoice as ModelChoice, choose_model as choose_model
+from .options import FitOptions as FitOptions
 from .pipeline import (
-    FitOptions as FitOptions,
-    Identification as Identification,
     fit_all as fit_all,
     fit_joint_terms as fit_joint_terms,
     fit_solid_bodies as fit_solid_bodies,
     identify as identify,
-    split_recordings as split_recordings,
 )
 from .plausibility import absurdities as absurdities
 from .prediction import (
@@ -86,4 +85,20 @@ from .result import (
 )
 from .robust import Bisquare as Bisquare
 from .saved import FitFile as FitFile, load_fit as load_fit
+from .selection import (
+    PredictionError as PredictionError,
+    Reduction as Reduction,
+    ReductionStep as ReductionStep,
+    eliminate as eliminate,
+    eliminate_parameters as eliminate_parameters,
+    influence as influence,
+    judge_essential as judge_essential,
+    prediction_errors as prediction_errors,
+    truncated_values as truncated_values,
+)
+from .term_sets import (
+    TermComparison as TermComparison,
+    TermSet as TermSet,
+    compare_terms as compare_terms,
+)
 from .terms import TermOptions as TermOptions, choose_terms as choose_terms

@@ -11,7 +11,7 @@ that of predicted forces, in parts of each motor's error.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import field
 from typing import NamedTuple
 
 import numpy as np
@@ -245,10 +245,6 @@ def prepared_at(
     force_model: ForceModel, recordings: Sequence[Recording], cutoff: float
 ) -> tuple[Recording, ...]:
     """Recordings with a cut-off (Hz) where they leave it open; the others as they are."""
-    robot = force_model.mechanism
-    return tuple(
-        prepare_again(robot, run, filter=replace(run.filter or FilterOptions(), cutoff=cutoff))
-        if leaves_cutoff_open(run)
-        else run
-        for run in recordings
-    )
+    runs = [run for run in recordings if leaves_cutoff_open(run)]
+    again = iter(prepare_again(force_model.mechanism, runs, cutoff=cutoff))
+    return tuple(next(again) if leaves_cutoff_open(run) else run for run in recordings)

@@ -331,7 +331,8 @@ def in_motion_band(robot: Mechanism, recording: Recording) -> Recording:
     filtered = recording.filter or FilterOptions()
     if filtered.cutoff == "auto":
         return recording
-    return prepare_again(robot, recording, filter=replace(filtered, cutoff="auto"))
+    (found,) = prepare_again(robot, [recording], cutoff="auto")
+    return found
 
 
 @checked

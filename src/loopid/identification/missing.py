@@ -2,17 +2,18 @@
 
 Friction by evidence is a part of the default model. Beside it, a motor may feel waves over its
 position (teeth, poles), a spring, friction that drifts as oil warms up, a direction, other motors
-through its gear. Each is a few columns beside those of the fit. What they explain of the residuals
-is tested by F, with errors that are autocorrelated, and by Bonferroni over all that is tried. A
-force that is clear, and saves errors on stretches that are left out, is named; it is not added.
-Of each that is clear the bias that it makes is known, and intervals hold that too.
+through its gear; lengths of the robot file may be off. Each is a few columns beside those of the
+fit. What they explain of the residuals is tested by F, with errors that are autocorrelated, and by
+Bonferroni over all that is tried. Motors are alike, so that a law is tested for all of them, too.
+A clear force that saves errors on stretches left out, or moves estimates by more than they are
+known to, is named; it is not added. Intervals hold the bias that it makes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,31 +24,36 @@ from loopid.identification.estimator import WorkingFit
 from loopid.identification.force_model import ForceModel
 from loopid.identification.jackknife import Jackknife
 from loopid.identification.leaving_out import stretches_of
+from loopid.identification.lengths import length_forces
 from loopid.identification.result import Fit
 from loopid.logs.recording import Recording
 from loopid.parameters import ParameterSet
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
-CHANCE = 0.001  # that any force is called clear in data where none is missing
-HELPS = 0.9  # of squared errors on stretches left out that may be left with a force that is named
+CHANCE = 0.01  # that any force is called clear in data where none is missing
+ONE_OF_ALL = 0.05  # chance of a motor's own force, from which on what is clear of all is its, too
+HELPS = 0.9  # of squared errors on stretches left out that may be left with a force that helps
+MOVES = 1.0  # standard errors of an estimate that a force moves it by at least to be named
 ROWS = 20  # samples of a motor for each column, at least
 MOST_WAVES, STEEPEST = 30, 120.0  # over the range of a motor; and in 2 π rad or metres
 LIKELIEST = 3  # numbers of waves that are tested in full
+ROWS_OF_LENGTHS = 600  # samples that lengths are tested with, at most
 DEPENDENT = 1e-6  # part of a column beside the fit's below which it adds nothing
 
 
 @record
 class MissingForce:
-    """A force of a motor that the model lacks.
+    """A force of a motor that the model lacks, or a length of the robot file that is off.
 
     Attributes
     ----------
     motor : str
+        Empty of a length.
     law : str
-        What it depends on, in words.
+        What it depends on, in words; of a length, where that is.
     size : float
-        Root mean square in N or N m.
+        Root mean square in N or N m, of a length over all motors.
     share : float
         The same, in parts of the motor's force.
     chance : float
@@ -56,12 +62,14 @@ class MissingForce:
         Of the motor's squared error on stretches left out, the part that is left with it.
     bias : FloatArray
         (n,), what it does to the estimates.
+    moved : float
+        The most of that in standard errors.
     do : str
         What to do; ``{terms}`` stands for joint terms of the motors.
     term : str
         Kind of the joint term that it is; empty where there is none.
     number : float
-        Waves in a turn, or in a metre; 0 for laws without.
+        Waves in a turn, or in a metre; 0 for laws without. Of a length the part that is missing.
     unit : str
         Of these.
     """
@@ -73,38 +81,41 @@ class MissingForce:
     chance: float
     left: float
     bias: FloatArray
+    moved: float
     do: str
     term: str = ""
     number: float = 0.0
     unit: str = ""
 
     @property
-    def named(self) -> bool:
-        """Whether it saves errors on stretches that were left out."""
-        return self.left < HELPS
-
-    @property
-    def saved(self) -> float:
-        """Part of the error of the motor on stretches left out that it would save."""
-        return 1.0 - float(np.sqrt(self.left))
+    def effect(self) -> str:
+        """What it does, in words: to errors on stretches left out, or to estimates."""
+        if self.left < HELPS:
+            return f"errors left out would be {100 * (1 - np.sqrt(self.left)):.0f} % smaller"
+        return f"moves estimates by up to {self.moved:.2g} of their standard errors"
 
 
 def missing_findings(missing: Sequence[MissingForce]) -> tuple[Finding, ...]:
-    """Forces that are worth a word, those of one law together, the largest first."""
+    """Those of one law together, the largest first."""
     laws = dict[str, list[MissingForce]]()
     for each in sorted(missing, key=lambda each: -each.share):
-        if each.named:
-            laws.setdefault(each.law, []).append(each)
+        laws.setdefault(each.law, []).append(each)
     return tuple(_finding(each) for each in laws.values())
 
 
 def _finding(alike: Sequence[MissingForce]) -> Finding:
     first, *others = alike
+    if not first.motor:
+        return Finding(
+            "warning",
+            "lengths of the robot file do not fit the forces",
+            f"{100 * first.number:+.2g} % at {first.law} would, or others; {first.effect}",
+            first.do,
+        )
     more = f" and {len(others)} more" if others else ""
     number = f", {first.number:.3g} times {first.unit}" if first.number else ""
     sizes = (
-        f"{each.motor} {each.size:.2g} ({100 * each.share:.2g} % of its force, errors on stretches "
-        f"left out would be {100 * each.saved:.0f} % smaller)"
+        f"{each.motor} {each.size:.2g} ({100 * each.share:.2g} % of its force, {each.effect})"
         for each in alike
     )
     terms = "; ".join(f"{each.motor}: {each.term}" for each in alike)
@@ -129,70 +140,68 @@ class _Motor(NamedTuple):
     steepest: float  # waves in 2 π that the filter leaves, at a usual rate
 
 
+States = dict[str, _Motor]  # of a recording, by motor
+
+
 class _Law(NamedTuple):
     """What a force may depend on: columns of the states of all motors and of one of them."""
 
     said: str
     do: str
-    columns: Callable[[dict[str, _Motor], str, float], list[FloatArray]]
+    columns: Callable[[States, str, float], list[FloatArray]]
     known: tuple[str, ...] = ()  # beginnings of kinds of joint terms that have it
     term: str = ""  # that is it
 
 
-def _waves(states: dict[str, _Motor], motor: str, number: float) -> list[FloatArray]:
+def _waves(states: States, motor: str, number: float) -> list[FloatArray]:
     turned = number * states[motor].position
     return [np.sin(turned), np.cos(turned)]
 
 
-def _drift(states: dict[str, _Motor], motor: str, _: float) -> list[FloatArray]:
+def _drift(states: States, motor: str, _: float) -> list[FloatArray]:
     own = states[motor]
     return [np.sign(own.rate) * own.time, own.rate * own.time]
 
 
-def _spring(states: dict[str, _Motor], motor: str, _: float) -> list[FloatArray]:
+def _spring(states: States, motor: str, _: float) -> list[FloatArray]:
     return [states[motor].position]
 
 
-def _direction(states: dict[str, _Motor], motor: str, _: float) -> list[FloatArray]:
+def _direction(states: States, motor: str, _: float) -> list[FloatArray]:
     rate = states[motor].rate
     return [np.ones(len(rate)), np.abs(rate)]
 
 
-def _load(states: dict[str, _Motor], motor: str, _: float) -> list[FloatArray]:
+def _load(states: States, motor: str, _: float) -> list[FloatArray]:
     return [np.sign(states[motor].rate) * np.abs(states[motor].load)]
 
 
-def _curve(states: dict[str, _Motor], motor: str, _: float) -> list[FloatArray]:
+def _curve(states: States, motor: str, _: float) -> list[FloatArray]:
     rate = states[motor].rate
     size, way = np.abs(rate), np.sign(rate)
     slow = max(float(np.quantile(size, 0.99)), np.finfo(float).tiny) / 10
     return [way * np.sqrt(size), rate * size, way * np.exp(-((rate / slow) ** 2))]
 
 
-def _coupling(other: str) -> Callable[[dict[str, _Motor], str, float], list[FloatArray]]:
-    def columns(states: dict[str, _Motor], motor: str, _: float) -> list[FloatArray]:
+def _coupling(other: str) -> Callable[[States, str, float], list[FloatArray]]:
+    def columns(states: States, motor: str, _: float) -> list[FloatArray]:
         its = states[other]
         return [np.sign(its.rate), its.rate, its.acceleration]
 
     return columns
 
 
-COUPLED = "look for a gear or a belt that couples them, or a cross-talk of their sensors"
+COUPLED = "look for a gear, a belt, or a cross-talk of their sensors"
+MEASURE = "measure the links, or take their lengths from a calibration"
 WAVES = _Law(
     "waves over its position",
-    "look at its gear and motor: teeth, poles, a shaft that is bent",
+    "look at its gear and motor: teeth, poles, a bent shaft",
     _waves,
 )
 DEFAULT = 'let the data choose: terms="auto"'
 LAWS = (
     _Law("drifts in time", "warm the robot up, or fit shorter logs", _drift),
-    _Law(
-        "grows with its position",
-        'add springs: terms="auto; {terms}"',
-        _spring,
-        ("Ks",),
-        "Ks",
-    ),
+    _Law("grows with its position", 'add springs: terms="auto; {terms}"', _spring, ("Ks",), "Ks"),
     _Law("differs by direction", DEFAULT, _direction, ("Fa", "Fo", "Fc+")),
     _Law("grows with load", DEFAULT, _load, ("Ft", "Fl")),
     _Law("is curved over its rate", DEFAULT, _curve, ("Fk", "Fs")),
@@ -204,6 +213,8 @@ def missing_forces(
 ) -> tuple[MissingForce, ...]:
     """What each motor clearly feels beside a fit of recordings: the likeliest force, if any.
 
+    Or lengths of the robot file that are off, where that is likelier than any force.
+
     Parameters
     ----------
     fit : WorkingFit
@@ -212,13 +223,48 @@ def missing_forces(
     if fit.result.noise is None:
         return ()
     with one_blas_thread():
-        loads = force_model.loads(fit.samples.regressor)
-        parts = np.split(loads, np.cumsum([len(run) for run in recordings])[:-1])
-        each = zip(recordings, parts, strict=True)
-        test, states = _Test(fit), [_states(force_model, *pair) for pair in each]
-        left = _LeftOut.of(fit, recordings)
-        found = (_likeliest(test, force_model, states, left, motor) for motor in states[0])
-        return tuple(each for each in found if each is not None)
+        search = _Search(fit, force_model, recordings)
+        found = [each for motor in search.motors if (each := search.of_motor(motor)) is not None]
+        length = _wrong_length(fit, force_model, recordings)
+    least = min((each.chance for each in found), default=1.0)
+    if length is not None and length.chance < least:
+        found.insert(0, length)
+    return tuple(each for each in found if each.left < HELPS or each.moved > MOVES)
+
+
+def _wrong_length(
+    fit: WorkingFit, force_model: ForceModel, recordings: Sequence[Recording]
+) -> MissingForce | None:
+    """The likeliest length of the robot file that is off, if one clearly is.
+
+    Of evenly spread samples: more hardly add what is independent, and loops are closed for each.
+    """
+    samples, standard = fit.samples, fit.result.standard_parameters
+    if standard is None:
+        return None
+    step = -(-len(samples) // ROWS_OF_LENGTHS)
+    every = slice(None, None, step)
+    own = [np.flatnonzero(samples.runs == k)[every] for k in range(len(recordings))]
+    rows = np.concatenate(own)
+    of_samples = "regressor", "force", "used", "stretches", "runs", "regions"
+    chosen = {name: getattr(samples, name)[rows] for name in of_samples}
+    # They count as much as all, beside the prior.
+    result = replace(fit.result, weights=np.sqrt(step) * fit.result.weights)
+    thinned = WorkingFit(result, replace(samples, **chosen, instruments=None), fit.prior)
+    fit = _refitted(thinned)
+    runs = [run.select(every) for run in recordings]
+    test, least, best = _Test(fit), CHANCE, None
+    lengths = length_forces(force_model, standard, runs)
+    for place, force in lengths.items():
+        chance, x, bias = test.of(force[:, :, None])
+        if chance * len(lengths) < least:
+            least, best = chance * len(lengths), (place, force, x, bias)
+    if best is None:
+        return None
+    place, force, x, bias = best
+    left = _LeftOut.of(fit, runs).ratio(force[:, :, None])
+    told = "", place, least, force * x, left, bias, MEASURE
+    return test.missing(*told, number=float(x[0]))
 
 
 def with_missing(fit: Fit, missing: Sequence[MissingForce]) -> Fit:
@@ -227,7 +273,7 @@ def with_missing(fit: Fit, missing: Sequence[MissingForce]) -> Fit:
     return replace(fit, covariance=sum(biases, fit.covariance)) if biases else fit
 
 
-def _states(force_model: ForceModel, recording: Recording, loads: FloatArray) -> dict[str, _Motor]:
+def _states(force_model: ForceModel, recording: Recording, loads: FloatArray) -> States:
     """Of the motors with one coordinate; loads (N, dof) move the bodies."""
     robot, motion, history = force_model.mechanism, recording.motion, recording.history
     known = np.arange(len(recording)) if history is None else history.rows
@@ -276,33 +322,34 @@ class _Test:
         assert result.noise is not None
         self.fit, self.used = fit, samples.used
         self.inverse = np.linalg.inv(fit.factor[:n, :n])
-        scale = result.weights * samples.used
-        self.columns = (samples.regressor @ self.inverse) * scale[:, :, None]
-        self.residual = samples.residual(result.values) * scale
+        self.scale = result.weights * samples.used
+        self.columns = (samples.regressor @ self.inverse) * self.scale[:, :, None]
+        self.residual = samples.residual(result.values) * self.scale
         self.prior = None if fit.prior is None else fit.prior[:, :n] @ self.inverse
         sizes = result.noise.innovation * result.weights
         rows = zip(result.noise.coefficients, np.nan_to_num(sizes) ** 2, strict=True)
         self.models = [Autoregression(np.trim_zeros(own, "b"), float(size)) for own, size in rows]
         self.runs = [run_lengths(used, samples.pieces) for used in samples.used.T]
 
-    def of(self, motor: int, columns: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """Chance, coefficients (k,) and bias (n,) of columns (N, k) of the force of a motor."""
+    def of(self, columns: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """Chance, coefficients (k,) and bias (n,) of columns (N, dof, k)."""
         from scipy.special import fdtrc  # slow to import
 
-        pieces, n = self.fit.samples.pieces, len(self.inverse)
-        c = columns * (self.fit.result.weights[motor] * self.used[:, motor, None])
-        turned = self.columns[:, motor].T @ c
-        G = c.T @ c - turned.T @ turned
-        sizes = np.sqrt(np.maximum((c**2).sum(axis=0), np.finfo(float).tiny))
-        if np.linalg.eigvalsh(G / np.outer(sizes, sizes))[0] < DEPENDENT:
-            return 1.0, np.zeros(len(G)), np.zeros(n)
-        x = np.linalg.solve(G, c.T @ self.residual[:, motor])
+        pieces, n, k = self.fit.samples.pieces, len(self.inverse), columns.shape[2]
+        own = np.flatnonzero(columns.any(axis=(0, 2)))
+        c = columns[:, own] * self.scale[:, own, None]
+        turned = np.einsum("nij,nik->jk", self.columns[:, own], c, optimize=True)
+        squares = np.einsum("nij,nik->jk", c, c, optimize=True)
+        G, sizes = squares - turned.T @ turned, np.sqrt(np.diag(squares))
+        if not (sizes > 0).all() or np.linalg.eigvalsh(G / np.outer(sizes, sizes))[0] < DEPENDENT:
+            return 1.0, np.zeros(k), np.zeros(n)
+        s = np.einsum("nik,ni->k", c, self.residual[:, own])
         beside = -(self.columns @ turned)  # (N, dof, k)
-        beside[:, motor] += c
+        beside[:, own] += c
         # Errors are what is left with the columns.
-        left = self.residual[:, motor] - beside[:, motor] @ x
-        own = Autoregression.of_covariances(burg_covariances(left, self.runs[motor]))
-        models = [own if i == motor else each for i, each in enumerate(self.models)]
+        left, models = self.residual - beside @ np.linalg.solve(G, s), list(self.models)
+        for i in own:
+            models[i] = Autoregression.of_covariances(burg_covariances(left[:, i], self.runs[i]))
         V = sum(
             beside[:, i].T @ model.filtered(beside[:, i], pieces)
             for i, model in enumerate(models)
@@ -311,10 +358,34 @@ class _Test:
         if self.prior is not None:
             moved = self.prior @ turned
             V = V + moved.T @ moved
-        s, k = G @ x, len(G)
-        freedom = self.used[:, motor].sum() / max(2 * own.order, 1) - k
-        F = float(s @ np.linalg.solve(V, s)) / k
+        counts = self.used[:, own].sum(axis=0)
+        freedom = sum(counts / [max(2 * models[i].order, 1) for i in own]) - k
+        told = np.linalg.solve(V, np.column_stack([s, G]))
+        F = float(s @ told[:, 0]) / k
+        # A force is hardly larger than the whole one.
+        force = np.sum((self.fit.samples.force[:, own] * self.scale[:, own]) ** 2)
+        x = np.linalg.solve(G @ told[:, 1:] + np.diag(sizes**2) / force, G @ told[:, 0])
         return float(fdtrc(k, max(freedom, 1.0), F)), x, self.inverse @ -(turned @ x)
+
+    def missing(
+        self,
+        motor: str,
+        law: str,
+        chance: float,
+        force: FloatArray,
+        left: float,
+        bias: FloatArray,
+        do: str,
+        **known: Any,
+    ) -> MissingForce:
+        """What is clear, of a force (N, dof) that it makes."""
+        errors, own = self.fit.result.standard_errors, self.used & force.any(axis=0)
+        whole = np.sqrt((self.fit.samples.force[own] ** 2).mean())
+        size = float(np.sqrt((force[own] ** 2).mean()))
+        moved = np.abs(bias) / np.where(errors > 0, errors, np.inf)
+        share = size / float(whole) if whole > 0 else np.inf
+        most = float(moved.max())
+        return MissingForce(motor, law, size, share, chance, left, bias, most, do, **known)
 
 
 class _LeftOut(NamedTuple):
@@ -329,27 +400,32 @@ class _LeftOut(NamedTuple):
         stretches = stretches_of(fit.samples, recordings)
         return cls(fit, stretches, _squares(fit, stretches))
 
-    def ratio(self, motor: int, columns: FloatArray) -> float:
-        """Squared error of a motor with columns (N, k) of its force, over that without."""
-        samples, k, n = self.fit.samples, columns.shape[1], len(self.fit.result.parameters)
-        own = np.zeros((*samples.force.shape, k))
-        own[:, motor] = columns
-        wide = samples.beside(ParameterSet.from_labels(f"beside.{i}" for i in range(k)), own)
-        prior = self.fit.prior
+    def ratio(self, columns: FloatArray) -> float:
+        """Squared error of the motors of columns (N, dof, k) with these, over that without."""
+        samples, k, n = self.fit.samples, columns.shape[2], len(self.fit.result.parameters)
+        names = ParameterSet.from_labels(f"beside.{i}" for i in range(k))
+        prior, wide = self.fit.prior, samples.beside(names, columns)
         rows = None if prior is None else np.insert(prior, [n] * k, 0.0, axis=1)
-        weights = self.fit.result.weights
-        factor = wide.problem.weighted(weights, rows)
-        values = np.asarray(np.linalg.solve(factor[:-1, :-1], factor[:-1, -1]))
         result = replace(
             self.fit.result,
             parameters=wide.parameters,
-            values=values,
+            values=np.zeros(n + k),
             covariance=np.zeros((n + k, n + k)),
             degrees_of_freedom=np.array(1.0),
             assumed=(),
         )
-        squares = _squares(WorkingFit(result, wide, rows), self.stretches)
-        return float(squares[motor] / self.squares[motor]) if self.squares[motor] > 0 else 1.0
+        fit = _refitted(WorkingFit(result, wide, rows))
+        own = np.where(columns.any(axis=(0, 2)), result.weights, 0.0) ** 2
+        before = float(own @ self.squares)
+        after = float(own @ _squares(fit, self.stretches))
+        return after / before if before > 0 else 1.0
+
+
+def _refitted(fit: WorkingFit) -> WorkingFit:
+    """With the values that its samples and prior have the least squares at."""
+    factor = fit.factor
+    values = np.linalg.solve(factor[:-1, :-1], factor[:-1, -1])
+    return replace(fit, result=replace(fit.result, values=np.asarray(values)))
 
 
 def _squares(fit: WorkingFit, groups: np.ndarray) -> FloatArray:
@@ -359,84 +435,91 @@ def _squares(fit: WorkingFit, groups: np.ndarray) -> FloatArray:
     return np.asarray((left**2).sum(axis=0))
 
 
-def _likeliest(
-    test: _Test,
-    force_model: ForceModel,
-    states: Sequence[dict[str, _Motor]],
-    left: _LeftOut,
-    motor: str,
-) -> MissingForce | None:
-    row = test.fit.result.actuators.index(motor)
-    used = test.used[:, row]
-    best: tuple[float, FloatArray, FloatArray, FloatArray, _Law, float] | None = None
-    for law, number, count in _tried(test, force_model, states, motor, row):
-        columns = np.concatenate([_of_law(each, motor, law, number) for each in states])
-        if used.sum() < ROWS * columns.shape[1]:
-            continue
-        chance, x, bias = test.of(row, columns)
-        chance *= count * len(states[0])
-        if best is None or chance < best[0]:
-            best = chance, x, bias, columns, law, number
-    if best is None or best[0] >= CHANCE:
-        return None
-    chance, x, bias, columns, law, number = best
-    size = float(np.sqrt(((columns[used] @ x) ** 2).mean()))
-    force = float(test.fit.samples.problem.force_rms[row])
-    slides = force_model.mechanism.joint(motor).shortname().startswith("JointModelP")
-    return MissingForce(
-        motor,
-        law.said,
-        size,
-        size / force if force > 0 else np.inf,
-        chance,
-        left.ratio(row, columns),
-        bias,
-        law.do,
-        law.term,
-        number / (2 * np.pi) if slides else number,
-        "a metre" if slides else "a turn",
-    )
+class _Search:
+    """All that is tested beside a fit."""
 
+    def __init__(
+        self, fit: WorkingFit, force_model: ForceModel, recordings: Sequence[Recording]
+    ) -> None:
+        self.force_model, self.recordings = force_model, recordings
+        self.test, self.left = _Test(fit), _LeftOut.of(fit, recordings)
+        loads = force_model.loads(fit.samples.regressor)
+        parts = np.split(loads, np.cumsum([len(run) for run in recordings])[:-1])
+        each = zip(recordings, parts, strict=True)
+        self.states = [_states(force_model, *pair) for pair in each]
+        self.motors = tuple(self.states[0])
+        self.rows = {motor: fit.result.actuators.index(motor) for motor in self.motors}
+        self.laws = {motor: self._asked(motor) for motor in self.motors}
+        self.together = {law.said: self._of_all(law) for law in LAWS}
 
-def _of_law(states: dict[str, _Motor], motor: str, law: _Law, number: float) -> FloatArray:
-    signals = np.stack(law.columns(states, motor, number), axis=1)
-    return states[motor].lowpassed(signals)
+    def _asked(self, motor: str) -> list[_Law]:
+        """Laws that no joint term of a motor has, and that the evidence has not decided about."""
+        own = [p.kind for p in self.test.fit.result.parameters if p.link == motor]
+        asked = (law for law in LAWS if not (self.force_model.automatic and law.do == DEFAULT))
+        return [law for law in asked if not any(kind.startswith(law.known or "~") for kind in own)]
 
+    def _columns(self, motor: str, law: _Law, number: float = 0.0) -> FloatArray:
+        """Of a law (N, dof, k) in the force of a motor."""
+        signals = [
+            each[motor].lowpassed(np.stack(law.columns(each, motor, number), axis=1))
+            for each in self.states
+        ]
+        own = np.concatenate(signals)
+        columns = np.zeros((*self.test.used.shape, own.shape[1]))
+        columns[:, self.rows[motor]] = own
+        return columns
 
-def _tried(
-    test: _Test,
-    force_model: ForceModel,
-    states: Sequence[dict[str, _Motor]],
-    motor: str,
-    row: int,
-) -> Iterator[tuple[_Law, float, int]]:
-    """Laws and their numbers that a motor is tested for, and how many tests each stands for."""
-    own = [p.kind for p in test.fit.result.parameters if p.link == motor]
-    # Of a default model the evidence has decided about friction.
-    asked = (law for law in LAWS if not (force_model.automatic and law.do == DEFAULT))
-    laws = [law for law in asked if not any(kind.startswith(law.known or "~") for kind in own)]
-    laws += [
-        _Law(f"follows the motion of {other}", COUPLED, _coupling(other))
-        for other in states[0]
-        if other != motor
-    ]
-    kinds = len(laws) + 1
-    yield from ((law, 0.0, kinds) for law in laws)
-    numbers, share = _wave_numbers(test, states, motor, row)
-    likeliest = np.argsort(-share)[:LIKELIEST]
-    yield from ((WAVES, float(numbers[k]), kinds * len(numbers)) for k in likeliest)
+    def _of_all(self, law: _Law) -> float:
+        """Chance of a law of all motors that are asked for it."""
+        asked = [self._columns(motor, law) for motor in self.motors if law in self.laws[motor]]
+        if len(asked) < 2:
+            return 1.0
+        return len(LAWS) * self.test.of(np.concatenate(asked, axis=2))[0]
 
+    def of_motor(self, motor: str) -> MissingForce | None:
+        """The likeliest force of a motor, if one is clear."""
+        used = self.test.used[:, self.rows[motor]]
+        least, best = CHANCE, None
+        for law, number, tests in self._tried(motor):
+            columns = self._columns(motor, law, number)
+            if used.sum() < ROWS * columns.shape[2]:
+                continue
+            chance, x, bias = self.test.of(columns)
+            together = self.together.get(law.said, 1.0) if chance < ONE_OF_ALL else 1.0
+            chance = min(chance * tests * len(self.motors), together)
+            if chance < least:
+                least, best = chance, (law, number, columns, x, bias)
+        if best is None:
+            return None
+        law, number, columns, x, bias = best
+        slides = self.force_model.mechanism.joint(motor).shortname().startswith("JointModelP")
+        return self.test.missing(
+            *(motor, law.said, least, columns @ x, self.left.ratio(columns), bias, law.do),
+            term=law.term,
+            number=number / (2 * np.pi) if slides else number,
+            unit="a metre" if slides else "a turn",
+        )
 
-def _wave_numbers(
-    test: _Test, states: Sequence[dict[str, _Motor]], motor: str, row: int
-) -> tuple[FloatArray, FloatArray]:
-    """Numbers of waves in 2 π rad or metres, and how much of the residual each may be."""
-    used, residual = test.used[:, row], test.residual[:, row]
-    position = np.concatenate([each[motor].kept for each in states])[used]
-    reach = float(np.ptp(position)) if len(position) else 0.0
-    if not reach > 0:
-        return np.zeros(0), np.zeros(0)
-    most = min(2 * np.pi * MOST_WAVES / reach, *(each[motor].steepest for each in states))
-    numbers = np.arange(2 * np.pi / reach, most, 1 / reach)
-    sums = np.exp(1j * position[:, None] * numbers).T @ residual[used]
-    return numbers, np.abs(sums)
+    def _tried(self, motor: str) -> Iterator[tuple[_Law, float, int]]:
+        """Laws and their numbers that a motor is tested for, and tests that each stands for."""
+        others = (other for other in self.motors if other != motor)
+        coupled = (_Law(f"follows the motion of {one}", COUPLED, _coupling(one)) for one in others)
+        laws = [*self.laws[motor], *coupled]
+        kinds = len(laws) + 1
+        yield from ((law, 0.0, kinds) for law in laws)
+        numbers, share = self._wave_numbers(motor)
+        likeliest = np.argsort(-share)[:LIKELIEST]
+        yield from ((WAVES, float(numbers[k]), kinds * len(numbers)) for k in likeliest)
+
+    def _wave_numbers(self, motor: str) -> tuple[FloatArray, FloatArray]:
+        """Numbers of waves in 2 π rad or metres, and how much of the residual each may be."""
+        row = self.rows[motor]
+        used, residual = self.test.used[:, row], self.test.residual[:, row]
+        position = np.concatenate([each[motor].kept for each in self.states])[used]
+        reach = float(np.ptp(position)) if len(position) else 0.0
+        if not reach > 0:
+            return np.zeros(0), np.zeros(0)
+        most = min(2 * np.pi * MOST_WAVES / reach, *(one[motor].steepest for one in self.states))
+        numbers = np.arange(2 * np.pi / reach, most, 1 / reach)
+        sums = np.exp(1j * position[:, None] * numbers).T @ residual[used]
+        return numbers, np.abs(sums)

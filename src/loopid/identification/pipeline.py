@@ -7,34 +7,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
-from html import escape
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
 from loopid.errors import DataError, DataWarning, OptionError, RankError, warn
-from loopid.findings import Finding
 from loopid.identification.consistent import (
     CONSISTENT,
-    ConsistentOptions,
     consistent_parameters,
     fit_terms,
     quiet_consistent_fit,
     warn_of_bodies,
 )
-from loopid.identification.cutoff import CutoffChoice, prepared_at
-from loopid.identification.delay import Delay, in_time, with_delay_errors
-from loopid.identification.estimator import (
-    ESTIMATORS,
-    Estimator,
-    WorkingFit,
-    chosen_estimator,
-    equal_weights,
-)
+from loopid.identification.cutoff import prepared_at
+from loopid.identification.data import each_of, recordings_of
+from loopid.identification.delay import in_time, with_delay_errors
+from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
-from loopid.identification.force_model import ForceModel, find_force_model, samples_of
+from loopid.identification.force_model import AUTOMATIC, ForceModel, find_force_model, samples_of
 from loopid.identification.friction import motor_use, with_friction
+from loopid.identification.identification import ALL, ROBOT_FILE, Identification, split_recordings
 from loopid.identification.information import (
     Excitation,
     Identifiability,
@@ -43,331 +37,29 @@ from loopid.identification.information import (
     told_values,
 )
 from loopid.identification.jackknife import Jackknife
-from loopid.identification.leaving_out import LeftOut, repeated_share
-from loopid.identification.log_mistakes import Suspicions, suspicions_by_log
+from loopid.identification.leaving_out import LeftOut
+from loopid.identification.log_mistakes import suspicions_by_log
 from loopid.identification.missing import MissingForce, missing_forces, with_missing
 from loopid.identification.model_choice import ModelChoice, choose_model
+from loopid.identification.options import FitOptions
 from loopid.identification.plausibility import absurdities
-from loopid.identification.prediction import Candidate, error_ratio, judge, quality_of
+from loopid.identification.prediction import Candidate, judge, quality_of
 from loopid.identification.problem import ROUND_OFF, FitSamples
-from loopid.identification.result import (
-    Fit,
-    NoiseModel,
-    StandardUncertainty,
-    fit_quality,
-    nearest_first,
-    of_all,
-)
-from loopid.identification.sensor_noise import sensor_noise
-from loopid.identification.terms import TermOptions, choose_terms
-from loopid.identification.unseen import UnseenErrors
-from loopid.identification.verdict import Verdict, findings_of
+from loopid.identification.result import Fit, NoiseModel, StandardUncertainty, fit_quality, of_all
+from loopid.identification.terms import choose_terms
+from loopid.logs.mapping import LogMapping
+from loopid.logs.reading import locked_as_logged
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
-from loopid.parameters import ParameterSet, html_table
-from loopid.records import record
+from loopid.parameters import ParameterSet
 from loopid.regressors.joint_laws import joint_term
 from loopid.regressors.motion_regressors import force_parts
 from loopid.robot.mechanism import Mechanism
-from loopid.workers import one_blas_thread, require_processes
+from loopid.workers import one_blas_thread
 
 # Part of the forces that the robot file's bodies need, below which forces have another unit; and in
 # how many samples that is looked at.
 LEAST_FORCES, LOOKED_AT = 1e-4, 100
-# What is done about a combination of parameters that no force of the data depends on.
-UNIDENTIFIABLE = ("error", "prior")
-
-
-@record(kw_only=True, checked=True)
-class FitOptions:
-    """Options of ``identify``.
-
-    Attributes
-    ----------
-    estimator : str or Estimator
-        A name of ``ESTIMATORS``, or an estimator with its own options. With ``"wls"`` the robot
-        file is weighed, too (``consistent_fit``).
-    unidentifiable : str
-        Where no force of the training data depends on a combination of parameters: ``"prior"``: fit
-        the others, and keep the robot file's values there; or ``"error"``.
-    fraction : float, optional
-        Of the samples of each recording in which a motor moves, between 0 and 1: the first ones
-        are fitted, the rest judges. By default all are fitted, and each stretch is judged by fits
-        to the others.
-    consistent : ConsistentOptions
-        Of the fit that weighs the robot file.
-    undo_delay : bool
-        Whether a clear delay between forces and motion is undone in the logs (``find_delay``).
-    terms : TermOptions
-        Which offsets the data tell (``choose_terms``).
-    n_jobs : int
-        Processes that compute the regressors; the result is the same to the bit.
-
-    Raises
-    ------
-    OptionError
-        When an option is out of its range, or one is given that the estimator has no use for.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> loopid.FitOptions(estimator="mean")
-    Traceback (most recent call last):
-    loopid.errors.OptionError: unknown estimator 'mean': choose among ols, wls, bisquare, iv
-    """
-
-    estimator: str | Estimator = "wls"
-    unidentifiable: str = "prior"
-    fraction: float | None = None
-    consistent: ConsistentOptions = ConsistentOptions()
-    undo_delay: bool = True
-    terms: TermOptions = TermOptions()
-    n_jobs: int = 1
-
-    def __post_init__(self) -> None:
-        if isinstance(self.estimator, str) and self.estimator not in ESTIMATORS:
-            raise OptionError.unknown("estimator", self.estimator, ESTIMATORS)
-        if self.unidentifiable not in UNIDENTIFIABLE:
-            raise OptionError.unknown("unidentifiable", self.unidentifiable, UNIDENTIFIABLE)
-        if self.fraction is not None and not 0 < self.fraction < 1:
-            raise OptionError(
-                f"fraction must be between 0 and 1, not {self.fraction}", given=self.fraction
-            )
-        require_processes(self.n_jobs, "n_jobs")
-
-    def require_references(self, count: int) -> None:
-        """Refuse reference motions for another estimator than ``"iv"``, and that without any."""
-        if (self.name == "iv") != bool(count):
-            raise OptionError(
-                f"references are for estimator='iv', which needs them: {count} motions do not go "
-                f"with {self.name!r}",
-                given=count,
-                estimator=self.name,
-            )
-
-    @property
-    def name(self) -> str:
-        """Name of the estimator."""
-        return self.estimator if isinstance(self.estimator, str) else self.estimator.name
-
-
-# Of the moving samples that are fitted where many models are compared.
-FRACTION = 0.6
-CLEARLY_BETTER = 1.25  # ratio of errors above which another candidate is worth a word
-# Names of the candidates.
-ROBOT_FILE, ALL = "robot file", "all parameters"
-
-
-@record
-class Identification:
-    """What recordings say about a mechanism; candidates and parameters are found by name.
-
-    Attributes
-    ----------
-    force_model : ForceModel
-    training, validation, friction : tuple of Recording
-        What was fitted, what judged, and what the joint terms alone were identified from, if any.
-        Without validation each stretch of the training was predicted by fits to the others.
-    data, new : FitSamples
-        Training, and what judges, as samples of a fit.
-    identifiability : Identifiability
-        What the training data tell of the parameters that were fitted to them.
-    candidates : dict of Candidate
-        ``"robot file"``: its bodies, and joint terms that are fitted; ``"all parameters"``: all
-        fitted by the estimator; ``"consistent"``, with weighted least squares as the estimator:
-        all fitted with the robot file weighed, every body solid.
-    options : FitOptions
-    cutoff : CutoffChoice or None
-        Of the filter; None where the recordings left nothing to choose.
-    delay : Delay or None
-        Between forces and motion, what is clear of it undone in all recordings; None where it was
-        not looked for, and for motions without a log.
-    suspicions : tuple of Suspicions
-        What may be wrong with each log.
-    missing : tuple of MissingForce
-        Forces that the data clearly have beside the consistent fit.
-    choice : ModelChoice or None
-        The model that the recordings ask for; None where a full one was given.
-    """
-
-    force_model: ForceModel
-    training: tuple[Recording, ...]
-    validation: tuple[Recording, ...]
-    friction: tuple[Recording, ...]
-    data: FitSamples
-    new: FitSamples
-    identifiability: Identifiability
-    candidates: Mapping[str, Candidate]
-    options: FitOptions
-    cutoff: CutoffChoice | None = None
-    delay: Delay | None = None
-    suspicions: tuple[Suspicions, ...] = ()
-    missing: tuple[MissingForce, ...] = ()
-    choice: ModelChoice | None = None
-
-    def __getitem__(self, name: str) -> Candidate:
-        if name not in self.candidates:
-            choices = nearest_first(name, tuple(self.candidates))
-            raise OptionError.unknown("candidate", name, choices)
-        return self.candidates[name]
-
-    @property
-    def baseline(self) -> Candidate:
-        """Bodies of the robot file, joint terms fitted to the training data."""
-        return self[ROBOT_FILE]
-
-    @property
-    def recommended(self) -> Candidate:
-        """What to predict and to export with.
-
-        Consistent parameters, unless they are clearly worse on new data than the baseline; where
-        an estimator was asked for, all parameters by that.
-        """
-        if CONSISTENT not in self.candidates:
-            return self[ALL]
-        return self.baseline if self[CONSISTENT].loses_to_baseline else self[CONSISTENT]
-
-    @property
-    def advantage(self) -> float | None:
-        """How much smaller errors of all parameters are on new data than the recommended ones.
-
-        The ratio of these, the geometric mean over the motors; None where it is not clearly more
-        than 1.25.
-        """
-        ratio, error = error_ratio(self.new, self[ALL].predicted, self.recommended.predicted)[0]
-        clear = ratio + 2 * error < CLEARLY_BETTER**-2
-        return float(ratio**-0.5) if clear else None
-
-    @property
-    def parts(self) -> tuple[FitSamples, FitSamples]:
-        """Samples to fit and others to judge, for comparisons of many models.
-
-        Without validation the first and the last part of the training, both with all rows.
-        """
-        if self.validation:
-            return self.data, self.new
-        moving = np.cumsum(self.data.used.any(axis=1))
-        first = (moving <= FRACTION * moving[-1])[:, None]
-        used = self.data.used
-        return replace(self.data, used=used & first), replace(self.data, used=used & ~first)
-
-    @property
-    def fit(self) -> Fit:
-        """The recommended values with their uncertainty."""
-        return self.recommended.fit
-
-    @cached_property
-    def unseen(self) -> UnseenErrors:
-        """Errors of the recommended fit on data that it was not fitted to, by where."""
-        runs = self.validation or self.training
-        return UnseenErrors.of(self.recommended, self.force_model, self.new, runs)
-
-    @cached_property
-    def repeated(self) -> float:
-        """Part of the fitted samples whose states come back in other stretches, or logs."""
-        return repeated_share(self.data, self.training)
-
-    @cached_property
-    def sensor_noise(self) -> FloatArray:
-        """Noise (dof,) of the sensors of force in N or N m; NaN where it cannot be told."""
-        every = np.array([sensor_noise(run) for run in self.training])
-        known = ~np.isnan(every).all(axis=0)
-        return np.where(known, np.nan_to_num(every, nan=0.0).max(axis=0), np.nan)
-
-    @checked
-    def relative_errors(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
-        """Errors on new data (dof,) in parts of each motor's force, and their standard errors.
-
-        Root mean squares; NaN without samples.
-        """
-        quality = candidate.validation
-        squares = np.array(self.new.problem.force_squares()) / np.maximum(quality.samples, 1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            force = np.where(squares > 0, np.sqrt(squares), np.nan)
-        return quality.residual_rms / force, candidate.rms_errors[1] / force
-
-    @property
-    def prior_deviation(self) -> float | None:
-        """How far the robot file is off, in parts of its bodies, where it is weighed."""
-        weighed = self.candidates.get(CONSISTENT)
-        found = None if weighed is None else weighed.fit.deviation
-        return None if found is None else found.common
-
-    @property
-    def mistakes(self) -> tuple[Finding, ...]:
-        """Mistakes in the logs: no figure counts before they are mended."""
-        found = (each for one in self.suspicions for each in one.mistakes)
-        return tuple(each for each in found if each.severity == "mistake")
-
-    @property
-    def findings(self) -> tuple[Finding, ...]:
-        """What to know beside the numbers, the most important first."""
-        return findings_of(self)
-
-    @property
-    def verdict(self) -> Verdict:
-        """What the recommended values are good for, and what would improve them most."""
-        return Verdict.of(self)
-
-    def __repr__(self) -> str:
-        model, told = self.force_model, self.identifiability
-        lines = [
-            f"Identification({model.mechanism.name}, {model.model} model by "
-            f"{self[ALL].fit.estimator}: {len(self.data)} samples fitted, {len(self.new)} to "
-            "validate)",
-            *(
-                f"  {name}: {each.fitted} parameters fitted, squared error on new data "
-                "{:.2f} ± {:.2f} of the robot file's".format(*each.error_ratio)
-                for name, each in self.candidates.items()
-            ),
-            f"  {told.rank} of {told.structural_rank} combinations excited by the data, "
-            f"{told.well_determined} better known than by the robot file",
-        ]
-        return "\n".join(
-            [*lines, *(f"  {each.severity}: {each.brief}" for each in self.mistakes[:1])]
-        )
-
-    def _repr_html_(self) -> str:
-        said = [f"<p>{escape(str(self.verdict))}</p>"]
-        said += [f"<p>{escape(f'{each.severity}: {each}')}</p>" for each in self.findings]
-        head = "candidate", "parameters fitted", "squared error on new data, of the robot file's"
-        rows = [(n, c.fitted, *c.error_ratio) for n, c in self.candidates.items()]
-        return "".join(said) + html_table((*head, "±"), rows)
-
-
-@checked
-def split_recordings(
-    recordings: Sequence[Recording], fraction: float = FRACTION
-) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """The first part of each recording's moving samples for training, the rest for validation.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-    fraction : float
-        Of the samples of each recording in which a motor moves, between 0 and 1.
-
-    Returns
-    -------
-    training, validation : tuple of Recording
-
-    Raises
-    ------
-    OptionError
-        When the fraction is not between 0 and 1.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> robot = loopid.load_mechanism("five_bar")
-    >>> log = loopid.read_log("urdf/logs/five_bar.csv", robot)
-    >>> run = loopid.prepare_recording(robot, log)
-    >>> training, validation = loopid.split_recordings([run], 0.75)
-    >>> len(training[0]) + len(validation[0]) == len(run)
-    True
-    """
-    parts = [recording.split(fraction) for recording in recordings]
-    return tuple(part[0] for part in parts), tuple(part[1] for part in parts)
 
 
 def warn_of_fitted(training: Sequence[Recording], validation: Sequence[Recording]) -> None:
@@ -415,37 +107,43 @@ def require_forces(mechanism: Mechanism, recordings: Sequence[Recording]) -> Non
 @one_blas_thread()
 def identify(
     robot: Mechanism | ForceModel,
-    recordings: Sequence[Recording],
+    data: Any,
     *,
-    validation: Sequence[Recording] | None = None,
-    friction: Sequence[Recording] = (),
+    validation: Any = None,
+    friction: Any = (),
     references: Sequence[JointMotion] = (),
+    mapping: LogMapping | str | Path | None = None,
     options: FitOptions = FitOptions(),
 ) -> Identification:
-    """Fit a model of a robot to recordings, and judge the fit on data that it has not seen.
+    """Fit a model of a robot to data, and judge the fit on data that it has not seen.
 
     Parameters
     ----------
     robot : Mechanism or ForceModel
-        Of a robot the model that the recordings ask for is fitted (``choose_model``), with the
-        usual joint terms.
-    recordings : sequence of Recording
-    validation : sequence of Recording, optional
-        Judge on these. By default all recordings are fitted, and each stretch is judged by fits to
+        Of a robot the model that the data ask for is fitted (``FitOptions.model``), with the usual
+        joint terms.
+    data
+        A path, a table with columns by name (of pandas or Polars, a dictionary of arrays), a
+        ``Log``, a ``Recording``; or a list of these.
+    validation : optional
+        Judge on these data. By default all data are fitted, and each stretch is judged by fits to
         the others (``FitOptions.fraction``).
-    friction : sequence of Recording, optional
-        Recordings of an experiment of their own that the joint terms are identified from first;
-        without them all parameters are fitted together.
-    references : sequence of JointMotion, optional
+    friction : optional
+        Data of an experiment of their own that the joint terms are identified from first; without
+        them all parameters are fitted together.
+    references : sequence of JointMotion
         For the estimator ``"iv"``, one a recording: the motion that was commanded, or simulated.
-    options : FitOptions, optional
+    mapping : LogMapping or path, optional
+        Which columns of paths and tables are what.
+    options : FitOptions
 
     Raises
     ------
     DataError
-        Without recordings, or when their data cannot be fitted.
+        Without data, or when they cannot be fitted.
     OptionError
-        When the options ask for references that are not given, or the other way round.
+        When the options ask for references that are not given, or the other way round; when they
+        choose another model than the one that is given.
     RankError
         Naming the unidentifiable combinations, and the motion that would excite them.
 
@@ -459,18 +157,17 @@ def identify(
     --------
     >>> import loopid
     >>> robot = loopid.load_mechanism("five_bar")
-    >>> log = loopid.read_log("urdf/logs/five_bar.csv", robot)  # with 0.1 N m of friction
-    >>> run = loopid.prepare_recording(robot, log)
-    >>> found = loopid.identify(robot, [run])
+    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")  # with 0.1 N m of friction
     >>> round(found.fit["left_crank_joint.Fc"].value, 2)
     0.1
     """
     options.require_references(len(references))
+    others = () if validation is None else validation, friction
+    robot, (recordings, judging, friction) = _read(robot, mapping, options, data, *others)
     mechanism = robot if isinstance(robot, Mechanism) else robot.mechanism
     require_forces(mechanism, recordings)
-    choice, force_model = _model_of(robot, recordings)
-    training, judging = recordings, validation or ()
-    left_out = validation is None and options.fraction is None
+    choice, force_model = _model_of(robot, recordings, options)
+    training, left_out = recordings, validation is None and options.fraction is None
     if validation is None and options.fraction is not None:
         training, judging = split_recordings(recordings, options.fraction)
     (training, judging, friction), delay, cutoff = in_time(
@@ -487,9 +184,7 @@ def identify(
         training, judging, friction = (
             prepared_at(force_model, runs, cutoff.chosen) for runs in (training, judging, friction)
         )
-    force_model = choose_terms(
-        force_model, friction or training, options=options.terms, n_jobs=options.n_jobs
-    )
+    force_model = choose_terms(force_model, friction or training, n_jobs=options.n_jobs)
     data = samples_of(force_model, training, references=references, n_jobs=options.n_jobs)
     first = samples_of(force_model, friction, n_jobs=options.n_jobs) if friction else None
     plain = force_model.plain_columns
@@ -564,18 +259,45 @@ def identify(
     )
 
 
+def _read(
+    robot: Mechanism | ForceModel,
+    mapping: LogMapping | str | Path | None,
+    options: FitOptions,
+    *data: Any,
+) -> tuple[Mechanism | ForceModel, list[tuple[Recording, ...]]]:
+    """The recordings of several data, and the robot: a locked joint is where the first log has it.
+
+    Options that the robot cannot have are refused before any work is done.
+    """
+    if isinstance(robot, Mechanism):
+        options.require_terms(robot)
+        first = next(iter(each_of(data[0])), None)
+        if isinstance(first, str | Path):
+            robot = locked_as_logged(robot, first, mapping=mapping)
+    mechanism = robot if isinstance(robot, Mechanism) else robot.mechanism
+    return robot, [recordings_of(mechanism, each, mapping) for each in data]
+
+
 def _model_of(
-    robot: Mechanism | ForceModel, recordings: Sequence[Recording]
+    robot: Mechanism | ForceModel, recordings: Sequence[Recording], options: FitOptions
 ) -> tuple[ModelChoice | None, ForceModel]:
     """The model of a robot that recordings ask for; a gravity model that is given is looked at."""
-    if isinstance(robot, ForceModel) and robot.model == "full":
-        return None, robot
+    kind = options.model
+    if isinstance(robot, ForceModel):
+        if (kind, options.terms) != (AUTOMATIC, AUTOMATIC):
+            raise OptionError(
+                "the force model that is given has a model and terms of its own: choose them by "
+                "find_force_model, or give the robot in its place"
+            )
+        kind = robot.model
     mechanism = robot if isinstance(robot, Mechanism) else robot.mechanism
-    choice = choose_model(mechanism, recordings)
-    if isinstance(robot, Mechanism):
-        return choice, find_force_model(mechanism, choice.model)
-    choice.finding.warn()
-    return choice, robot
+    choice = None if kind == "full" else choose_model(mechanism, recordings)
+    if choice is not None and kind != AUTOMATIC:
+        choice.finding.warn()
+    if isinstance(robot, ForceModel):
+        return choice, robot
+    model = choice.model if choice is not None and kind == AUTOMATIC else kind
+    return choice, find_force_model(mechanism, model, options.terms)
 
 
 def _errors_by_region(fit: WorkingFit) -> FloatArray:

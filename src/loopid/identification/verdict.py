@@ -15,7 +15,7 @@ from loopid.records import record
 from loopid.regressors.joint_laws import grouped
 
 if TYPE_CHECKING:
-    from loopid.identification.pipeline import Identification
+    from loopid.identification.identification import Identification
 
 # Error on new data as a part of a motor's force, in the root mean square: what a controller's
 # feedforward can be built on, and what it still profits from.
@@ -160,8 +160,7 @@ def _better(found: Identification) -> Finding | None:
         "warning",
         f"all parameters predict {times:.2g} times better",
         "than any robot with solid bodies and friction that dissipates, on data left out",
-        "look for a sign, a zero or a length of the file that is wrong, as all parameters predict "
-        f"{times:.2g} times better than any robot with solid bodies",
+        "look for a wrong sign, zero or length of the file",
     )
 
 

@@ -109,7 +109,24 @@ class InertiaDefect:
 
 @checked
 def inertia_defects(mechanism: Mechanism) -> tuple[InertiaDefect, ...]:
-    """Bodies whose inertia, as the robot file gives it, no solid body has [Wensing2018]."""
+    """Bodies whose inertia, as the robot file gives it, no solid body has [Wensing2018].
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+
+    Returns
+    -------
+    tuple of InertiaDefect
+        In the order of the bodies; none where all are possible.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> loopid.loading.inertia_defects(robot)
+    ()
+    """
     found = []
     for body in mechanism.bodies:
         P = pseudo_inertia(mechanism.model.inertias[body.joint_id].toDynamicParameters())
@@ -121,7 +138,23 @@ def inertia_defects(mechanism: Mechanism) -> tuple[InertiaDefect, ...]:
 
 @checked
 def odd_masses(mechanism: Mechanism) -> tuple[str, ...]:
-    """Say which masses look like placeholders, and which joints move nothing that has a mass."""
+    """Say which masses look like placeholders, and which joints move nothing that has a mass.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+
+    Returns
+    -------
+    tuple of str
+        A sentence for each of the two, with masses in kg; none where nothing is odd.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.loading.odd_masses(loopid.load_mechanism("five_bar"))
+    ()
+    """
     model, found = mechanism.model, []
     masses = {body.link: float(model.inertias[body.joint_id].mass) for body in mechanism.bodies}
     least = max(PLACEHOLDER * max(masses.values(), default=0.0), LEAST_MASS)
@@ -150,7 +183,10 @@ def odd_masses(mechanism: Mechanism) -> tuple[str, ...]:
 
 @checked
 def unequal_links(mechanism: Mechanism) -> tuple[str, ...]:
-    """Say which groups of links declared identical have inertials that differ, and by how much."""
+    """Say which groups of links declared identical have inertials that differ, and by how much.
+
+    In kg, kg m and kg m², relative to the largest of the same unit in the group.
+    """
     joints = {body.link: body.joint_id for body in mechanism.bodies}
     found = []
     for group in mechanism.identical:

@@ -27,13 +27,29 @@ class RobotFiles(NamedTuple):
 
 
 def bundled_directory() -> Path:
-    """Folder of the bundled robots: in the installed package, or in the checkout."""
+    """Folder of the bundled robots: in the installed package, or in the checkout.
+
+    Returns
+    -------
+    Path
+
+    Examples
+    --------
+    >>> from loopid.loading import bundled_directory
+    >>> (bundled_directory() / "3ups_rpu.urdf").is_file()
+    True
+    """
     installed = Path(str(files("loopid"))) / "urdf"
     return installed if installed.is_dir() else Path(__file__).parents[3] / "urdf"
 
 
 def bundled_robots() -> tuple[str, ...]:
     """Names of the bundled robots, to be given to ``load_mechanism``.
+
+    Returns
+    -------
+    tuple of str
+        In the order of the alphabet.
 
     Examples
     --------

@@ -60,7 +60,28 @@ class TreeSource:
 
 
 def add_frame(model: pin.Model, name: str, link: str, placement: pin.SE3) -> None:
-    """Mount a frame at a placement in a link, for a closure to join."""
+    """Mount a frame in a link, for a closure to join.
+
+    Parameters
+    ----------
+    model : pin.Model
+        It is changed.
+    name : str
+        Of the new frame.
+    link : str
+        A link of the model.
+    placement : pin.SE3
+        Of the frame in the link, in m.
+
+    Examples
+    --------
+    >>> import pinocchio as pin
+    >>> from loopid.loading import add_frame, bundled_directory
+    >>> model = pin.buildModelFromUrdf(str(bundled_directory() / "five_bar.urdf"))
+    >>> add_frame(model, "mark", "left_crank", pin.SE3.Identity())
+    >>> model.existFrame("mark")
+    True
+    """
     index = model.getFrameId(link, pin.FrameType.BODY)
     carrier = model.frames[index]
     there = carrier.placement * placement

@@ -22,15 +22,15 @@ from loopid.arguments import (
     derived_seed,
     random_generator,
 )
-from loopid.diagnosis.selection import influence, truncated_values
 from loopid.errors import DataWarning
 from loopid.identification.consistent import consistent_fit
 from loopid.identification.fitting import fit_in_steps, quiet_fit
 from loopid.identification.force_model import ForceModel, find_force_model, samples_of
-from loopid.identification.pipeline import split_recordings
+from loopid.identification.identification import split_recordings
 from loopid.identification.prediction import prediction_reach
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit, fit_quality
+from loopid.identification.selection import influence, truncated_values
 from loopid.loading.load import load_mechanism
 from loopid.logs.log import Log
 from loopid.logs.preparing import prepare_recording
@@ -232,7 +232,7 @@ def simulate_stand_in(
             joint_values=FRICTION,
         )
         signals = measured.time, measured.position, measured.force
-        log = Log.from_arrays(*signals, mechanism.actuated, name=name)
+        log = replace(Log.from_arrays(*signals, mechanism.actuated, name=name), checked=True)
         filtered = FilterOptions(cutoff=CUTOFF * experiment.rate)
         recordings.append(prepare_recording(mechanism, log, filter=filtered))
         if progress is not None:

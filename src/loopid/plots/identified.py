@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from loopid.arguments import FloatArray, checked, spread_rows
-from loopid.diagnosis.term_sets import TermComparison
 from loopid.identification.cutoff import CutoffChoice
 from loopid.identification.delay import Delay
 from loopid.identification.friction import (
@@ -17,11 +16,12 @@ from loopid.identification.friction import (
     frictional_joints,
 )
 from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
+from loopid.identification.identification import Identification
 from loopid.identification.information import body_sizes
 from loopid.identification.log_mistakes import Suspicions
-from loopid.identification.pipeline import Identification
 from loopid.identification.prediction import INTERVAL
 from loopid.identification.result import Estimate
+from loopid.identification.term_sets import TermComparison
 from loopid.identification.unseen import WHERE
 from loopid.identification.verdict import GOOD
 from loopid.logs.recording import Recording

@@ -7,14 +7,13 @@ from typing import Any
 
 from rich.table import Table
 
-from loopid.diagnosis.study import Study
-from loopid.diagnosis.term_sets import TermComparison
 from loopid.errors import counted
+from loopid.identification.identification import Identification
 from loopid.identification.information import WeakDirection
-from loopid.identification.pipeline import Identification
 from loopid.identification.prediction import Candidate, Prediction, prediction_reach
 from loopid.identification.result import Estimate, Fit
 from loopid.identification.saved import content
+from loopid.identification.term_sets import TermComparison
 from loopid.identification.unseen import WHERE
 from loopid.identification.verdict import GOOD, NOT_FIT, ROUGH, Verdict
 from loopid.logs.recording import Recording
@@ -50,12 +49,14 @@ TONES: dict[str, Tone] = {"yes": "good", "roughly": "rough", "no": "bad"}  # of 
 WORDS = {"yes": "Fit", "roughly": "Rough", "no": "Not fit"}
 
 
-def identification_report(study: Study, command: str = "", *, anyway: bool = False) -> Report:
-    """What a study of logs found; the command designs the motion that its verdict asks for.
+def identification_report(
+    found: Identification, command: str = "", *, anyway: bool = False
+) -> Report:
+    """What an identification found; the command designs the motion that its verdict asks for.
 
     Its files are refused where the recommended fit breaks a law, unless asked for anyway.
     """
-    found, judged = study.identification, study.verdict
+    judged = found.verdict
     mechanism = found.force_model.mechanism
     rows = list[tuple[str, ...]]()
     for each in _shown(found.fit):
@@ -69,16 +70,16 @@ def identification_report(study: Study, command: str = "", *, anyway: bool = Fal
         name="identification",
         title=f"{mechanism.name}, {found.force_model.model} model",
         verdict=str(judged),
-        record=identification_record(study, judged),
+        record=identification_record(found, judged),
         brief=[plain_table("", ("", ">", "", ""), rows)],
-        sections=lambda: list(_sections(study, judged.motor)),
+        sections=lambda: list(_sections(found, judged.motor)),
         results=lambda: _fits(found, anyway),
         advice=advice,
         card=_card(found, judged, advice),
         pictures=lambda: (robot_chart(mechanism, worst=judged.motor),),
         under=_under(found),
-        findings=study.findings,
-        checks=study.checks,
+        findings=found.findings,
+        checks=found.checks,
         beside=BESIDE,
     )
 
@@ -144,9 +145,9 @@ def _card(found: Identification, judged: Verdict, command: str) -> Card:
     )
 
 
-def _sections(study: Study, worst: str) -> Iterator[Section]:
+def _sections(found: Identification, worst: str) -> Iterator[Section]:
     """Errors, forces, friction, parameters, what is not told, checks, and all values."""
-    found, told = study.identification, study.identification.identifiability
+    told = found.identifiability
     errors, mechanism = model_errors_chart(found, worst=worst), found.force_model.mechanism
     motors = tuple(panel.motor for panel in errors.panels)
     yield Section("Errors on new data, by motor", (errors,), short="Errors")
@@ -164,15 +165,15 @@ def _sections(study: Study, worst: str) -> Iterator[Section]:
         short="Parameters",
     )
     if told.weak or told.unidentifiable:
-        yield Section("What the log does not tell", (_untold_table(study),), short="Not told")
+        yield Section("What the log does not tell", (_untold_table(found),), short="Not told")
     used = {"fitted": found.training, "new data, not fitted": found.validation}
     log = [used_chart(mechanism, used), gains_chart(found.suspicions)]
     log += [] if found.delay is None else [delays_chart(found.delay)]
     log = [each for each in log if each.panels]
-    yield Section("Checks of the log", (*log, *_log_tables(study)), folded=True, short="Log")
-    model: list[Part] = [terms_chart(study.term_sets)]
+    yield Section("Checks of the log", (*log, *_log_tables(found)), folded=True, short="Log")
+    model: list[Part] = [terms_chart(found.term_sets)]
     model += [] if found.cutoff is None else [filter_chart(found.cutoff)]
-    model += [_candidates_table(study), _essential_table(study)]
+    model += [_candidates_table(found), _essential_table(found)]
     yield Section("Checks of the model", tuple(model), folded=True, short="Model")
     values = _estimates_table(found)
     yield Section("All values", (values,), folded=values.row_count > OPEN)
@@ -209,9 +210,9 @@ def _changed(found: Identification) -> str:
     return f"{clear} of {len(bodies)} parameters and sums clearly differ from the robot file."
 
 
-def _untold_table(study: Study) -> Table:
+def _untold_table(found: Identification) -> Table:
     """Combinations that the file tells better than the log."""
-    told = study.identification.identifiability
+    told = found.identifiability
     rows = [(each.text, "0", "unknown: as in the file") for each in told.unidentifiable]
     rows += [
         (each.text, f"{100 * each.effect:.2g} %", f"{each.standard_error:.2g} times the file's")
@@ -234,11 +235,11 @@ def _fits(found: Identification, anyway: bool) -> dict[str, bytes | str]:
     return files
 
 
-def identification_record(study: Study, judged: Verdict | None = None) -> dict[str, Any]:
-    """All findings of a study, ready for JSON."""
-    found, reduction = study.identification, study.reduction
+def identification_record(found: Identification, judged: Verdict | None = None) -> dict[str, Any]:
+    """All findings of an identification, ready for JSON."""
+    reduction = found.reduction
     model, told = found.force_model, found.identifiability
-    terms, judged = model.joint_terms, judged or study.verdict
+    terms, judged = model.joint_terms, judged or found.verdict
     return {
         "mechanism": model.mechanism.name,
         "model": model.model,
@@ -257,8 +258,8 @@ def identification_record(study: Study, judged: Verdict | None = None) -> dict[s
         "prior_deviation": json_value(found.prior_deviation),
         "cutoff": json_value(found.cutoff),
         "joint_terms": {} if terms is None else {j: list(k) for j, k in terms.of_joints.items()},
-        "term_sets": _term_sets(study.term_sets),
-        "fitted_bodies_pay": study.term_sets.bodies_pay,
+        "term_sets": _term_sets(found.term_sets),
+        "fitted_bodies_pay": found.term_sets.bodies_pay,
         "identifiability": {
             **json_fields(told, "structural_rank", "rank"),
             "better_than_robot_file": told.well_determined,
@@ -268,9 +269,9 @@ def identification_record(study: Study, judged: Verdict | None = None) -> dict[s
             "unidentifiable": [_direction(direction) for direction in told.unidentifiable],
             "weak": [_direction(direction) for direction in told.weak],
         },
-        "essential": json_value(study.essential.values),
+        "essential": json_value(found.essential.values),
         "essential_parameters": list(reduction.result.parameters.names),
-        "candidates": [_candidate(candidate) for candidate in _candidates(study)],
+        "candidates": [_candidate(candidate) for candidate in _candidates(found)],
         "delay": json_value(found.delay),
         "suspicions": json_value(found.suspicions),
         "robot": [json_fields(each, *ROBOT) for each in found.fit.standard.values()],
@@ -288,10 +289,10 @@ def _errors(found: Identification, k: int) -> dict[str, Any]:
     return said
 
 
-def _candidates(study: Study) -> tuple[Candidate, ...]:
+def _candidates(found: Identification) -> tuple[Candidate, ...]:
     """The robot file, all parameters, the essential ones, and the consistent ones."""
-    start, whole, *others = study.identification.candidates.values()
-    return (start, whole, study.essential, *others)
+    start, whole, *others = found.candidates.values()
+    return (start, whole, found.essential, *others)
 
 
 def _recording(recording: Recording) -> dict[str, Any]:
@@ -382,8 +383,8 @@ def _shown(fit: Fit) -> list[Estimate]:
     return [one for each, one in shown if not grouped(each.kind)]
 
 
-def _essential_table(study: Study) -> Table:
-    found, reduction = study.identification, study.reduction
+def _essential_table(found: Identification) -> Table:
+    reduction = found.reduction
     prior, joints = found.force_model.prior, set(found.force_model.joint_columns)
     expressions = found.force_model.base.expressions
     rows = (
@@ -421,14 +422,13 @@ def _of_body(estimate: Estimate) -> bool:
     return Parameter.parse(estimate.name).kind in KINDS
 
 
-def _candidates_table(study: Study) -> Table:
+def _candidates_table(found: Identification) -> Table:
     """Errors on new data of the robot file, all parameters, the essential ones, and others."""
-    found = study.identification
     columns = {
         **{"fit": "name", ">fitted": "fitted", ">error over the file's": _over_file},
         "against the file": lambda each: _grade(each, found),
     }
-    return table_of("other fits: errors on new data", columns, _candidates(study))
+    return table_of("other fits: errors on new data", columns, _candidates(found))
 
 
 def _over_file(each: Candidate) -> str:
@@ -441,9 +441,9 @@ def _grade(each: Candidate, found: Identification) -> str:
     return f"{said} (recommended)".strip() if each is found.recommended else said
 
 
-def _log_tables(study: Study) -> list[Table]:
+def _log_tables(found: Identification) -> list[Table]:
     """Samples and their correlation, and what was left out."""
-    found, noise = study.identification, study.identification["all parameters"].fit.noise
+    noise = found["all parameters"].fit.noise
     rows = (
         []
         if noise is None

@@ -703,9 +703,24 @@ def link_frames(model: pin.Model) -> dict[str, int]:
 
 
 def lock_options(mechanism: Mechanism, names: Iterable[str] | None = None) -> str:
-    """What locks some coordinates that the motors leave free, by default all: ``lock=[...]``.
+    """What locks coordinates that the motors leave free, in words of Python.
 
-    Joints or turns of ball joints.
+    Parameters
+    ----------
+    mechanism : Mechanism
+    names : iterable of str, optional
+        Some of ``mechanism.free``; by default all of them.
+
+    Returns
+    -------
+    str
+        ``lock=[...]`` with joints, or single turns of ball joints.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.robot.lock_options(loopid.load_mechanism("five_bar"), ["left_coupler_joint"])
+    "lock=['left_coupler_joint']"
     """
     chosen = mechanism.free if names is None else tuple(names)
     free, found = set(chosen), dict[str, None]()

@@ -4,9 +4,15 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from loopid.diagnosis import eliminate_parameters, influence, truncated_values
 from loopid.errors import DataError, OptionError
-from loopid.identification import OrdinaryLeastSquares, WeightedLeastSquares, quiet_fit
+from loopid.identification import (
+    OrdinaryLeastSquares,
+    WeightedLeastSquares,
+    eliminate_parameters,
+    influence,
+    quiet_fit,
+    truncated_values,
+)
 from smooth_data import DEVIATIONS, autoregressive, named_samples, outliers, runs, smooth_regressor
 
 TRUTH = np.array([3.0, 0.0, 5.0, 0.0, 0.0, -4.0])

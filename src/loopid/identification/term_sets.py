@@ -8,11 +8,11 @@ from typing import TypeAlias
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
-from loopid.diagnosis.selection import PredictionError, prediction_errors
 from loopid.errors import DataError
 from loopid.identification.force_model import ForceModel, parted, samples_of
+from loopid.identification.identification import Identification, split_recordings
 from loopid.identification.information import body_sizes
-from loopid.identification.pipeline import Identification, split_recordings
+from loopid.identification.selection import PredictionError, prediction_errors
 from loopid.numbers import root
 from loopid.parameters import KINDS
 from loopid.records import record
@@ -138,7 +138,7 @@ def compare_terms(found: Identification, *, choices: Sequence[str] = ()) -> Term
     ... )
     >>> run = loopid.logs.Recording.of_motion(motion, log.force, robot.actuated)
     >>> found = loopid.identify(loopid.find_force_model(robot, "gravity", "Fc,Fv"), [run])
-    >>> told = loopid.diagnosis.compare_terms(found)
+    >>> told = loopid.identification.compare_terms(found)
     >>> [each.choice for each in told.sets], told.enough[1].choice
     (['none', 'Fv', 'Fc,Fv', 'Fc,Fv,Fo'], 'Fv')
     """

@@ -14,8 +14,8 @@ from loopid.errors import DataError, OptionError
 from loopid.identification.correlation import Autoregression, burg_covariances, run_lengths
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator
 from loopid.identification.fitting import quiet_fit, working_fit
+from loopid.identification.identification import Identification
 from loopid.identification.information import Excitation
-from loopid.identification.pipeline import Identification
 from loopid.identification.prediction import Candidate, judge
 from loopid.identification.problem import FitProblem, FitSamples
 from loopid.identification.result import Fit, of_all, relative_deviation
@@ -208,7 +208,7 @@ def eliminate_parameters(
     ...     W = rng.normal(size=(500, 1, 3))
     ...     force = W @ [2.0, 0.5, 0.0] + 0.1 * rng.normal(size=(500, 1))
     ...     return loopid.identification.FitSamples.of(names, ["motor"], W, force)
-    >>> loopid.diagnosis.eliminate_parameters(log(0), log(1)).result.parameters.labels
+    >>> loopid.identification.eliminate_parameters(log(0), log(1)).result.parameters.labels
     ('arm.m', 'arm.mx')
     """
     names = training.parameters

@@ -1,0 +1,84 @@
+"""What lengths of the robot file that are off would do to the forces.
+
+Bodies take up most of it, as a link that is longer moves a body further. What is left tells the
+length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from loopid.arguments import FloatArray
+from loopid.identification.force_model import ForceModel
+from loopid.kinematics.constraint import Constraint, scaled_jacobian, scaled_residual
+from loopid.kinematics.poses import integrate
+from loopid.kinematics.projection import Factorisation, closed_motion, partition
+from loopid.logs.recording import Recording
+from loopid.regressors.motion_regressors import motion_regressor
+from loopid.robot.mechanism import Mechanism
+
+PART = 1e-4  # by which a length is changed, for its derivative
+LEAST = 1e-6  # of the forces, and of the robot's length: less is none
+
+
+def length_forces(
+    force_model: ForceModel, standard: FloatArray, recordings: Sequence[Recording]
+) -> dict[str, FloatArray]:
+    """Forces (N, dof) per part of each length that makes some, by the joint or frame at its end.
+
+    None of a robot with coordinates that motors leave free: these were measured.
+
+    Parameters
+    ----------
+    standard : FloatArray
+        Parameters of the force model that begin with those of the bodies.
+    """
+    robot = force_model.mechanism
+    if robot.free:
+        return {}
+    bodies = standard[: len(force_model.base.parameters) - len(force_model.joint_values)]
+
+    def forces(other: Mechanism) -> FloatArray:
+        parts = [_forces(other, run, force_model.model) @ bodies for run in recordings]
+        return np.concatenate(parts)
+
+    usual, found = forces(robot), dict[str, FloatArray]()
+    for place, other in _changed(robot):
+        column = (forces(other) - usual) / PART
+        if np.linalg.norm(column) > LEAST * np.linalg.norm(usual):
+            found[place] = column
+    return found
+
+
+def _changed(robot: Mechanism) -> Iterator[tuple[str, Mechanism]]:
+    """The robot with each length that is not zero changed: to a joint, or a frame of a closure."""
+    ends = sorted({frame for closure in robot.closures for frame in closure.frame_ids})
+    joints = range(1, robot.model.njoints)
+    places: list[tuple[str, Callable[[pin.Model], pin.SE3]]] = [
+        *((robot.model.names[k], lambda model, k=k: model.jointPlacements[k]) for k in joints),
+        *((robot.model.frames[k].name, lambda model, k=k: model.frames[k].placement) for k in ends),
+    ]
+    for name, placement in places:
+        model = robot.model.copy()
+        place = placement(model)
+        if np.linalg.norm(place.translation) > LEAST * robot.length:
+            place.translation = (1 + PART) * place.translation
+            yield name, replace(robot, model=model)
+
+
+def _forces(robot: Mechanism, run: Recording, model: str) -> FloatArray:
+    """Regressor (N, dof, n) of a motion of motors, with the loops closed as they nearly are."""
+    motion, q = run.motion, run.motion.configurations
+    if robot.rows:
+        dependent = partition(robot)[1]
+        A = scaled_jacobian(robot, Constraint(robot, q).jacobian())[:, :, dependent]
+        open_by = scaled_residual(robot, q)[:, :, None]
+        step = np.zeros((len(q), robot.model.nv))
+        step[:, dependent] = -Factorisation.of(A).solve(open_by)[:, :, 0]
+        q = integrate(robot, q, step * robot.coordinate_scales)
+    whole = closed_motion(robot, q, motion.velocities, motion.accelerations)
+    return motion_regressor(robot, whole, model)
