@@ -11,7 +11,7 @@ from loopid.arguments import FloatArray, row_blocks
 from loopid.errors import DataError, OptionError
 from loopid.identification.cutoff import prepared_at
 from loopid.identification.delay import in_time
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.identification.friction import less_noise, with_friction
 from loopid.identification.information import Excitation, fit_excited
 from loopid.identification.problem import FitSamples

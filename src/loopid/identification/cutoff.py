@@ -20,7 +20,7 @@ from loopid.arguments import FloatArray, IntArray, checked
 from loopid.errors import LoopidError
 from loopid.findings import Finding
 from loopid.identification.estimator import nearest_to_file
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import FitProblem
 from loopid.logs.preparing import motion_band, prepare_again
 from loopid.logs.recording import FilterOptions, Recording
@@ -135,16 +135,16 @@ def choose_cutoff(
     Examples
     --------
     >>> import loopid, numpy as np
-    >>> robot = loopid.load_mechanism("five_bar")
-    >>> model = loopid.find_force_model(robot, "full", "Fc,Fv")
+    >>> robot = loopid.load("five_bar")
+    >>> model = loopid.force_model(robot, "full", "Fc,Fv")
     >>> log = loopid.read_log("urdf/logs/five_bar.csv", robot)
-    >>> choice = loopid.identification.choose_cutoff(model, [loopid.prepare_recording(robot, log)])
+    >>> choice = loopid.identification.choose_cutoff(model, [loopid.prepare(robot, log)])
     >>> 3 < choice.chosen <= 20
     True
     """
     open_ones = [run for run in recordings if leaves_cutoff_open(run)]
     logs = [run.log for run in open_ones if run.log is not None]
-    band = max((motion_band(force_model.mechanism, log) for log in logs), default=0.0)
+    band = max((motion_band(force_model.robot, log) for log in logs), default=0.0)
     if not band:
         return None
     rate = min(log.rate(part) for log in logs for part in log.parts() if len(log.time[part]) > 1)
@@ -246,5 +246,5 @@ def prepared_at(
 ) -> tuple[Recording, ...]:
     """Recordings with a cut-off (Hz) where they leave it open; the others as they are."""
     runs = [run for run in recordings if leaves_cutoff_open(run)]
-    again = iter(prepare_again(force_model.mechanism, runs, cutoff=cutoff))
+    again = iter(prepare_again(force_model.robot, runs, cutoff=cutoff))
     return tuple(next(again) if leaves_cutoff_open(run) else run for run in recordings)

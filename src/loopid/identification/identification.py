@@ -16,7 +16,7 @@ from loopid.findings import Finding, most_important_first
 from loopid.identification.consistent import CONSISTENT
 from loopid.identification.cutoff import CutoffChoice
 from loopid.identification.delay import Delay
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.identification.information import Identifiability
 from loopid.identification.leaving_out import repeated_share
 from loopid.identification.log_mistakes import Suspicions
@@ -31,6 +31,7 @@ from loopid.identification.sensor_noise import sensor_noise
 from loopid.identification.unseen import UnseenErrors
 from loopid.identification.verdict import Verdict, findings_of
 from loopid.logs.recording import Recording
+from loopid.numbers import root
 from loopid.parameters import html_table
 from loopid.records import record
 
@@ -47,7 +48,7 @@ ROBOT_FILE, ALL = "robot file", "all parameters"
 
 @record
 class Identification:
-    """What recordings say about a mechanism; candidates and parameters are found by name.
+    """What recordings say about a robot; candidates and parameters are found by name.
 
     Attributes
     ----------
@@ -225,12 +226,12 @@ class Identification:
     def __repr__(self) -> str:
         model, told = self.force_model, self.identifiability
         lines = [
-            f"Identification({model.mechanism.name}, {model.model} model by "
+            f"Identification({model.robot.name}, {model.model} model by "
             f"{self[ALL].fit.estimator}: {len(self.data)} samples fitted, {len(self.new)} to "
             "validate)",
             *(
-                f"  {name}: {each.fitted} parameters fitted, squared error on new data "
-                "{:.2f} ± {:.2f} of the robot file's".format(*each.error_ratio)
+                f"  {name}: {each.fitted} parameters fitted, error on new data "
+                "{:.2f} ± {:.2f} of the robot file's".format(*root(*each.error_ratio))
                 for name, each in self.candidates.items()
             ),
             f"  {told.rank} of {told.structural_rank} combinations excited by the data, "
@@ -243,8 +244,8 @@ class Identification:
     def _repr_html_(self) -> str:
         said = [f"<p>{escape(str(self.verdict))}</p>"]
         said += [f"<p>{escape(f'{each.severity}: {each}')}</p>" for each in self.findings]
-        head = "candidate", "parameters fitted", "squared error on new data, of the robot file's"
-        rows = [(n, c.fitted, *c.error_ratio) for n, c in self.candidates.items()]
+        head = "candidate", "parameters fitted", "error on new data, of the robot file's"
+        rows = [(n, c.fitted, *root(*c.error_ratio)) for n, c in self.candidates.items()]
         return "".join(said) + html_table((*head, "±"), rows)
 
 
@@ -272,10 +273,10 @@ def split_recordings(
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("five_bar")
+    >>> robot = loopid.load("five_bar")
     >>> log = loopid.read_log("urdf/logs/five_bar.csv", robot)
-    >>> run = loopid.prepare_recording(robot, log)
-    >>> training, validation = loopid.split_recordings([run], 0.75)
+    >>> run = loopid.prepare(robot, log)
+    >>> training, validation = loopid.identification.split_recordings([run], 0.75)
     >>> len(training[0]) + len(validation[0]) == len(run)
     True
     """

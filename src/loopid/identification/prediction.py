@@ -12,10 +12,11 @@ from loopid.errors import DataError
 from loopid.files import csv_text
 from loopid.identification.cutoff import prepared_at
 from loopid.identification.data import recordings_of
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import CONSTANT_FORCE, Fit, Quality
 from loopid.logs.recording import Recording
+from loopid.numbers import root
 from loopid.records import Tabular, columns_of, record
 
 
@@ -104,14 +105,14 @@ class Prediction(Tabular):
 def predictions(fit: Fit, data: Any) -> tuple[Prediction, ...]:
     """Of data of any form; see ``Fit.predict``."""
     model = fit.require_model()
-    return tuple(_predicted(fit, model, each) for each in recordings_of(model.mechanism, data))
+    return tuple(_predicted(fit, model, each) for each in recordings_of(model.robot, data))
 
 
 def _predicted(fit: Fit, model: ForceModel, recording: Recording) -> Prediction:
-    if recording.actuators != model.mechanism.independent:
+    if recording.actuators != model.robot.independent:
         raise DataError(
             f"recording {recording.name} is of {', '.join(recording.actuators)}, but the fit of "
-            f"{', '.join(model.mechanism.independent)}",
+            f"{', '.join(model.robot.independent)}",
             recording=recording.name,
         )
     if fit.cutoff is not None:
@@ -204,12 +205,13 @@ class Candidate:
         verdict = "not clearly better than"
         if self.beats_baseline or self.loses_to_baseline:
             verdict = "better than" if self.beats_baseline else "worse than"
-        ratio, error = self.error_ratio
+        ratio, error = root(*self.error_ratio)
+        worst = np.sqrt(np.nanmax(self.motor_ratios, initial=0.0))
         name = self.name if self.name.endswith("parameters") else f"{self.name} parameters"
         return (
-            f"With {name} the mean squared error on new data is {ratio:.2f} ± {error:.2f} times "
-            "that of the robot file with fitted joint terms (geometric mean over the motors, "
-            f"{np.nanmax(self.motor_ratios, initial=0.0):.2f} for the worst): {verdict} it."
+            f"With {name} errors on new data are {ratio:.2f} ± {error:.2f} times those of the "
+            f"robot file with fitted joint terms (geometric mean over the motors, "
+            f"{worst:.2f} for the worst): {verdict} them."
         )
 
 
