@@ -39,7 +39,7 @@ def test_a_file_is_refused_by_its_line(tmp_path, case):
 
 def test_a_bundled_robot_is_meant():
     with pytest.raises(loopid.errors.FileError, match=r"exist \(did you mean 'five_bar'\?\), and"):
-        loopid.load_mechanism("five_br")
+        loopid.load("five_br")
 
 
 @pytest.mark.parametrize(
