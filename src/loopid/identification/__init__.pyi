@@ -4,7 +4,6 @@ from .cutoff import CutoffChoice as CutoffChoice, choose_cutoff as choose_cutoff
 from .delay import (
     Delay as Delay,
     find_delay as find_delay,
-    in_motion_band as in_motion_band,
     with_delay_errors as with_delay_errors,
     without_delay as without_delay,
 )

@@ -35,18 +35,13 @@ from loopid.identification.correlation import (
     run_lengths,
     within_runs,
 )
-from loopid.identification.cutoff import (
-    CutoffChoice,
-    choose_cutoff,
-    leaves_cutoff_open,
-    prepared_at,
-)
+from loopid.identification.cutoff import CutoffChoice, choose_cutoff
 from loopid.identification.estimator import WorkingFit, require_rows, result_of, scaled_svd
 from loopid.identification.force_model import ForceModel
 from loopid.identification.jackknife import with_scatter
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit
-from loopid.logs.preparing import near_saturation, on_independent, prepare_again, saturation_of
+from loopid.logs.preparing import at_cutoff, near_saturation, on_independent, saturation_of
 from loopid.logs.recording import FilterOptions, MaskOptions, Recording
 from loopid.motion.filtering import LowPass
 from loopid.parameters import ParameterSet
@@ -197,7 +192,8 @@ def find_delay(
     best, least = None, np.inf
     with one_blas_thread():
         for band in _bands(force_model, logged, cutoff):
-            found = _found(force_model, prepared_at(force_model, logged, band))
+            robot = force_model.mechanism
+            found = _found(force_model, [at_cutoff(robot, one, band) for one in logged])
             width = np.inf if found is None else float(np.ptp(found.interval))
             if least < width:
                 break
@@ -209,7 +205,7 @@ def _bands(
     force_model: ForceModel, recordings: Sequence[Recording], widest: float | None
 ) -> list[float]:
     """Cut-offs in Hz, by halves from the widest to that which hangs on the motion alone."""
-    own = [one.cutoff or 0.0 for one in recordings if leaves_cutoff_open(one)]
+    own = [one.cutoff or 0.0 for one in recordings if one.open_cutoff]
     if not own:
         return [0.0] if recordings else []  # as they are
     if widest is None:
@@ -275,18 +271,6 @@ def _moved(robot: Mechanism, recording: Recording, shifts: FloatArray) -> Record
     lost = log.dropped[len(recording.log.dropped) :]
     dropped = (*recording.dropped, *lost)
     return replace(recording, log=log, force=force, used=used, dropped=dropped)
-
-
-def in_motion_band(robot: Mechanism, recording: Recording) -> Recording:
-    """The recording at the cut-off that hangs on its motion alone; as it is without a log.
-
-    Noise of positions, which looks like anything, grows fast with the cut-off, and most of what a
-    delay does is near the motion.
-    """
-    filtered = recording.filter or FilterOptions()
-    if filtered.cutoff == "auto":
-        return recording
-    return prepare_again(robot, recording, filter=replace(filtered, cutoff="auto"))
 
 
 @checked

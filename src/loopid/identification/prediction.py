@@ -10,11 +10,11 @@ import numpy as np
 from loopid.arguments import BoolArray, FloatArray, checked, finite
 from loopid.errors import DataError
 from loopid.files import csv_text
-from loopid.identification.cutoff import prepared_at
 from loopid.identification.data import recordings_of
 from loopid.identification.force_model import ForceModel
 from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import CONSTANT_FORCE, Fit, Quality
+from loopid.logs.preparing import at_cutoff
 from loopid.logs.recording import Recording
 from loopid.records import Tabular, columns_of, record
 
@@ -115,7 +115,7 @@ def _predicted(fit: Fit, model: ForceModel, recording: Recording) -> Prediction:
             recording=recording.name,
         )
     if fit.cutoff is not None:
-        (recording,) = prepared_at(model, [recording], fit.cutoff)
+        recording = at_cutoff(model.mechanism, recording, fit.cutoff)
     samples, reach = model.samples(recording), None
     if fit.unseen_rms is not None:
         reach = prediction_reach(samples.regressor, fit.covariance, fit.unseen_rms)

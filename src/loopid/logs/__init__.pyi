@@ -2,6 +2,7 @@ from .formats import LogFormat as LogFormat, Table as Table
 from .log import Log as Log
 from .mapping import LogMapping as LogMapping, read_mapping as read_mapping
 from .preparing import (
+    in_motion_band as in_motion_band,
     motion_band as motion_band,
     prepare_again as prepare_again,
     prepare_recording as prepare_recording,

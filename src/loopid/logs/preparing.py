@@ -8,7 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import partial
 from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -190,18 +190,37 @@ def prepare_again(
     if recording.log is None:
         return recording
     filtered, masks = filter or recording.filter, recording.masks
-    options = filtered or FilterOptions(), masks or MaskOptions()
     known = recording.history.whole[1] if recording.history else recording.motion
-    return _quietly_prepared(robot, log or recording.log, *options, known).within(recording)
-
-
-@lru_cache(maxsize=1)  # parts of a log follow one another
-def _quietly_prepared(
-    robot: Mechanism, log: Log, filtered: FilterOptions, masks: MaskOptions, known: JointMotion
-) -> Recording:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return prepare_recording(robot, log, filter=filtered, masks=masks, known=known)
+        whole = prepare_recording(
+            robot,
+            log or recording.log,
+            filter=filtered or FilterOptions(),
+            masks=masks or MaskOptions(),
+            known=known,
+        )
+    return whole.within(recording)
+
+
+def at_cutoff(robot: Mechanism, recording: Recording, cutoff: float) -> Recording:
+    """The recording with a cut-off (Hz), where its filter leaves that open."""
+    if not recording.open_cutoff:
+        return recording
+    options = replace(recording.filter or FilterOptions(), cutoff=cutoff)
+    return prepare_again(robot, recording, filter=options)
+
+
+def in_motion_band(robot: Mechanism, recording: Recording) -> Recording:
+    """The recording at the cut-off that hangs on its motion alone; as it is without a log.
+
+    Noise of positions, which looks like anything, grows fast with the cut-off, and most of what a
+    delay or a mistake does is near the motion.
+    """
+    filtered = recording.filter or FilterOptions()
+    if filtered.cutoff == "auto":
+        return recording
+    return prepare_again(robot, recording, filter=replace(filtered, cutoff="auto"))
 
 
 @checked
