@@ -149,8 +149,7 @@ def coverage(case: Case, bits: int, runs: int) -> dict[str, Any]:
         recording = prepare_recording(case.robot, case.log(bits, seed))
         choice = choose_cutoff(case.model, [recording])
         if choice is not None:
-            options = FilterOptions(cutoff=choice.chosen)
-            recording = prepare_again(case.robot, recording, filter=options)
+            (recording,) = prepare_again(case.robot, [recording], cutoff=choice.chosen)
         fit = quiet_fit(case.model.samples(recording))
         low, high = fit.intervals().T
         covered.append((low <= case.truth) & (case.truth <= high))

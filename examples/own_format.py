@@ -12,7 +12,7 @@ import numpy as np
 import polars
 
 import loopid
-from loopid.logs.formats import LogFormat, Table
+from loopid.logs.table import LogFormat, Table
 from loopid.registry import log_formats
 
 CSV = Path(__file__).parents[1] / "urdf" / "logs" / "five_bar.csv"

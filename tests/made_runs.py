@@ -32,6 +32,11 @@ ARM = urdf(
 )
 
 
+def unchecked(*arrays, **options):
+    """A log of arrays as if it had been compared with its robot: limits are no matter."""
+    return replace(Log.from_arrays(*arrays, **options), checked=True)
+
+
 def friction(robot, kinds=("Fc", "Fv")):
     """Terms of the motors, and values in their order."""
     values = [FRICTION[kind][k] for k in range(len(robot.actuated)) for kind in kinds]

@@ -78,6 +78,11 @@ def test_importing_loopid_and_its_command_line_loads_no_library_of_the_work():
     assert not later & found, "check waits for what it does not use"
 
 
+def test_a_log_of_arrays_needs_few_files():
+    found = imported("import loopid", "x = [1, 2, 3, 4]; loopid.Log.from_arrays(x, x, x, ['a'])")
+    assert len([name for name in found if name.partition(".")[0] == "loopid"]) <= 14
+
+
 def test_type_checkers_see_the_same_names():
     stub = ast.parse(Path(loopid.__file__).with_suffix(".pyi").read_text())
     told = {alias.asname for node in stub.body[1:] for alias in node.names}

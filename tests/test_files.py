@@ -9,7 +9,7 @@ import pytest
 
 from loopid.errors import FileError, LoopidError
 from loopid.files import csv_text, require_folder, write_file, write_files
-from loopid.logs.text import TextFormat
+from loopid.formats.text import TextFormat
 
 CONTENTS = {"page.md": "é ≤ µ\n", "figure.png": bytes(range(256))}
 

@@ -11,8 +11,12 @@ import numpy as np
 import pytest
 
 import loopid
+from loopid.diagnosis import KnownLoad
 from loopid.errors import LoopidError
+from loopid.identification import FitSamples, ForceModel
 from loopid.loading.urdf import read_urdf
+from loopid.logs import Recording
+from loopid.motion import JointMotion, Motion
 from public_api import FILE, ROOMS, names, text
 
 FUNCTIONS = [name for name in names(loopid) if inspect.isfunction(getattr(loopid, name))]
@@ -160,21 +164,54 @@ QUICK = {
     "design_excitation": {"options": loopid.DesignOptions(starts=1, evaluations=0)},
     "structural_observation": {"samples": 5},
 }
-# Arguments that are still not checked.
-UNCHECKED: set[tuple[str, str]] = set()
 
 
 @pytest.fixture(scope="module")
-def good(load_once):
-    """Valid arguments by name, so that one at a time is wrong."""
-    robot = load_once("five_bar")
-    model = loopid.find_force_model(robot, joint_terms=None)
+def good(made):
+    """Arguments of the right types by name, so that one at a time is wrong; no recording at all."""
+    robot, model = made[loopid.Mechanism], made[ForceModel]
+    poses, samples = robot.reference[None], made[loopid.FitSamples]
+    rates = np.zeros((1, 2))
+    found = made[loopid.Fit]
     return {
-        "mechanism": robot,
-        "robot": robot,
-        "force_model": model,
-        "observation": loopid.structural_observation(robot),
-        ("design_excitation", "model"): model,
+        **dict.fromkeys(("mechanism", "robot"), robot),
+        **dict.fromkeys(("force_model", "model"), model),
+        **dict.fromkeys(("recordings", "unloaded", "loaded", "wrenches"), ()),
+        **dict.fromkeys(("samples", "data"), samples),
+        **dict.fromkeys(("velocities", "accelerations"), rates),
+        "configurations": poses,
+        "forces": np.zeros((1, 2)),
+        "values": np.zeros((1, 2)),
+        ("ExternalWrench", "values"): np.zeros((1, 6)),
+        "frame": "right_coupler",
+        **{name: getattr(samples, name) for name in inspect.signature(FitSamples).parameters},
+        "observation": made[loopid.Observation],
+        **{name: getattr(made[loopid.Observation], name) for name in ("factor", "rows")},
+        ("ParameterSet", "parameters"): samples.parameters.parameters,
+        "recording": made[Recording],
+        "log": made[loopid.Log],
+        **{name: getattr(made[loopid.Log], name) for name in ("time", "position", "joints")},
+        ("Log", "force"): made[loopid.Log].force,
+        ("Log", "stretches"): made[loopid.Log].stretches,
+        ("Coupling", "joints"): {"left_crank_joint": 1.0, "right_crank_joint": 1.0},
+        "motion": made[JointMotion],
+        ("joint_motion", "motion"): made[Motion],
+        "fit": found,
+        **{("Fit", f.name): getattr(found, f.name) for f in fields(found)},
+        "noise": found.noise,
+        "joint": "left_crank_joint",
+        **dict.fromkeys(("link", "frame_a"), "right_coupler"),
+        "frame_b": "left_coupler",
+        "load": KnownLoad(1.0),
+        "rates": np.ones(1),
+        "standard_parameters": robot.standard_parameters("full"),
+        "names": ("a",),
+        **dict.fromkeys(("frequency", "cutoff"), 1.0),
+        "offset": np.zeros(1),
+        **dict.fromkeys(("sine", "cosine"), np.zeros((1, 1))),
+        **{"severity": "note", "title": "x", "name": "run", "count": 1},
+        **dict.fromkeys(("path", "folder"), "missing/file"),
+        ("from_pinocchio", "model"): robot.model,
     }
 
 
@@ -190,11 +227,10 @@ def test_wrong_types_are_refused_in_plain_words(name, good, tmp_path, monkeypatc
         parameters |= inspect.signature(read_urdf).parameters | {"xacro": parameters["lock"]}
         parameters = {n: p for n, p in parameters.items() if n != "root"}
     required = {n for n, p in parameters.items() if p.default is p.empty}
-    said = []
+    said, others = [], []
     for argument in parameters:
-        if (name, argument) in UNCHECKED:
-            continue
         given = {n: good.get((name, n), good.get(n)) for n in required}
+        assert argument not in required or given[argument] is not None, argument
         given |= QUICK.get(name, {})
         for wrong in WRONG.values():
             if argument == "progress" and callable(wrong):
@@ -205,7 +241,10 @@ def test_wrong_types_are_refused_in_plain_words(name, good, tmp_path, monkeypatc
                 thing(**given | {argument: wrong})
             except LoopidError as error:
                 said.append(f"{argument}={wrong!r}: {error}")
+                named = str(error.facts.get("argument", argument)).partition("[")[0]
+                others += [said[-1]] if named in {*required} - {argument} else []
     assert not [text for text in said if INTERNAL.search(text.partition(": ")[2])]
+    assert not others, "another argument is named"
 
 
 @pytest.mark.parametrize("name", names(loopid))

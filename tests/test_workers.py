@@ -129,6 +129,7 @@ def alive(number):
 
 
 @pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="asks Linux which processes live")
+@pytest.mark.validate
 @pytest.mark.parametrize("stop", ["SIGTERM", "SIGKILL", "SIGINT"])
 def test_no_worker_outlives_its_parent(stop, tmp_path):
     (tmp_path / "parent.py").write_text(PARENT)

@@ -37,6 +37,7 @@ def renamed(path, names, quote):
     return text
 
 
+@pytest.mark.validate
 @pytest.mark.parametrize("names", NAMES, ids=["markup", "long"])
 def test_an_identification_with_such_names(run, arm_files, tmp_path, monkeypatch, names):
     robot, log, _ = arm_files

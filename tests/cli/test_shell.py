@@ -119,7 +119,8 @@ def test_a_terminal_without_columns_is_printed_for(run, monkeypatch):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full disk")
-@pytest.mark.parametrize("form", [["--json"], pytest.param([], marks=pytest.mark.validate)])
+@pytest.mark.validate
+@pytest.mark.parametrize("form", [["--json"], []])
 def test_a_result_that_does_not_fit_on_the_disk_is_told(form):
     with Path("/dev/full").open("w") as full:
         script = [sys.executable, "-m", "loopid", "check", "five_bar", *form]
@@ -129,7 +130,8 @@ def test_a_result_that_does_not_fit_on_the_disk_is_told(form):
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("form", [[], pytest.param(["--json"], marks=pytest.mark.validate)])
+@pytest.mark.validate
+@pytest.mark.parametrize("form", [[], ["--json"]])
 def test_a_reader_that_has_seen_enough_ends_the_command_quietly(form):
     script = [sys.executable, "-m", "loopid", "check", "five_bar", *form]
     with subprocess.Popen(script, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
@@ -139,6 +141,7 @@ def test_a_reader_that_has_seen_enough_ends_the_command_quietly(form):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="streams are closed by a shell")
+@pytest.mark.validate
 @pytest.mark.parametrize("stream", ["2>&-", "2>/dev/full"])
 def test_a_result_is_printed_though_nobody_hears_warnings(stream):
     script = f"exec {sys.executable} -m loopid check 5p --json {stream}"  # whose inertia is odd
@@ -146,6 +149,7 @@ def test_a_result_is_printed_though_nobody_hears_warnings(stream):
     assert '"mechanism": "5p"' in done.stdout
 
 
+@pytest.mark.validate
 @pytest.mark.parametrize("when", ["imported", "working"])
 def test_ctrl_c_is_answered_by_one_line(when):
     # Python's own start is not ours: the signal comes from inside. Tests in the background of a

@@ -1,6 +1,7 @@
 """Delays of forces: found within their intervals, undone, and not seen elsewhere."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,9 +11,9 @@ from loopid import FilterOptions, FitOptions, JointTerms, find_delay, find_force
 from loopid.errors import DataWarning
 from loopid.identification import quiet_fit
 from loopid.identification.delay import CLEAR, USUAL, without_delay
-from loopid.logs import Log, Recording, prepare_again, prepare_recording
+from loopid.logs import Recording, prepare_again, prepare_recording
 from loopid.motion import scaled_bodies
-from made_runs import elastic, quietly, simulated, wander
+from made_runs import elastic, quietly, simulated, unchecked, wander
 
 RATE, NOISE, SIZE = 200.0, 0.02, (0.4, 0.4)
 FRICTION = {"five_bar": (0.1, 0.05), "delta": (0.1, 0.05)}
@@ -30,14 +31,14 @@ def case(request, load_once):
     bodies = scaled_bodies(robot, 0.2)
     run = simulated(robot, motion, None, standard=bodies, terms=(terms, values))
     truth = model.base.values(np.concatenate([bodies, values]))
-    return model, truth, Log.from_arrays(run.time, run.position, run.exact_force, robot.actuated)
+    return model, truth, unchecked(run.time, run.position, run.exact_force, robot.actuated)
 
 
 def noisy(log, delay=0.0, seed=0, noise=NOISE):
     """The log with late forces, and noise of the sensors."""
     late = log.delayed(-np.asarray(delay))
     error = noise * np.random.default_rng(seed).normal(size=late.force.shape)
-    return Log.from_arrays(late.time, late.position, late.force + error, late.joints)
+    return unchecked(late.time, late.position, late.force + error, late.joints)
 
 
 def prepared(model, log):
@@ -81,7 +82,8 @@ def test_forces_that_are_moved_are_those_of_a_log_that_is_prepared_again(case):
     run = prepare_recording(model.mechanism, noisy(log, 0.012), filter=every)
     found = find_delay(model, [run])
     (moved,) = without_delay(model, [run], found)
-    again = prepare_again(model.mechanism, run, log=run.log.delayed(found.undone))
+    late = replace(run, log=run.log.delayed(found.undone))
+    (again,) = prepare_again(model.mechanism, [late])
     shared = np.isin(moved.motion.time, again.motion.time)
     same = moved.select(shared & moved.used.any(axis=1))
     other = again.select(np.isin(again.motion.time, same.motion.time))
@@ -162,7 +164,7 @@ def test_forces_that_the_model_lacks_are_no_delay(case):
     acceleration = np.gradient(velocity, 1 / RATE, axis=0)
     curved = 0.1 * np.sign(velocity) * np.exp(-((velocity / 0.1) ** 2))
     more = log.force + 0.5 + 0.3 * velocity + 0.05 * acceleration + curved
-    spoilt = noisy(Log.from_arrays(log.time, log.position, more, log.joints))
+    spoilt = noisy(unchecked(log.time, log.position, more, log.joints))
     found = find_delay(bare, [prepared(bare, spoilt)])
     assert not found.clear
 
@@ -170,7 +172,7 @@ def test_forces_that_the_model_lacks_are_no_delay(case):
 def test_a_log_that_stands_nearly_still_tells_no_delay(case):
     model, _, log = case
     time = np.linspace(0, 60, len(log))
-    slow = Log.from_arrays(time, log.position, np.zeros_like(log.force), log.joints)
+    slow = unchecked(time, log.position, np.zeros_like(log.force), log.joints)
     found = find_delay(model, [prepared(model, noisy(slow))])
     assert found is None or not found.clear
 

@@ -16,11 +16,11 @@ from loopid.errors import OptionError
 from loopid.export import c_source, updated_robot_file
 from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
 from loopid.kinematics import measured_coordinates
-from loopid.logs import Log, prepare_recording
+from loopid.logs import prepare_recording
 from loopid.motion import scaled_bodies
 from loopid.regressors.joint_laws import joint_term
 from loopid.regressors.maxwell_slip import slip_states
-from made_runs import elastic, quietly, simulated, wander
+from made_runs import elastic, quietly, simulated, unchecked, wander
 
 RATE, NOISE, SLIP = 200.0, 0.001, 5e-3
 TERMS = "Fc,Fv,Fh@0.02,Fh@0.002"
@@ -37,10 +37,10 @@ def log_of(robot, seed, slip, noise=NOISE):
     motion = wander(robot, seed, 20.0, RATE, size=(0.4, 0.4))
     given = terms, np.tile((0.1, 0.05), 2)
     run = simulated(robot, motion, None, standard=scaled_bodies(robot, 0.2), terms=given)
-    log = Log.from_arrays(run.time, run.position, run.exact_force, robot.actuated)
+    log = unchecked(run.time, run.position, run.exact_force, robot.actuated)
     log = elastic(log, slip) if slip else log
     error = noise * np.random.default_rng(seed).normal(size=log.force.shape)
-    return Log.from_arrays(log.time, log.position, log.force + error, log.joints)
+    return unchecked(log.time, log.position, log.force + error, log.joints)
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,9 @@ from loopid import JointTerms, find_force_model, identify, prepare_recording
 from loopid.identification.lengths import length_forces
 from loopid.identification.sensor_noise import sensor_noise
 from loopid.kinematics.loop_motion import closed_nearby
-from loopid.logs import Log, Recording
+from loopid.logs import Recording
 from loopid.motion import LowPass, Motion, joint_motion, scaled_bodies
-from made_runs import quietly, record, wander
+from made_runs import quietly, record, unchecked, wander
 
 LEFT, RIGHT = "left_crank_joint", "right_crank_joint"
 
@@ -147,7 +147,7 @@ def logs(robot):
     noise = 0.1 * np.random.default_rng(0).normal(size=position.shape)
     force = 3 * np.sin(time[:, None]) + noise
     filtered = LowPass(20.0).apply(force, 200.0)
-    return [Log.from_arrays(time, position, each, robot.actuated) for each in (force, filtered)]
+    return [unchecked(time, position, each, robot.actuated) for each in (force, filtered)]
 
 
 def test_noise_of_sensors_is_what_the_filter_leaves_of_it(robot, logs):

@@ -11,8 +11,8 @@ from ruamel.yaml import YAML
 from loopid import JointTerms, Noise, prepare_recording, read_log
 from loopid.files import csv_text
 from loopid.identification import suspicions
-from loopid.logs import FilterOptions, Log, LogMapping
-from made_runs import friction, quietly, record, simulated, stand, wander
+from loopid.logs import FilterOptions, LogMapping
+from made_runs import friction, quietly, record, simulated, stand, unchecked, wander
 
 FIVE_BAR, KNEE = ("left_crank_joint", "right_crank_joint"), tuple(f"leg{k}_stroke" for k in "1234")
 
@@ -41,7 +41,7 @@ def runs(load_once):
         spoil(position, force)
         time = factor * found.time
         speed = np.gradient(position, time, axis=0) if velocities else None
-        return Log.from_arrays(time, position, force, robot.actuated, velocity=speed, name="run")
+        return unchecked(time, position, force, robot.actuated, velocity=speed, name="run")
 
     def suspected(
         name,
@@ -175,7 +175,7 @@ def test_a_spring_that_the_model_lacks_is_no_mistake(load_once, stiffness):
     exact = simulated(robot, motion, None, 0, None, terms)
     noise = Noise(gaussian=0.02 * np.sqrt((exact.force**2).mean()), encoder_step=2e-6)
     read = simulated(robot, motion, noise, 0, None, terms)
-    log = Log.from_arrays(read.time, read.position, read.force, robot.actuated)
+    log = unchecked(read.time, read.position, read.force, robot.actuated)
     run = quietly(prepare_recording, robot, log, filter=FilterOptions(cutoff=2.5))
     assert suspicions(robot, [run]).mistakes == ()
 

@@ -43,7 +43,7 @@ def test_ends_named_alike_are_hinted_at_and_close_as_printed(load):
     robot, verdict, said = load(five_bar_with_ends("pin_a", "pin_b"))
     assert robot.rows == 0
     (sign,) = map(str, robot.undeclared)
-    assert "links pin_a and pin_b are named alike" in sign
+    assert "frames pin_a and pin_b are named alike" in sign
     assert verdict.startswith(f"Look at this first: {sign}")
     assert "ready" not in verdict
     assert any(sign in text for text in said)
@@ -68,7 +68,7 @@ def meeting(spread):
 
 def test_ends_that_meet_as_drawn_are_hinted_at(load):
     (sign,) = map(str, load(meeting(0.1))[0].undeclared)
-    assert "links rod and slot meet in the reference pose" in sign
+    assert "frames rod and slot meet in the reference pose" in sign
     assert '{type: 3d, frames: ["rod", "slot"]}' in sign
 
 
@@ -136,3 +136,13 @@ def test_a_motor_that_cannot_move_is_said_first(load):
     said = "Look at this first: loops do not let motors first move"
     assert verdict.startswith(said)
     assert "ready" not in verdict
+
+
+@pytest.mark.parametrize("name", ["5bar_linkage", "cassie_like", "robot_delta"])
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_ends_whose_names_speak_of_a_loop_are_those_that_others_close(name, shared):
+    """As joints, as links with a mass, or both: a YAML beside each file has the pairs."""
+    folder = shared / "models" / "gepetto" / name
+    closed = load_mechanism(folder / "robot.yaml").closures
+    (sign,) = load_mechanism(folder / "robot.urdf").undeclared
+    assert {*map(frozenset, sign.pairs)} == {frozenset((c.frame_a, c.frame_b)) for c in closed}

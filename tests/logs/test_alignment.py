@@ -6,8 +6,8 @@ from hypothesis import given, strategies as st
 
 from loopid.errors import LogError
 from loopid.logs import LogTolerances, read_log
-from loopid.logs.columns import Channel
-from loopid.logs.streams import Stream, align as align_joints
+from loopid.logs.grid import Stream, align as align_joints
+from loopid.logs.signals import Channel
 
 GAP_PERIODS = LogTolerances().gap
 EPOCH = 1_608_291_576 * 10**9

@@ -208,7 +208,7 @@ def test_choices_of_other_formats_are_refused(knee, good_text, write_text, key):
     [
         (
             {"topics": "/a"},
-            "unknown key 'topics' .did you mean 'topic'...: choose among format, topic, group",
+            "unknown key 'topics' .did you mean 'topic'..: choose among format, topic, group",
         ),
         ({"time": 3}, "time: "),
     ],

@@ -1,12 +1,15 @@
 """Every bad log is refused or warned of, in words that name the file and the rows."""
 
+import re
+
 import numpy as np
+import polars
 import pytest
 from simulated_logs import table
 
 from loopid import load_mechanism
 from loopid.errors import DataWarning, LogError
-from loopid.logs import read_log
+from loopid.logs import Log, LogMapping, check_log, prepare_recording, read_log
 
 
 def lines_of(text):
@@ -18,17 +21,46 @@ def joined(header, rows):
     return "\n".join([header, *rows, ""])
 
 
-@pytest.fixture
-def changed(read_text, truth, knee):
-    """Read the log after a change of its arrays."""
+@pytest.fixture(params=["file", "frame", "arrays"])
+def made(request, write_text):
+    """Make a log of signals, from a file or in Python; its rows are counted from ``made.first``."""
 
-    def read(change):
+    def make(robot, time, position, force, velocity=None):
+        joints = robot.actuated
+        if request.param == "arrays":
+            log = Log.from_arrays(time, position, force, joints, velocity=velocity)
+            return check_log(robot, log)
+        text, mapping = table(time, position, force, joints), LogMapping()
+        if velocity is not None:
+            lines = zip(text.splitlines()[1:], velocity.tolist(), strict=True)
+            names = [f"{joint}.velocity" for joint in joints]
+            rows = [",".join([line, *map(repr, row)]) for line, row in lines]
+            text = joined(",".join([text.splitlines()[0], *names]), rows)
+            mapping = LogMapping(velocity={"columns": names})
+        if request.param == "file":
+            return read_log(write_text(text), robot, mapping=mapping)
+        frame = polars.read_csv(text.encode())
+        return check_log(robot, Log.from_frame(frame, joints, mapping=mapping, name="log"))
+
+    make.first = 2 if request.param == "file" else 1  # below a header
+    return make
+
+
+@pytest.fixture
+def changed(made, truth, knee):
+    """Make the log after a change of its arrays."""
+
+    def make(change):
         arrays = {name: getattr(truth, name).copy() for name in ("time", "position", "force")}
         change(arrays)
-        text = table(arrays["time"], arrays["position"], arrays["force"], knee.actuated)
-        return read_text(text)
+        return made(knee, **arrays)
 
-    return read
+    return make
+
+
+def numbered(message, made):
+    """A message whose rows @0, @1, ... are as a log counts them."""
+    return re.sub(r"@(\d+)", lambda row: str(int(row[1]) + made.first), message)
 
 
 def refused(function, *arguments, **facts):
@@ -188,20 +220,51 @@ def swings(write_files):
     return {k: load_mechanism(write_files(t, "")) for k, t in zip(kinds, texts, strict=True)}
 
 
-def test_angles_in_degrees(swings, write_text):
+def test_angles_in_degrees(swings, made):
     time = np.arange(0, 5, 0.01)
     angle = np.degrees(np.sin(3 * time))[:, None]
-    path = write_text(table(time, angle, angle, ["swing"]))
-    said = refused(read_log, path, swings["revolute"], joint="swing", limits=(-2.0, 2.0))
+    signals = swings["revolute"], time, angle, angle
+    said = refused(made, *signals, joint="swing", limits=(-2.0, 2.0))
     assert "deg to rad" in str(said)
 
 
-def test_turns_are_counted_on(swings, write_text):
+def test_turns_are_counted_on(swings, made):
     time = np.arange(0, 10, 0.01)
     angle = 20 * np.sin(time)[:, None]
     wrapped = np.mod(angle + np.pi, 2 * np.pi) - np.pi
-    log = read_log(write_text(table(time, wrapped, angle, ["swing"])), swings["continuous"])
+    log = made(swings["continuous"], time, wrapped, angle, velocity=20 * np.cos(time)[:, None])
     np.testing.assert_allclose(log.position, angle, atol=1e-12)
+
+
+def test_rates_in_degrees(swings, made):
+    time = np.arange(0, 5, 0.01)
+    angle = np.sin(3 * time)[:, None]
+    rates = np.degrees(3 * np.cos(3 * time))[:, None]
+    signals = swings["revolute"], time, angle, angle, rates
+    refused(made, *signals, quantity="velocity", joint="swing", tolerance=1.25)
+
+
+@pytest.mark.parametrize("unit", ["mm", "N"])
+def test_units_of_slides_at_a_hinge(swings, unit):
+    time = np.arange(0, 5, 0.01)
+    angle = np.sin(3 * time)[:, None]
+    what = "position" if unit == "mm" else "force"
+    column = {"time": time, "swing": angle[:, 0], "swing.force": angle[:, 0]}
+    name = {"position": "swing", "force": "swing.force"}[what]
+    frame = {f"{key} [{unit}]" if key == name else key: each for key, each in column.items()}
+    arrays = Log.from_arrays(time, angle, angle, ["swing"], units={what: unit})
+    for log in (arrays, Log.from_frame(frame, ["swing"])):
+        assert "but swing turns" in str(refused(check_log, swings["revolute"], log, joint="swing"))
+
+
+def test_preparing_checks_a_log_once(knee, truth):
+    force = truth.force.copy()
+    force[900, 1] = 1e7
+    log = Log.from_arrays(truth.time, truth.position, force, knee.actuated)
+    with pytest.warns(DataWarning, match="99th percentile in row 901 of 1601: left out"):
+        recording = prepare_recording(knee, log)
+    assert recording.log.checked
+    assert check_log(knee, recording.log) is recording.log
 
 
 def multiply(name, factor):
@@ -246,16 +309,16 @@ def test_wrong_units_and_robots_at_rest_are_refused(changed, change, advice, fac
     [
         (
             shift("position", -0.103, np.s_[:, 1]),
-            r"leg2_stroke is outside its limits \[0.6474, 0.9274\] in rows 2, .* at worst 0.642.*"
+            r"leg2_stroke is outside its limits \[0.6474, 0.9274\] in rows @0, .* at worst 0.642.*"
             ": kept",
         ),
         (
             shift("position", 0.05, np.s_[700, 2]),
-            "the speed of leg3_stroke exceeds its limit of 1 in rows 702, 703, at worst 5",
+            "the speed of leg3_stroke exceeds its limit of 1 in rows @700, @701, at worst 5",
         ),
         (
             shift("force", -3000 + 60, np.s_[700, 3]),
-            "the force of leg4_stroke exceeds its limit of 2343.44 in row 702, at worst",
+            "the force of leg4_stroke exceeds its limit of 2343.44 in row @700, at worst",
         ),
         (
             stop("position", [0, 2]),
@@ -264,12 +327,12 @@ def test_wrong_units_and_robots_at_rest_are_refused(changed, change, advice, fac
         (stop("force", [0, 2]), "the force of leg1_stroke, leg3_stroke never changes: a dead"),
     ],
 )
-def test_what_looks_wrong_is_warned_of_and_kept(changed, truth, change, message):
-    with pytest.warns(DataWarning, match=message):
+def test_what_looks_wrong_is_warned_of_and_kept(changed, made, truth, change, message):
+    with pytest.warns(DataWarning, match=numbered(message, made)):
         assert len(changed(change)) == len(truth.time)
 
 
-def test_glitches_are_left_out(changed, truth):
+def test_glitches_are_left_out(changed, made, truth):
     def disturb(arrays):
         arrays["position"][700, 2] = 7.0
         arrays["force"][900, 1] = 1e7
@@ -277,10 +340,14 @@ def test_glitches_are_left_out(changed, truth):
     with pytest.warns(DataWarning) as caught:
         log = changed(disturb)
     messages = [str(one.message) for one in caught]
-    assert "positions far outside the limits of their joints in row 702 of 1601" in messages[0]
-    assert "forces more than 100 times their 99th percentile in row 902 of 1600" in messages[1]
-    assert np.abs(log.position - truth.position).max() < 1e-5
-    assert np.abs(log.force - truth.force).max() < 25  # Coulomb friction jumps by 2 * 22 N
+    far = "positions far outside the limits of their joints in row @700 of 1601"
+    large = "forces more than 100 times their 99th percentile in row @900 of 1600"
+    assert numbered(far, made) in messages[0]
+    assert numbered(large, made) in messages[1]
+    assert [each.count for each in log.dropped] == [1, 1]
+    rows = np.searchsorted(truth.time, log.time - 1e-9)
+    assert np.abs(log.position - truth.position[rows]).max() < 1e-5
+    assert np.abs(log.force - truth.force[rows]).max() < 25  # Coulomb friction jumps by 2 * 22 N
 
 
 @pytest.mark.parametrize(

@@ -145,6 +145,7 @@ def case(knee, truth, good_text, tmp_path_factory):
     return Case(knee, truth, good_text, tmp_path_factory.mktemp("spoilt"))
 
 
+@pytest.mark.validate
 @settings(max_examples=3)
 @given(spoil=st.lists(spoilers, min_size=1, max_size=3))
 @example(spoil=[(scale, FORCES, 1e-3)])
@@ -215,6 +216,7 @@ def spoilt_bytes(data, rng):
     return bytes(data)
 
 
+@pytest.mark.validate
 @pytest.mark.parametrize("kind", FORMATS)
 def test_spoilt_bytes(knee, copy, kind):
     path, rng = copy(kind), np.random.default_rng(FORMATS.index(kind))

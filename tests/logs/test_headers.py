@@ -6,7 +6,7 @@ import pytest
 
 from loopid.errors import DataWarning, LogError
 from loopid.logs import Log, LogMapping, read_log
-from loopid.logs.headers import UNITS, Heading, heading, unit_of
+from loopid.logs.signals import UNITS, Heading, heading, unit_of
 
 TIME = np.arange(0, 4, 0.01)
 POSITION = np.stack([2 + 0.3 * np.sin(TIME), 0.9 + 0.2 * np.cos(1.3 * TIME)], axis=1)

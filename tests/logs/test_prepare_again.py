@@ -1,5 +1,7 @@
 """A recording prepared again: the same part of the log, filtered otherwise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -17,13 +19,14 @@ def recording():
         robot, loopid.joint_motion(robot, series.motion(duration=10.0, rate=100.0))
     )
     log = loopid.Log.from_arrays(run.time, run.position, run.force, robot.actuated)
+    log = replace(log, checked=True)  # its limits are no matter
     return robot, loopid.prepare_recording(robot, log, filter=FilterOptions(cutoff=10.0))
 
 
 def test_the_same_filter_gives_the_same_samples(recording):
     robot, whole = recording
     for part in (whole, *whole.split(0.6), whole.between(2.0, 5.0)):
-        again = prepare_again(robot, part)
+        (again,) = prepare_again(robot, [part])
         assert np.array_equal(again.force, part.force)
         assert np.array_equal(again.motion.time, part.motion.time)
 
@@ -31,10 +34,9 @@ def test_the_same_filter_gives_the_same_samples(recording):
 @pytest.mark.parametrize("cutoff", [2.0, 3.3, 9.0, 15.0])
 def test_parts_stay_apart_and_together_are_the_whole(recording, cutoff):
     robot, whole = recording
-    filtered = FilterOptions(cutoff=cutoff)
-    parts = [prepare_again(robot, part, filter=filtered) for part in whole.split(0.6)]
+    *parts, again = prepare_again(robot, [*whole.split(0.6), whole], cutoff=cutoff)
     times = np.concatenate([part.motion.time for part in parts])
-    assert np.array_equal(times, prepare_again(robot, whole, filter=filtered).motion.time)
+    assert np.array_equal(times, again.motion.time)
     assert all(part.cutoff == cutoff for part in parts)
 
 
@@ -42,7 +44,7 @@ def test_parts_stay_apart_and_together_are_the_whole(recording, cutoff):
 def test_a_known_motion_changes_nothing(recording, rows):
     """Of another filter, backwards, or of one sample: loops only start elsewhere."""
     robot, whole = recording
-    other = prepare_again(robot, whole, filter=FilterOptions(cutoff=4.0)).motion
+    other = prepare_again(robot, [whole], cutoff=4.0)[0].motion
     time, q = other.time[rows], other.configurations[rows]
     rates = np.zeros((len(time), 2))
     known = JointMotion(np.sort(time), q, rates, rates, np.ones(len(time)))
@@ -56,4 +58,4 @@ def test_a_known_motion_changes_nothing(recording, rows):
 def test_an_exact_motion_stays_as_it_is(recording):
     robot, whole = recording
     exact = Recording.of_motion(whole.motion, whole.force, robot.actuated)
-    assert prepare_again(robot, exact, filter=FilterOptions(cutoff=2.0)) is exact
+    assert prepare_again(robot, [exact], cutoff=2.0)[0] is exact

@@ -194,7 +194,7 @@ def test_recordings_hold_and_tell_the_wrenches(knee, truth, loads):
     slow = [replace(one, values=one.values[rows]) for one in wrenches]
     exact = wrench_forces(knee, full.motion.configurations, slow)
     assert np.abs(full.external - exact).max() < 1e-3 * np.abs(exact).max()
-    np.testing.assert_allclose(prepare_again(knee, full).external, full.external, rtol=1e-9)
+    np.testing.assert_allclose(prepare_again(knee, [full])[0].external, full.external, rtol=1e-9)
     part = full.select(slice(10, 20))
     np.testing.assert_array_equal(part.external, full.external[10:20])
     assert bare.external is None

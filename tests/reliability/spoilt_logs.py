@@ -13,7 +13,7 @@ import polars
 from recorded_logs import TOPIC, joint_state, write_ros1, write_ros2
 from spoiling import MAPPING, spoil
 
-from loopid.logs.text import ENDINGS as TEXT_ENDINGS
+from loopid.formats.text import ENDINGS as TEXT_ENDINGS
 
 Columns = dict[str, np.ndarray]
 

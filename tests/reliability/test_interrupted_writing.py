@@ -45,6 +45,7 @@ def writer():
     process.communicate()
 
 
+@pytest.mark.validate
 def test_a_writer_that_is_killed_leaves_whole_files(writer, tmp_path):
     random, versions = np.random.default_rng(0), set()
     for kill in range(KILLS):

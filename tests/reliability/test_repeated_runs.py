@@ -85,7 +85,8 @@ def contents(folder):
     return {path.name: path.read_bytes() for path in files}
 
 
-@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.validate)])
+@pytest.mark.validate
+@pytest.mark.parametrize("jobs", [1, 2])
 def test_two_at_once_with_workers_and_other_hashes_change_no_bit(alone, start, arm_files, jobs):
     both = [start(run, "both", hashes=7, jobs=jobs) for run in (1, 2)]
     printed = [process.communicate()[0] for process in both]
@@ -97,5 +98,6 @@ def test_two_at_once_with_workers_and_other_hashes_change_no_bit(alone, start, a
         assert content in (alone[1][1][name], alone[2][1][name]), name
 
 
+@pytest.mark.validate
 def test_different_runs_differ(alone):
     assert alone[1][0] != alone[2][0]

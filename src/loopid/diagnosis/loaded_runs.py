@@ -71,8 +71,8 @@ class LoadedRuns:
             delay.warn()
         if choice is not None:
             choice.warn()
-            robot, best = force_model.mechanism, choice.chosen
-            runs = tuple(tuple(at_cutoff(robot, run, best) for run in each) for each in runs)
+            robot = force_model.mechanism
+            runs = tuple(at_cutoff(robot, each, choice.chosen) for each in runs)
         force_model = choose_terms(force_model, runs[0])
         light = FitSamples.combined([force_model.samples(run) for run in runs[0]])
         whole = _plain_fit(force_model, light, estimator)

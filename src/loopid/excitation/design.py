@@ -450,7 +450,8 @@ def _expected_fit(problem: Problem, motors: Motion, forces: FloatArray) -> Expec
     log = Log.from_arrays(
         motors.time, motors.position, forces, mechanism.actuated, idle_speed=idle_speed
     )
-    run: Recording = prepare_recording(mechanism, log)
+    # Its values are those of the robot, perhaps at rest.
+    run: Recording = prepare_recording(mechanism, replace(log, checked=True))
     history = run.history
     assert history is not None  # logs are filtered by default
     samples = model.samples(run)

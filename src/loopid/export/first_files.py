@@ -18,9 +18,9 @@ from loopid.loading.closure import Closure
 from loopid.loading.description import Description
 from loopid.loading.files import YAML, find_files
 from loopid.loading.load import load_mechanism
-from loopid.logs.columns import ColumnFinder
 from loopid.logs.mapping import LogMapping
 from loopid.logs.reading import open_log
+from loopid.logs.signals import ColumnFinder
 from loopid.motion.files import ProgramDescription
 from loopid.robot.mechanism import Mechanism
 

@@ -1,8 +1,13 @@
 """Formats of robots and of logs beyond the core, one a file, found through registries."""
 
-from loopid import loading as loading, logs as logs  # whose formats are registered before
+from loopid import loading as loading  # whose formats are registered before
 from loopid.registry import editable_files, log_formats, robot_formats, urdf_dialects
 
+# The last one registered is asked first whether it reads a path: any folder may be one of tables.
+log_formats.register("folder", "loopid.formats.text:TextFormat")
+log_formats.register("csv", "loopid.formats.text:TextFormat")
+log_formats.register("npz", "loopid.formats.npz:NpzFormat")
+log_formats.register("parquet", "loopid.formats.tables:ParquetFormat")
 log_formats.register("hdf5", "loopid.formats.hdf5:Hdf5Format")
 log_formats.register("mat", "loopid.formats.matlab:MatFormat")
 log_formats.register("jsonl", "loopid.formats.tables:JsonLinesFormat")

@@ -16,7 +16,7 @@ import numpy as np
 from loopid.arguments import IntArray
 from loopid.errors import DataWarning, LogError, warn
 from loopid.files import UNPACKED_BYTES, Ceiling
-from loopid.logs.formats import (
+from loopid.logs.table import (
     LARGEST_STAMP,
     MOST_LISTED,
     NO_STAMP,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from loopid.errors import LogError
 from loopid.files import Ceiling
-from loopid.logs.formats import (
+from loopid.logs.table import (
     MOST_LISTED,
     ArrayFormat,
     Column,

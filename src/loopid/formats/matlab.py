@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from loopid.errors import LogError
 from loopid.files import BLOCK_BYTES, Ceiling
-from loopid.logs.formats import WIDEST, ArrayFormat, Column, refusals, stream_name
+from loopid.logs.table import WIDEST, ArrayFormat, Column, refusals, stream_name
 
 HEADER, TAG, COMPRESSED = 128, 8, 15  # bytes of a file and of an element; the type of a packed one
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from loopid.errors import LogError
 from loopid.files import LONGEST_LINE
-from loopid.logs.formats import LOOKED_AT, Table
-from loopid.logs.text import TextFormat
+from loopid.formats.text import TextFormat
+from loopid.logs.table import LOOKED_AT, Table
 
 FIRST = b"%time,field."  # bytes of such a file
 QUANTITIES = {"position": "position", "velocity": "velocity", "effort": "force"}

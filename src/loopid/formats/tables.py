@@ -1,4 +1,4 @@
-"""Tables that Polars reads whole: lines of JSON, and the first sheet of a workbook of Excel."""
+"""Tables that Polars reads: Parquet, lines of JSON, the first sheet of a workbook of Excel."""
 
 from __future__ import annotations
 
@@ -11,10 +11,48 @@ from zipfile import ZipFile, is_zipfile
 import numpy as np
 
 from loopid.errors import LogError
-from loopid.logs.formats import LogFormat, Table, optional, refusals, stream_name
+from loopid.logs.table import (
+    LogFormat,
+    Table,
+    common_length,
+    optional,
+    other_kind,
+    refusals,
+    stream_name,
+)
 
 if TYPE_CHECKING:
     import polars
+
+
+class ParquetFormat(LogFormat):
+    """One table."""
+
+    endings = (".parquet", ".pq")
+
+    def columns(self) -> Mapping[str, tuple[str, ...]]:
+        with refusals(self.path, "Parquet file"):
+            return {stream_name(self.path): tuple(self._scan().collect_schema())}
+
+    def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
+        import polars
+
+        with refusals(self.path, "Parquet file"):
+            names = (*times, *values)
+            frame = self._scan().select(names)
+            for name, kind in frame.collect_schema().items():
+                if kind in (polars.String, polars.Binary):  # a few bytes may stand for gigabytes
+                    raise other_kind(self.path, name, kind, "numbers")
+            count = frame.select(polars.len()).collect().item()
+            common_length(self.path, dict.fromkeys(names, count))
+            self.ceiling().count(8 * count * len(names))
+            return [Table(frame.collect(), np.arange(1, count + 1))]
+
+    def _scan(self) -> polars.LazyFrame:
+        import polars
+
+        # Names of files may hold what else would stand for several files.
+        return polars.scan_parquet(self.path, glob=False, hive_partitioning=False)
 
 
 class WholeTable(LogFormat):

@@ -39,7 +39,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg.lapack import dtrtri
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, Positive, checked, finite
+from loopid.arguments import BoolArray, FloatArray, IntArray, Positive, checked, finite, rectangular
 from loopid.errors import DataError, ModelWarning, OptionError, warn
 from loopid.findings import Finding
 from loopid.identification.correlation import within_runs
@@ -355,7 +355,8 @@ def _joint_priors(
     """What is known of the joint terms; deviations are finite."""
     sizes = FLAT * joint_sizes(force_model, problem)
     given = force_model.joint_values if values is None else finite(values, "joint values")
-    spread = np.full(len(sizes), np.inf) if deviations is None else np.asarray(deviations)
+    spread = np.full(len(sizes), np.inf) if deviations is None else deviations
+    spread = rectangular(spread, "deviations")
     if not given.shape == spread.shape == sizes.shape or not (spread > 0).all():
         raise DataError(
             f"joint values and deviations must have shape ({len(sizes)},), and deviations be above "

@@ -223,9 +223,8 @@ def _fitted(
     Values are those of the robot file where nothing is known.
     """
     try:
-        robot, runs = force_model.mechanism, recordings
-        if cutoff is not None:
-            runs = [at_cutoff(robot, run, cutoff) for run in runs]
+        robot = force_model.mechanism
+        runs = recordings if cutoff is None else at_cutoff(robot, recordings, cutoff)
         problem = FitProblem.combined(force_model.samples(run, n_jobs).problem for run in runs)
         freedom = np.asarray(problem.samples * (problem.freedom / problem.rows))
         values, weights = nearest_to_file(problem, force_model.prior, freedom)

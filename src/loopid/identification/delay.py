@@ -192,8 +192,7 @@ def find_delay(
     best, least = None, np.inf
     with one_blas_thread():
         for band in _bands(force_model, logged, cutoff):
-            robot = force_model.mechanism
-            found = _found(force_model, [at_cutoff(robot, one, band) for one in logged])
+            found = _found(force_model, at_cutoff(force_model.mechanism, logged, band))
             width = np.inf if found is None else float(np.ptp(found.interval))
             if least < width:
                 break

@@ -182,8 +182,7 @@ def identify(
     if cutoff is not None:
         cutoff.warn()
         training, judging, friction = (
-            tuple(at_cutoff(mechanism, run, cutoff.chosen) for run in runs)
-            for runs in (training, judging, friction)
+            at_cutoff(mechanism, runs, cutoff.chosen) for runs in (training, judging, friction)
         )
     force_model = choose_terms(force_model, friction or training, n_jobs=options.n_jobs)
     data = samples_of(force_model, training, references=references, n_jobs=options.n_jobs)

@@ -115,7 +115,7 @@ def _predicted(fit: Fit, model: ForceModel, recording: Recording) -> Prediction:
             recording=recording.name,
         )
     if fit.cutoff is not None:
-        recording = at_cutoff(model.mechanism, recording, fit.cutoff)
+        (recording,) = at_cutoff(model.mechanism, [recording], fit.cutoff)
     samples, reach = model.samples(recording), None
     if fit.unseen_rms is not None:
         reach = prediction_reach(samples.regressor, fit.covariance, fit.unseen_rms)

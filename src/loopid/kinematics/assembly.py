@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, checked, samples
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked, rectangular, samples
 from loopid.errors import AssemblyError, OptionError
 from loopid.kinematics.measured import Linearisation, MeasuredCoordinates, measured_coordinates
 from loopid.kinematics.poses import blocks, integrate
@@ -195,7 +195,7 @@ def try_assemble(
     """
     measured = measured_coordinates(mechanism, coordinates)
     targets = samples(values, measured.width, "measured coordinates")
-    q = mechanism.reference if start is None else start
+    q = rectangular(mechanism.reference if start is None else start, "start")
     one_each = not trajectory and np.ndim(q) == 2 and len(q) == len(targets)
     q = samples(q, mechanism.model.nq, "start", len(targets) if one_each else 1)
     if trajectory:

@@ -18,6 +18,7 @@ from loopid.robot.mechanism import Mechanism, UndeclaredLoops
 # Last words of two names that are alike but for them.
 ENDINGS = [{"a", "b"}, {"1", "2"}, {"0", "1"}, {"parent", "child"}, {"predecessor", "successor"},
            {"start", "end"}, {"in", "out"}, {"male", "female"}]  # fmt: skip
+SAYS_SO = re.compile("loop|clos", re.IGNORECASE)  # names of where a loop was cut
 LAST_WORD = re.compile(r"(\d+|[a-zA-Z]+)$")
 MEET = 1e-4  # characteristic lengths between frames that are drawn in one place
 POSES = 4  # random ones, in which frames that a hinge holds together still meet
@@ -31,7 +32,7 @@ def undeclared_loops(
 
     ``around`` (n, nq) are closed configurations around the reference. Signs are frames without mass
     on two branches that are named alike or meet in the reference pose, links named alike that meet
-    there, and what the reader of the file has seen.
+    there, joints named alike as ends of a loop, and what the reader of the file has seen.
     """
     signs = [] if mechanism.rows else [UndeclaredLoops(sign) for sign in tree.signs]
     if pairs := _pairs(mechanism, around, tree):
@@ -42,7 +43,7 @@ def undeclared_loops(
             advice = f"a YAML beside the file says it: closures: [{closures}]"
         (first, how), *more = pairs.items()
         others = f", as {len(more)} more pairs" if more else ""
-        said = f"links {first[0]} and {first[1]} {how}{others}, as where a loop closes: if so, "
+        said = f"frames {first[0]} and {first[1]} {how}{others}, as where a loop closes: if so, "
         signs.append(UndeclaredLoops(said + advice, tuple(pairs)))
     return tuple(signs)
 
@@ -54,11 +55,12 @@ def _pairs(
     model = mechanism.model
     used = {name for closure in mechanism.closures for name in (closure.frame_a, closure.frame_b)}
     carriers = {frame.parentFrame for frame in model.frames}
-    links = {
-        frame.name: (k, k not in carriers and frame.name not in tree.inertial_links)
-        for k, frame in enumerate(model.frames)
-        if frame.type == pin.FrameType.BODY and frame.name not in used
-    }
+    links: dict[str, tuple[int, bool]] = {}  # index, and whether it may be an end of a loop
+    for k, frame in enumerate(model.frames):
+        link, says_so = frame.type == pin.FrameType.BODY, bool(SAYS_SO.search(frame.name))
+        bare = link and k not in carriers and frame.name not in tree.inertial_links
+        if frame.name not in used and (link or (says_so and frame.name not in links)):
+            links[frame.name] = k, bare or says_so
     bodies = {name: model.frames[k].parentJoint for name, (k, _) in links.items()}
     poses = around if mechanism.rows else _random_poses(mechanism)
     meeting = _meeting(mechanism, poses, [k for k, _ in links.values()])

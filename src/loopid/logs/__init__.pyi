@@ -1,5 +1,6 @@
-from .formats import LogFormat as LogFormat, Table as Table
-from .log import Log as Log
+from .checks import check_log as check_log
+from .grid import Dropped as Dropped, LogTolerances as LogTolerances
+from .log import ExternalWrench as ExternalWrench, Log as Log
 from .mapping import LogMapping as LogMapping, read_mapping as read_mapping
 from .preparing import (
     in_motion_band as in_motion_band,
@@ -14,6 +15,6 @@ from .recording import (
     MaskOptions as MaskOptions,
     RateHistory as RateHistory,
     Recording as Recording,
+    wrench_forces as wrench_forces,
 )
-from .streams import Dropped as Dropped, LogTolerances as LogTolerances
-from .wrenches import ExternalWrench as ExternalWrench, wrench_forces as wrench_forces
+from .table import LogFormat as LogFormat, Table as Table

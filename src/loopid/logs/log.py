@@ -5,35 +5,98 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative, finite, samples
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    NotNegative,
+    finite,
+    rectangular,
+    samples,
+)
 from loopid.errors import DataError, OptionError
-from loopid.logs.columns import Channel, ColumnFinder, free_name, wrench_name
-from loopid.logs.formats import array_table
-from loopid.logs.free import free_values
-from loopid.logs.headers import UNITS, unit_names, unit_of
-from loopid.logs.mapping import QUANTITIES, LogMapping
-from loopid.logs.streams import (
+from loopid.logs.grid import (
     Dropped,
     LogTolerances,
     Stream,
     align,
+    free_values,
     make_stream,
+    on_even_grid,
     on_joints,
-    with_increasing_stamps,
 )
-from loopid.logs.wrenches import COMPONENTS, ExternalWrench
+from loopid.logs.signals import (
+    COMPONENTS,
+    QUANTITIES,
+    UNITS,
+    ColumnFinder,
+    Unit,
+    free_name,
+    unit_names,
+    unit_of,
+    wrench_name,
+)
+from loopid.logs.table import array_table
 from loopid.records import Tabular, columns_of, record
 
-# Part of a step by which samples may be off an even grid, and are taken as they are.
-EVEN = 0.01
+if TYPE_CHECKING:
+    from loopid.logs.mapping import LogMapping
+
 # Degree of the spline between samples, off by 5e-4 of a signal at a fifth of the rate; and part of
 # a step by which a delay of whole steps may be off one, and needs none.
 DEGREE, WHOLE = 5, 1e-6
+
+
+@record(checked=True)
+class ExternalWrench:
+    """A measured force and moment of the surroundings on the robot.
+
+    Attributes
+    ----------
+    frame : str
+        Of the robot's Pinocchio model, on whose body the wrench acts.
+    values : FloatArray
+        (N, 6), force x, y, z in N and moment x, y, z in N m, which the surroundings exert on the
+        robot: what a force plate measures has the other sign.
+    axes : str
+        Along which they are: ``"frame"``, or ``"world"``.
+    about : tuple of float or None
+        Point of the world, in m, about which the moments are, as of a force plate; by default the
+        origin of the frame.
+
+    Raises
+    ------
+    DataError
+        When the values are not finite, or of another shape.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> weight = loopid.ExternalWrench("right_coupler", [[0, 0, -10.0, 0, 0, 0]], axes="world")
+    >>> forces = loopid.wrench_forces(robot, robot.reference, [weight])
+    >>> forces.shape
+    (1, 2)
+    """
+
+    frame: str
+    values: FloatArray
+    axes: Literal["frame", "world"] = "frame"
+    about: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        values = samples(self.values, len(COMPONENTS), f"the wrench on {self.frame}")
+        object.__setattr__(self, "values", values)
+        if self.about is not None and not np.isfinite(self.about).all():
+            raise DataError(f"moments must be about a point, not {self.about}", argument="about")
+
+    def __len__(self) -> int:
+        return len(self.values)
 
 
 @record(kw_only=True, checked=True)
@@ -67,6 +130,11 @@ class Log(Tabular):
         Of N samples, that the surroundings exerted on the robot.
     force_scales : mapping
         By joint, what numbers of the file were multiplied by to be forces in N or N m.
+    slides : mapping
+        By ``joint.quantity``, whether its unit was one of slides, as m, or of hinges, as deg;
+        without those whose unit nothing said.
+    checked : bool
+        Whether its values were compared with its robot: ``prepare_recording`` does it otherwise.
     free : mapping
         Joints that no motor moves to where sensors tell that they are: (N, 1) in m or rad, of a
         floating base (N, 7), the position of its frame and a quaternion with w last.
@@ -94,10 +162,14 @@ class Log(Tabular):
     wrenches: tuple[ExternalWrench, ...] = ()
     free: Mapping[str, FloatArray] = field(default_factory=dict)
     force_scales: Mapping[str, float] = field(default_factory=dict)
+    slides: Mapping[str, bool] = field(default_factory=dict, compare=False)
+    checked: bool = field(default=False, compare=False)
 
     def __post_init__(self) -> None:
+        if not self.joints:
+            raise DataError("joints must name the motors of a log", argument="joints")
         time = _row(self.time)
-        numbers: Any = np.asarray(self.stretches)
+        numbers = rectangular(self.stretches, "stretches")
         whole = numbers.shape == time.shape and numbers.dtype.kind in "iu"
         if not whole or (np.diff(numbers) < 0).any():
             raise DataError(f"stretches must be {len(time)} whole numbers that ascend")
@@ -185,14 +257,20 @@ class Log(Tabular):
         for quantity in units:
             if quantity not in UNITS:
                 raise OptionError.unknown("quantity with a unit", quantity, UNITS)
-        at = _row(time, repeated=True) * _scale("time", units.get("time"))
+        at = _row(time, repeated=True) * _unit("time", units.get("time")).scale
         given = dict(zip(QUANTITIES, (position, force, velocity, acceleration), strict=True))
-        signals = {
-            quantity: _columns(values, len(joints), quantity, len(at))
-            * [_scale(quantity, unit) for unit in _by_joint(units.get(quantity), joints)]
-            for quantity, values in given.items()
-            if values is not None
-        }
+        signals, slides = dict[str, FloatArray](), dict[str, bool]()
+        for quantity, values in given.items():
+            if values is None:
+                continue
+            own = [_unit(quantity, unit) for unit in _by_joint(units.get(quantity), joints)]
+            scales = [unit.scale for unit in own]
+            signals[quantity] = _columns(values, len(joints), quantity, len(at)) * scales
+            slides |= {
+                f"{joint}.{quantity}": unit.straight
+                for joint, unit in zip(joints, own, strict=True)
+                if unit.straight is not None
+            }
         signals |= {
             wrench_name(k): samples(
                 one.values, len(COMPONENTS), f"the wrench on {one.frame}", len(at)
@@ -205,7 +283,7 @@ class Log(Tabular):
         }
         dropped: tuple[Dropped, ...] = ()
         if stretches is None:
-            at, signals, stretches, dropped = _on_even_grid(name, joints, at, signals)
+            at, signals, stretches, dropped = on_even_grid(name, joints, at, signals)
         return cls(
             name=name,
             joints=joints,
@@ -215,6 +293,7 @@ class Log(Tabular):
             saturation=None if saturation is None else np.asarray(saturation),
             idle_speed=idle_speed,
             dropped=dropped,
+            slides=slides,
         )
 
     @classmethod
@@ -258,6 +337,8 @@ class Log(Tabular):
         >>> loopid.Log.from_frame(polars.DataFrame(columns), ["crank_joint"])
         <Log 'frame': 200 samples of crank_joint over 1.99 s in 1 stretch>
         """
+        from loopid.logs.mapping import LogMapping  # arrays need no models of files
+
         mapping, joints = mapping or LogMapping(), tuple(joints)
         mapping.stream_delays(name, joints, [name])
         columns = _columns_of(frame)
@@ -302,6 +383,12 @@ class Log(Tabular):
                 for stream in streams
                 for channel in stream.channels
                 if channel.quantity == "force"
+            },
+            slides={
+                f"{channel.joint}.{channel.quantity}": channel.straight
+                for stream in streams
+                for channel in stream.channels
+                if channel.straight is not None
             },
         )
         return log.delayed(mapping.force_delays(joints))
@@ -447,35 +534,12 @@ def _by_joint(given: Any, joints: Sequence[str], default: Any = None) -> list[An
     return [given.get(joint, default) for joint in joints]
 
 
-def _scale(quantity: str, unit: Any) -> float:
-    """What numbers in a unit are multiplied by."""
-    known = unit_of(quantity, unit) if isinstance(unit, str) else None
-    if unit is not None and known is None:
-        raise OptionError.unknown(f"unit of the {quantity}", unit, unit_names(quantity))
-    return 1.0 if known is None else known.scale
-
-
-def _on_even_grid(
-    name: str, joints: tuple[str, ...], time: FloatArray, signals: dict[str, FloatArray]
-) -> tuple[FloatArray, dict[str, FloatArray], IntArray, tuple[Dropped, ...]]:
-    """Times, signals and stretches, as they are where the steps are even between gaps."""
-    steps, allowed = np.diff(time), LogTolerances()
-    median = float(np.median(steps)) if len(steps) else 0.0
-    stretches = np.cumsum(np.append(False, steps > allowed.gap * median))
-    parts = np.split(time, np.flatnonzero(np.diff(stretches)) + 1)
-    off = (np.abs(part - np.linspace(part[0], part[-1], len(part))).max() for part in parts)
-    if max(off) <= EVEN * median and (steps > 0).all():
-        return time, signals, stretches, ()
-    channels = [
-        Channel(what, name, f"{name}.{what}", 1.0, 0.0)
-        for what, values in signals.items()
-        for name in (joints if what in QUANTITIES else map(str, range(values.shape[1])))
-    ]
-    stamps = np.round((time - time[0]) * 1e9).astype(np.int64)
-    rows, values = np.arange(1, len(time) + 1), np.concatenate([*signals.values()], axis=1)
-    stream = Stream(name, tuple(channels), rows, stamps, values)
-    aligned = align([with_increasing_stamps(stream, allowed)], joints, allowed.gap)
-    return aligned.time + time[0], aligned.signals, aligned.stretches, aligned.dropped
+def _unit(quantity: str, name: Any) -> Unit:
+    """A unit of a quantity; without a name that of SI, of slides or hinges."""
+    known = unit_of(quantity, name) if isinstance(name, str) else None
+    if name is not None and known is None:
+        raise OptionError.unknown(f"unit of the {quantity}", name, unit_names(quantity))
+    return known or Unit("", 1.0)
 
 
 def _by_field(

@@ -14,13 +14,11 @@ from loopid.arguments import NotNegative, Positive, checked
 from loopid.border import Section, refusal, unknown
 from loopid.errors import LogError, OptionError
 from loopid.files import UNPACKED_RATIO
-from loopid.logs.wrenches import COMPONENTS
+from loopid.logs.signals import COMPONENTS, QUANTITIES
 from loopid.records import digest
 from loopid.registry import log_formats
 from loopid.yaml_files import read_yaml, yaml_writer
 
-# All that is read, in this order.
-QUANTITIES = ("position", "force", "velocity", "acceleration")
 # Condition number from which a joint map is no true one.
 LARGEST_CONDITION = 1e6
 

@@ -6,7 +6,7 @@ Each step is a function that can be called alone; ``prepare_recording`` calls th
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
@@ -15,18 +15,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, checked, row_blocks, spread_rows
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    checked,
+    row_blocks,
+    samples,
+    spread_rows,
+)
 from loopid.errors import AssemblyError, DataWarning, LogError, OptionError, warn
 from loopid.kinematics.assembly import Assembly, AssemblyOptions, try_assemble
 from loopid.kinematics.measured import JointCoordinates
+from loopid.kinematics.poses import difference
 from loopid.kinematics.projection import project, singularity_measure
-from loopid.logs.free import FreeMotion, free_motion, require_known_motion
-from loopid.logs.log import Log, renumbered
+from loopid.logs.checks import check_log, require_known_motion
+from loopid.logs.grid import Dropped
+from loopid.logs.log import ExternalWrench, Log, renumbered
 from loopid.logs.mapping import LogMapping
 from loopid.logs.reading import read_log
 from loopid.logs.recording import FilterOptions, MaskOptions, RateHistory, Recording, reach_of
-from loopid.logs.streams import Dropped
-from loopid.logs.wrenches import ExternalWrench
 from loopid.motion.filtering import LowPass, differentiate
 from loopid.motion.joints import JointMotion
 from loopid.progress import Progress
@@ -87,14 +95,16 @@ def prepare_recording(
     OptionError
         When the robot has other motors than the log, or they do not tell where it is.
     LogError
-        When no stretch is long enough, or no force can be used.
+        When no stretch is long enough, or no force can be used; of a log made in Python, for all
+        that ``read_log`` refuses.
     AssemblyError
         When most samples do not close the loops.
 
     Warns
     -----
     DataWarning
-        Of samples that do not close the loops or are near a singularity.
+        Of samples that do not close the loops or are near a singularity; of a log made in Python,
+        of all that ``read_log`` warns of.
 
     Examples
     --------
@@ -113,7 +123,8 @@ def prepare_recording(
             given=log.joints,
             valid=robot.actuated,
         )
-    read, log = log, without_frozen(log, masks)
+    read = check_log(robot, log)
+    log = without_frozen(read, masks)
     lowpass = filter.lowpass(provisional_cutoff(robot, log))
     limits = saturation_of(robot, log, masks)
     log = long_enough(log, lowpass)
@@ -168,47 +179,58 @@ def prepare_recording(
 @checked
 def prepare_again(
     robot: Mechanism,
-    recording: Recording,
-    *,
-    log: Log | None = None,
-    filter: FilterOptions | None = None,  # noqa: A002
-) -> Recording:
-    """The same part of a recording's log, with another filter or of a corrected log.
+    recordings: Sequence[Recording],
+    **changed: Any,
+) -> tuple[Recording, ...]:
+    """The same parts of the recordings' logs, filtered otherwise.
 
-    Nothing that was told when it was first prepared is told again. A recording without a log, of a
-    motion that is known exactly, stays as it is.
+    A log of which several are parts is prepared once. Nothing that was told when it was first
+    prepared is told again. A recording without a log, of a motion that is known exactly, stays as
+    it is.
 
     Parameters
     ----------
-    recording : Recording
-        From ``prepare_recording``, or a part of one.
-    log : Log, optional
-        In place of its log.
-    filter : FilterOptions, optional
-        In place of its filter.
+    recordings : sequence of Recording
+        From ``prepare_recording``, or parts of one.
+    changed
+        Fields of ``FilterOptions`` in place of those that each was prepared with.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load_mechanism("five_bar")
+    >>> log = loopid.read_log(robot.path.parent / "logs" / "five_bar.csv", robot)
+    >>> parts = loopid.prepare_recording(robot, log).split(0.5)
+    >>> [run.cutoff for run in loopid.logs.prepare_again(robot, parts, cutoff=4.0)]
+    [4.0, 4.0]
     """
-    if recording.log is None:
-        return recording
-    filtered, masks = filter or recording.filter, recording.masks
-    known = recording.history.whole[1] if recording.history else recording.motion
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        whole = prepare_recording(
-            robot,
-            log or recording.log,
-            filter=filtered or FilterOptions(),
-            masks=masks or MaskOptions(),
-            known=known,
-        )
-    return whole.within(recording)
+    whole: dict[tuple[int, FilterOptions, MaskOptions], Recording] = {}
+    found = []
+    for run in recordings:
+        if run.log is None:
+            found.append(run)
+            continue
+        filtered = replace(run.filter or FilterOptions(), **changed)
+        options = filtered, run.masks or MaskOptions()
+        key = id(run.log), *options
+        if key not in whole:
+            known = run.history.whole[1] if run.history else run.motion
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                whole[key] = prepare_recording(
+                    robot, run.log, filter=options[0], masks=options[1], known=known
+                )
+        found.append(whole[key].within(run))
+    return tuple(found)
 
 
-def at_cutoff(robot: Mechanism, recording: Recording, cutoff: float) -> Recording:
-    """The recording with a cut-off (Hz), where its filter leaves that open."""
-    if not recording.open_cutoff:
-        return recording
-    options = replace(recording.filter or FilterOptions(), cutoff=cutoff)
-    return prepare_again(robot, recording, filter=options)
+def at_cutoff(
+    robot: Mechanism, recordings: Sequence[Recording], cutoff: float
+) -> tuple[Recording, ...]:
+    """Recordings with a cut-off (Hz) where their filters leave it open; the others as they are."""
+    runs = [run for run in recordings if run.open_cutoff]
+    again = iter(prepare_again(robot, runs, cutoff=cutoff))
+    return tuple(next(again) if run.open_cutoff else run for run in recordings)
 
 
 def in_motion_band(robot: Mechanism, recording: Recording) -> Recording:
@@ -220,7 +242,8 @@ def in_motion_band(robot: Mechanism, recording: Recording) -> Recording:
     filtered = recording.filter or FilterOptions()
     if filtered.cutoff == "auto":
         return recording
-    return prepare_again(robot, recording, filter=replace(filtered, cutoff="auto"))
+    (found,) = prepare_again(robot, [recording], cutoff="auto")
+    return found
 
 
 @checked
@@ -354,6 +377,42 @@ def measured_motion(robot: Mechanism, log: Log, signals: Signals) -> FreeMotion:
     told.velocities[:, motors] = signals.velocity
     told.accelerations[:, motors] = signals.acceleration
     return told._replace(configurations=q)
+
+
+# ---- joints that no motor moves ------------------------------------------------------------------
+
+
+class FreeMotion(NamedTuple):
+    """Free joints along a log; all other coordinates are zero, or as at the reference."""
+
+    configurations: FloatArray  # (N, nq)
+    velocities: FloatArray  # (N, nv)
+    accelerations: FloatArray
+
+
+def free_motion(robot: Mechanism, log: Log, free: Mapping[str, FloatArray]) -> FreeMotion:
+    """Joints (N, k) of a log that no motor moves, filtered, and their derivatives."""
+    q = np.tile(robot.reference, (len(log), 1))
+    if not free:
+        return FreeMotion(q, *np.zeros((2, len(log), robot.model.nv)))
+    for name, values in free.items():
+        _write(robot, name, q, values)
+    steps = difference(robot, q[:-1], q[1:])
+    way = np.concatenate([np.zeros((1, robot.model.nv)), np.cumsum(steps, axis=0)])
+    v = log.by_part(differentiate, way)
+    return FreeMotion(q, v, log.by_part(differentiate, v))
+
+
+def _write(robot: Mechanism, name: str, q: FloatArray, values: FloatArray) -> None:
+    """Put values (N, k) of a joint into configurations (N, nq), in place."""
+    joint = robot.joint(name)
+    samples(values, 1 if joint.nv == 1 else joint.nq, name)
+    if joint.nv == 1:
+        q[:] = JointCoordinates(robot, [name]).write(q, values)
+        return
+    turns = values[:, 3:] / np.linalg.norm(values[:, 3:], axis=1, keepdims=True)
+    own = slice(joint.idx_q, joint.idx_q + joint.nq)
+    q[:, own] = np.concatenate([values[:, :3], turns], axis=1)
 
 
 # ---- assembly ----------------------------------------------------------------------------------

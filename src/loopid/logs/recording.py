@@ -9,12 +9,22 @@ from typing import Any, Literal
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative, row_blocks, samples
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    NotNegative,
+    checked,
+    row_blocks,
+    samples,
+)
 from loopid.errors import DataError, LogError, OptionError
-from loopid.kinematics.projection import ClosedMotion, closed_motion
-from loopid.logs.log import Log
-from loopid.logs.streams import Dropped
-from loopid.logs.wrenches import ExternalWrench, wrench_forces
+from loopid.kinematics.poses import frame_poses
+from loopid.kinematics.projection import ClosedMotion, closed_motion, project
+from loopid.logs.checks import frame_index
+from loopid.logs.grid import Dropped
+from loopid.logs.log import ExternalWrench, Log
+from loopid.logs.signals import COMPONENTS
 from loopid.motion.filtering import LowPass
 from loopid.motion.joints import JointMotion
 from loopid.parameters import html_table
@@ -337,3 +347,66 @@ class Recording(Tabular):
         if self.history is not None:
             chosen["history"] = replace(self.history, rows=self.history.rows[rows])
         return replace(self, motion=self.motion.select(rows), **chosen)
+
+
+# ---- wrenches of the surroundings ---------------------------------------------------------------
+
+
+@checked
+def wrench_forces(
+    robot: Mechanism, configurations: FloatArray, wrenches: Sequence[ExternalWrench]
+) -> FloatArray:
+    """Gᵀ Jᵀ w: what wrenches of the surroundings do on the independent coordinates.
+
+    A wrench w on a frame does the power wᵀ J v, with the frame's Jacobian J and v = G u̇
+    [Featherstone2008, ch. 8].
+
+    Parameters
+    ----------
+    configurations : FloatArray
+        (N, nq), closed.
+    wrenches : sequence of ExternalWrench
+        Of N samples each.
+
+    Returns
+    -------
+    FloatArray
+        (N, dof) in N or N m, to be added to the forces of the motors.
+
+    Raises
+    ------
+    OptionError
+        When the robot has no such frame, or the frame does not move.
+    DataError
+        When a wrench has another number of samples.
+
+    Examples
+    --------
+    A weight of 10 N on the coupler of a four-bar, in axes of the world:
+
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load_mechanism("four_bar")
+    >>> down = loopid.ExternalWrench("coupler", np.array([[0, 0, -10, 0, 0, 0.0]]), axes="world")
+    >>> loopid.wrench_forces(robot, robot.reference[None], [down]).shape
+    (1, 1)
+    """
+    q = samples(configurations, robot.model.nq, "configurations")
+    forces = np.zeros((len(q), len(robot.independent)))
+    frames = [frame_index(robot, wrench.frame) for wrench in wrenches]
+    for wrench in wrenches:
+        samples(wrench.values, len(COMPONENTS), f"the wrench on {wrench.frame}", len(q))
+    for rows in row_blocks(len(q)) if wrenches else ():
+        poses, G = frame_poses(robot, q[rows], frames), project(robot, q[rows]).G
+        tau = np.zeros(G.shape[:2])
+        for k, wrench in enumerate(wrenches):
+            origin = poses.origin[:, k]
+            force, moment = np.split(wrench.values[rows], 2, axis=1)
+            if wrench.axes == "frame":
+                turn = poses.rotation[:, k]
+                force, moment = (np.einsum("nij,nj->ni", turn, one) for one in (force, moment))
+            if wrench.about is not None:
+                moment = moment + np.cross(np.array(wrench.about) - origin, force)
+            tau += np.einsum("niv,ni->nv", poses.linear[:, k], force)
+            tau += np.einsum("niv,ni->nv", poses.angular[:, k], moment)
+        forces[rows] = np.einsum("nvd,nv->nd", G, tau)
+    return forces

@@ -232,7 +232,7 @@ def simulate_stand_in(
             joint_values=FRICTION,
         )
         signals = measured.time, measured.position, measured.force
-        log = Log.from_arrays(*signals, mechanism.actuated, name=name)
+        log = replace(Log.from_arrays(*signals, mechanism.actuated, name=name), checked=True)
         filtered = FilterOptions(cutoff=CUTOFF * experiment.rate)
         recordings.append(prepare_recording(mechanism, log, filter=filtered))
         if progress is not None:

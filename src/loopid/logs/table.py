@@ -1,20 +1,16 @@
-"""Formats of logs: named streams, each a table of cells; NumPy and Parquet.
+"""Tables of logs, in any format: named streams, each a table of cells.
 
 A format is a class, registered by its name in ``loopid.registry.log_formats``.
 """
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from decimal import Decimal
-from functools import cached_property
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
-from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +32,6 @@ LOOKED_AT = 20  # first lines of a text, and cells of a time, that tell how it i
 NO_STAMP = np.iinfo(np.int64).min
 LARGEST_STAMP = 9 * 10**18  # ns: 1e19 would overflow, and 9e18 is the year 2255
 MOST_LISTED = 30  # columns or topics in a message
-HEADER_BYTES = 20_000  # of an array in an .npz: NumPy reads no longer ones
 WIDEST = 1000  # columns of a matrix: wider ones are pictures or the like
 # A time of the day, perhaps behind a date.
 CLOCK = (
@@ -221,7 +216,7 @@ def array_table(
     import polars
 
     cells: dict[str, Any] = {}
-    count = _common_length(source, {name: len(c) for name, c in columns.items()})
+    count = common_length(source, {name: len(c) for name, c in columns.items()})
     for name, column in columns.items():
         if isinstance(column, polars.Series):
             cells[name] = column
@@ -237,7 +232,7 @@ def array_table(
     return Table(polars.DataFrame(cells), np.arange(1, count + 1) if rows is None else rows)
 
 
-def _common_length(source: str | Path, lengths: Mapping[str, int]) -> int:
+def common_length(source: str | Path, lengths: Mapping[str, int]) -> int:
     """How many rows columns have; a LogError when they differ, or there are none."""
     short, long = (pick(lengths, key=lambda name: lengths[name]) for pick in (min, max))
     if not lengths[long]:
@@ -285,7 +280,7 @@ def optional(package: str) -> Iterator[None]:
         raise MissingExtraError.of(package, "logs") from error
 
 
-# ---- NumPy and Parquet -------------------------------------------------------------------------
+# ---- formats of arrays --------------------------------------------------------------------------
 
 
 class Column(NamedTuple):
@@ -341,71 +336,3 @@ def array_columns(name: str, shape: tuple[int, ...]) -> dict[str, Any]:
         return {name: ...}
     fits = len(shape) == 2 and shape[1] <= WIDEST
     return {f"{name}_{k}": k for k in range(shape[1])} if fits else {}
-
-
-class NpzFormat(ArrayFormat):
-    """Arrays of NumPy."""
-
-    endings = (".npz",)
-    kind = ".npz of numbers"
-
-    @cached_property
-    def _streams(self) -> dict[str, dict[str, Column]]:
-        columns: dict[str, Column] = {}
-        with refusals(self.path, self.kind), ZipFile(self.path) as archive:
-            for member in archive.namelist():
-                array, (shape, _) = member.removesuffix(".npy"), _npy_header(archive, member)
-                self.collect(columns, array, array_columns(array, shape))
-        if not columns:
-            raise LogError(f"{self.path} holds no arrays with one or two axes", file=self.path)
-        return {stream_name(self.path): columns}
-
-    def _read(self, arrays: Iterable[str]) -> Mapping[str, NDArray[Any]]:
-        ceiling = self.ceiling()
-        with ZipFile(self.path) as archive, np.load(self.path, allow_pickle=False) as content:
-            for member in (n for n in archive.namelist() if n.removesuffix(".npy") in arrays):
-                shape, dtype = _npy_header(archive, member)
-                ceiling.count(math.prod(shape) * dtype.itemsize)
-            return {array: content[array] for array in arrays}
-
-
-def _npy_header(archive: ZipFile, name: str) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    """Shape and type of an array, which is not read."""
-    if archive.getinfo(name).compress_type not in (ZIP_STORED, ZIP_DEFLATED):
-        raise ValueError(f"{name} is packed in another way than NumPy's")  # nor as zipfile limits
-    with archive.open(name) as member:
-        file = BytesIO(member.read(HEADER_BYTES))
-        old = np.lib.format.read_magic(file) == (1, 0)
-        read = np.lib.format.read_array_header_1_0 if old else np.lib.format.read_array_header_2_0
-        shape, _, dtype = read(file)
-        return shape, dtype
-
-
-class ParquetFormat(LogFormat):
-    """One table."""
-
-    endings = (".parquet", ".pq")
-
-    def columns(self) -> Mapping[str, tuple[str, ...]]:
-        with refusals(self.path, "Parquet file"):
-            return {stream_name(self.path): tuple(self._scan().collect_schema())}
-
-    def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
-        import polars
-
-        with refusals(self.path, "Parquet file"):
-            names = (*times, *values)
-            frame = self._scan().select(names)
-            for name, kind in frame.collect_schema().items():
-                if kind in (polars.String, polars.Binary):  # a few bytes may stand for gigabytes
-                    raise other_kind(self.path, name, kind, "numbers")
-            count = frame.select(polars.len()).collect().item()
-            _common_length(self.path, dict.fromkeys(names, count))
-            self.ceiling().count(8 * count * len(names))
-            return [Table(frame.collect(), np.arange(1, count + 1))]
-
-    def _scan(self) -> polars.LazyFrame:
-        import polars
-
-        # Names of files may hold what else would stand for several files.
-        return polars.scan_parquet(self.path, glob=False, hive_partitioning=False)

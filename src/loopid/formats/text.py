@@ -17,7 +17,8 @@ import numpy as np
 from loopid.arguments import number
 from loopid.errors import LogError
 from loopid.files import LONGEST_LINE, Ceiling, count_unpacked, text_blocks, why_no_file
-from loopid.logs.formats import (
+from loopid.logs.signals import is_unit
+from loopid.logs.table import (
     AROUND_CELLS,
     CLOCK,
     LOOKED_AT,
@@ -27,7 +28,6 @@ from loopid.logs.formats import (
     floats,
     stream_name,
 )
-from loopid.logs.headers import is_unit
 
 if TYPE_CHECKING:  # slow to import, and only needed to read a log
     import polars

@@ -1,4 +1,4 @@
-"""Streams of a log: values of the motors at time stamps, and all of them on one even grid.
+"""Streams of a log, values at time stamps, and all of them on one even grid.
 
 The grid follows the stream of the positions at the median rate of its stamps. A gap in any stream
 ends a stretch of the grid. Between the stamps of a stream its values are interpolated linearly:
@@ -9,20 +9,26 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative
-from loopid.errors import DataWarning, LogError, warn
-from loopid.logs.columns import Channel, TimeColumn
-from loopid.logs.formats import NO_STAMP, Table, numbers_in
-from loopid.logs.mapping import QUANTITIES, JointMap
+from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative, finite, samples
+from loopid.errors import DataError, DataWarning, LogError, warn
+from loopid.logs.signals import POSE, QUANTITIES, Channel, TimeColumn
+from loopid.logs.table import NO_STAMP, Table, numbers_in
 from loopid.records import record
 
+if TYPE_CHECKING:
+    from loopid.logs.mapping import JointMap
+
 LEAST_ROWS = 4  # of a stream, and of a stretch without gaps: shorter ones are none
+# Part of a step by which samples may be off an even grid, and are taken as they are.
+EVEN = 0.01
 MOST_NAMED = 5  # rows in a message
 ROUND_OFF = 1e-14  # of times on a grid, relative to the last
+UNIT = 0.1  # by which the length of a measured quaternion may be off one
 
 
 @record(kw_only=True, checked=True)
@@ -315,3 +321,55 @@ def _outside(time: FloatArray, grids: Sequence[FloatArray], step: float) -> Iter
             yield Dropped("gap in the time stamps", missing, last, following)
         elif start < end:
             yield Dropped.at("not in all streams", time[start:end])
+
+
+def on_even_grid(
+    name: str, joints: tuple[str, ...], time: FloatArray, signals: dict[str, FloatArray]
+) -> tuple[FloatArray, dict[str, FloatArray], IntArray, tuple[Dropped, ...]]:
+    """Times, signals and stretches, as they are where the steps are even between gaps."""
+    steps, allowed = np.diff(time), LogTolerances()
+    median = float(np.median(steps)) if len(steps) else 0.0
+    stretches = np.cumsum(np.append(False, steps > allowed.gap * median))
+    parts = np.split(time, np.flatnonzero(np.diff(stretches)) + 1)
+    off = (np.abs(part - np.linspace(part[0], part[-1], len(part))).max() for part in parts)
+    if max(off) <= EVEN * median and (steps > 0).all():
+        return time, signals, stretches, ()
+    channels = [
+        Channel(what, name, f"{name}.{what}", 1.0, 0.0)
+        for what, values in signals.items()
+        for name in (joints if what in QUANTITIES else map(str, range(values.shape[1])))
+    ]
+    stamps = np.round((time - time[0]) * 1e9).astype(np.int64)
+    rows, values = np.arange(1, len(time) + 1), np.concatenate([*signals.values()], axis=1)
+    stream = Stream(name, tuple(channels), rows, stamps, values)
+    aligned = align([with_increasing_stamps(stream, allowed)], joints, allowed.gap)
+    return aligned.time + time[0], aligned.signals, aligned.stretches, aligned.dropped
+
+
+# ---- poses --------------------------------------------------------------------------------------
+
+
+def free_values(joint: str, values: ArrayLike, count: int) -> FloatArray:
+    """Checked values (N, 1) of a joint, or (N, 7) poses with quaternions that do not jump."""
+    found = finite(values, joint)
+    found = found[:, None] if found.ndim == 1 else found
+    width = len(POSE) if found.ndim == 2 and found.shape[1] != 1 else 1
+    return continued(samples(found, width, joint, count))
+
+
+def continued(values: FloatArray) -> FloatArray:
+    """Poses (N, 7) whose quaternions keep their sign from sample to sample; others as they are."""
+    turn = values[:, 3:]
+    if not turn.shape[1]:
+        return values
+    off = np.abs(np.linalg.norm(turn, axis=1) - 1)
+    if off.max(initial=0.0) > UNIT:
+        raise DataError(
+            f"sample {int(off.argmax())} of a pose ends in no unit quaternion: its length is off "
+            f"by {off.max():.3g} (tolerance {UNIT:g}; columns are {', '.join(POSE)})",
+            sample=int(off.argmax()),
+            tolerance=UNIT,
+        )
+    flips = np.where((turn[1:] * turn[:-1]).sum(axis=1) < 0, -1.0, 1.0)
+    signs = np.cumprod(np.append(1.0, flips))
+    return np.concatenate([values[:, :3], signs[:, None] * turn], axis=1)

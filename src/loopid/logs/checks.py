@@ -1,0 +1,317 @@
+"""What is checked of a log: that it is of its robot, in the right units, and of a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from loopid.arguments import FloatArray
+from loopid.errors import DataWarning, LogError, OptionError, warn
+from loopid.logs.grid import LEAST_ROWS, Dropped, LogTolerances, Stream, continued, rows_text
+from loopid.logs.log import Log
+from loopid.logs.signals import POSE, QUANTITIES, Channel
+from loopid.robot.mechanism import Mechanism, link_frames, lock_options
+
+# Factors that would make a unit of another one.
+OTHER_TIMES = (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)
+OTHER_LENGTHS = {"0.001 (mm to m)": 1e-3, "1000 (km to m)": 1e3, "1e-6 (um to m)": 1e-6}
+OTHER_ANGLES = {"pi/180 (deg to rad)": np.pi / 180, "0.001 (mrad to rad)": 1e-3}
+FITTING = 0.9  # part of the values that a change of unit must bring inside
+EXCESS = 1e-3  # relative, over a limit of speed or force: the round-off of how it was written
+COMPARED_OVER = 0.5  # s over which measured rates are compared with changes of the position
+
+
+def check_log(robot: Mechanism, log: Log, tolerances: LogTolerances = LogTolerances()) -> Log:
+    """The log without impossible samples; warns of what looks wrong, as ``read_log`` does.
+
+    One that was compared with its robot before stays as it is.
+
+    Raises
+    ------
+    LogError
+        When it is no log of this robot: the wrong unit, too many bad samples, nothing that moves.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> robot = loopid.load_mechanism("four_bar")
+    >>> still = np.zeros((100, 1))
+    >>> log = loopid.Log.from_arrays(np.arange(100) / 100, still, still, robot.actuated)
+    >>> loopid.logs.check_log(robot, log)
+    Traceback (most recent call last):
+    loopid.errors.LogError: log: no position ever changes, so nothing moves
+    """
+    if log.checked or len(log) < LEAST_ROWS:
+        return log
+    given = {name: getattr(log, name) for name in QUANTITIES if getattr(log, name) is not None}
+    channels = tuple(
+        Channel(name, joint, label, 1.0, 0.0, log.slides.get(label))
+        for name in given
+        for joint in log.joints
+        for label in (f"{joint}.{name}",)
+    )
+    rows, stamps = np.arange(len(log)), np.round((log.time - log.time[0]) * 1e9).astype(np.int64)
+    values = np.concatenate([*given.values()], axis=1)
+    stream = Stream(log.name, channels, rows + 1, stamps, values)
+    stream = check_stream(robot, stream, tolerances)
+    check_moving([stream])
+    if len(stream.rows) < len(log):
+        dropped = (Dropped.at(why, log.time[lost - 1]) for why, lost in stream.left_out)
+        log = log.select(np.isin(rows + 1, stream.rows), *dropped)
+    columns = np.split(stream.values, len(given), axis=1)
+    found: dict[str, Any] = dict(zip(given, columns, strict=True))
+    log = replace(log, checked=True, **found)
+    check_rates(log, tolerances)
+    return log
+
+
+def check_stream(robot: Mechanism, stream: Stream, allowed: LogTolerances) -> Stream:
+    """The stream without impossible rows, and with turns counted on; warns of what looks wrong."""
+    _require_usual_step(stream, allowed)
+    _require_units(robot, stream)
+    stream = _inside_limits(robot, stream, allowed)
+    stream = _unwrapped(robot, _without_glitches(stream, allowed))
+    seconds, model = np.diff(stream.stamps) / 1e9, robot.model
+    for joint, values in stream.signals("position"):
+        limit = model.upperVelocityLimit[robot.velocity_indices([joint])[0]]
+        speeds = np.append(0.0, np.abs(np.diff(values)) / seconds)
+        _warn_of_excess(stream, f"the speed of {joint}", limit, speeds)
+    for joint, values in stream.signals("force"):
+        limit = model.upperEffortLimit[robot.velocity_indices([joint])[0]]
+        _warn_of_excess(stream, f"the force of {joint}", limit, np.abs(values))
+    return stream
+
+
+def _require_usual_step(stream: Stream, allowed: LogTolerances) -> None:
+    """Refuse steps between stamps that are too short or long for a log."""
+    shortest, longest = allowed.shortest_step, allowed.longest_step
+    step = float(np.median(np.diff(stream.stamps))) / 1e9
+    if not shortest <= step <= longest:
+        fitting = [factor for factor in OTHER_TIMES if shortest <= step * factor <= longest]
+        factors = " or ".join(f"{factor:g}" for factor in fitting)
+        raise stream.refused(
+            f"the median step between time stamps is {step:.3g} s, but must be "
+            f"from {shortest:g} to {longest:g} s: give the unit of the time in a mapping"
+            f"{f'; times {factors} it would fit' if factors else ''}",
+            step=step,
+            fitting=tuple(fitting),
+        )
+
+
+def _require_units(robot: Mechanism, stream: Stream) -> None:
+    """Refuse columns whose header has a unit of slides where the joint turns, or of hinges."""
+    for what in (one for one in stream.channels if one.quantity in QUANTITIES):
+        straight = robot.velocity_indices([what.joint])[0] in robot.prismatic
+        if what.straight is not None and what.straight != straight:
+            said = ("turns", "slides") if what.straight else ("slides", "turns")
+            raise stream.refused(
+                f"the unit of column {what.column!r} is that of a joint that "
+                f"{said[1]}, but {what.joint} {said[0]}: give {what.quantity}_scale in a mapping "
+                "if the column is right",
+                joint=what.joint,
+                column=what.column,
+            )
+
+
+def _inside_limits(robot: Mechanism, stream: Stream, allowed: LogTolerances) -> Stream:
+    """The stream without rows where a position is far outside the limits of its joint."""
+    lost = np.zeros(len(stream.rows), dtype=bool)
+    for joint, values in stream.signals("position"):
+        lower, upper = robot.limits(joint)
+        if not lower < upper:  # limits that leave no room are none
+            continue
+        distance = np.maximum(lower - values, values - upper)
+        outside = distance > allowed.outside * (upper - lower)
+        far = distance > allowed.far_outside * (upper - lower)
+        refused = far.sum() > allowed.bad_rows * len(values)
+        told = far if refused else outside & ~far
+        if told.any():
+            worst = float(values[told][np.argmax(distance[told])])
+            said = (
+                f"{joint} is outside its limits [{lower:g}, {upper:g}] in "
+                f"{rows_text(stream.rows[told])} of {len(values)}, at worst {worst:g}"
+            )
+            if refused:
+                straight = robot.velocity_indices([joint])[0] in robot.prismatic
+                advice = _advice(straight, lower, upper, values)
+                facts = {"joint": joint, "limits": (lower, upper), "given": worst}
+                raise stream.refused(f"{said}; {advice}", **facts)
+            warn(f"{stream.source}: {said}: kept", DataWarning)
+        lost |= far
+    return stream.without(
+        lost, "positions far outside the limits of their joints", allowed.bad_rows
+    )
+
+
+def _advice(straight: bool, lower: float, upper: float, values: FloatArray) -> str:
+    """What change of unit or origin would bring values (R,) inside limits."""
+    for name, factor in (OTHER_LENGTHS if straight else OTHER_ANGLES).items():
+        scaled = values * factor
+        if ((scaled >= lower) & (scaled <= upper)).mean() >= FITTING:
+            return f"times {name} they would fit: give position_scale in a mapping"
+    if np.ptp(values) <= upper - lower:
+        return "with position_offset in a mapping they would fit"
+    return "no change of unit brings them inside: are they those of another joint?"
+
+
+def _without_glitches(stream: Stream, allowed: LogTolerances) -> Stream:
+    """The stream without rows where a force is out of all proportion."""
+    sizes = np.abs(stream.values[:, stream.places("force")])
+    usual = np.percentile(sizes, 99, axis=0)
+    bad = np.any((sizes > allowed.glitch * usual) & (usual > 0), axis=1)
+    reason = f"forces more than {allowed.glitch:g} times their 99th percentile"
+    return stream.without(bad, reason, allowed.bad_rows)
+
+
+def _unwrapped(robot: Mechanism, stream: Stream) -> Stream:
+    """The stream with turns counted on that are reset after a turn; quaternions keep their sign."""
+    values = stream.values.copy()
+    for k in stream.places("position"):
+        if robot.joint(stream.channels[k].joint).nq == 2:
+            values[:, k] = np.unwrap(values[:, k])
+    for quantity in {channel.quantity for channel in stream.channels} - {*QUANTITIES}:
+        own = stream.places(quantity)
+        if len(own) == len(POSE):
+            values[:, own] = continued(values[:, own])
+    return replace(stream, values=values)
+
+
+def _warn_of_excess(stream: Stream, what: str, limit: float, sizes: FloatArray) -> None:
+    """Warn of sizes (R,) beyond a limit; zero stands for none, as exporters write it."""
+    beyond = sizes > (limit * (1 + EXCESS) if limit > 0 else np.inf)
+    if beyond.any():
+        warn(
+            f"{stream.source}: {what} exceeds its limit of {limit:g} in "
+            f"{rows_text(stream.rows[beyond])}, at worst {sizes.max():.4g}",
+            DataWarning,
+        )
+
+
+def check_moving(streams: Sequence[Stream]) -> None:
+    """Warn of joints whose position or force never changes; refuse when no position does."""
+    source = streams[0].source
+    for quantity in ("position", "force"):
+        signals = (signal for stream in streams for signal in stream.signals(quantity))
+        moves = {joint: bool(np.ptp(values)) for joint, values in signals}
+        dead = [joint for joint, moved in moves.items() if not moved]
+        if quantity == "position" and len(dead) == len(moves):
+            said = f"{source}: no position ever changes, so nothing moves"
+            raise LogError(said, source=source, joints=tuple(dead))
+        if dead:
+            warn(
+                f"{source}: the {quantity} of {', '.join(dead)} never changes: a dead sensor?",
+                DataWarning,
+            )
+
+
+def check_rates(log: Log, allowed: LogTolerances) -> None:
+    """Refuse measured rates that are not those of the positions.
+
+    Integrals are compared with differences over the same time, where noise and delays of drives do
+    not matter.
+    """
+    for order, quantity in enumerate(("velocity", "acceleration"), 1):
+        measured: FloatArray | None = getattr(log, quantity)
+        if measured is None:
+            continue
+        for k, joint in enumerate(log.joints):
+            integrals, changes = _both_changes(log, k, measured[:, k], order)
+            size = float(changes @ changes)
+            if size == 0:  # it stands
+                continue
+            gain, off = float(integrals @ changes) / size, integrals - changes
+            apart = float(np.sqrt(off @ off / size))
+            said = (
+                f"{log.name}: the {quantity} of {joint} is {gain:.3g} times what its position "
+                f"says, and differs from it by {apart:.0%} (root mean square)"
+            )
+            if not 1 / allowed.gain < gain < allowed.gain:
+                raise LogError(
+                    f"{said}: is it in another unit ({quantity}_scale), or of another?",
+                    source=log.name,
+                    quantity=quantity,
+                    joint=joint,
+                    gain=gain,
+                    tolerance=allowed.gain,
+                )
+            if apart > allowed.apart:
+                warn(f"{said}: is it late, noisy, or in need of {quantity}_offset?", DataWarning)
+
+
+def _both_changes(log: Log, k: int, rates: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
+    """Changes over some time, integrated from rates (N,) and of the position of motor k.
+
+    Accelerations are integrated twice, and compared with changes of the changes.
+    """
+    found = []
+    for part in log.parts():
+        rate, count, integral = log.rate(part), part.stop - part.start, rates[part]
+        lag = max(1, min(round(COMPARED_OVER * rate), (count - 1) // (2 * order)))
+        for _ in range(order):
+            steps = (integral[1:] + integral[:-1]) / (2 * rate)
+            integral = np.append(0.0, np.cumsum(steps))
+        both = np.stack([integral, log.position[part, k]])
+        for _ in range(order):
+            both = both[:, lag:] - both[:, :-lag]
+        found.append(both)
+    integrals, changes = np.concatenate(found, axis=1)
+    return integrals, changes
+
+
+# ---- what tells where a robot is ----------------------------------------------------------------
+
+
+def require_known_motion(robot: Mechanism, free: Collection[str] = ()) -> None:
+    """Refuse robots whose configuration does not follow from the motors and these free joints."""
+    known = measurable(robot)
+    for name in free:
+        if name not in known:
+            raise OptionError.unknown(f"free joint of {robot.name}", name, known)
+    told = robot.coordinates_of(free)
+    left = [name for name in robot.free if name not in told]
+    if left:
+        joints = [name for name in known if name not in free]
+        advice = f", or measure {', '.join(joints)} ('free')" if joints else ""
+        raise OptionError(
+            f"a log of the motors does not tell where {', '.join(left)} of {robot.name} are, which "
+            f"the motors leave free: lock them ({lock_options(robot, left)}){advice}",
+            free=tuple(left),
+            measurable=tuple(joints),
+        )
+    several = [name for name in robot.actuated if robot.joint(name).nv != 1]
+    if several:
+        raise OptionError(
+            f"a log has one position a motor, but {', '.join(several)} of {robot.name} turn "
+            "about several axes: name the motors in 'name_mot'",
+            joints=tuple(several),
+        )
+
+
+def measurable(robot: Mechanism) -> tuple[str, ...]:
+    """Free joints that sensors can tell: with one coordinate, or floating bases outside loops."""
+    found = []
+    for name in robot.joints:
+        joint = robot.joint(name)
+        own = slice(joint.idx_v, joint.idx_v + joint.nv)
+        base = name in robot.floating and not robot.moving[:, own].any()
+        if {*robot.coordinates_of([name])} <= {*robot.free} and (joint.nv == 1 or base):
+            found.append(name)
+    return tuple(found)
+
+
+def frame_index(robot: Mechanism, name: str) -> int:
+    """Index of a frame in Pinocchio's model; an OptionError for one that is not there, or fixed."""
+    model = robot.model
+    names = [frame.name for frame in model.frames]
+    if name not in names:
+        raise OptionError.unknown(f"frame of {robot.name}", name, dict.fromkeys(names))
+    index = link_frames(model).get(name, names.index(name))
+    if not robot.supports([index]).any():
+        raise OptionError(
+            f"frame {name} of {robot.name} does not move: a wrench on it moves nothing",
+            frame=name,
+        )
+    return index
