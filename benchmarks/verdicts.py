@@ -45,7 +45,7 @@ SIGN = "has the wrong sign"
 SAID = {
     "sign of a force": "the force of {1} " + SIGN,
     "sign of all forces": "the force of all motors " + SIGN,
-    "half a force": "the force of {1} is 0.",
+    "half a force": "the force of {1} is scaled by 0.",
     "a force in N cm": "the force of {1} is in N cm",
     "all in mN m": "the force of all motors is in mN m",
     "all times 100": "the force of all motors is in N cm",
@@ -56,7 +56,7 @@ SAID = {
     "sign of positions": "the positions of {1} have the wrong sign",
     "a position in degrees": "deg to rad",
     "positions in degrees": "deg to rad",
-    "zero of an encoder": "the zero of {1} is off",
+    "zero of an encoder": "zero of {1} is off",
     "time times 2": "times too long",
     "time over 10": "times too short",
     "forces 7 s late": "the forces are 7",

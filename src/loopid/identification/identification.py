@@ -31,6 +31,7 @@ from loopid.identification.sensor_noise import sensor_noise
 from loopid.identification.unseen import UnseenErrors
 from loopid.identification.verdict import Verdict, findings_of
 from loopid.logs.recording import Recording
+from loopid.numbers import root
 from loopid.parameters import html_table
 from loopid.records import record
 
@@ -229,8 +230,8 @@ class Identification:
             f"{self[ALL].fit.estimator}: {len(self.data)} samples fitted, {len(self.new)} to "
             "validate)",
             *(
-                f"  {name}: {each.fitted} parameters fitted, squared error on new data "
-                "{:.2f} ± {:.2f} of the robot file's".format(*each.error_ratio)
+                f"  {name}: {each.fitted} parameters fitted, error on new data "
+                "{:.2f} ± {:.2f} of the robot file's".format(*root(*each.error_ratio))
                 for name, each in self.candidates.items()
             ),
             f"  {told.rank} of {told.structural_rank} combinations excited by the data, "
@@ -243,8 +244,8 @@ class Identification:
     def _repr_html_(self) -> str:
         said = [f"<p>{escape(str(self.verdict))}</p>"]
         said += [f"<p>{escape(f'{each.severity}: {each}')}</p>" for each in self.findings]
-        head = "candidate", "parameters fitted", "squared error on new data, of the robot file's"
-        rows = [(n, c.fitted, *c.error_ratio) for n, c in self.candidates.items()]
+        head = "candidate", "parameters fitted", "error on new data, of the robot file's"
+        rows = [(n, c.fitted, *root(*c.error_ratio)) for n, c in self.candidates.items()]
         return "".join(said) + html_table((*head, "±"), rows)
 
 

@@ -127,7 +127,9 @@ def suspicions(
             undone.append(clear[0])
             found = model.weighed(clear[0].mended(found.undone))
     gains = [find.gain(model.names) for find in finds if find.kind == "gain"]
-    told = tuple(one for one in gains if np.ptp(one.interval) < 2 * max(abs(one.gain), 1.0))
+    # Friction alone explains the forces of a motor whose gain may as well be 0.
+    some = (one for one in gains if np.prod(one.interval) > 0)
+    told = tuple(one for one in some if np.ptp(one.interval) < 2 * max(abs(one.gain), 1.0))
     return Suspicions(recordings[0].name, told, (*mistakes, *held))
 
 

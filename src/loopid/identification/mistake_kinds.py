@@ -131,7 +131,7 @@ class _Mistaken(NamedTuple):
 def _force(one: _Mistaken) -> Called:
     do, what = one.scale("force_scale", one.scales), f"the force of {one.listed}"
     if one.cause is None:
-        title = f"{what} is {one.factor:g} times what it should be"
+        title = f"{what} is scaled by {one.factor:g}"
         return Called(title, one.sized, f"look for a unit, ratio, current or sign; or {do}")
     return Called(f"{what} {_caused(one.cause, 'has', 'is')}", one.sized, do)
 
@@ -140,7 +140,7 @@ def _position(one: _Mistaken) -> Called:
     do = f"{one.scale('position_scale', {})}, times a scale and an offset that it has"
     what = f"the positions of {one.listed}"
     if one.cause is None or not one.cause[1]:
-        title = f"{what} are {one.factor:g} times what they should be"
+        title = f"{what} are scaled by {one.factor:g}"
         return Called(title, one.sized, f"look for a unit, ratio or sign; or {do}")
     return Called(f"{what} {_caused(one.cause, 'have', 'are')}", one.sized, do)
 
@@ -155,7 +155,7 @@ def _caused(cause: Cause, has: str, is_: str) -> str:
 def _zero(one: _Mistaken) -> Called:
     off, reach = one.factor * one.length, one.reach * one.length
     return Called(
-        f"the zero of {one.listed} is off by {off:.3g} {one.unit}",
+        f"zero of {one.listed} is off by {off:.3g} {one.unit}",
         f"{one.size * one.length:.3g} ± {reach:.2g} {one.unit}; ",
         f"set position_offset: {{{one.listed}: {-off:.3g}}} in the mapping, plus one that it has",
     )

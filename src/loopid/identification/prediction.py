@@ -16,6 +16,7 @@ from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import CONSTANT_FORCE, Fit, Quality
 from loopid.logs.preparing import at_cutoff
 from loopid.logs.recording import Recording
+from loopid.numbers import root
 from loopid.records import Tabular, columns_of, record
 
 
@@ -204,12 +205,13 @@ class Candidate:
         verdict = "not clearly better than"
         if self.beats_baseline or self.loses_to_baseline:
             verdict = "better than" if self.beats_baseline else "worse than"
-        ratio, error = self.error_ratio
+        ratio, error = root(*self.error_ratio)
+        worst = np.sqrt(np.nanmax(self.motor_ratios, initial=0.0))
         name = self.name if self.name.endswith("parameters") else f"{self.name} parameters"
         return (
-            f"With {name} the mean squared error on new data is {ratio:.2f} ± {error:.2f} times "
-            "that of the robot file with fitted joint terms (geometric mean over the motors, "
-            f"{np.nanmax(self.motor_ratios, initial=0.0):.2f} for the worst): {verdict} it."
+            f"With {name} errors on new data are {ratio:.2f} ± {error:.2f} times those of the "
+            f"robot file with fitted joint terms (geometric mean over the motors, "
+            f"{worst:.2f} for the worst): {verdict} them."
         )
 
 

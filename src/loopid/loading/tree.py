@@ -123,30 +123,32 @@ def build_tree(source: TreeSource, description: Description, locked: Sequence[st
 
 
 def _add_lengths(model: pin.Model, description: Description) -> None:
-    """Add a sliding joint without mass for each length of a cable, where the cable begins."""
-    data, unlimited = model.createData(), np.full(1, np.inf)
+    """Add a sliding joint for each length of a cable, where the cable begins."""
+    data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
-    limits = unlimited, unlimited, -unlimited, unlimited
     starts = {c.joint: c.frames[0] for c in description.all_closures if c.joint and c.frames}
     for name in description.lengths:
-        if model.existJointName(name):
-            raise RobotFileError(f"cables: {name} is the name of a joint", joint=name)
         place = pin.SE3.Identity()
         if name in starts:
             place.translation = data.oMf[frame_named(model, starts[name])].translation
-        index = model.addJoint(0, pin.JointModelPZ(), place, name, *limits)
-        model.addJointFrame(index, 0)
+        _add_joint(model, "cables", name, pin.JointModelPZ(), place)
 
 
 def _add_drives(model: pin.Model, description: Description) -> None:
-    """Add a turning joint without mass for each motor that turns several joints."""
-    unlimited = np.full(1, np.inf)
+    """Add a turning joint for each motor that turns several joints."""
     for name in description.drives:
-        if model.existJointName(name):
-            raise RobotFileError(f"drives: {name} is the name of a joint", joint=name)
-        limits = unlimited, unlimited, -unlimited, unlimited
-        index = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), name, *limits)
-        model.addJointFrame(index, 0)
+        _add_joint(model, "drives", name, pin.JointModelRZ(), pin.SE3.Identity())
+
+
+def _add_joint(
+    model: pin.Model, key: str, name: str, joint: pin.JointModel, place: pin.SE3
+) -> None:
+    """Add a joint without mass and limits, that a key of the description names."""
+    if model.existJointName(name):
+        raise RobotFileError(f"{key}: {name} is the name of a joint", joint=name)
+    unlimited = np.full(1, np.inf)
+    limits = unlimited, unlimited, -unlimited, unlimited
+    model.addJointFrame(model.addJoint(0, joint, place, name, *limits), 0)
 
 
 def _locks(source: TreeSource, names: Iterable[str]) -> dict[str, Chain]:

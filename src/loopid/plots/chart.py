@@ -25,13 +25,13 @@ from loopid.records import record
 # style sheet, there for dark screens, too.
 LOOKS: dict[str, tuple[str, float, str]] = {
     "measured": ("#3b424c", 1.2, "-"),
-    "fit": ("#c74a00", 0.9, "-"),
+    "fit": ("#bf4700", 0.9, "-"),
     "file": ("#0068a8", 0.9, "-"),
-    "other": ("#0b7349", 0.9, "-"),
-    "weak": ("#8f5f00", 0.9, "-"),
-    "faint": ("#76808d", 0.6, "-"),
-    "limit": ("#59616d", 0.6, ":"),
-    "links": ("#c3cad3", 4.0, "-"),
+    "other": ("#0b7046", 0.9, "-"),
+    "weak": ("#875900", 0.9, "-"),
+    "faint": ("#78818d", 0.6, "-"),
+    "limit": ("#565e6a", 0.6, ":"),
+    "links": ("#c0c8d2", 4.0, "-"),
 }
 Ends = tuple[float, float]
 SIGNS = {"motor": "o", "slide": "s", "joint": "o", "closure": "D"}
@@ -40,10 +40,7 @@ POINTS = {"dots": ".", "disc": "o", "ring": "o", "box": "s"}
 # Of a line, with its least and largest value in each: half a column of a page shows no more.
 STEPS = 250
 MOST_DOTS = 1500
-MOST_GROUPS, MOST_ROWS = (
-    6,
-    40,
-)  # motors, and rows of a table, that are seen before the others unfold
+MOST_GROUPS, MOST_ROWS = 6, 40  # motors, and rows of a table, that are seen at first
 WIDE, HIGH = 10_000, 1_000  # of the square that marks are drawn in
 ROW = 100  # height of a row of a table with pictures
 MARGIN = 0.04  # of an axis beyond the marks, on either side
