@@ -22,17 +22,19 @@ from typing import Any
 
 import numpy as np
 
+import loopid
 from example_robots import distinct_urdfs
-from loopid import ExactSearch, LoopidError, bundled_robots, load_mechanism, structural_observation
+from loopid import LoopidError, bundled_robots
 from loopid.base_parameters import (
-    CRITERIA,
     ChoiceProblem,
+    ExactSearch,
     SearchOptions,
     SearchResult,
     Structure,
-    analyse,
-    independent_blocks,
 )
+from loopid.base_parameters.choice import CRITERIA
+from loopid.base_parameters.structure import analyse, independent_blocks
+from loopid.regressors import structural_observation
 from tables import show, write_json
 
 GROUPS = {
@@ -111,7 +113,7 @@ def solve(case: Case) -> dict[str, Any]:
     """One row; a robot that is refused has a reason instead of figures."""
     warnings.simplefilter("ignore")  # of URDFs that are what they are
     try:
-        mechanism = load_mechanism(case.path, floating_base=case.group == "floating")
+        mechanism = loopid.load(case.path, floating_base=case.group == "floating")
         structure = analyse(structural_observation(mechanism, case.model))
     except LoopidError as error:
         reason, _, _ = str(error).removeprefix(f"{case.path}: ").partition(": choose")

@@ -25,13 +25,15 @@ from typing import Any
 
 import numpy as np
 
+import loopid
 from compiled_c import NUMBERS, CompiledRobot, header_ways
 from example_robots import robots_folder
-from loopid import JointTerms, assemble, find_force_model, load_mechanism, random_configurations
+from loopid import JointTerms, random_configurations
 from loopid.export import c_source
 from loopid.export.c_code import motor_positions
 from loopid.identification import ForceModel
-from loopid.kinematics import try_assemble
+from loopid.kinematics import assemble
+from loopid.kinematics.assembly import try_assemble
 from loopid.workers import one_blas_thread
 from tables import show, write_json
 
@@ -116,7 +118,7 @@ def figures(robot: str, model: str) -> dict[str, Any]:
 def motions(robot: str, count: int) -> list[dict[str, Any]]:
     """Rows of the second table."""
     found, rows = force_model(robot, "gravity"), list[dict[str, Any]]()
-    mechanism = found.mechanism
+    mechanism = found.robot
     if not mechanism.rows:
         return rows
     places = random_configurations(mechanism, PLACES, seed=2)
@@ -150,15 +152,15 @@ def motions(robot: str, count: int) -> list[dict[str, Any]]:
 def force_model(robot: str, model: str) -> ForceModel:
     """Base parameters of a bundled robot, or of the UR10 of example-robot-data."""
     path = robots_folder() / "ur_description/urdf/ur10_robot.urdf" if robot == "UR10" else robot
-    mechanism = load_mechanism(path)
+    mechanism = loopid.load(path)
     terms = JointTerms(mechanism.actuated, ("Ia", "Fc", "Fv"))
-    return find_force_model(mechanism, model, terms, search="qr")
+    return loopid.force_model(mechanism, model, terms, search="qr")
 
 
 def poses_and_motion(model: ForceModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Closed poses (N, nq), motors there and a way off (2, N, dof), their motion (2, dof)."""
-    q, generator = random_configurations(model.mechanism, POSES, seed=1), np.random.default_rng(0)
-    u = motor_positions(model.mechanism, q)
+    q, generator = random_configurations(model.robot, POSES, seed=1), np.random.default_rng(0)
+    u = motor_positions(model.robot, q)
     return (
         q,
         np.stack([u, u + WAY * generator.uniform(-1, 1, u.shape)]),
@@ -198,7 +200,7 @@ def compared(
         compiled.place(q[k], u[0, k])
         compiled.call("assemble", u[1, k])
         compiled.call("forces", *motion, model.prior, forces[k])
-    there = try_assemble(model.mechanism, u[1], start=q).configurations
+    there = try_assemble(model.robot, u[1], start=q).configurations
     rates, second = (np.tile(each, (len(q), 1)) for each in motion)
     K = model.base.regressor(model.standard_regressor(there, rates, second))
     return forces, K @ model.prior
@@ -210,7 +212,7 @@ def one_by_one(model: ForceModel, q: np.ndarray, u: np.ndarray, motion: np.ndarr
 
     def work() -> None:
         for k in range(ONE_BY_ONE):
-            there = assemble(model.mechanism, u[1, k : k + 1], start=q[k])
+            there = assemble(model.robot, u[1, k : k + 1], start=q[k])
             model.base.regressor(model.standard_regressor(there, rates, second)) @ model.prior
 
     return 1e6 * least(work) / ONE_BY_ONE

@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.export import CSource
-from loopid.export.c_code import motor_positions
+from loopid.export.c_code import CSource, motor_positions
 from loopid.identification import ForceModel
 from loopid.kinematics import ClosedMotion
 
@@ -59,7 +58,7 @@ class CompiledRobot:
 
     def regressors(self, motion: ClosedMotion) -> tuple[np.ndarray, np.ndarray]:
         """Regressors (N, dof, n) and statuses (N,) along a motion, each state on its own."""
-        mechanism = self.model.mechanism
+        mechanism = self.model.robot
         chosen = mechanism.velocity_indices(mechanism.independent)
         motors = motor_positions(mechanism, motion.configurations)
         rates, second = motion.velocities[:, chosen], motion.accelerations[:, chosen]

@@ -24,22 +24,15 @@ from typing import Any
 
 import numpy as np
 
+import loopid
 from example_robots import robots_folder
-from loopid import (
-    FourierSeries,
-    JointTerms,
-    find_force_model,
-    identify,
-    joint_motion,
-    load_mechanism,
-    prepare_recording,
-)
+from loopid import JointTerms, identify
 from loopid.arguments import FloatArray
-from loopid.export import export_robot_file
+from loopid.export.robot_file import export_robot_file
 from loopid.identification import Identification, consistent_fit
 from loopid.inertia import parameters_of, pseudo_inertia
 from loopid.logs import Log
-from loopid.motion import JointMotion, scaled_bodies
+from loopid.motion import FourierSeries, JointMotion, joint_motion, scaled_bodies
 from loopid.workers import one_blas_thread
 from tables import show, write_json
 
@@ -69,12 +62,12 @@ class Case:
     def __init__(self, name: str) -> None:
         file, self.middle, self.size, friction, noise = ROBOTS[name]
         path = Path(robots_folder()) / file
-        self.robot = load_mechanism(str(path) if path.suffix == ".urdf" else file)
+        self.robot = loopid.load(str(path) if path.suffix == ".urdf" else file)
         motors = self.robot.actuated
         count = 2 * len(motors)
         self.friction = np.resize(np.asarray(friction, dtype=float), count)
         self.noise = np.broadcast_to(noise, len(motors))
-        self.model = find_force_model(self.robot, "full", JointTerms(motors, ("Fc", "Fv")))
+        self.model = loopid.force_model(self.robot, "full", JointTerms(motors, ("Fc", "Fv")))
         self.motions = [self.moved(seed) for seed in (0, 1)]
         states = [(m.configurations, m.velocities, m.accelerations) for m in self.motions]
         self.K, self.K_new = (self.model.standard_regressor(*state) for state in states)
@@ -141,7 +134,7 @@ def figures(case: Case, kind: str, logs: int) -> dict[str, Any]:
     numbers = defaultdict[str, list[Any]](list)
     for seed in range(logs):
         truth = case.truth(kind, seed)
-        run = prepare_recording(case.robot, case.log(truth, seed))
+        run = loopid.prepare(case.robot, case.log(truth, seed))
         found = identify(case.model, [run])
         for name, value in one_log(case, found, truth).items():
             numbers[name].append(value)

@@ -44,7 +44,7 @@ from tables import show, write_json
 
 KP, KD = np.array([5800.0, 5800, 5800, 65000]), np.array([400.0, 400, 400, 875])
 COULOMB, VISCOUS = np.array([17.0, 22, 19, 230]), np.array([300.0, 300, 300, 2000])
-NOISE = loopid.Noise(uniform=12, encoder_step=2e-5)
+NOISE = loopid.motion.Noise(uniform=12, encoder_step=2e-5)
 DEVIATION = 12 / np.sqrt(3)  # of forces, in N
 KNEE = """
 coordinates: [x_m, z_m, theta, psi]
@@ -78,8 +78,8 @@ HOURS = 10  # of an observer
 @cache
 def models() -> dict[str, ForceModel]:
     """Full and gravity model with friction."""
-    robot = loopid.load_mechanism("3ups_rpu")
-    return {kind: loopid.find_force_model(robot, kind, "Fc,Fv") for kind in ("full", "gravity")}
+    robot = loopid.load("3ups_rpu")
+    return {kind: loopid.force_model(robot, kind, "Fc,Fv") for kind in ("full", "gravity")}
 
 
 def motion(rate: float, repeats: int = 3, psi: tuple[float, float] = (-0.1, 0.1)) -> JointMotion:
@@ -87,8 +87,8 @@ def motion(rate: float, repeats: int = 3, psi: tuple[float, float] = (-0.1, 0.1)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "motions.yaml"
         path.write_text(KNEE % (psi[0], repeats, psi[1], psi[0]))
-        program = loopid.read_motion_program(path)
-    return loopid.joint_motion(models()["full"].mechanism, program.motion("knee", rate))
+        program = loopid.motion.read_motion_program(path)
+    return loopid.motion.joint_motion(models()["full"].robot, program.motion("knee", rate))
 
 
 def values(
@@ -97,7 +97,7 @@ def values(
     """Base parameters with friction by some factors, of the robot file's or other bodies."""
     model = models()[kind]
     terms = (np.stack([COULOMB, VISCOUS], axis=1) * np.reshape(friction, (-1, 1))).ravel()
-    own = model.mechanism.standard_parameters(model.model) if bodies is None else bodies
+    own = model.robot.standard_parameters(model.model) if bodies is None else bodies
     return model.base.values(np.append(own, terms))
 
 
@@ -158,7 +158,7 @@ def loop_of(
     """A robot off the file, under a law whose friction is 10 % off."""
     off = 1 + 0.1 * np.random.default_rng([seed, 1]).choice([-1, 1], 4)
     full = models()["full"]
-    truth = values("full", bodies=scaled_bodies(full.mechanism, 0.15, seed))
+    truth = values("full", bodies=scaled_bodies(full.robot, 0.15, seed))
     robot = loopid.Dynamics(full, truth, start=start)
     gravity, dynamic = (
         loopid.Dynamics(
@@ -172,7 +172,7 @@ def loop_of(
 
 def arrays(run: JointMotion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Positions, velocities and accelerations of the motors."""
-    robot = models()["full"].mechanism
+    robot = models()["full"].robot
     own = robot.velocity_indices(robot.independent)
     return run.configurations[:, own], run.velocities, run.accelerations
 
@@ -411,9 +411,9 @@ def log(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
     if arguments.log is None:
         print("log: no folder was given")
         return
-    robot, model = models()["gravity"].mechanism, models()["gravity"]
-    recording = loopid.prepare_recording(robot, loopid.read_log(arguments.log, robot))
-    fit = loopid.fit(model.samples(recording))
+    robot, model = models()["gravity"].robot, models()["gravity"]
+    recording = loopid.prepare(robot, loopid.read_log(arguments.log, robot))
+    fit = loopid.identification.fit(model.samples(recording))
     rms, moves = fit.quality.residual_rms, recording.motion
     own = loopid.Dynamics(model, fit, start=moves.configurations[0])
     observer, floors = WrenchObserver(own, 0.01, gain=20.0, unmodelled=rms), []

@@ -30,11 +30,12 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 import intervals
+import loopid
 from intervals import Case
-from loopid import find_delay, find_force_model, identify, prepare_recording
+from loopid import identify
 from loopid.arguments import FloatArray
-from loopid.identification import Delay, samples_of
-from loopid.identification.force_model import ForceModel
+from loopid.identification import Delay, find_delay, samples_of
+from loopid.identification.force_models import ForceModel
 from loopid.logs import Log, Recording
 from loopid.workers import one_blas_thread
 from plants import DRIVES, Plant, Sensors
@@ -109,7 +110,7 @@ def row(model: ForceModel, found: list[Delay], delay: float) -> dict[str, Any]:
 
 def fitted(case: Case, recording: Recording, other: Recording) -> tuple[FloatArray, float]:
     """Which intervals (n,) by weighted least squares cover, and the error on another motion."""
-    found = identify(find_force_model(case.robot, "full"), [recording])
+    found = identify(loopid.force_model(case.robot, "full"), [recording])
     labels = found.force_model.parameters.labels
     truth = dict(zip(case.model.parameters.labels, case.truth.tolist(), strict=True))
     whole = found["all parameters"].fit
@@ -126,12 +127,12 @@ def fitted(case: Case, recording: Recording, other: Recording) -> tuple[FloatArr
 def simulated(name: str, slips: list[float], delays: list[float], given: Given) -> Iterator[Any]:
     """Rows of a robot on a motion that is known."""
     case, new = Case(name, "fourier", FINE), Case(name, "other", FINE)
-    model = find_force_model(case.robot, "full")
+    model = loopid.force_model(case.robot, "full")
     for slip in slips:
-        other = prepare_recording(case.robot, late_log(new, slip, 0.0, 1000, given))
+        other = loopid.prepare(case.robot, late_log(new, slip, 0.0, 1000, given))
         for delay in delays:
             runs = [
-                prepare_recording(case.robot, late_log(case, slip, delay, seed, given))
+                loopid.prepare(case.robot, late_log(case, slip, delay, seed, given))
                 for seed in range(given.runs)
             ]
             found = [find_delay(model, [run]) for run in runs]
@@ -152,11 +153,11 @@ def moved(name: str, slips: list[float], delays: list[float], given: Given) -> I
                 for seed in range(given.runs)
             ]
             runs = [plant.follow(plant.motion(pace)) for plant in plants]
-            model = find_force_model(plants[0].robot, "full")
+            model = loopid.force_model(plants[0].robot, "full")
             for delay in delays:
                 sensors = Sensors(rate=given.rate, delay=delay)
                 logs = (run.log(sensors, seed) for seed, run in enumerate(runs))
-                prepared = [prepare_recording(plants[0].robot, log) for log in logs]
+                prepared = [loopid.prepare(plants[0].robot, log) for log in logs]
                 found = [find_delay(model, [run]) for run in prepared]
                 figures = row(model, [each for each in found if each is not None], delay)
                 yield {"robot": name, "motion": pace, "builds up over (mrad)": 1e3 * slip} | figures

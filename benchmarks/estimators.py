@@ -22,19 +22,14 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
+import loopid
 from example_robots import robots_folder
-from loopid import (
-    FourierSeries,
-    JointTerms,
-    LowPass,
-    find_force_model,
-    joint_motion,
-    load_mechanism,
-    read_motion_program,
-)
+from loopid import JointTerms
 from loopid.errors import LoopidError
-from loopid.identification import Estimator, Fit, FitSamples, ForceModel, quiet_fit
-from loopid.motion import Motion, differentiate
+from loopid.identification import Estimator, Fit, FitSamples, ForceModel
+from loopid.identification.fitting import quiet_fit
+from loopid.motion import FourierSeries, LowPass, Motion, joint_motion, read_motion_program
+from loopid.motion.filtering import differentiate
 from loopid.workers import one_blas_thread
 from tables import show, write_json
 
@@ -96,8 +91,8 @@ class Case:
 
 def knee() -> Case:
     """The 3UPS+RPU on its nine trajectories, a sample a second: gravity and friction."""
-    robot, program = load_mechanism("3ups_rpu"), read_motion_program("3ups_rpu")
-    model = find_force_model(robot, "gravity", JointTerms(robot.actuated))
+    robot, program = loopid.load("3ups_rpu"), read_motion_program("3ups_rpu")
+    model = loopid.force_model(robot, "gravity", JointTerms(robot.actuated))
     motions = [joint_motion(robot, program.motion(name, 1.0)) for name in program.motions]
     W = np.concatenate([model.regressor(motion) for motion in motions])
     stretches = np.repeat(np.arange(len(motions)), [len(motion.time) for motion in motions])
@@ -108,8 +103,8 @@ def knee() -> Case:
 
 def ur10() -> Case:
     """The UR10 on a Fourier series of 10 s, 100 samples a second: all terms and friction."""
-    robot = load_mechanism(str(Path(robots_folder()) / UR10))
-    model = find_force_model(robot, "full", JointTerms(robot.actuated, ("Fc", "Fv", "Fo")))
+    robot = loopid.load(str(Path(robots_folder()) / UR10))
+    model = loopid.force_model(robot, "full", JointTerms(robot.actuated, ("Fc", "Fv", "Fo")))
     size = 0.5 / np.arange(1, HARMONICS + 1)
     sine, cosine = np.random.default_rng(0).normal(size=(2, 6, HARMONICS)) * size
     middle = np.array([0.0, -1.2, 1.2, 0.0, 0.5, 0.0])
@@ -129,9 +124,9 @@ def _case(
     few: int,
     stretches: np.ndarray | None = None,
 ) -> Case:
-    bodies = model.mechanism.standard_parameters(model.model)
+    bodies = model.robot.standard_parameters(model.model)
     truth = model.base.values(np.concatenate([bodies, friction]))
-    actuators = model.mechanism.independent
+    actuators = model.robot.independent
     samples = FitSamples.of(model.parameters, actuators, W, W @ truth, stretches=stretches)
     return Case(name, model, motion, samples, truth, deviations, few)
 
@@ -147,7 +142,7 @@ def measured_motion(case: Case, rng: np.random.Generator) -> FitSamples:
     velocity = differentiate(position, RATE)
     acceleration = differentiate(velocity, RATE)
     names, time = case.motion.names, case.motion.time
-    robot = case.model.mechanism
+    robot = case.model.robot
     moved = joint_motion(robot, Motion(names, time, position, velocity, acceleration))
     force = case.samples.force + case.errors()(rng)
     inside = slice(CUT, len(time) - CUT)

@@ -21,8 +21,9 @@ import loopid
 from example_robots import robots_folder
 from loopid.arguments import FloatArray
 from loopid.errors import LoopidError
-from loopid.excitation import ExcitationDesign
-from loopid.identification import ForceModel, quiet_fit
+from loopid.excitation.design import ExcitationDesign
+from loopid.identification import ForceModel
+from loopid.identification.fitting import quiet_fit
 from loopid.logs import Log
 
 FEASIBLE = ("five_bar", "3rrr", "delta", "6ups", "parallelogram")
@@ -37,7 +38,7 @@ def designed(
 ) -> ExcitationDesign:
     """A design, with its figures on a line."""
     wall, spent = perf_counter(), process_time()
-    found = loopid.design_excitation(
+    found = loopid.design_motion(
         model, limits=limits or loopid.MotionLimits(), options=loopid.DesignOptions(**options)
     )
     seconds = f"{perf_counter() - wall:6.1f} s wall {process_time() - spent:6.1f} s processor"
@@ -52,8 +53,8 @@ def designed(
 
 def ur10() -> None:
     """36 base parameters, limits at 90 %, 12 s from rest to rest."""
-    robot = loopid.load_mechanism(robots_folder() / UR10)
-    model = loopid.find_force_model(robot, "full", None)
+    robot = loopid.load(robots_folder() / UR10)
+    model = loopid.force_model(robot, "full", None)
     for collisions in (False, True):
         limits = loopid.MotionLimits(share=0.9, collisions=collisions)
         options: dict[str, Any] = {"duration": 12.0, "size": 7, "starts": 2, "evaluations": 200}
@@ -69,8 +70,8 @@ def figaroh(seed: int = 0) -> None:
         print("make peers installs FIGAROH")
         return
     file = robots_folder() / UR10
-    robot = loopid.load_mechanism(file)
-    model = loopid.find_force_model(robot, "full", None)
+    robot = loopid.load(file)
+    model = loopid.force_model(robot, "full", None)
     with TemporaryDirectory() as folder:
         out, start = Path(folder) / "motion.npz", perf_counter()
         script = Path(__file__).with_name("peers_figaroh_design.py")
@@ -95,25 +96,25 @@ def figaroh(seed: int = 0) -> None:
 
 def knee() -> None:
     """3UPS+RPU: gravity in 20 s, full in 8 s with rates up to 0.3 m/s."""
-    robot = loopid.load_mechanism("3ups_rpu")
+    robot = loopid.load("3ups_rpu")
     options: dict[str, Any] = {"criterion": "condition", "starts": 2, "noise": EVEN}
     slow = loopid.MotionLimits(singularity=0.05, speeds={"all": 0.3})
     for model, limits, duration in (("gravity", KNEE, 20.0), ("full", slow, 8.0)):
-        wanted = loopid.find_force_model(robot, model, None)
+        wanted = loopid.force_model(robot, model, None)
         designed(f"3UPS+RPU, {model}, {duration:g} s", wanted, limits, duration=duration, **options)
 
 
 def feasible() -> None:
     """A design for each robot."""
     for name in FEASIBLE:
-        model = loopid.find_force_model(loopid.load_mechanism(name), "full", None)
+        model = loopid.force_model(loopid.load(name), "full", None)
         designed(name, model)
 
 
 def seeds() -> None:
     """100 seeds of the 3UPS+RPU: violations after the check, and how far motions were shrunk."""
-    robot = loopid.load_mechanism("3ups_rpu")
-    model, kept = loopid.find_force_model(robot, joint_terms=None), 0
+    robot = loopid.load("3ups_rpu")
+    model, kept = loopid.force_model(robot, joint_terms=None), 0
     for seed in range(100):
         found = designed(f"seed {seed}", model, limits=KNEE, seed=seed, starts=1, evaluations=25)
         kept += found.violations == 0
@@ -127,15 +128,15 @@ def budgets() -> None:
     """Criterion (D) of 20 seeds by four budgets: more evaluations never give a worse motion."""
     worse = 0
     for name, count in (("five_bar", 20), (robots_folder() / UR10, 3)):
-        robot = loopid.load_mechanism(name)
-        model = loopid.find_force_model(robot, "full", None)
+        robot = loopid.load(name)
+        model = loopid.force_model(robot, "full", None)
         limits = loopid.MotionLimits(share=0.9, collisions=False)
         for seed in range(count):
             options = [
                 loopid.DesignOptions(seed=seed, starts=2, evaluations=each) for each in BUDGETS
             ]
             found = [
-                loopid.design_excitation(model, limits=limits, options=each).criteria.log_det
+                loopid.design_motion(model, limits=limits, options=each).criteria.log_det
                 for each in options
             ]
             worse += int((np.diff(found) < 0).any())
@@ -150,9 +151,9 @@ def monte_carlo(runs: int = 1000) -> None:
         ("3ups_rpu", "gravity", (), 1.0),
         ("five_bar", "full", ("Fc", "Fv"), 0.02),
     ):
-        robot = loopid.load_mechanism(name)
+        robot = loopid.load(name)
         terms = loopid.JointTerms(robot.actuated, kinds) if kinds else None
-        wanted = loopid.find_force_model(robot, model, terms)
+        wanted = loopid.force_model(robot, model, terms)
         limits = KNEE if name == "3ups_rpu" else None
         found = designed(f"{name}, {model}, D", wanted, limits=limits, noise=noise, starts=2)
         scatter(found, noise, runs)
@@ -163,7 +164,7 @@ def monte_carlo(runs: int = 1000) -> None:
 def scatter(found: ExcitationDesign, noise: float, runs: int) -> None:
     """Standard deviations over fits of logs of a motion."""
     model, motion = found.force_model, found.joint_motion
-    robot, truth, rng = model.mechanism, model.prior, np.random.default_rng(0)
+    robot, truth, rng = model.robot, model.prior, np.random.default_rng(0)
     truth = np.where(truth == 0, 0.05, truth)  # friction that the file does not know
     exact = model.regressor(motion) @ truth
 
@@ -174,7 +175,7 @@ def scatter(found: ExcitationDesign, noise: float, runs: int) -> None:
         return Log.from_arrays(motion.time, x, exact + errors, robot.actuated)
 
     # Errors of the forces change nothing but the filtered forces: what follows is the same.
-    run = loopid.prepare_recording(robot, log(0.0, 0.0 * exact))
+    run = loopid.prepare(robot, log(0.0, 0.0 * exact))
     samples, history = model.samples(run), run.history
     rate = (len(motion.time) - 1) / found.motion.duration
     assert history is not None
@@ -183,7 +184,7 @@ def scatter(found: ExcitationDesign, noise: float, runs: int) -> None:
         for _ in range(count):
             drawn = noise * rng.normal(size=exact.shape)
             if encoder:
-                given = model.samples(loopid.prepare_recording(robot, log(encoder, drawn)))
+                given = model.samples(loopid.prepare(robot, log(encoder, drawn)))
             else:
                 force = history.lowpass.apply(exact + drawn, rate)
                 given = samples.with_force(force[history.rows])
@@ -202,14 +203,14 @@ def scatter(found: ExcitationDesign, noise: float, runs: int) -> None:
 
 def nine_motions(found: ExcitationDesign) -> None:
     """Standard errors by the nine motions of the laboratory, for as many samples."""
-    robot, model = found.force_model.mechanism, found.force_model
-    program, factors = loopid.read_motion_program("3ups_rpu"), []
+    robot, model = found.force_model.robot, found.force_model
+    program, factors = loopid.motion.read_motion_program("3ups_rpu"), []
     for name in program.motions:
         planned = program.motion(name)
         rows = slice(
             0, None, max(1, round(len(program.motions) * len(planned) / len(found.motion)))
         )
-        cut = loopid.joint_motion(robot, planned).select(rows)
+        cut = loopid.motion.joint_motion(robot, planned).select(rows)
         factors.append(model.regressor(cut).reshape(-1, len(model.parameters)))
     nine, new = np.concatenate(factors), model.regressor(found.joint_motion)
     nine *= np.sqrt(new.size / nine.size)
@@ -223,8 +224,8 @@ def refusals() -> None:
     """Impossible requests: wall and processor seconds until they are refused."""
     ur10_file = robots_folder() / UR10
     for name in ("3ups_rpu", "five_bar", "delta", ur10_file):
-        robot = loopid.load_mechanism(name)
-        model, motor = loopid.find_force_model(robot, joint_terms=None), robot.actuated[0]
+        robot = loopid.load(name)
+        model, motor = loopid.force_model(robot, joint_terms=None), robot.actuated[0]
         asked: list[dict[str, Any]] = [
             {"positions": {motor: (0.2, 0.1)}},
             {"forces": {"all": 1e-3}},
@@ -237,7 +238,7 @@ def refusals() -> None:
         for limits in asked:
             wall, spent = perf_counter(), process_time()
             try:
-                loopid.design_excitation(model, limits=loopid.MotionLimits(**limits))
+                loopid.design_motion(model, limits=loopid.MotionLimits(**limits))
             except LoopidError as error:
                 seconds = f"{perf_counter() - wall:5.1f} {process_time() - spent:5.1f}"
                 print(f"{seconds} s  {error}", flush=True)

@@ -24,9 +24,11 @@ from typing import Any
 
 import numpy as np
 
+import loopid
 from intervals import CAD_ERROR, COARSE, MOTIONS, RATES, ROBOTS, Case
-from loopid import find_force_model, friction_curve, identify, prepare_recording
+from loopid import identify
 from loopid.arguments import FloatArray
+from loopid.identification import friction_curve
 from loopid.logs import Log
 from loopid.motion import scaled_bodies
 from loopid.regressors.joint_laws import grouped
@@ -63,7 +65,7 @@ class Friction(Case):
         self.values = dict(zip(self.robot.parameters("full").labels, bodies, strict=True))
         for joint, Fc, Fv in zip(motors, self.coulomb, self.viscous, strict=True):
             self.values |= {f"{joint}.Fc": Fc, f"{joint}.Fv": Fv}
-        self.models = {terms: find_force_model(self.robot, "full", terms) for terms in TERMS}
+        self.models = {terms: loopid.force_model(self.robot, "full", terms) for terms in TERMS}
 
     def log(self, bits: int, seed: int, kind: str = "white") -> Log:
         """As of the case, with the forces of the law."""
@@ -72,7 +74,7 @@ class Friction(Case):
 
     def judged(self, terms: str, log: Log) -> dict[str, Any]:
         """Whether an identification chose more shape, and what it covers."""
-        model, recording = self.models[terms], prepare_recording(self.robot, log)
+        model, recording = self.models[terms], loopid.prepare(self.robot, log)
         start = process_time()
         found = identify(model, [recording])
         seconds = process_time() - start

@@ -21,20 +21,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from loopid import (
-    FilterOptions,
-    JointTerms,
-    Mechanism,
-    Noise,
-    find_force_model,
-    joint_motion,
-    load_mechanism,
-    prepare_recording,
-    read_log,
-    read_motion_program,
-    simulate_measurement,
-)
-from loopid.identification import WeightedLeastSquares, eliminate_parameters, quiet_fit
+import loopid
+from loopid import FilterOptions, JointTerms, Robot, read_log
+from loopid.identification import WeightedLeastSquares
+from loopid.identification.fitting import quiet_fit
+from loopid.identification.selection import eliminate_parameters
+from loopid.motion import Noise, joint_motion, read_motion_program
 from tables import show, write_json
 
 RUNS, FILTER = 5, FilterOptions(cutoff=5.0)
@@ -49,7 +41,7 @@ def main() -> None:
     parser.add_argument("--json", metavar="FILE", help="write the figures to a file")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")  # what the log lacks is not the point here
-    mechanism = load_mechanism(arguments.robot)
+    mechanism = loopid.load(arguments.robot)
     with TemporaryDirectory() as folder:
         log = arguments.log or simulated_log(mechanism, arguments.seconds, Path(folder))
         rows = phases(mechanism, log)
@@ -58,11 +50,11 @@ def main() -> None:
         write_json(arguments.json, {"phases": rows})
 
 
-def simulated_log(mechanism: Mechanism, seconds: float, folder: Path) -> str:
+def simulated_log(mechanism: Robot, seconds: float, folder: Path) -> str:
     """The first seconds of a trajectory as a CSV."""
     program = read_motion_program(mechanism.name)
     motion = joint_motion(mechanism, program.motion("8", 100.0))
-    measured = simulate_measurement(mechanism, motion.select(motion.time <= seconds), Noise(12.0))
+    measured = loopid.simulate(mechanism, motion.select(motion.time <= seconds), Noise(12.0))
     names = [f"{joint}.{what}" for what in ("position", "force") for joint in mechanism.actuated]
     table = np.column_stack([measured.time, measured.position, measured.force])
     file = folder / "run.csv"
@@ -70,20 +62,20 @@ def simulated_log(mechanism: Mechanism, seconds: float, folder: Path) -> str:
     return str(file)
 
 
-def phases(mechanism: Mechanism, path: str) -> list[dict[str, Any]]:
+def phases(mechanism: Robot, path: str) -> list[dict[str, Any]]:
     """Seconds of each phase, and how often a bare regressor loop would fit into it."""
     log = read_log(path, mechanism)
-    recording = prepare_recording(mechanism, log, filter=FILTER)
-    model = find_force_model(mechanism, "gravity", JointTerms(mechanism.actuated))
+    recording = loopid.prepare(mechanism, log, filter=FILTER)
+    model = loopid.force_model(mechanism, "gravity", JointTerms(mechanism.actuated))
     samples = model.samples(recording)
     halves = [model.samples(part) for part in recording.split(0.5)]
     bare = timed(lambda: bare_loop(mechanism, recording.motion.configurations))
     todo: dict[str, Callable[[], object]] = {
         "read and align": lambda: read_log(path, mechanism),
-        "filter and assemble": lambda: prepare_recording(
+        "filter and assemble": lambda: loopid.prepare(
             mechanism, log, filter=FilterOptions(cutoff=5.0)
         ),
-        "base parameters with friction": lambda: find_force_model(
+        "base parameters with friction": lambda: loopid.force_model(
             mechanism, "gravity", JointTerms(mechanism.actuated)
         ),
         "regressor": lambda: model.samples(recording),
@@ -103,7 +95,7 @@ def phases(mechanism: Mechanism, path: str) -> list[dict[str, Any]]:
     return rows
 
 
-def bare_loop(mechanism: Mechanism, configurations: np.ndarray) -> None:
+def bare_loop(mechanism: Robot, configurations: np.ndarray) -> None:
     """Nothing but Pinocchio's own call, once a sample."""
     model, zero = mechanism.model, np.zeros(mechanism.model.nv)
     data = model.createData()

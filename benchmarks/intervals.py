@@ -29,27 +29,23 @@ from typing import Any
 
 import numpy as np
 
+import loopid
 from example_robots import robots_folder
-from loopid import (
-    FilterOptions,
-    FourierSeries,
-    JointTerms,
-    LowPass,
-    find_force_model,
-    identify,
-    joint_motion,
-    load_mechanism,
-    prepare_recording,
-    read_log,
-    read_motion_program,
-    simulate_measurement,
-    split_recordings,
-)
+from loopid import FilterOptions, JointTerms, identify, read_log
 from loopid.arguments import FloatArray
-from loopid.identification import ForceModel, choose_cutoff, quiet_fit
+from loopid.identification import ForceModel, choose_cutoff, split_recordings
+from loopid.identification.fitting import quiet_fit
 from loopid.kinematics import platform_coordinates
-from loopid.logs import Log, prepare_again
-from loopid.motion import Motion, scaled_bodies
+from loopid.logs import Log
+from loopid.logs.preparing import prepare_again
+from loopid.motion import (
+    FourierSeries,
+    LowPass,
+    Motion,
+    joint_motion,
+    read_motion_program,
+    scaled_bodies,
+)
 from loopid.motion.simulation import Measurement
 from loopid.workers import one_blas_thread
 from tables import show, write_json
@@ -87,16 +83,16 @@ class Case:
     def __init__(self, name: str, motion: str, rate: float) -> None:
         self.name, self.rate = name, rate
         file = str(Path(robots_folder()) / UR10) if name == "ur10" else name
-        self.robot = load_mechanism(file)
+        self.robot = loopid.load(file)
         m, (_, _, friction, noise) = len(self.robot.actuated), ROBOTS[name]
         friction = np.resize(np.asarray(friction, dtype=float), 2 * m)
         self.noise = np.broadcast_to(noise, m)
         terms = JointTerms(self.robot.actuated, ("Fc", "Fv"))
-        self.model: ForceModel = find_force_model(self.robot, "full", terms)
+        self.model: ForceModel = loopid.force_model(self.robot, "full", terms)
         bodies = scaled_bodies(self.robot, CAD_ERROR)
         self.truth = self.model.base.values(np.concatenate([bodies, friction]))
         moved = joint_motion(self.robot, self.planned(name, motion, rate))
-        self.exact: Measurement = simulate_measurement(
+        self.exact: Measurement = loopid.simulate(
             self.robot,
             moved,
             standard_parameters=bodies,
@@ -146,7 +142,7 @@ def coverage(case: Case, bits: int, runs: int) -> dict[str, Any]:
     """Figures of so many logs."""
     covered, errors, cutoffs = [], [], []
     for seed in range(runs):
-        recording = prepare_recording(case.robot, case.log(bits, seed))
+        recording = loopid.prepare(case.robot, case.log(bits, seed))
         choice = choose_cutoff(case.model, [recording])
         if choice is not None:
             (recording,) = prepare_again(case.robot, [recording], cutoff=choice.chosen)
@@ -178,14 +174,14 @@ def filtered(case: Case, bits: int, kind: str, runs: int) -> dict[str, Any]:
     rates = FIXED[case.rate / 5 >= FIXED]
     for seed in range(runs):
         log = case.log(bits, seed, kind)
-        recording = prepare_recording(case.robot, log)
+        recording = loopid.prepare(case.robot, log)
         found = identify(case.model, [recording], validation=[recording])
         low, high = found.fit.intervals().T
         covered.append(np.mean((low <= case.truth) & (case.truth <= high)))
         cutoffs.append(found.training[0].cutoff or np.inf)
         chosen.append(error(found["all parameters"].fit.values))
         options = (FilterOptions(cutoff=float(cutoff)) for cutoff in rates)
-        runs_at = (prepare_recording(case.robot, log, filter=each) for each in options)
+        runs_at = (loopid.prepare(case.robot, log, filter=each) for each in options)
         fixed.append([error(quiet_fit(case.model.samples(run)).values) for run in runs_at])
     best = int(np.mean(fixed, axis=0).argmin())
     least = np.array(fixed)[:, best]
@@ -206,15 +202,15 @@ def panda(path: str) -> list[dict[str, Any]]:
     if not Path(path).exists():
         print(f"no log {path}: skipped")
         return []
-    robot = load_mechanism(str(Path(robots_folder()) / PANDA), lock=FINGERS)
+    robot = loopid.load(str(Path(robots_folder()) / PANDA), lock=FINGERS)
     log = read_log(path, robot)
-    model = find_force_model(robot, "full", JointTerms(robot.actuated, ("Fc", "Fv", "Fo")))
-    runs = {"default": prepare_recording(robot, log)}
+    model = loopid.force_model(robot, "full", JointTerms(robot.actuated, ("Fc", "Fv", "Fo")))
+    runs = {"default": loopid.prepare(robot, log)}
     runs |= {
-        f"{cutoff:.2f}": prepare_recording(robot, log, filter=FilterOptions(cutoff=float(cutoff)))
+        f"{cutoff:.2f}": loopid.prepare(robot, log, filter=FilterOptions(cutoff=float(cutoff)))
         for cutoff in FIXED
     }
-    judging = prepare_recording(robot, log, filter=FilterOptions(cutoff=PANDA_JUDGED))
+    judging = loopid.prepare(robot, log, filter=FilterOptions(cutoff=PANDA_JUDGED))
     _, (new,) = split_recordings([judging])
     problem = model.samples(new).problem
     errors, cutoffs = {}, {}

@@ -33,20 +33,10 @@ from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import StoragePlugin, Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
-from loopid import (
-    FilterOptions,
-    JointTerms,
-    Mechanism,
-    Noise,
-    find_force_model,
-    fit,
-    joint_motion,
-    load_mechanism,
-    prepare_recording,
-    read_log,
-    read_motion_program,
-    simulate_measurement,
-)
+import loopid
+from loopid import FilterOptions, JointTerms, Robot, read_log
+from loopid.identification import fit
+from loopid.motion import Noise, joint_motion, read_motion_program
 from tables import show, write_json
 
 ROBOT, RATE = "3ups_rpu", 100.0
@@ -68,7 +58,7 @@ def main() -> None:
         print(json.dumps(measured(arguments.measure, arguments.jobs[0], arguments.every)))
         return
     rows = [in_process("", 1, arguments.every) | {"log": "none"}]
-    mechanism = load_mechanism(ROBOT)
+    mechanism = loopid.load(ROBOT)
     with TemporaryDirectory() as folder:
         for count in arguments.samples:
             for ending in arguments.formats:
@@ -91,14 +81,14 @@ def in_process(path: str, jobs: int, every: bool) -> dict[str, Any]:
 
 def measured(path: str, jobs: int, every: bool) -> dict[str, Any]:
     """Identify, and tell seconds and megabytes."""
-    mechanism = load_mechanism(ROBOT)
-    model = find_force_model(mechanism, "gravity", JointTerms(mechanism.actuated))
+    mechanism = loopid.load(ROBOT)
+    model = loopid.force_model(mechanism, "gravity", JointTerms(mechanism.actuated))
     figures: dict[str, Any] = {"log": "", "samples": 0, "fitted": 0, "jobs": jobs}
     times, starts = ("read", "prepare", "regressor", "fit"), [perf_counter()]
     if path:
         log = read_log(path, mechanism)
         starts.append(perf_counter())
-        recording = prepare_recording(mechanism, log, filter=FilterOptions(decimate=not every))
+        recording = loopid.prepare(mechanism, log, filter=FilterOptions(decimate=not every))
         figures |= {"samples": len(log), "fitted": len(recording)}
         del log
         starts.append(perf_counter())
@@ -122,18 +112,18 @@ def peak_megabytes() -> float:
     return next(int(line.split()[1]) / 1024 for line in status if line.startswith("VmHWM"))
 
 
-def write_log(mechanism: Mechanism, count: int, path: Path) -> None:
+def write_log(mechanism: Robot, count: int, path: Path) -> None:
     """A log of so many samples: a trajectory over and over, with new noise."""
     names = [f"{joint}.{what}" for what in ("position", "effort") for joint in mechanism.actuated]
     write = WRITERS[path.suffix[1:]]
     write(path, ["time", *names], count, tables(mechanism, count))
 
 
-def tables(mechanism: Mechanism, count: int) -> Iterator[np.ndarray]:
+def tables(mechanism: Robot, count: int) -> Iterator[np.ndarray]:
     """Blocks of rows: time, positions, forces."""
     motion = joint_motion(mechanism, read_motion_program(mechanism.name).motion("8", RATE))
     terms, done = JointTerms(mechanism.actuated), 0
-    measurement = simulate_measurement(mechanism, motion, joint_terms=terms, joint_values=FRICTION)
+    measurement = loopid.simulate(mechanism, motion, joint_terms=terms, joint_values=FRICTION)
     there = np.column_stack([measurement.position, measurement.force])
     generator = np.random.default_rng(0)
     while done < count:

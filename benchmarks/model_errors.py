@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from loopid import find_force_model, identify, prepare_recording
+import loopid
+from loopid import identify
 from loopid.identification.verdict import PARAMETERS
 from loopid.parameters import KINDS
 from loopid.workers import one_blas_thread
@@ -51,8 +52,8 @@ def judged(name: str, case: str, seed: int) -> dict[str, float]:
     log = plant.follow(plant.motion(pace)).log(sensors, seed)
     other = replace(plant, seed=seed + 500).motion("fast")
     new = plant.follow(other).log(sensors, seed + 500)
-    model = find_force_model(plant.robot, "full", TERMS.get(case, "auto"))
-    found = identify(model, [prepare_recording(plant.robot, log)])
+    model = loopid.force_model(plant.robot, "full", TERMS.get(case, "auto"))
+    found = identify(model, [loopid.prepare(plant.robot, log)])
     truth, fit = plant.values(found.force_model.base), found.fit
     bodies = [
         j
@@ -60,7 +61,7 @@ def judged(name: str, case: str, seed: int) -> dict[str, float]:
         if parameter.kind in KINDS and fit.parameters.names[j] not in fit.assumed
     ]
     low, high = fit.intervals()[bodies].T
-    prediction = fit.predict(prepare_recording(plant.robot, new))
+    prediction = fit.predict(loopid.prepare(plant.robot, new))
     error, inside = float(np.nanmax(prediction.relative_errors)), prediction.inside
     said = [each.title for each in found.findings if each.severity != "note"]
     return {

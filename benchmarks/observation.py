@@ -22,6 +22,8 @@ from __future__ import annotations
 import argparse
 import os
 
+import loopid
+
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 from collections.abc import Callable
@@ -34,23 +36,18 @@ import numpy as np
 import pinocchio as pin
 
 from example_robots import robots_folder
-from loopid import (
-    Dynamics,
-    Observation,
-    assemble,
-    dynamic_regressor,
-    gravity_regressor,
-    load_mechanism,
-    random_configurations,
-)
+from loopid import Dynamics, random_configurations
 from loopid.kinematics import (
+    assemble,
     closed_motion,
     constraint_jacobian,
     measured_coordinates,
     project,
     random_motions,
 )
-from loopid.robot import Mechanism
+from loopid.observation import Observation
+from loopid.regressors import dynamic_regressor, gravity_regressor
+from loopid.robot import Robot
 from tables import show, write_json
 
 ROUNDS = 15
@@ -71,13 +68,13 @@ def main() -> None:
     parser.add_argument("--single", action="store_true", help="one sample at a time")
     arguments = parser.parse_args()
     if arguments.single:
-        rows = [single(name, load_mechanism(name)) for name in ("3ups_rpu", "6ups")]
+        rows = [single(name, loopid.load(name)) for name in ("3ups_rpu", "6ups")]
         show("one sample at a time, µs", rows)
         if arguments.json:
             write_json(arguments.json, {"single": rows})
         return
-    robots = {name: load_mechanism(name) for name in ("3ups_rpu", "6ups")}
-    ur10 = load_mechanism(str(Path(robots_folder()) / "ur_description/urdf/ur10_robot.urdf"))
+    robots = {name: loopid.load(name) for name in ("3ups_rpu", "6ups")}
+    ur10 = loopid.load(str(Path(robots_folder()) / "ur_description/urdf/ur10_robot.urdf"))
     observations = [
         observation(name, robot, model, arguments.samples)
         for name, robot in {**robots, "ur10": ur10}.items()
@@ -91,7 +88,7 @@ def main() -> None:
         write_json(arguments.json, {"observation": observations, "assembly": assemblies})
 
 
-def observation(name: str, robot: Mechanism, model: str, count: int) -> dict[str, Any]:
+def observation(name: str, robot: Robot, model: str, count: int) -> dict[str, Any]:
     """Costs of the phases of one model's observation."""
     q = random_configurations(robot, count, seed=0)
     rates = random_motions(robot, count, seed=0)
@@ -131,7 +128,7 @@ def observation(name: str, robot: Mechanism, model: str, count: int) -> dict[str
     }
 
 
-def assembly(name: str, robot: Mechanism) -> dict[str, Any]:
+def assembly(name: str, robot: Robot) -> dict[str, Any]:
     """Costs of closing the loops for strokes along a smooth trajectory."""
     strokes = smooth_strokes(robot)
     found = assemble(robot, strokes, trajectory=True)
@@ -148,7 +145,7 @@ def assembly(name: str, robot: Mechanism) -> dict[str, Any]:
     return {"robot": name, **taken, "assembly / bare": ratio, "bar": ASSEMBLY_BAR}
 
 
-def single(name: str, robot: Mechanism) -> dict[str, Any]:
+def single(name: str, robot: Robot) -> dict[str, Any]:
     """Costs of one sample at a time, along a trajectory at 1 kHz."""
     dynamics, strokes = Dynamics(robot), smooth_strokes(robot)[:SINGLE]
     poses = dynamics.assemble(strokes, trajectory=True)
@@ -175,7 +172,7 @@ def single(name: str, robot: Mechanism) -> dict[str, Any]:
     return row
 
 
-def smooth_strokes(robot: Mechanism) -> np.ndarray:
+def smooth_strokes(robot: Robot) -> np.ndarray:
     """Measured coordinates (N, m) that swing about the reference, the k-th one k times in all."""
     start = measured_coordinates(robot).read(robot.reference[None])[0]
     phase = 2 * np.pi * np.linspace(0, 1, TRAJECTORY)[:, None]
@@ -183,7 +180,7 @@ def smooth_strokes(robot: Mechanism) -> np.ndarray:
     return np.asarray(start + SWING * robot.length * swing)
 
 
-def bare(robot: Mechanism, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> Callable[[], None]:
+def bare(robot: Robot, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> Callable[[], None]:
     """Pinocchio's regressors of all samples, kept in an array that is there already."""
     model, data = robot.model, robot.model.createData()
     Y = np.zeros((len(q), model.nv, 10 * (model.njoints - 1)))

@@ -28,25 +28,15 @@ from typing import Any
 import numpy as np
 from joblib import Parallel, delayed
 
+import loopid
 from example_robots import robots_folder
-from loopid import (
-    FourierSeries,
-    JointTerms,
-    LoopidError,
-    drive_gains,
-    find_force_model,
-    identify_payload,
-    joint_motion,
-    load_mechanism,
-    prepare_recording,
-    read_log,
-)
+from loopid import JointTerms, LoopidError, identify_payload, read_log
 from loopid.arguments import FloatArray
-from loopid.diagnosis import KnownLoad
+from loopid.diagnosis import KnownLoad, drive_gains
 from loopid.identification import ForceModel
 from loopid.logs import Log, Recording
-from loopid.motion import JointMotion, scaled_bodies
-from loopid.robot import Mechanism
+from loopid.motion import FourierSeries, JointMotion, joint_motion, scaled_bodies
+from loopid.robot import Robot
 from loopid.workers import one_blas_thread
 from tables import show, write_json
 
@@ -77,11 +67,11 @@ class Case:
     def __init__(self, name: str, model: str) -> None:
         file, self.link, self.mass, self.reach, self.middle, self.size, own = ROBOTS[name]
         path = Path(robots_folder()) / file
-        self.robot = load_mechanism(str(path) if path.suffix == ".urdf" else file)
+        self.robot = loopid.load(str(path) if path.suffix == ".urdf" else file)
         motors, self.kind = self.robot.actuated, model
         self.friction = np.array([own[k >= (len(motors) + 1) // 2] for k in range(len(motors))])
-        self.true = find_force_model(self.robot, "full", JointTerms(motors, ("Fc", "Fv")))
-        self.model = find_force_model(self.robot, model)
+        self.true = loopid.force_model(self.robot, "full", JointTerms(motors, ("Fc", "Fv")))
+        self.model = loopid.force_model(self.robot, model)
 
     def run(
         self, values: FloatArray, gains: FloatArray, noise: float, seed: list[int]
@@ -99,7 +89,7 @@ class Case:
         exact = moved.configurations[:, [self.robot.joint(name).idx_q for name in names]]
         position = step * np.round(exact / step + generator.uniform(-0.5, 0.5, len(names)))
         log = Log.from_arrays(moved.time, position, force / gains, names)
-        return prepare_recording(self.robot, log)
+        return loopid.prepare(self.robot, log)
 
     def moved(self, middle: FloatArray, waves: FloatArray) -> JointMotion:
         """A Fourier series of the motors, smaller where the loops would not close."""
@@ -198,12 +188,12 @@ def figures(draws: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def real(robot: Mechanism, logs: list[str], link: str, mass: float) -> list[dict[str, Any]]:
+def real(robot: Robot, logs: list[str], link: str, mass: float) -> list[dict[str, Any]]:
     """What logs of a real arm say of a load, and by it of the gains."""
-    light, heavy = (prepare_recording(robot, read_log(log, robot)) for log in logs)
+    light, heavy = (loopid.prepare(robot, read_log(log, robot)) for log in logs)
     rows = []
     for kind in ("full", "gravity"):
-        model: ForceModel = find_force_model(robot, kind)
+        model: ForceModel = loopid.force_model(robot, kind)
         found = identify_payload(model, link, unloaded=[light], loaded=[heavy])
         gains = drive_gains(model, link, KnownLoad(mass), unloaded=[light], loaded=[heavy])
         low, high = found.intervals()[found.base.expressions.index("payload.m")]
@@ -236,7 +226,7 @@ def main() -> None:
     rows = []
     if arguments.real:
         file, *logs, link, mass = arguments.real
-        rows = real(load_mechanism(file), logs, link, float(mass))
+        rows = real(loopid.load(file), logs, link, float(mass))
         show("a real arm: mass by each motor; gain by the known mass (95 %)", rows)
     for name in [] if arguments.real else [arguments.robot] if arguments.robot else ROBOTS:
         case = Case(name, arguments.model)

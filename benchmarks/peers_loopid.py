@@ -7,12 +7,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from loopid import Mechanism, Observation, ParameterSet, find_base_parameters, load_mechanism
-from loopid.base_parameters import BaseParameters, SearchOptions
+import loopid
+from loopid import Robot
+from loopid.base_parameters import BaseParameters, SearchOptions, find_base
 from loopid.identification import Fit, FitProblem, OrdinaryLeastSquares
 from loopid.kinematics import torque_regressors
-from loopid.observation import triangular_factor
-from loopid.parameters import Parameter
+from loopid.observation import Observation, triangular_factor
+from loopid.parameters import Parameter, ParameterSet
 from measuring import Phases, States, answer, peak_megabytes
 
 FORCE = ParameterSet((Parameter("measured", "force"),))
@@ -25,7 +26,7 @@ def main() -> None:
     states, limit = States.from_argument(sys.argv[1]), float(sys.argv[2])
     with phases("load"):
         # Peers move mimicking joints on their own.
-        mechanism = load_mechanism(states.urdf, free_mimics=True)
+        mechanism = loopid.load(states.urdf, free_mimics=True)
     loaded = peak_megabytes()
     with phases("triangular factor"):
         both = Observation.from_parts(
@@ -35,7 +36,7 @@ def main() -> None:
         )
     with phases("base parameters"):
         observation = without_force(both, mechanism)
-        base = find_base_parameters(observation, "qr")
+        base = find_base(observation, "qr")
     with phases("least squares"):
         result = least_squares(both, base)
     peak = peak_megabytes()
@@ -54,7 +55,7 @@ def main() -> None:
     )
 
 
-def chunks(mechanism: Mechanism, states: States, phases: Phases) -> Iterator[np.ndarray]:
+def chunks(mechanism: Robot, states: States, phases: Phases) -> Iterator[np.ndarray]:
     """Rows [Y | tau] of consecutive samples."""
     for first in range(0, states.samples, CHUNK):
         q, v, a, tau = states.read(first, CHUNK)
@@ -63,7 +64,7 @@ def chunks(mechanism: Mechanism, states: States, phases: Phases) -> Iterator[np.
         yield np.concatenate([Y, tau[:, :, None]], axis=2)
 
 
-def without_force(both: Observation, mechanism: Mechanism) -> Observation:
+def without_force(both: Observation, mechanism: Robot) -> Observation:
     """The observation of W: the leading block of the factor of [W | tau] is that of W."""
     parameters = mechanism.parameters()
     factor = both.factor[: len(parameters), : len(parameters)]
@@ -86,7 +87,7 @@ def least_squares(both: Observation, base: BaseParameters) -> Fit:
 
 def exact_search(observation: Observation, limit: float) -> dict[str, object]:
     """The choice that is proven best, from the same factor."""
-    search = find_base_parameters(observation, options=SearchOptions(time_limit=limit)).search
+    search = find_base(observation, options=SearchOptions(time_limit=limit)).search
     return {
         "seconds": search.seconds,
         "certified": search.certified,

@@ -28,23 +28,17 @@ import numpy as np
 import pinocchio as pin
 from scipy.signal import lfilter
 
+import loopid
 from example_robots import robots_folder
-from loopid import (
-    FilterOptions,
-    FourierSeries,
-    find_force_model,
-    joint_motion,
-    load_mechanism,
-    prepare_recording,
-)
+from loopid import FilterOptions
 from loopid.arguments import FloatArray
 from loopid.base_parameters import BaseParameters
 from loopid.files import csv_text
 from loopid.logs import Log
-from loopid.motion import Motion, point_to_point, scaled_bodies
+from loopid.motion import FourierSeries, Motion, joint_motion, point_to_point, scaled_bodies
 from loopid.motion.trajectories import FourierCurve, Waypoint
 from loopid.parameters import KINDS
-from loopid.robot import Mechanism
+from loopid.robot import Robot
 from tables import show
 
 UR5 = "ur_description/urdf/ur5_robot.urdf"
@@ -171,7 +165,7 @@ class Plant:
         return DRIVES[self.name]
 
     @property
-    def robot(self) -> Mechanism:
+    def robot(self) -> Robot:
         """As its file has it, for loopid."""
         return loaded(self.drives.file)
 
@@ -360,13 +354,13 @@ class _State:
 
 
 @cache
-def loaded(file: str) -> Mechanism:
+def loaded(file: str) -> Robot:
     """A bundled robot, or one of example-robot-data."""
-    return load_mechanism(str(robots_folder() / file) if "/" in file else file)
+    return loopid.load(str(robots_folder() / file) if "/" in file else file)
 
 
 def _bodies(
-    spec: mujoco.MjSpec, robot: Mechanism, inertias: dict[int, FloatArray], length: float
+    spec: mujoco.MjSpec, robot: Robot, inertias: dict[int, FloatArray], length: float
 ) -> list[mujoco.MjsBody]:
     """A body for each of Pinocchio's joints, the world first."""
     model, placed = robot.model, [spec.worldbody]
@@ -398,7 +392,7 @@ def _bodies(
     return placed
 
 
-def _close(spec: mujoco.MjSpec, robot: Mechanism, placed: list[mujoco.MjsBody]) -> None:
+def _close(spec: mujoco.MjSpec, robot: Robot, placed: list[mujoco.MjsBody]) -> None:
     """Frames of each closure meet in a point."""
     for n, closure in enumerate(robot.closures):
         if closure.kind != "3d":
@@ -423,7 +417,7 @@ def _quaternion(rotation: FloatArray) -> FloatArray:
     return np.array([w, x, y, z])
 
 
-def _configuration(robot: Mechanism, motors: FloatArray, model: mujoco.MjModel) -> FloatArray:
+def _configuration(robot: Robot, motors: FloatArray, model: mujoco.MjModel) -> FloatArray:
     """MuJoCo's positions with the loops closed as in the robot file."""
     steady = Motion(
         robot.actuated, np.array([0.0]), *np.stack([motors, 0 * motors, 0 * motors])[:, None]
@@ -518,8 +512,8 @@ def misfit(plant: Plant, run: Run) -> FloatArray:
     """
     robot = plant.robot
     log = Log.from_arrays(run.time, run.exact_position, run.force(run.time), run.joints)
-    recording = prepare_recording(robot, log, filter=FilterOptions(cutoff=20.0))
-    model = find_force_model(robot, "full", "Fc,Fv,Fo,Ia,Ks")
+    recording = loopid.prepare(robot, log, filter=FilterOptions(cutoff=20.0))
+    model = loopid.force_model(robot, "full", "Fc,Fv,Fo,Ia,Ks")
     samples = model.samples(recording)
     errors = np.where(samples.used, samples.residual(plant.values(model.base)), 0.0)
     sizes = np.where(samples.used, samples.force, 0.0)

@@ -13,6 +13,8 @@ from __future__ import annotations
 import argparse
 import os
 
+import loopid
+
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import warnings
@@ -27,10 +29,11 @@ from typing import Any
 from lxml import etree
 from ruamel.yaml import YAML
 
-from loopid import bundled_robots, load_mechanism, structural_observation
-from loopid.base_parameters import analyse
+from loopid import bundled_robots
+from loopid.base_parameters.structure import analyse
 from loopid.kinematics import SamplingOptions
-from loopid.loading import bundled_directory
+from loopid.loading.files import bundled_directory
+from loopid.regressors import structural_observation
 from tables import show, write_json
 
 SHARED = Path(__file__).parents[2] / "shared"
@@ -90,7 +93,7 @@ def cases(folder: Path) -> Iterator[Case]:
 
 def row(case: Case, seeds: int) -> dict[str, Any]:
     """What all draws of a robot show."""
-    mechanism, found, start = load_mechanism(case.file), [], process_time()
+    mechanism, found, start = loopid.load(case.file), [], process_time()
     for samples in SAMPLES:
         for seed in range(seeds):
             observed = structural_observation(

@@ -25,36 +25,30 @@ from typing import Any
 import numpy as np
 from joblib import Parallel, delayed
 
-from loopid import (
-    LoopidError,
-    find_force_model,
-    identify,
-    load_mechanism,
-    prepare_recording,
-    read_log,
-)
+import loopid
+from loopid import LoopidError, identify, read_log
 from loopid.arguments import FloatArray
 from loopid.diagnosis import compare_fits
 from loopid.identification import Fit
 from loopid.logs import Recording
-from loopid.robot import Mechanism
+from loopid.robot import Robot
 from tables import show, write_json
 
 PLAIN = "Fc,Fv,Fo,Ia"
 LOGS = (".csv", ".csv.gz", ".npz", ".parquet")
 
 
-def robot_of(folder: Path) -> Mechanism:
+def robot_of(folder: Path) -> Robot:
     """The robot of a folder: of its YAMLs the first that is one, or else its URDF."""
     for file in [*sorted(folder.glob("*.yaml")), *sorted(folder.glob("*.urdf"))]:
         try:
-            return load_mechanism(file)
+            return loopid.load(file)
         except LoopidError:
             continue  # a mapping, or another file
     raise SystemExit(f"{folder} holds no robot: give one by --robot")
 
 
-def recordings(folder: Path, robot: Mechanism, only: list[str]) -> dict[str, Recording]:
+def recordings(folder: Path, robot: Robot, only: list[str]) -> dict[str, Recording]:
     """All logs of a folder that are logs of its robot, by the first part of their names."""
     mapping = folder / "mapping.yaml"
     found = {}
@@ -62,14 +56,14 @@ def recordings(folder: Path, robot: Mechanism, only: list[str]) -> dict[str, Rec
         name = file.name.split(".")[0]
         if file.name.endswith(LOGS) and (not only or name in only):
             log = read_log(file, robot, mapping=mapping if mapping.exists() else None)
-            found[name] = prepare_recording(robot, log)
+            found[name] = loopid.prepare(robot, log)
     return found
 
 
-def fitted(robot: Mechanism, run: Recording, model: str, terms: str) -> Fit:
+def fitted(robot: Robot, run: Recording, model: str, terms: str) -> Fit:
     """The recommended fit of a log."""
     warnings.simplefilter("ignore")
-    return identify(find_force_model(robot, model, terms), [run]).fit
+    return identify(loopid.force_model(robot, model, terms), [run]).fit
 
 
 def errors(fit: Fit, run: Recording) -> FloatArray:
@@ -100,7 +94,7 @@ def main() -> None:
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
     folder = arguments.folder
-    robot = load_mechanism(arguments.robot) if arguments.robot else robot_of(folder)
+    robot = loopid.load(arguments.robot) if arguments.robot else robot_of(folder)
     runs = recordings(folder, robot, arguments.only)
     if len(runs) < 2:
         raise SystemExit(f"two logs or more are compared, not {len(runs)}")

@@ -16,15 +16,17 @@ from typing import Any
 
 import numpy as np
 
-from loopid import ExactSearch, Observation, load_mechanism
+import loopid
 from loopid.base_parameters import (
     ChoiceProblem,
+    ExactSearch,
     ExhaustiveSearch,
     PivotedQR,
     SubgroupSearch,
-    analyse,
 )
 from loopid.base_parameters.enumerated import promising
+from loopid.base_parameters.structure import analyse
+from loopid.observation import Observation
 from loopid.regressors import structural_observation
 from tables import show, write_json
 
@@ -40,7 +42,7 @@ def main() -> None:
     parser.add_argument("--full", action="store_true", help="run exhaustive search whole")
     parser.add_argument("--json", metavar="FILE", help="write the figures to a file")
     arguments = parser.parse_args()
-    observation = structural_observation(load_mechanism("3ups_rpu"))
+    observation = structural_observation(loopid.load("3ups_rpu"))
     rows = timed_strategies(observation)
     rows.append(exhaustive(observation, rows[0]["condition_number"], arguments.full))
     for row in rows:
@@ -117,7 +119,7 @@ def subgroup_outcomes(robot: str, least: float, variant: str) -> dict[str, Any]:
     Over random poses, and for each over random orders of the columns.
     """
     outcomes, worst = {"optimum": 0, "worse": 0, "nothing": 0}, 0.0
-    search, mechanism = SubgroupSearch(variant=variant), load_mechanism(robot)
+    search, mechanism = SubgroupSearch(variant=variant), loopid.load(robot)
     for seed in range(SEEDS):
         structure = analyse(structural_observation(mechanism, seed=seed))
         orders = ORDERS if seed == 0 else ORDERS_BESIDE

@@ -14,7 +14,7 @@ import sys
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from loopid.loading import bundled_directory
+from loopid.loading.files import bundled_directory
 from tables import show, write_json
 
 # Runs a command, and says how many modules there are at its end.

@@ -14,9 +14,9 @@ import argparse
 import warnings
 from typing import Any
 
+import loopid
 from intervals import MOTIONS, Case
-from loopid import find_delay, prepare_recording
-from loopid.identification import suspicions
+from loopid.identification import find_delay, suspicions
 from loopid.workers import one_blas_thread
 from plants import MISTAKES
 from tables import show, write_json
@@ -47,7 +47,7 @@ def figures(case: Case, mistake: str, seeds: range) -> dict[str, Any]:
         log = case.log(BITS[seed % len(BITS)], seed)
         if words:
             log = MISTAKES[mistake](log)
-        recording = prepare_recording(case.robot, log)
+        recording = loopid.prepare(case.robot, log)
         said = [found.title for found in suspicions(case.robot, [recording]).mistakes]
         if not words:
             delay = find_delay(case.model, [recording])

@@ -17,7 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from loopid import Mechanism, find_base_parameters, load_mechanism, random_configurations
+import loopid
+from loopid import Robot, random_configurations
+from loopid.base_parameters import find_base
 from loopid.kinematics import platform_coordinates
 from loopid.paper.symbolic import (
     Geometry,
@@ -67,7 +69,7 @@ def compare(configuration: int, poses: int) -> dict[str, Any]:
     }
 
 
-def generated(configuration: int) -> Mechanism:
+def generated(configuration: int) -> Robot:
     """Generate and load a configuration."""
     sys.path.insert(0, str(URDF))
     from generate import read_table, robot_files
@@ -76,12 +78,12 @@ def generated(configuration: int) -> Mechanism:
     with TemporaryDirectory() as folder:
         files = robot_files(ROBOT, robot["configurations"][configuration], robot)
         files.write(Path(folder), ROBOT)
-        return load_mechanism(Path(folder) / f"{ROBOT}.yaml")
+        return loopid.load(Path(folder) / f"{ROBOT}.yaml")
 
 
-def coefficient_difference(mechanism: Mechanism, geometry: Geometry) -> float:
+def coefficient_difference(mechanism: Robot, geometry: Geometry) -> float:
     """Largest difference between numeric and symbolic coefficients of the base parameters."""
-    base = find_base_parameters(structural_observation(mechanism))
+    base = find_base(structural_observation(mechanism))
     labels = base.parameters.labels
     symbolic = np.zeros((len(base_parameter_rows()), len(labels)))
     for row, terms in zip(symbolic, base_parameter_rows(), strict=True):

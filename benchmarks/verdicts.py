@@ -21,12 +21,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from loopid import prepare_recording, read_log
+import loopid
+from loopid import read_log
 from loopid.errors import LoopidError
 from loopid.files import csv_text
 from loopid.identification import suspicions
 from loopid.logs import Log
-from loopid.robot import Mechanism
+from loopid.robot import Robot
 from loopid.workers import one_blas_thread
 from plants import DRIVES, MISTAKES, PACES, Plant, Sensors
 from tables import show, write_json
@@ -68,7 +69,7 @@ ALIKE = {"exchanged motors": ("delta",)}
 ALSO = {"exchanged positions": "exchanged", "exchanged forces": "exchanged"}
 
 
-def first_said(robot: Mechanism, log: Log) -> str:
+def first_said(robot: Robot, log: Log) -> str:
     """The mistake that the verdict begins with, or why the log is refused; empty if neither."""
     names = [f"{joint}.{what}" for what in ("position", "force") for joint in log.joints]
     try:
@@ -76,7 +77,7 @@ def first_said(robot: Mechanism, log: Log) -> str:
             file = Path(folder, "run.csv")
             file.write_text(csv_text(["time", *names], log.time, log.position, log.force))
             read = read_log(file, robot)
-        found = suspicions(robot, [prepare_recording(robot, read)]).mistakes
+        found = suspicions(robot, [loopid.prepare(robot, read)]).mistakes
     except LoopidError as error:
         return f"refused: {error}"
     return next((each.title for each in found if each.severity == "mistake"), "")

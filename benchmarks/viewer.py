@@ -80,7 +80,7 @@ def drag(viewer: Any, page: Any) -> tuple[float, float, float, float]:
 
 def cost(viewer: Any) -> float:
     """Processor time in s of a pose, from a slider to what is sent to the browser."""
-    middle, count = viewer.scene.at(viewer.scene.mechanism.reference).values, 100
+    middle, count = viewer.scene.at(viewer.scene.robot.reference).values, 100
     start = time.process_time()
     for k in range(count):
         viewer.move(middle + np.eye(len(middle))[0] * 0.02 * np.sin(k / 10))
@@ -97,7 +97,7 @@ def main() -> None:
         browser = play.chromium.launch(executable_path=program, args=OPTIONS)
         for name in sys.argv[1:] or ("3ups_rpu", "delta"):
             with warnings.catch_warnings(action="ignore"):
-                robot = loopid.load_mechanism(name)
+                robot = loopid.load(name)
             with Counting(robot) as viewer:
                 own = 1e3 * cost(viewer)
                 page = browser.new_page(viewport={"width": 480, "height": 320})

@@ -9,9 +9,9 @@ import numpy as np
 
 import loopid
 
-robot = loopid.load_mechanism(Path(__file__).with_name("leg.yaml"))
+robot = loopid.load(Path(__file__).with_name("leg.yaml"))
 dynamics = loopid.Dynamics(robot)
-base = loopid.find_base_parameters(loopid.structural_observation(robot))
+base = loopid.base_parameters.find_base(loopid.regressors.structural_observation(robot))
 print("masses and first moments that the motors feel:", *base.expressions, sep="\n  ")
 
 # A knee bend: how far the knee turns for a turn of its drive, and how it gets there.
@@ -23,7 +23,7 @@ print("knee in rad:", q[:, knee.idx_q].round(3), "per rad of the drive:", ratio.
 
 # A push of the surroundings, along the fixed axes.
 push = loopid.ExternalWrench("lever", np.tile([0, 0, 200.0, 0, 0, 0], (4, 1)), axes="world")
-holding = dynamics.gravity(poses) - loopid.wrench_forces(robot, q, [push])
+holding = dynamics.gravity(poses) - loopid.logs.wrench_forces(robot, q, [push])
 print("torques of hip and knee drive in N m:", *holding.round(1), sep="\n  ")
 
 still = np.zeros((4, 2))

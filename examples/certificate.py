@@ -2,8 +2,8 @@
 
 import loopid
 
-robot = loopid.load_mechanism("3ups_rpu")
-base = loopid.find_base_parameters(loopid.structural_observation(robot))
+robot = loopid.load("3ups_rpu")
+base = loopid.base_parameters.find_base(loopid.regressors.structural_observation(robot))
 
 search = base.search
 print(f"{len(base)} of {len(base.parameters)} parameters can be known:")
@@ -14,5 +14,5 @@ print(f"cond(V22) = {search.condition_number:.4f}, proven best: {search.certifie
 print(f"{search.ties:,} of the {search.candidates:,} choices are as good, none is better")
 
 # What was found at random poses holds at all others.
-fresh = loopid.gravity_regressor(robot, loopid.random_configurations(robot, 100, seed=1))
+fresh = loopid.regressors.gravity_regressor(robot, loopid.random_configurations(robot, 100, seed=1))
 print(f"relative error of the forces on fresh poses: {base.reconstruction_error(fresh):.0e}")

@@ -10,21 +10,21 @@ from dask import delayed
 import loopid
 from loopid.identification import WeightedLeastSquares, distributed_problem
 
-robot = loopid.load_mechanism("five_bar")
-model = loopid.find_force_model(robot, "full", "Fc,Fv")
-program = loopid.read_motion_program("five_bar").motion(rate=100.0)
+robot = loopid.load("five_bar")
+model = loopid.force_model(robot, "full", "Fc,Fv")
+program = loopid.motion.read_motion_program("five_bar").motion(rate=100.0)
 terms, friction = loopid.JointTerms.with_values(robot, "Fc=0.1,Fv=0.05")
 
 
 @delayed
 def recording(seed):
     """What a worker reads; here it makes it."""
-    measured = loopid.simulate_measurement(
-        robot, loopid.joint_motion(robot, program), loopid.Noise(gaussian=0.05), seed=seed,
-        joint_terms=terms, joint_values=friction,
-    )  # fmt: skip
+    motion, noise = loopid.motion.joint_motion(robot, program), loopid.motion.Noise(gaussian=0.05)
+    measured = loopid.simulate(
+        robot, motion, noise, seed=seed, joint_terms=terms, joint_values=friction
+    )
     log = loopid.Log.from_arrays(measured.time, measured.position, measured.force, robot.actuated)
-    return loopid.prepare_recording(robot, log)
+    return loopid.prepare(robot, log)
 
 
 for count in (1, 8):

@@ -6,7 +6,7 @@ import numpy as np
 
 import loopid
 
-robot = loopid.load_mechanism("3ups_rpu")
+robot = loopid.load("3ups_rpu")
 dynamics = loopid.Dynamics(robot)
 stroke = np.array([robot.reference[robot.joint(name).idx_q] for name in robot.actuated])
 

@@ -10,8 +10,8 @@ import pinocchio as pin
 
 import loopid
 
-robot = loopid.load_mechanism("four_bar")
-dynamics, (model, constraints) = loopid.Dynamics(robot), loopid.to_pinocchio(robot)
+robot = loopid.load("four_bar")
+dynamics, (model, constraints) = loopid.Dynamics(robot), loopid.export.to_pinocchio(robot)
 data, memory = model.createData(), pin.StdVec_RigidConstraintData()
 memory.extend(constraint.createData() for constraint in constraints)
 pin.initConstraintDynamics(model, data, constraints, memory)

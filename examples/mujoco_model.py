@@ -24,9 +24,9 @@ MJCF = """<mujoco model="four_bar"><compiler angle="radian"/><worldbody>
 with TemporaryDirectory() as folder:
     path = Path(folder, "four_bar.xml")
     path.write_text(MJCF)
-    robot, simulator = loopid.load_mechanism(path), mujoco.MjModel.from_xml_path(str(path))
+    robot, simulator = loopid.load(path), mujoco.MjModel.from_xml_path(str(path))
 
-base = loopid.find_base_parameters(loopid.structural_observation(robot, "full"))
+base = loopid.base_parameters.find_base(loopid.regressors.structural_observation(robot, "full"))
 print(f"{len(base.expressions)} base parameters of {len(robot.parameters())}:", *base.expressions)
 
 # The tree's forces by MuJoCo, projected to the motor with loopid's G.

@@ -35,11 +35,11 @@ class JsonLines(LogFormat):
 
 log_formats.register("jsonl", JsonLines)
 
-robot = loopid.load_mechanism("five_bar")
+robot = loopid.load("five_bar")
 with TemporaryDirectory() as folder:
     path = Path(folder) / "run.jsonl"
     polars.read_csv(CSV).write_ndjson(path)
     print(path.read_text().splitlines()[0])
     log = loopid.read_log(path, robot)
 print(log)
-print(loopid.prepare_recording(robot, log))
+print(loopid.prepare(robot, log))

@@ -16,9 +16,9 @@ URDF = Path(__file__).parents[1] / "urdf"
 run = np.loadtxt(URDF / "logs" / "five_bar.csv", delimiter=",", skiprows=1)
 time, position, force = run[:, 0], run[:, 1:3], run[:, 3:]
 
-robot = loopid.load_mechanism(URDF / "five_bar.yaml")
+robot = loopid.load(URDF / "five_bar.yaml")
 log = loopid.Log.from_arrays(time, position, force, robot.actuated)
-found = loopid.identify(robot, [loopid.prepare_recording(robot, log)])
+found = loopid.identify(robot, [loopid.prepare(robot, log)])
 
 print(found.verdict)
 for name in found.fit:

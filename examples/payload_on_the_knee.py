@@ -7,8 +7,8 @@ import numpy as np
 import loopid
 from loopid import control
 
-robot = loopid.load_mechanism("3ups_rpu")
-slow, full = (loopid.find_force_model(robot, kind, "Fc,Fv") for kind in ("gravity", "full"))
+robot = loopid.load("3ups_rpu")
+slow, full = (loopid.force_model(robot, kind, "Fc,Fv") for kind in ("gravity", "full"))
 motors = np.array([[17, 300], [22, 300], [19, 300], [230, 2000.0]])  # Coulomb, viscous friction
 bodies = np.append(loopid.motion.scaled_bodies(robot, 0.15, seed=3), motors)  # as they really are
 guess = slow.base.values(np.append(robot.standard_parameters("gravity"), 1.1 * motors))
@@ -16,7 +16,7 @@ leg = np.array([10, 0.2, 0.1, 0.8, 0.1, 0, 0.1, 0, 0, 0.1])  # kg, kg m, kg m² 
 home, way, dt = np.array([0.11, 0.72, 0.15, 0.0]), np.array([-0.09, -0.02, -0.15, 0.1]), 0.02
 time = dt * np.arange(600)
 poses = home + np.outer(np.sin(2 * np.pi * time / 8), way)
-q = loopid.assemble(robot, poses, "platform", trajectory=True)
+q = loopid.kinematics.assemble(robot, poses, "platform", trajectory=True)
 strokes = q[:, robot.velocity_indices(robot.actuated)]
 rates = np.gradient(strokes, dt, axis=0)
 loads = {300: leg, 525: -leg}  # by the sample
@@ -30,7 +30,7 @@ for name in ("PD+G", "PID+G", "PID+G online"):
     )
     laws += [online] if "online" in name else [control.Friction(own), control.Gravity(own)]
     truth = loopid.Dynamics(full, full.base.values(bodies), start=q[0])
-    noise = loopid.Noise(uniform=12, encoder_step=2e-5)
+    noise = loopid.motion.Noise(uniform=12, encoder_step=2e-5)
     sensors = control.LoopOptions(interval=dt, noise=noise, step=1e-2, refresh=2 * dt)
     loop = control.ControlLoop(truth, control.Controller(*laws), options=sensors)
     load = lambda k, loop: k in loads and loop.load("platform", loads[k])  # noqa: E731

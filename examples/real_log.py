@@ -13,9 +13,9 @@ import loopid
 if len(sys.argv) < 2:
     sys.exit("give the folder of an experiment: python examples/real_log.py FOLDER")
 
-robot = loopid.load_mechanism("3ups_rpu")
+robot = loopid.load("3ups_rpu")
 log = loopid.read_log(sys.argv[1], robot)
-recording = loopid.prepare_recording(robot, log)
+recording = loopid.prepare(robot, log)
 print(log, recording, sep="\n")
 
 found = loopid.identify(robot, [recording])

@@ -9,9 +9,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
+import loopid
 from bank_doc import table
-from loopid import load_mechanism, random_configurations
-from loopid.base_parameters import analyse
+from loopid import random_configurations
+from loopid.base_parameters.structure import analyse
 from loopid.kinematics import closed_motion, random_motions
 from loopid.observation import Observation
 from loopid.regressors import motion_regressor
@@ -41,7 +42,7 @@ def count(robot, column):
 
 @cache
 def load(robot, alike=False):
-    return load_mechanism(robot, tied=alike)
+    return loopid.load(robot, tied=alike)
 
 
 @cache
@@ -95,7 +96,7 @@ def ranks(robot, changed_row, change=lambda urdf: urdf):
     with TemporaryDirectory() as folder:
         files.write(Path(folder), robot)
         (Path(folder) / f"{robot}.urdf").write_text(change(files.urdf))
-        mechanism = load_mechanism(Path(folder) / f"{robot}.yaml")
+        mechanism = loopid.load(Path(folder) / f"{robot}.yaml")
     q = random_configurations(mechanism, POSES)
     found = {model: observe(mechanism, model, q)[1] for model in MODELS}
     assert min(structure.rank_gap for structure in found.values()) > GAP

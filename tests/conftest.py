@@ -21,17 +21,9 @@ from hypothesis import HealthCheck, settings
 import loopid
 from closure_robots import X, Y, Z, body, files, frame, joint, urdf
 from linkages import LINKAGES
-from loopid import (
-    bundled_robots,
-    find_force_model,
-    identify,
-    load_mechanism,
-    prepare_recording,
-    random_configurations,
-    read_log,
-)
+from loopid import bundled_robots, identify, random_configurations, read_log
 from loopid.errors import ModelWarning
-from loopid.paper import reproduce_paper
+from loopid.paper.reproduction import reproduce_paper
 from made_runs import friction, logged, quietly, wander
 
 ROOT = Path(__file__).parents[1]
@@ -83,7 +75,7 @@ def robot_data():
 
 @pytest.fixture(scope="session")
 def load_once():
-    return cache(load_mechanism)
+    return cache(loopid.load)
 
 
 @pytest.fixture
@@ -91,12 +83,12 @@ def bundled_once(load_once, monkeypatch):
     """Examples and pages share the bundled robots that they load."""
     names = bundled_robots()
 
-    @wraps(load_mechanism)
+    @wraps(loopid.load)
     def load(file, *arguments, **options):
         alone = file in names and not (arguments or options)
-        return load_once(file) if alone else load_mechanism(file, *arguments, **options)
+        return load_once(file) if alone else loopid.load(file, *arguments, **options)
 
-    monkeypatch.setattr(loopid, "load_mechanism", load)
+    monkeypatch.setattr(loopid, "load", load)
 
 
 KNEES = ["3ups_rpu", pytest.param("5p", marks=pytest.mark.validate)]  # of one kind
@@ -189,7 +181,7 @@ def load_files(write_files):
     def load(parts, description, **options):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ModelWarning)
-            return load_mechanism(write_files(*files(parts, description)), **options)
+            return loopid.load(write_files(*files(parts, description)), **options)
 
     return load
 
@@ -207,7 +199,7 @@ def four_bars(write_files):
     Both closures have redundant rows: 2 of 3 and 3 of 6 are independent.
     """
     return {
-        kind: load_mechanism(
+        kind: loopid.load(
             write_files(FOUR_BAR.replace("END_TYPE", end), FOUR_BAR_LOOP.replace("KIND", kind))
         )
         for kind, end in (("3d", "fixed"), ("6d", "revolute"))
@@ -219,7 +211,7 @@ def weld(write_files):
     """Describe a knee robot with its balls as three hinges each and its loops cut behind them."""
 
     def welded(file):
-        knee = load_mechanism(file)
+        knee = loopid.load(file)
         data = knee.model.createData()
         pin.framesForwardKinematics(knee.model, data, knee.reference)
         at = {frame.name: data.oMf[k] for k, frame in enumerate(knee.model.frames)}
@@ -283,7 +275,7 @@ def recording_of(log_of, once):
     """That log, prepared."""
 
     def recorded(robot):
-        return quietly(prepare_recording, robot, read_log(log_of(robot), robot))
+        return quietly(loopid.prepare, robot, read_log(log_of(robot), robot))
 
     return lambda robot: once(f"real {robot.name}", lambda: recorded(robot))
 
@@ -316,8 +308,8 @@ def study(knee, knee_run, once):
     """What that log tells, through reading, filter and split."""
 
     def studied():
-        recording = prepare_recording(knee, read_log(knee_run, knee))
-        model = find_force_model(knee, "gravity", friction(knee)[0])
+        recording = loopid.prepare(knee, read_log(knee_run, knee))
+        model = loopid.force_model(knee, "gravity", friction(knee)[0])
         return identify(model, recording)
 
     return once("study", lambda: quietly(studied))

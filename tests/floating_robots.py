@@ -7,8 +7,10 @@ import pinocchio as pin
 
 from closure_robots import body, joint
 from linkages import five_bar
-from loopid import ExternalWrench, assemble, wrench_forces
-from loopid.kinematics import singularity_measure
+from loopid import ExternalWrench
+from loopid.kinematics import assemble
+from loopid.kinematics.projection import singularity_measure
+from loopid.logs import wrench_forces
 from loopid.motion import JointMotion
 
 BASE = "root_joint"
@@ -58,7 +60,7 @@ class Walk:
 
 def walk(model, parameters, seconds=20.0, rate=100.0):
     """A motion of the biped whose feet carry what its base needs, by a force model."""
-    robot, time = model.mechanism, np.arange(int(seconds * rate)) / rate
+    robot, time = model.robot, np.arange(int(seconds * rate)) / rate
     phase = time[:, None] * [1.9, 1.3] + [0.0, 1.0]
     middle = robot.reference[[robot.joint(name).idx_q for name in robot.actuated]]
     position = middle + 0.35 * np.sin(phase)

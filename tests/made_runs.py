@@ -5,19 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
+import loopid
 from closure_robots import body, urdf
 from loopid import JointTerms
 from loopid.kinematics import measured_coordinates, platform_coordinates
 from loopid.logs import Log, Recording
-from loopid.motion import (
-    FourierSeries,
-    Motion,
-    Noise,
-    Waypoint,
-    joint_motion,
-    point_to_point,
-    simulate_measurement,
-)
+from loopid.motion import FourierSeries, Motion, Noise, Waypoint, joint_motion, point_to_point
 
 FRICTION = {"Fc": (17.0, 22.0, 19.0, 230.0), "Fv": (320.0, 320.0, 320.0, 2000.0)}
 HINGE = """<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/>
@@ -73,7 +66,7 @@ def simulated(robot, motion, noise, seed=0, standard=None, terms=None):
     """What sensors read; terms with their values."""
     kinds, values = terms or (None, None)
     options = {"joint_terms": kinds, "joint_values": values, "standard_parameters": standard}
-    return simulate_measurement(robot, motion, noise, seed=seed, **options)
+    return loopid.simulate(robot, motion, noise, seed=seed, **options)
 
 
 def record(robot, motion, terms=None, standard=None, noise=1.0, seed=0, name="run"):
@@ -86,7 +79,7 @@ def modelled(model, motion, values, noise=1.0, seed=0, name="run"):
     """A recording whose forces are those of a force model, with normal errors."""
     force = model.regressor(motion) @ values
     error = np.random.default_rng(seed).normal(scale=noise, size=force.shape)
-    return Recording.of_motion(motion, force + error, model.mechanism.actuated, name=name)
+    return Recording.of_motion(motion, force + error, model.robot.actuated, name=name)
 
 
 def logged(robot, motion, terms=None, noise=1.0, seed=0, standard=None):

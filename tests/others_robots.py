@@ -5,8 +5,9 @@ from functools import cache
 
 import pytest
 
+import loopid
 from bank_doc import table
-from loopid import load_mechanism, random_configurations
+from loopid import random_configurations
 
 COLUMNS = ("model", "coordinates", "closure rank", "freedoms", "left free", "full", "gravity")
 ROWS = {row["model"]: row for row in table(*COLUMNS)}
@@ -36,7 +37,7 @@ def load(file):
     """A robot, and the categories of what loading it warns of."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        robot = load_mechanism(file)
+        robot = loopid.load(file)
     return robot, {warning.category for warning in caught}
 
 

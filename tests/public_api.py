@@ -7,7 +7,7 @@ from pathlib import Path
 import loopid
 
 FILE = Path(__file__).with_name("public_api.txt")
-ROOMS = sorted(name for name in loopid.__all__ if inspect.ismodule(getattr(loopid, name)))
+ROOMS = sorted(name for name in loopid.__all__ if hasattr(getattr(loopid, name), "__path__"))
 
 
 def names(door):

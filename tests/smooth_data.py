@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from loopid import ParameterSet
 from loopid.identification import FitSamples
+from loopid.parameters import ParameterSet
 
 TRUTH = np.array([3.0, -1.0, 0.5, 10.0, 2.0, -4.0])
 DEVIATIONS = np.array([0.5, 4.0])  # of the errors of two actuators

@@ -11,10 +11,11 @@ import pytest
 from pydantic import BaseModel, ValidationError
 
 import loopid
-from loopid import random_configurations, structural_observation
+from loopid import random_configurations
 from loopid.arguments import MADE_BY, FloatArray, checked
 from loopid.errors import OptionError
 from loopid.kinematics import mobility, random_motions
+from loopid.regressors import structural_observation
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def test_the_errors_of_a_function_are_its_own():
 
 
 def test_what_gives_an_object_is_named(knee):
-    with pytest.raises(OptionError, match=r"of type Mechanism, not 'knee': load\w* gives one"):
+    with pytest.raises(OptionError, match=r"of type Robot, not 'knee': load\w* gives one"):
         mobility("knee")
     for maker in MADE_BY.values():
         assert callable(getattr(loopid, maker))

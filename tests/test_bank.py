@@ -6,7 +6,7 @@ import pytest
 
 from bank_doc import PUBLISHED, certificate, published, table
 from bank_robots import COUNTS, GAP, MODELS, ROBOTS, count, load, moved, observed, poses
-from loopid import find_base_parameters
+from loopid.base_parameters import find_base
 from loopid.kinematics import mobility
 from loopid.regressors import motion_regressor
 
@@ -66,7 +66,7 @@ def test_a_certificate_with_a_wrong_number_is_seen(robot):
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_base_parameters_give_the_forces_of_newton_and_euler(robot, model):
     mechanism = load(robot)
-    base = find_base_parameters(observed(robot, model)[0])
+    base = find_base(observed(robot, model)[0])
     motion = moved(mechanism, model, poses(robot, 7))
     data = mechanism.model.createData()
     states = zip(motion.configurations, motion.velocities, motion.accelerations, strict=True)

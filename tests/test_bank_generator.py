@@ -10,9 +10,9 @@ from hypothesis import given, settings, strategies as st
 
 from bank_doc import table
 from bank_robots import ROBOTS, URDF, count, load, nearby, plan, ranks, row
-from loopid import assemble
-from loopid.kinematics import constraint_residual, try_assemble
-from loopid.loading import inertia_defects
+from loopid.kinematics import assemble, constraint_residual
+from loopid.kinematics.assembly import try_assemble
+from loopid.loading.checks import inertia_defects
 
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.])")
 WITH_LEGS = ["3rpr", "3rrr", "6ups", "6ups_crosses", "delta"]

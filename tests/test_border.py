@@ -31,7 +31,7 @@ def test_a_file_is_refused_by_its_line(tmp_path, case):
     file.write_text(YAML.replace("LAST", last))
     file.with_suffix(".urdf").write_text("<robot name='leg'/>")
     with pytest.raises(RobotFileError) as refused:
-        loopid.load_mechanism(file)
+        loopid.load(file)
     assert str(refused.value).startswith(f"{file}: line {line}, {key}: ")
     assert words in str(refused.value)
     assert {"line": line, "key": key}.items() <= refused.value.facts.items()

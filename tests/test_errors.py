@@ -57,7 +57,7 @@ def test_warnings_point_to_the_line_that_called_loopid():
 
 
 def unknown_model(knee, folder):
-    loopid.find_force_model(knee, "half")
+    loopid.force_model(knee, "half")
 
 
 def figures_without_matplotlib(knee, folder):
@@ -67,33 +67,33 @@ def figures_without_matplotlib(knee, folder):
 
 
 def missing_file(knee, folder):
-    loopid.load_mechanism(folder / "nowhere.yaml")
+    loopid.load(folder / "nowhere.yaml")
 
 
 def unknown_motor(knee, folder):
     text = knee.path.read_text().replace("urdf: ", f"urdf: {knee.path.parent}/")
     (folder / "robot.yaml").write_text(text.replace("leg4_stroke]", "leg5_stroke]"))
-    loopid.load_mechanism(folder / "robot.yaml")
+    loopid.load(folder / "robot.yaml")
 
 
 def too_few_coordinates(knee, folder):
-    loopid.assemble(knee, [[0.6, 0.6]], coordinates=["leg1_stroke", "leg2_stroke"])
+    loopid.kinematics.assemble(knee, [[0.6, 0.6]], coordinates=["leg1_stroke", "leg2_stroke"])
 
 
 def strokes_too_long(knee, folder):
-    loopid.assemble(knee, [[9.0, 9.0, 9.0, 9.0]])
+    loopid.kinematics.assemble(knee, [[9.0, 9.0, 9.0, 9.0]])
 
 
 def stretched_legs(knee, folder):
-    loopid.gravity_regressor(knee, np.zeros((1, knee.model.nq)))
+    loopid.regressors.gravity_regressor(knee, np.zeros((1, knee.model.nq)))
 
 
 def no_number(knee, folder):
-    loopid.assemble(knee, [[np.nan, 0.6, 0.6, 0.6]])
+    loopid.kinematics.assemble(knee, [[np.nan, 0.6, 0.6, 0.6]])
 
 
 def few_samples(knee, folder):
-    loopid.find_base_parameters(loopid.structural_observation(knee, samples=2))
+    loopid.base_parameters.find_base(loopid.regressors.structural_observation(knee, samples=2))
 
 
 def no_log(knee, folder):

@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from lxml import etree
 
-from loopid import assemble, load_mechanism, random_configurations
-from loopid.kinematics import SamplingOptions, constraint_residual
+import loopid
+from loopid import random_configurations
+from loopid.kinematics import SamplingOptions, assemble, constraint_residual
 
 CONFIGURATIONS = [("3ups_rpu", 1), ("3ups_rpu", 2), ("3ups_rpu", 4), ("3ups_rpu", 8), ("5p", 1)]
 INERTIA = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
@@ -56,7 +57,7 @@ def test_the_table_has_the_published_configurations(table):
 @pytest.mark.parametrize(("robot", "configuration"), CONFIGURATIONS)
 def test_every_configuration_closes_at_its_home(robot, configuration, table, write_robot):
     geometry = table[robot]["configurations"][configuration]
-    mechanism = load_mechanism(write_robot(geometry, table[robot]))
+    mechanism = loopid.load(write_robot(geometry, table[robot]))
     assert np.abs(constraint_residual(mechanism, mechanism.reference)).max() < 1e-15
     q = random_configurations(mechanism, 3, options=SamplingOptions(margin=0.001))
     assert np.abs(constraint_residual(mechanism, q)).max() < 1e-13
@@ -65,7 +66,7 @@ def test_every_configuration_closes_at_its_home(robot, configuration, table, wri
 @settings(max_examples=8)
 @given(geometry=geometries, pose=poses)
 def test_closed_form_inverse_kinematics_is_assembly(generator, table, write_robot, geometry, pose):
-    mechanism = load_mechanism(write_robot(geometry, table["3ups_rpu"]))
+    mechanism = loopid.load(write_robot(geometry, table["3ups_rpu"]))
     joints = generator.reference_configuration(geometry, list(pose))
     expected = [joints[name] for name in mechanism.joints]
     found = assemble(mechanism, np.array(pose), "platform")[0]
@@ -167,7 +168,7 @@ def test_one_configuration_is_written_where_it_is_wanted(urdf_folder, tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
     stem = "3ups_rpu_configuration8"
     assert {file.name for file in folder.iterdir()} == {f"{stem}.urdf", f"{stem}.yaml"}
-    assert load_mechanism(folder / f"{stem}.yaml").name == stem
+    assert loopid.load(folder / f"{stem}.yaml").name == stem
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from loopid import Observation, ParameterSet, load_mechanism, structural_observation
-from loopid.base_parameters import analyse
+import loopid
+from loopid.base_parameters.structure import analyse
 from loopid.errors import DataError
-from loopid.observation import add_rows, triangular_factor
+from loopid.observation import Observation, add_rows, triangular_factor
+from loopid.parameters import ParameterSet
+from loopid.regressors import structural_observation
 
 EPS = np.finfo(float).eps
 seeds = st.integers(0, 2**32 - 1)
@@ -161,7 +163,7 @@ def test_what_the_motors_alone_feel_are_the_first_rows_of_each_sample():
 
 def test_observations_are_records():
     """Of the same robot they are equal, also after a pickle, and then have the same rank."""
-    robot = load_mechanism("four_bar")
+    robot = loopid.load("four_bar")
     one, other = (structural_observation(robot, "full", seed=3) for _ in range(2))
     copy = pickle.loads(pickle.dumps(one))
     assert one == other == copy

@@ -29,7 +29,7 @@ CLASSES = {
 # Functions that still have more than three positional arguments, or more than seven in all.
 TOO_MANY = {
     "consistent_fit",
-    "load_mechanism",  # what a YAML may say, and how files are read
+    "load",  # what a YAML may say, and how files are read
 }
 # Public records that a run of the pipeline yields and that are no values yet.
 NO_VALUES: set[str] = set()
@@ -54,29 +54,34 @@ def made(tmp_path_factory):
 
 
 def run(folder):
-    robot = loopid.load_mechanism("five_bar")
+    robot = loopid.load("five_bar")
     log = loopid.read_log(FILE.parents[1] / "urdf" / "logs" / "five_bar.csv", robot)
-    model = loopid.find_force_model(robot, "full")
-    recording = loopid.prepare_recording(robot, log)
+    model = loopid.force_model(robot, "full")
+    recording = loopid.prepare(robot, log)
     found = loopid.identify(model, [recording])
     saved = found.fit.save(folder / "fit.yaml")
     samples = model.samples(recording)
     options = loopid.DesignOptions(starts=1, evaluations=1, solver="slsqp", rate=20.0)
-    program = loopid.read_motion_program("five_bar")
-    motion = loopid.joint_motion(robot, program.motion(next(iter(program.motions))))
+    program = loopid.motion.read_motion_program("five_bar")
+    motion = loopid.motion.joint_motion(robot, program.motion(next(iter(program.motions))))
     results = [
         *(robot, log, model, recording, found, samples, samples.problem, program, motion),
-        loopid.structural_observation(robot),
+        loopid.regressors.structural_observation(robot),
         loopid.load_fit(saved),
         loopid.load_fit(saved).predict(recording),
-        loopid.identifiability(model, [recording]),
-        loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=0.1)),
-        loopid.review_motion(robot, motion),
+        loopid.identification.identifiability(model, [recording]),
+        loopid.simulate(robot, motion, loopid.motion.Noise(gaussian=0.1)),
+        loopid.motion.review_motion(robot, motion),
         *found.suspicions,
-        loopid.design_excitation(model, options=options),
-        loopid.fit(samples),
-        *(loopid.ExactSearch(), loopid.MotionLimits(speeds={"all": 1.0}), options),
-        *(loopid.FitOptions(), loopid.LowPass(2.0), loopid.FilterOptions(), loopid.MaskOptions()),
+        loopid.design_motion(model, options=options),
+        loopid.identification.fit(samples),
+        *(loopid.base_parameters.ExactSearch(), loopid.MotionLimits(speeds={"all": 1.0}), options),
+        *(
+            loopid.FitOptions(),
+            loopid.motion.LowPass(2.0),
+            loopid.FilterOptions(),
+            loopid.logs.MaskOptions(),
+        ),
     ]
     kinds: dict[type, object] = {}
     for result in results:
@@ -161,7 +166,7 @@ WRONG = {
 INTERNAL = re.compile(r"\b_\w+|Field required|instances? of|pydantic|Input should|not allowed as")
 # So that what is accepted takes no time.
 QUICK = {
-    "design_excitation": {"options": loopid.DesignOptions(starts=1, evaluations=0)},
+    "design_motion": {"options": loopid.DesignOptions(starts=1, evaluations=0)},
     "structural_observation": {"samples": 5},
 }
 
@@ -169,8 +174,8 @@ QUICK = {
 @pytest.fixture(scope="module")
 def good(made):
     """Arguments of the right types by name, so that one at a time is wrong; no recording at all."""
-    robot, model = made[loopid.Mechanism], made[ForceModel]
-    poses, samples = robot.reference[None], made[loopid.FitSamples]
+    robot, model = made[loopid.Robot], made[ForceModel]
+    poses, samples = robot.reference[None], made[loopid.identification.FitSamples]
     rates = np.zeros((1, 2))
     found = made[loopid.Fit]
     return {
@@ -185,8 +190,10 @@ def good(made):
         ("ExternalWrench", "values"): np.zeros((1, 6)),
         "frame": "right_coupler",
         **{name: getattr(samples, name) for name in inspect.signature(FitSamples).parameters},
-        "observation": made[loopid.Observation],
-        **{name: getattr(made[loopid.Observation], name) for name in ("factor", "rows")},
+        "observation": made[loopid.observation.Observation],
+        **{
+            name: getattr(made[loopid.observation.Observation], name) for name in ("factor", "rows")
+        },
         ("ParameterSet", "parameters"): samples.parameters.parameters,
         "recording": made[Recording],
         "log": made[loopid.Log],
@@ -217,7 +224,7 @@ def good(made):
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize(
-    "name", [n for n in names(loopid) if n not in ("Fit", "LoopidError", "Mechanism")]
+    "name", [n for n in names(loopid) if n not in ("Fit", "LoopidError", "Robot")]
 )
 def test_wrong_types_are_refused_in_plain_words(name, good, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # "nonsense" may be a file to write

@@ -37,7 +37,7 @@ def test_the_log_is_of_the_true_values_that_are_printed():
         line for line in page.splitlines() if line.startswith("loopid simulate five_bar")
     )
     options = dict(re.findall(r"--([\w-]+) (\S+)", command))
-    robot = loopid.load_mechanism("five_bar")
+    robot = loopid.load("five_bar")
     file, error, seed = (
         robot.standard_parameters(),
         float(options["cad-error"]),
@@ -46,7 +46,7 @@ def test_the_log_is_of_the_true_values_that_are_printed():
     bodies = scaled_bodies(robot, error, seed)
     off = np.abs(bodies[::10] / file[::10] - 1)
     assert f"bodies are {100 * off.min():.0f} to {100 * off.max():.0f} % off" in README
-    model = loopid.find_force_model(robot, "full")
+    model = loopid.force_model(robot, "full")
     values = dict(zip(robot.parameters().labels, bodies, strict=True))
     for term in options["terms"].split(","):
         kind, value = term.split("=")

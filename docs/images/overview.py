@@ -48,7 +48,7 @@ def around(ends):
 
 def draw(axes, name, view, zoom):
     """Draw a robot at its reference: plates, bars, motors and closures."""
-    robot = loopid.load_mechanism(name)
+    robot = loopid.load(name)
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, robot.reference)
     seen = []
@@ -83,7 +83,7 @@ def draw(axes, name, view, zoom):
 
 def counts(robot):
     """How many of all parameters are base parameters."""
-    base = loopid.find_base_parameters(loopid.structural_observation(robot, "full"))
+    base = loopid.base_parameters.find_base(loopid.regressors.structural_observation(robot, "full"))
     return base, f"{len(base)} base parameters of {len(base.parameters)}"
 
 
@@ -122,8 +122,8 @@ def main():
     headed(figure.axes[-1], "2. Base parameters", text)
 
     terms = loopid.JointTerms(robot.actuated, tuple(FRICTION))
-    model = loopid.find_force_model(robot, "full", terms)
-    recording = loopid.prepare_recording(robot, loopid.read_log(LOG, robot))
+    model = loopid.force_model(robot, "full", terms)
+    recording = loopid.prepare(robot, loopid.read_log(LOG, robot))
     fit = loopid.identify(model, [recording]).fit
     time, joint = recording.motion.time, robot.actuated[0]
     part = time < 12

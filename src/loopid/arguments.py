@@ -216,10 +216,10 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
 # What gives users an object of a kind.
 MADE_BY = {
-    "Mechanism": "load_mechanism",
-    "ForceModel": "find_force_model",
+    "Robot": "load",
+    "ForceModel": "force_model",
     "Log": "read_log",
-    "Recording": "prepare_recording",
+    "Recording": "prepare",
     "Fit": "load_fit",
 }
 # Which arguments there are is said by the call itself, with the function's name.

@@ -57,7 +57,7 @@ class LoopidError(Exception):
     --------
     >>> import loopid
     >>> try:
-    ...     loopid.load_mechanism("six_bar.urdf")
+    ...     loopid.load("six_bar.urdf")
     ... except loopid.LoopidError as error:
     ...     print(str(error)[:28])
     six_bar.urdf does not exist,

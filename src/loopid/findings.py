@@ -38,7 +38,7 @@ class Finding:
     Examples
     --------
     >>> import loopid
-    >>> found = loopid.Finding(
+    >>> found = loopid.findings.Finding(
     ...     "warning", "motors disagree", "2.35 to 2.62 kg", "find their gains: known_mass=2.8"
     ... )
     >>> print(found)

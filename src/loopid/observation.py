@@ -87,8 +87,8 @@ class Observation:
     Examples
     --------
     >>> import numpy as np, loopid
-    >>> names = loopid.ParameterSet.from_labels(["arm.m", "arm.mx"])
-    >>> observed = loopid.Observation.from_matrix(np.eye(5, 2), names)
+    >>> names = loopid.parameters.ParameterSet.from_labels(["arm.m", "arm.mx"])
+    >>> observed = loopid.observation.Observation.from_matrix(np.eye(5, 2), names)
     >>> observed.rows, observed.factor.shape
     (5, (2, 2))
     """

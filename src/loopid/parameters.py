@@ -96,7 +96,7 @@ class ParameterSet:
     Examples
     --------
     >>> import loopid
-    >>> loopid.load_mechanism("five_bar").parameters("gravity").select([0, 1]).labels
+    >>> loopid.load("five_bar").parameters("gravity").select([0, 1]).labels
     ('left_crank.m', 'left_crank.mx')
     """
 

@@ -26,9 +26,9 @@ def progress_bar(what: str = "") -> Iterator[Callable[..., None]]:
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("five_bar")
-    >>> with loopid.progress_bar("poses") as progress:
-    ...     observed = loopid.structural_observation(robot, progress=progress)
+    >>> robot = loopid.load("five_bar")
+    >>> with loopid.progress.progress_bar("poses") as progress:
+    ...     observed = loopid.regressors.structural_observation(robot, progress=progress)
     """
     notebook = "IPython" in sys.modules and sys.modules["IPython"].get_ipython()
     if getattr(notebook, "kernel", None):

@@ -2,7 +2,9 @@
 
 import pytest
 
-from loopid import find_base_parameters, load_mechanism, structural_observation
+import loopid
+from loopid.base_parameters import find_base
+from loopid.regressors import structural_observation
 
 
 @pytest.fixture(scope="session")
@@ -18,7 +20,7 @@ def knee_observation(knee):
 
 @pytest.fixture(scope="session")
 def knee_base(knee_observation):
-    return find_base_parameters(knee_observation)
+    return find_base(knee_observation)
 
 
 @pytest.fixture(scope="session")
@@ -27,7 +29,7 @@ def observe_robot(write_robot, table):
 
     def observe(geometry, robot, strokes, samples=100):
         entries = table[robot] | {"strokes": strokes}
-        mechanism = load_mechanism(write_robot(geometry, entries))
+        mechanism = loopid.load(write_robot(geometry, entries))
         return structural_observation(mechanism, samples=samples)
 
     return observe

@@ -8,14 +8,10 @@ import pytest
 from choice_problems import parameters
 from hypothesis import given, strategies as st
 
-from loopid.base_parameters import (
-    CRITERIA,
-    SEARCHES,
-    DoubtfulCombination,
-    RankTolerances,
-    analyse,
-    find_base_parameters,
-)
+from loopid.base_parameters import SEARCHES, RankTolerances, find_base
+from loopid.base_parameters.choice import CRITERIA
+from loopid.base_parameters.rank import DoubtfulCombination
+from loopid.base_parameters.structure import analyse
 from loopid.errors import AccuracyWarning, LoopidError, OptionError, RankError
 from loopid.observation import Observation
 from loopid.parameters import ParameterSet
@@ -72,7 +68,7 @@ def test_columns_far_shorter_than_others_leave_a_valid_choice(search, criterion)
         W[:, rng.choice(n, rng.integers(1, n), replace=False)] *= 10.0 ** -rng.integers(7, 14)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", AccuracyWarning)
-            base = find_base_parameters(observe(W), search, criterion=criterion)
+            base = find_base(observe(W), search, criterion=criterion)
         assert base.reconstruction_error(W) < 1e-6
         assert np.isfinite(base.nullspace_condition_number)
 
@@ -102,7 +98,7 @@ def test_a_doubtful_combination_is_named_by_its_terms():
     W = rng.normal(size=(40, 4))
     W[:, 2] = -2 * W[:, 1] + 1e-8 * rng.normal(size=40)
     with pytest.warns(AccuracyWarning, match="doubtful"):
-        base = find_base_parameters(observe(W))
+        base = find_base(observe(W))
     (one,) = base.doubtful
     first, second = parameters(4)[1].label, parameters(4)[2].label
     # What acts beside Φ1 - 2 Φ2, square to it: 2 Φ1 + Φ2.
@@ -147,7 +143,7 @@ def test_terms_of_joints_in_any_unit_count():
 
 def test_no_effect_at_all_is_refused():
     with pytest.raises(RankError, match="no parameter has an effect"):
-        find_base_parameters(observe(np.zeros((8, 4))))
+        find_base(observe(np.zeros((8, 4))))
 
 
 def test_as_many_rows_as_the_rank_may_hide_a_larger_one():

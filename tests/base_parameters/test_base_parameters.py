@@ -9,7 +9,7 @@ import pytest
 from choice_problems import parameters
 from hypothesis import given, strategies as st
 
-from loopid.base_parameters import expression, find_base_parameters
+from loopid.base_parameters import expression, find_base
 from loopid.errors import DataError, OptionError
 from loopid.observation import Observation
 
@@ -31,9 +31,7 @@ def make(seed=0, n=9, r=4):
     rows = rng.normal(size=(r, n))
     rows[:, 3] = 0.0
     rows[:, 5] = -rows[:, 0]
-    return find_base_parameters(
-        Observation.from_matrix(rng.normal(size=(20, r)) @ rows, parameters(n))
-    )
+    return find_base(Observation.from_matrix(rng.normal(size=(20, r)) @ rows, parameters(n)))
 
 
 @pytest.fixture(scope="module")

@@ -8,19 +8,16 @@ import pytest
 from choice_problems import parameters, structure
 from hard_problems import KINDS, SHAPES, least, small_problem, weakly_coupled
 
-from loopid import bundled_robots, load_mechanism, structural_observation
-from loopid.base_parameters import (
-    CRITERIA,
-    ChoiceProblem,
-    ExactSearch,
-    SearchOptions,
-    analyse,
-    find_base_parameters,
-)
+import loopid
+from loopid import bundled_robots
+from loopid.base_parameters import ChoiceProblem, ExactSearch, SearchOptions, find_base
 from loopid.base_parameters.blocks import Budget, split
 from loopid.base_parameters.branch_and_bound import RULES, margin, selections_between
+from loopid.base_parameters.choice import CRITERIA
+from loopid.base_parameters.structure import analyse
 from loopid.errors import AccuracyWarning
 from loopid.observation import Observation
+from loopid.regressors import structural_observation
 from smooth_data import runs
 
 SMALL_SEEDS, COUPLED_SEEDS = 10, 9
@@ -133,7 +130,7 @@ PROVEN = [
 
 @pytest.mark.parametrize(("robot", "model", "criterion"), PROVEN)
 def test_proofs_of_the_bundled_robots_hold_in_ball_arithmetic(robot, model, criterion):
-    structure = analyse(structural_observation(load_mechanism(robot), model))
+    structure = analyse(structural_observation(loopid.load(robot), model))
     assert_proven(ChoiceProblem(structure, criterion))
 
 
@@ -184,7 +181,7 @@ def test_the_answer_does_not_depend_on_where_the_search_starts():
     Columns in another order have other guesses; ties are then broken by other columns.
     """
     for robot, model in (("delta", "full"), ("3ups_rpu", "gravity")):
-        structure = analyse(structural_observation(load_mechanism(robot), model))
+        structure = analyse(structural_observation(loopid.load(robot), model))
         order = np.random.default_rng(0).permutation(len(structure.columns))
         for criterion in CRITERIA:
             first = ExactSearch().search(ChoiceProblem(structure, criterion))
@@ -209,7 +206,7 @@ def assert_no_attack_succeeds(seeds):
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", AccuracyWarning)
                 observation = Observation.from_matrix(W, parameters(W.shape[1]))
-                base = find_base_parameters(observation, search, criterion=criterion)
+                base = find_base(observation, search, criterion=criterion)
             if base.structure.rank != rank or base.doubtful:
                 continue
             total, claimed = total + 1, claimed + base.search.certified
@@ -236,8 +233,6 @@ def test_short_columns_in_the_span_of_long_ones_are_seen(search, decades):
     """The two short ones are nearly orthogonal, the long ones nearly parallel."""
     A = np.array([[1, 0], [0, 1], [1, 1], [1, -1], [2, 1]])
     W = A @ np.array([[1, 0, 1, 1], [0, 1, 1, 1.25]]) * [1, 1, 10.0**decades, 10.0**decades]
-    base = find_base_parameters(
-        Observation.from_matrix(W, parameters(4)), search, criterion="regressor"
-    )
+    base = find_base(Observation.from_matrix(W, parameters(4)), search, criterion="regressor")
     assert (base.base.tolist(), base.search.certified) == ([0, 1], True)
     assert base.search.condition_number == pytest.approx(np.linalg.cond(A), rel=1e-9)

@@ -4,7 +4,8 @@ import pytest
 from choice_problems import BASES, brute_force, problems, random_bases, random_structure
 from hypothesis import assume, given, settings, strategies as st
 
-from loopid.base_parameters import CRITERIA, ChoiceProblem, ExactSearch, ExhaustiveSearch
+from loopid.base_parameters import ChoiceProblem, ExactSearch, ExhaustiveSearch
+from loopid.base_parameters.choice import CRITERIA
 
 
 def assert_agreement(problem, brute):

@@ -8,7 +8,6 @@ from choice_problems import BASES, brute_force, problems, random_structure, stru
 from hypothesis import assume, given, settings, strategies as st
 
 from loopid.base_parameters import (
-    CRITERIA,
     SEARCHES,
     ChoiceProblem,
     ExactSearch,
@@ -17,6 +16,7 @@ from loopid.base_parameters import (
     SearchOptions,
     SubgroupSearch,
 )
+from loopid.base_parameters.choice import CRITERIA
 from loopid.errors import OptionError
 
 OTHERS = [PivotedQR(), SubgroupSearch(), SubgroupSearch(alpha=0.5), ExhaustiveSearch()]

@@ -8,13 +8,8 @@ import pytest
 from choice_problems import BASES, brute_force, problems, random_bases, random_structure, structure
 from hypothesis import assume, given, settings, strategies as st
 
-from loopid.base_parameters import (
-    CRITERIA,
-    ChoiceProblem,
-    ExactSearch,
-    ExhaustiveSearch,
-    SearchOptions,
-)
+from loopid.base_parameters import ChoiceProblem, ExactSearch, ExhaustiveSearch, SearchOptions
+from loopid.base_parameters.choice import CRITERIA
 from loopid.base_parameters.enumerated import promising
 from loopid.errors import OptionError
 

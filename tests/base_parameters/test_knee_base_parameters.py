@@ -5,8 +5,10 @@ from math import comb, cos, radians, sin
 import numpy as np
 import pytest
 
-from loopid import Observation, find_base_parameters, gravity_regressor, random_configurations
-from loopid.base_parameters import ChoiceProblem, SubgroupSearch
+from loopid import random_configurations
+from loopid.base_parameters import ChoiceProblem, SubgroupSearch, find_base
+from loopid.observation import Observation
+from loopid.regressors import gravity_regressor
 
 # What the actuators cannot feel at all: cylinders that turn about their origin have no weight,
 # and the first moments of limb 4 along its horizontal axis do no work.
@@ -105,7 +107,7 @@ def test_true_base_parameters(knee_base, knee, cad, table_ii):
 @pytest.mark.parametrize("criterion", ["nullspace", "regressor"])
 @pytest.mark.parametrize("search", ["exact", "qr"])
 def test_base_forces_are_the_full_forces_on_fresh_poses(knee, knee_observation, search, criterion):
-    found = find_base_parameters(knee_observation, search, criterion=criterion)
+    found = find_base(knee_observation, search, criterion=criterion)
     K = gravity_regressor(knee, random_configurations(knee, 40, seed=77))
     phi = knee.standard_parameters("gravity")
     full, base = K @ phi, found.regressor(K) @ found.values(phi)
@@ -126,8 +128,8 @@ def test_the_papers_subgroup_search(knee_base, knee_observation):
 
 @pytest.mark.parametrize("criterion", ["nullspace", "regressor"])
 def test_exact_is_certified_and_never_worse(knee_observation, criterion):
-    exact = find_base_parameters(knee_observation, "exact", criterion=criterion)
-    pivoted = find_base_parameters(knee_observation, "qr", criterion=criterion)
+    exact = find_base(knee_observation, "exact", criterion=criterion)
+    pivoted = find_base(knee_observation, "qr", criterion=criterion)
     assert exact.search.certified
     assert exact.search.condition_number < pivoted.search.condition_number
 
@@ -138,7 +140,7 @@ def test_the_order_of_the_columns_does_not_change_the_optimum(knee_observation, 
     shuffled = Observation.from_matrix(
         knee_observation.factor[:, order], labels.select(order), length=knee_observation.length
     )
-    found = find_base_parameters(shuffled)
+    found = find_base(shuffled)
     expected = knee_base.search
     assert found.search.condition_number == pytest.approx(expected.condition_number, rel=1e-9)
     assert found.search.ties == expected.ties

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import assume, given, settings, strategies as st
 from ruamel.yaml import YAML
 
-from loopid import find_base_parameters
+from loopid.base_parameters import find_base
 from loopid.errors import AccuracyWarning
-from loopid.loading import bundled_directory
+from loopid.loading.files import bundled_directory
 from loopid.paper.symbolic import Geometry, base_parameter_rows
 
 CONFIGURATIONS = [
@@ -52,7 +52,7 @@ def strokes_around(generator):
 def test_every_published_geometry(robot, configuration, table, observe_robot, strokes_around):
     geometry = table[robot]["configurations"][configuration]
     strokes = strokes_around(geometry, table[robot]["home"])
-    found = find_base_parameters(observe_robot(geometry, robot, strokes))
+    found = find_base(observe_robot(geometry, robot, strokes))
     assert found.structure.rank_gap > 1e10
     assert found.search.certified
     assert_same_base_parameters(found, geometry)
@@ -86,7 +86,7 @@ def test_random_geometries(table, observe_robot, strokes_around, geometry):
         observation = observe_robot(geometry, "3ups_rpu", strokes_around(geometry, home), 40)
     except AccuracyWarning:  # some of these geometries are singular at their home
         assume(False)
-    found = find_base_parameters(observation)
+    found = find_base(observation)
     assert found.structure.rank_gap > 1e8
     assert_same_base_parameters(found, geometry)
     assert found.search.certified

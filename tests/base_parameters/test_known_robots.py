@@ -7,19 +7,17 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+import loopid
 from bank_doc import table
 from bank_robots import GAP, MODELS, moved
-from loopid import (
-    find_base_parameters,
-    load_mechanism,
-    random_configurations,
-    structural_observation,
-)
-from loopid.base_parameters import CRITERIA, analyse
+from loopid import random_configurations
+from loopid.base_parameters import find_base
+from loopid.base_parameters.choice import CRITERIA
+from loopid.base_parameters.structure import analyse
 from loopid.errors import ModelWarning
 from loopid.kinematics import closed_motion
 from loopid.observation import Observation
-from loopid.regressors import motion_regressor
+from loopid.regressors import motion_regressor, structural_observation
 
 ROWS = table("URDF", "motors", "full", "gravity")
 for each in ROWS:  # a file, and options behind it
@@ -56,7 +54,7 @@ def row(request, robot_data):
 def load(*arguments, **options):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)  # what transmissions say beside the bodies
-        return load_mechanism(*arguments, **options)
+        return loopid.load(*arguments, **options)
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +82,7 @@ def test_coordinates_and_motors_are_the_documents(row, robot):
 @EVERY
 @pytest.mark.parametrize("model", MODELS)
 def test_base_parameters_are_as_many_as_known_and_suffice(row, robot, observations, model):
-    found = find_base_parameters(observations[model], "qr")
+    found = find_base(observations[model], "qr")
     assert len(found) == int(row[model])
     assert found.structure.rank_gap > GAP
     assert found.reconstruction_error(fresh(robot, model)) < 1e-8
@@ -94,11 +92,11 @@ def test_base_parameters_are_as_many_as_known_and_suffice(row, robot, observatio
 @pytest.mark.parametrize("criterion", CRITERIA)
 @pytest.mark.parametrize("model", MODELS)
 def test_those_of_small_robots_are_certified(row, robot, observations, model, criterion):
-    found = find_base_parameters(observations[model], criterion=criterion)
+    found = find_base(observations[model], criterion=criterion)
     assert len(found) == int(row[model])
     assert found.search.certified
     assert found.structure.rank_gap > 1e10
-    pivoted = find_base_parameters(observations[model], "qr", criterion=criterion)
+    pivoted = find_base(observations[model], "qr", criterion=criterion)
     assert found.search.condition_number <= pivoted.search.condition_number * (1 + 1e-9)
     assert found.reconstruction_error(fresh(robot, model)) < 1e-10
 

@@ -7,8 +7,9 @@ import pytest
 from bank_robots import moved
 from closure_robots import chain
 from folded_robots import parallelogram_chain
-from loopid import find_base_parameters, random_configurations, structural_observation
-from loopid.regressors import motion_regressor
+from loopid import random_configurations
+from loopid.base_parameters import find_base
+from loopid.regressors import motion_regressor, structural_observation
 from loopid.report.structure import base_record, check_record
 
 MOST = 60  # s of processor time
@@ -34,7 +35,7 @@ def test_a_large_robot_has_its_known_rank_in_time(kind, bodies, load_files):
     for model, rank in ranks.items():
         start = process_time()
         observation = structural_observation(robot, model)
-        base = find_base_parameters(observation)
+        base = find_base(observation)
         record = base_record(robot, model, base)
         assert process_time() - start < MOST
         assert record["rank"] == len(record["base_parameters"]) == rank
@@ -44,6 +45,6 @@ def test_a_large_robot_has_its_known_rank_in_time(kind, bodies, load_files):
         W = motion_regressor(robot, fresh, model)
         assert base.reconstruction_error(W) < 1e-8
         # The gap is a bound on every choice, another search's too.
-        other = find_base_parameters(observation, "qr").search
+        other = find_base(observation, "qr").search
         best = base.search
         assert best.condition_number / best.gap <= other.condition_number * (1 + 1e-6)

@@ -5,10 +5,10 @@ import pinocchio as pin
 import pytest
 
 from bank_robots import GAP, MODELS, count, moved
-from loopid import find_base_parameters, structural_observation
+from loopid.base_parameters import find_base
 from loopid.errors import RankError
 from loopid.observation import Observation
-from loopid.regressors import motion_regressor
+from loopid.regressors import motion_regressor, structural_observation
 from others_robots import FRESH, ROWS, each, load, path, poses
 
 CLAIMS = [(name, model) for name in ROWS for model in MODELS if ROWS[name][model]]
@@ -21,7 +21,7 @@ def test_base_parameters_are_as_many_as_documented_and_give_all_forces(name, mod
     robot, q = load(file)[0], poses(file)
     W = motion_regressor(robot, moved(robot, model, q[FRESH:]), model)
     parameters = robot.parameters(model)
-    base = find_base_parameters(Observation.from_matrix(W, parameters, length=robot.length), "qr")
+    base = find_base(Observation.from_matrix(W, parameters, length=robot.length), "qr")
     assert len(base) == int(ROWS[name][model])
     assert base.structure.rank_gap > GAP
 
@@ -57,4 +57,4 @@ def test_gravity_across_all_joints_moves_nothing(shared):
     axes = np.array([placement.rotation[:, 2] for placement in list(data.oMi)[1:]])
     assert np.abs(np.cross(axes, robot.model.gravity.linear)).max() == 0
     with pytest.raises(RankError, match=r"no parameter has an effect.*gravity moves no joint"):
-        find_base_parameters(structural_observation(robot, samples=10))
+        find_base(structural_observation(robot, samples=10))

@@ -7,21 +7,19 @@ import numpy as np
 import pytest
 from choice_problems import parameters
 
+import loopid
 from bank_robots import few_of
 from linkages import five_bar
-from loopid import (
-    JointTerms,
-    find_base_parameters,
-    load_mechanism,
-    random_configurations,
-    structural_observation,
-)
-from loopid.base_parameters import analyse
+from loopid import JointTerms, random_configurations
+from loopid.base_parameters import find_base
+from loopid.base_parameters.structure import analyse
 from loopid.errors import AccuracyWarning
-from loopid.kinematics import LoopDirections, SamplingOptions, constraint_jacobian
+from loopid.kinematics import SamplingOptions, constraint_jacobian
 from loopid.kinematics.constraint import scaled_jacobian
-from loopid.loading import bundled_directory
+from loopid.kinematics.loop_motion import LoopDirections
+from loopid.loading.files import bundled_directory
 from loopid.observation import Draws, Observation
+from loopid.regressors import structural_observation
 from ranks import copies
 
 ANYWHERE = SamplingOptions(margin=0.0)  # as near to singularities as draws come
@@ -67,7 +65,7 @@ def test_neither_the_order_nor_the_choice_of_motors_decides(load_files):
 @pytest.mark.parametrize(("name", "count"), [("five_bar", 2), ("four_bar", 4)])
 def test_copies_side_by_side_know_as_much_as_each(name, count, tmp_path, load_once):
     single = load_once(name)
-    together = load_mechanism(copies(bundled_directory() / f"{name}.yaml", count, tmp_path))
+    together = loopid.load(copies(bundled_directory() / f"{name}.yaml", count, tmp_path))
     for model in ("gravity", "full"):
         assert structure(together, model).rank == count * structure(single, model).rank
 
@@ -122,7 +120,7 @@ def test_motors_behind_gears_of_any_ratio_feel_as_much(ratio, tmp_path):
     (tmp_path / "robot.xml").write_text(rotors)
     cases = (("robot.yaml", "Fc,Fv,Fo,Ia", "elbow"), ("robot.xml", "Fv,Ia", "twist"))
     for file, kinds, outermost in cases:
-        robot = load_mechanism(tmp_path / file)
+        robot = loopid.load(tmp_path / file)
         found = structure(robot, joint_terms=JointTerms.of(robot, kinds))
         assert (found.rank, found.doubtful) == (13, ())
         assert found.rank_gap > 1e10
@@ -147,7 +145,7 @@ def test_a_rank_without_a_gap_is_proven_nothing_and_lies_between_bounds(search):
         pytest.warns(AccuracyWarning, match="doubtful"),
         pytest.warns(AccuracyWarning, match=r"unclear: it lies between \d+ and \d+"),
     ):
-        base = find_base_parameters(without_gap(), search)
+        base = find_base(without_gap(), search)
     lowest, highest = base.structure.rank_bounds
     assert lowest < len(base) < highest
     values = base.structure.singular_values

@@ -7,8 +7,8 @@ import pytest
 from choice_problems import BASES, brute_force, parameters, structures
 from hypothesis import given, settings, strategies as st
 
-from loopid import find_force_model, load_mechanism
-from loopid.base_parameters import ChoiceProblem, find_base_parameters
+import loopid
+from loopid.base_parameters import ChoiceProblem, find_base
 from loopid.base_parameters.choice import condition_numbers
 from loopid.base_parameters.structure import base_columns, regrouping_matrix
 from loopid.errors import AccuracyWarning
@@ -51,7 +51,7 @@ def observed(draw):
     rng = np.random.default_rng(draw(SEEDS))
     rows = rng.normal(size=(r, n))
     W = rng.normal(size=(r + 8, r)) @ rows
-    return rows, find_base_parameters(Observation.from_matrix(W, parameters(n)))
+    return rows, find_base(Observation.from_matrix(W, parameters(n)))
 
 
 @given(observed(), SEEDS)
@@ -104,7 +104,7 @@ def test_coefficients_between_columns_of_any_size_rebuild_each_column():
         W, rank = attacks.attack(seed)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", AccuracyWarning)
-            base = find_base_parameters(
+            base = find_base(
                 Observation.from_matrix(W, parameters(W.shape[1])), "qr", criterion="regressor"
             )
         if len(base) == rank and not base.doubtful:
@@ -116,5 +116,5 @@ def test_coefficients_between_columns_of_any_size_rebuild_each_column():
 @pytest.mark.parametrize("model", ["gravity", "full"])
 def test_no_coefficient_is_round_off(name, model):
     """Those of exact files are products of lengths: none is small."""
-    matrix = np.abs(find_force_model(load_mechanism(name), model).base.matrix)
+    matrix = np.abs(loopid.force_model(loopid.load(name), model).base.matrix)
     assert matrix[matrix > 0].min() > 1e-4

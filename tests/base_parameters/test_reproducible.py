@@ -10,13 +10,16 @@ import warnings
 import pytest
 from lxml import etree
 
+import loopid
 from closure_robots import X, Y, Z, body, files, frame, joint, urdf
-from loopid import bundled_robots, find_base_parameters, load_mechanism, structural_observation
+from loopid import bundled_robots
+from loopid.base_parameters import find_base
+from loopid.regressors import structural_observation
 
 CHOICES = """
 import json, sys
 from loopid.base_parameters import PivotedQR, SearchOptions, SubgroupSearch
-from loopid import ExactSearch, load_mechanism, structural_observation
+from loopid import ExactSearch, loopid.load, structural_observation
 from loopid.base_parameters import CRITERIA, ChoiceProblem, analyse
 from loopid.errors import OptionError
 
@@ -24,7 +27,7 @@ def choices(time_limit, *robots):
     found = {}
     for robot in robots:
         for model in ("gravity", "full"):
-            structure = analyse(structural_observation(load_mechanism(robot), model))
+            structure = analyse(structural_observation(loopid.load(robot), model))
             for criterion in CRITERIA:
                 problem = ChoiceProblem(structure, criterion)
                 exact = ExactSearch(SearchOptions(time_limit=float(time_limit))).search(problem)
@@ -33,7 +36,7 @@ def choices(time_limit, *robots):
                 found[key] = [exact.dependent, exact.ties]
                 found[key + " qr"] = PivotedQR().search(problem).dependent
         if robot in ("five_bar", "3ups_rpu"):
-            problem = ChoiceProblem(analyse(structural_observation(load_mechanism(robot))))
+            problem = ChoiceProblem(analyse(structural_observation(loopid.load(robot))))
             try:
                 found[robot + " subgroup"] = SubgroupSearch().search(problem).dependent
             except OptionError as error:
@@ -214,10 +217,9 @@ def test_names_and_the_order_of_tags_change_nothing(robot, tmp_path):
         file.write_text(text)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of motors that depend on each other, and of modes
-            mechanism = load_mechanism(file)
+            mechanism = loopid.load(file)
             bases = [
-                find_base_parameters(structural_observation(mechanism, model))
-                for model in ("gravity", "full")
+                find_base(structural_observation(mechanism, model)) for model in ("gravity", "full")
             ]
         chosen = [
             {

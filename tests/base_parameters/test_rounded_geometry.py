@@ -8,18 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import loopid
 from closure_robots import body, files, frame, joint, tie
 from linkages import PLATE, described, four_bar
-from loopid import (
-    JointTerms,
-    RankTolerances,
-    find_base_parameters,
-    load_mechanism,
-    structural_observation,
-)
-from loopid.base_parameters import analyse
+from loopid import JointTerms
+from loopid.base_parameters import RankTolerances, find_base
+from loopid.base_parameters.structure import analyse
 from loopid.errors import AccuracyWarning, ModelWarning
-from loopid.kinematics import closed_nearby, geometry_accuracy, largest_residual, within_accuracy
+from loopid.kinematics.constraint import largest_residual
+from loopid.kinematics.loop_motion import closed_nearby
+from loopid.kinematics.rounding import geometry_accuracy, within_accuracy
+from loopid.regressors import structural_observation
 
 URDF = Path(__file__).parents[2] / "urdf"
 # A linkage of parallelograms moves like one crank: weight (two moments) and, in motion, inertia.
@@ -34,7 +33,7 @@ def load(tmp_path):
             (tmp_path / name).write_text(text)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ModelWarning)  # the drawn pose is not quite closed
-            return load_mechanism(tmp_path / "robot.yaml")
+            return loopid.load(tmp_path / "robot.yaml")
 
     return write
 
@@ -81,10 +80,10 @@ def test_a_parallelogram_with_six_digits_has_the_count_of_a_parallelogram(
     robot = load(*parallelogram(kind, error, size))
     observation = structural_observation(robot, model)
     with pytest.warns(AccuracyWarning, match=f"doubtful .*{source}"):
-        base = find_base_parameters(observation)
+        base = find_base(observation)
     assert analyse(observation) == base.structure  # the same, whoever asks
     exact = structural_observation(load(*parallelogram(kind, 0, size)), model)
-    exact = find_base_parameters(exact)
+    exact = find_base(exact)
     assert len(base) == len(exact) == COUNTS[model]
     for one in base.doubtful:
         assert (one.rounding, source in one.source) == (pytest.approx(error / 2), True)
@@ -133,7 +132,7 @@ def rounded_delta(tmp_path):
 )
 def test_a_rounded_delta_has_the_count_of_the_delta(rounded_delta, form, rounding, known_to):
     """Of so many decimals or digits; its longest lengths are below 1 m."""
-    robot = load_mechanism(rounded_delta(form), rounding=rounding)
+    robot = loopid.load(rounded_delta(form), rounding=rounding)
     structure = analyse(structural_observation(robot, "full"))
     assert structure.rank == 34
     roundings = [one.rounding for one in structure.doubtful]
@@ -151,7 +150,7 @@ def test_near_singular_poses_let_no_rounding_count(tmp_path, shared):
     file = shutil.copy(source / "robot.yaml", tmp_path)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        structure = analyse(structural_observation(load_mechanism(file)))
+        structure = analyse(structural_observation(loopid.load(file)))
     assert 8 <= structure.rank <= 12
     assert structure.rank + len(structure.doubtful) == 16
 
@@ -168,8 +167,8 @@ def test_a_quarter_turn_of_few_digits_tilts_no_axis_for_good(tmp_path, shared, t
     assert found
     (tmp_path / "robot.urdf").write_text(text)
     file = shutil.copy(source / "robot.yaml", tmp_path)
-    structure = analyse(structural_observation(load_mechanism(file), "full"))
-    exact = analyse(structural_observation(load_mechanism(source / "robot.yaml"), "full"))
+    structure = analyse(structural_observation(loopid.load(file), "full"))
+    exact = analyse(structural_observation(loopid.load(source / "robot.yaml"), "full"))
     assert structure.rank == exact.rank == 11
     assert structure.doubtful
     assert exact.doubtful == ()
@@ -204,7 +203,7 @@ def test_axes_of_crosses_that_hardly_miss_each_other(tmp_path, model, miss):
     file = shutil.copy(URDF / "3ups_rpu.yaml", tmp_path)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", AccuracyWarning)
-        base = find_base_parameters(structural_observation(load_mechanism(file), model))
+        base = find_base(structural_observation(loopid.load(file), model))
     assert len(base) == {"gravity": 15, "full": 51}[model]
     assert base.search.certified
     for one in base.doubtful:
@@ -217,9 +216,7 @@ def test_axes_of_crosses_that_hardly_miss_each_other(tmp_path, model, miss):
 @pytest.mark.parametrize("robot", ["four_bar", "delta", 0.1, 0.01])
 def test_exact_robots_leave_no_doubt(robot, load):
     """However little counts as round-off: small parallelograms come near singular poses."""
-    exact = (
-        load_mechanism(robot) if isinstance(robot, str) else load(*parallelogram("3d", 0, robot))
-    )
+    exact = loopid.load(robot) if isinstance(robot, str) else load(*parallelogram("3d", 0, robot))
     observation = structural_observation(exact, "full")
     structures = [analyse(observation, RankTolerances(zero=zero)) for zero in (1e-12, 1e-15)]
     assert [structure.doubtful for structure in structures] == [(), ()]
@@ -269,7 +266,7 @@ def test_numbers_of_six_digits_may_be_exact(tmp_path):
     )
 
     def rank(**options):
-        robot = load_mechanism(tmp_path / "robot.xml", **options)
+        robot = loopid.load(tmp_path / "robot.xml", **options)
         terms = JointTerms.of(robot, "file")
         return analyse(structural_observation(robot, "full", joint_terms=terms)).rank
 

@@ -9,7 +9,6 @@ from choice_problems import parameters, random_structure
 from scipy.linalg import qr
 
 from loopid.base_parameters import (
-    CRITERIA,
     SEARCHES,
     ChoiceProblem,
     ExactSearch,
@@ -18,9 +17,10 @@ from loopid.base_parameters import (
     SearchOptions,
     SearchStrategy,
     SubgroupSearch,
-    find_base_parameters,
-    find_felt_parameters,
+    find_base,
 )
+from loopid.base_parameters.base import find_felt_parameters
+from loopid.base_parameters.choice import CRITERIA
 from loopid.errors import LoopidError, OptionError
 from loopid.observation import Observation
 
@@ -36,22 +36,22 @@ def test_every_search_has_a_name_and_goes_by_it(observation):
     assert list(SEARCHES) == ["exact", "subgroup", "exhaustive", "qr"]
     for name, kind in SEARCHES.items():
         assert kind.name == name
-        assert find_base_parameters(observation, name) == find_base_parameters(observation, kind())
+        assert find_base(observation, name) == find_base(observation, kind())
 
 
 def test_a_search_with_options_is_used_as_it_is(observation):
     asked = []
     search = ExhaustiveSearch(progress=lambda *counts: asked.append(counts))
-    assert find_base_parameters(observation, search).search.name == "exhaustive"
+    assert find_base(observation, search).search.name == "exhaustive"
     assert asked
     with pytest.raises(OptionError):  # of so many choices none is valid
-        find_base_parameters(observation, SubgroupSearch(condition_limit=1.0001))
+        find_base(observation, SubgroupSearch(condition_limit=1.0001))
 
 
 @pytest.mark.parametrize("search", ["exact", ExactSearch(), ExactSearch(SearchOptions(ties=3))])
 def test_an_effort_is_that_of_the_search_and_comes_back(observation, search):
     options = SearchOptions(time_limit=5.0, tolerance=1e-8)
-    found = find_base_parameters(observation, search, options=options).search
+    found = find_base(observation, search, options=options).search
     assert found.options == options
     assert found.tolerance == 1e-8
 
@@ -65,27 +65,27 @@ def test_a_search_of_ones_own(observation, monkeypatch):
         def _search(self, problem):
             return PivotedQR()._search(problem)
 
-    expected = find_base_parameters(observation, "qr").dependent.tolist()
-    found = find_base_parameters(observation, First(), criterion="regressor")
+    expected = find_base(observation, "qr").dependent.tolist()
+    found = find_base(observation, First(), criterion="regressor")
     assert found.dependent.tolist() == expected
     monkeypatch.setattr(SEARCHES, "_entries", dict(SEARCHES._entries))
     SEARCHES.register("first", First)
-    assert find_base_parameters(observation, "first").dependent.tolist() == expected
+    assert find_base(observation, "first").dependent.tolist() == expected
 
 
 @pytest.mark.parametrize("search", ["fast", "", "Exact"])
 def test_an_unknown_search_is_refused_with_the_choices(observation, search):
     with pytest.raises(OptionError) as refused:
-        find_base_parameters(observation, search)
+        find_base(observation, search)
     assert refused.value.facts == {"given": search, "valid": tuple(SEARCHES)}
 
 
 @pytest.mark.parametrize("search", [None, 3, [], {}, ExactSearch])
 def test_what_is_no_search_is_refused(observation, search):
     with pytest.raises(OptionError, match="search must be"):
-        find_base_parameters(observation, search)
+        find_base(observation, search)
     with pytest.raises(OptionError, match="observation must be"):
-        find_base_parameters(search)
+        find_base(search)
 
 
 @pytest.mark.parametrize("field", fields(SearchOptions), ids=lambda field: field.name)
@@ -108,7 +108,7 @@ def test_searches_and_results_are_records(observation):
 def test_an_unknown_criterion_is_refused_with_the_choices(observation):
     expected = "unknown criterion 'cond': choose among nullspace, regressor"
     for refused in (
-        lambda: find_base_parameters(observation, criterion="cond"),
+        lambda: find_base(observation, criterion="cond"),
         lambda: ChoiceProblem(random_structure(5, 2), "cond"),
     ):
         with pytest.raises(OptionError, match=expected) as caught:
@@ -120,7 +120,7 @@ def test_an_unknown_criterion_is_refused_with_the_choices(observation):
 @pytest.mark.parametrize("search", SEARCHES)
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_each_strategy_reports_the_criterion_it_was_asked_for(observation, search, criterion):
-    found = find_base_parameters(observation, search, criterion=criterion)
+    found = find_base(observation, search, criterion=criterion)
     values = {
         "nullspace": found.nullspace_condition_number,
         "regressor": found.condition_number,
@@ -141,8 +141,8 @@ def test_what_the_motors_alone_feel_is_found_in_the_time_that_is_left():
     observation = Observation.from_parts([W], parameters(9), driven=2)
     options = SearchOptions(time_limit=50.0)
     base, felt = find_felt_parameters(observation, options=options)
-    assert base == find_base_parameters(observation, options=options)
-    alone = find_base_parameters(observation.motors_alone)
+    assert base == find_base(observation, options=options)
+    alone = find_base(observation.motors_alone)
     assert felt.dependent.tolist() == alone.dependent.tolist()
     left = 50.0 - base.search.seconds
     assert felt.search.options.time_limit == pytest.approx(left)

@@ -5,7 +5,8 @@ import pytest
 from choice_problems import parameters
 from hypothesis import given, strategies as st
 
-from loopid.base_parameters import SEARCHES, analyse, find_base_parameters
+from loopid.base_parameters import SEARCHES, find_base
+from loopid.base_parameters.structure import analyse
 from loopid.observation import Observation
 from loopid.parameters import GRAVITY_KINDS, KINDS, ParameterSet
 
@@ -85,7 +86,7 @@ def test_rank_gap_is_the_ratio_of_neighbouring_singular_values(matrix_and_rank):
 @pytest.mark.parametrize("search", SEARCHES)
 def test_full_rank_leaves_nothing_to_choose(search):
     W = np.random.default_rng(3).normal(size=(30, 6))
-    found = find_base_parameters(observe(W), search)
+    found = find_base(observe(W), search)
     assert found.structure.rank == len(found) == 6
     assert found.dependent.size == 0
     assert found.search.dependent == ()
@@ -98,7 +99,7 @@ def test_full_rank_leaves_nothing_to_choose(search):
 @pytest.mark.parametrize("criterion", ["nullspace", "regressor"])
 def test_rank_one_keeps_one_parameter(search, criterion):
     column, row = np.random.default_rng(4).normal(size=(2, 7))
-    found = find_base_parameters(observe(np.outer(column, row)), search, criterion=criterion)
+    found = find_base(observe(np.outer(column, row)), search, criterion=criterion)
     assert len(found) == 1
     assert found.condition_number == pytest.approx(1.0)
     np.testing.assert_allclose(found.matrix, [row / row[found.base[0]]], rtol=1e-12)
@@ -106,7 +107,7 @@ def test_rank_one_keeps_one_parameter(search, criterion):
 
 def test_a_single_column():
     links = ParameterSet.of_links(["bob"], GRAVITY_KINDS).select([1])
-    found = find_base_parameters(Observation.from_matrix(np.ones((3, 1)), links))
+    found = find_base(Observation.from_matrix(np.ones((3, 1)), links))
     assert found.expressions == ("bob.mx",)
 
 

@@ -91,15 +91,17 @@ def test_the_best_is_where_it_is_said_to_be(account, problem):
 
 def test_rows_are_called_as_the_columns_of_the_result():
     """Whatever order the search took them in."""
-    observation = loopid.structural_observation(loopid.load_mechanism("four_bar"), "full")
-    base = loopid.find_base_parameters(observation, "subgroup")
+    observation = loopid.regressors.structural_observation(loopid.load("four_bar"), "full")
+    base = loopid.base_parameters.find_base(observation, "subgroup")
     group = base.search.subgroups.groups[base.search.subgroups.found_in]
     choice = list(combinations(group.rows, base.search.subgroups.dependent))[group.best]
     assert tuple(sorted(choice)) == base.search.dependent
 
 
 def test_page_terminal_and_json_say_the_same(knee):
-    base = loopid.find_base_parameters(loopid.structural_observation(knee), "subgroup")
+    base = loopid.base_parameters.find_base(
+        loopid.regressors.structural_observation(knee), "subgroup"
+    )
     report = base_report(knee, "gravity", base)
     told, account = report.record["search"]["subgroups"], base.search.subgroups
     page = report.page().html()
@@ -118,7 +120,7 @@ def test_page_terminal_and_json_say_the_same(knee):
 
 
 def test_other_searches_have_no_account():
-    found = loopid.ExactSearch().search(ChoiceProblem(random_structure(8, 3)))
+    found = loopid.base_parameters.ExactSearch().search(ChoiceProblem(random_structure(8, 3)))
     assert found.subgroups is None
     with pytest.raises(OptionError, match="subgroup searches, not exact search"):
         search_chart([found])

@@ -12,7 +12,7 @@ from loopid.base_parameters import (
     ExactSearch,
     SearchOptions,
     SubgroupSearch,
-    find_base_parameters,
+    find_base,
 )
 from loopid.errors import OptionError
 from loopid.observation import Observation
@@ -78,15 +78,15 @@ def test_nothing_found_is_said_and_raised():
         np.random.default_rng(0).normal(size=(30, 6)) @ random_structure(10, 4).row_factor,
         parameters(10),
     )
-    least = find_base_parameters(observation).search.condition_number
+    least = find_base(observation).search.condition_number
     strict = SubgroupSearch(condition_limit=1 + (least - 1) / 2)
-    result = strict.search(ChoiceProblem(find_base_parameters(observation).structure))
+    result = strict.search(ChoiceProblem(find_base(observation).structure))
     assert not result.found
     assert result.dependent is None
     assert result.condition_number == np.inf
     assert not result.certified
     with pytest.raises(OptionError, match="subgroup search found no valid choice among") as caught:
-        find_base_parameters(observation, strict)
+        find_base(observation, strict)
     assert f"{result.evaluated:,} of {result.candidates:,}" in str(caught.value)
     assert "search='exact'" in str(caught.value)
 

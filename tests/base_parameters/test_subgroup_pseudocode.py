@@ -9,7 +9,8 @@ import pytest
 from choice_problems import BASES, structures
 from hypothesis import assume, given, settings, strategies as st
 
-from loopid.base_parameters import CRITERIA, ChoiceProblem, SubgroupSearch
+from loopid.base_parameters import ChoiceProblem, SubgroupSearch
+from loopid.base_parameters.choice import CRITERIA
 
 
 def rank_and_condition(V22):

@@ -5,14 +5,9 @@ import pytest
 from choice_problems import brute_force, integer_bases, problems, structure
 from hypothesis import assume, given, settings, strategies as st
 
-from loopid.base_parameters import (
-    CRITERIA,
-    ChoiceProblem,
-    ExactSearch,
-    ExhaustiveSearch,
-    SearchOptions,
-)
+from loopid.base_parameters import ChoiceProblem, ExactSearch, ExhaustiveSearch, SearchOptions
 from loopid.base_parameters.blocks import Levels, _representatives
+from loopid.base_parameters.choice import CRITERIA
 from loopid.base_parameters.exact import Tied
 
 

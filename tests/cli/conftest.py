@@ -10,9 +10,10 @@ import jsonschema
 import numpy as np
 import pytest
 
-from loopid import JointTerms, load_mechanism
+import loopid
+from loopid import JointTerms
 from loopid.cli import main
-from loopid.identification import Suspicions
+from loopid.identification.log_mistakes import Suspicions
 from loopid.report import json_schema
 from made_runs import ARM, FRICTION, logged, wander
 
@@ -80,7 +81,7 @@ def arm_files(tmp_path_factory):
     """A serial robot, which is quick to identify, and two logs of it."""
     folder = tmp_path_factory.mktemp("arm")
     (folder / "arm.urdf").write_text(ARM)
-    arm = load_mechanism(folder / "arm.urdf")
+    arm = loopid.load(folder / "arm.urdf")
     terms = JointTerms(arm.actuated), np.array([3.0, 1.0, 2.0, 0.5])
     for name, seed in (("run.csv", 1), ("other.csv", 2)):
         motion = wander(arm, seed, seconds=20.0, rate=50.0, size=(1.0, 1.2))

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import loopid
-from loopid.excitation import ExcitationDesign
+from loopid.excitation.design import ExcitationDesign
 
 QUICK = ("--starts", "1", "--evaluations", "5", "--time-limit", "120", "--solver", "slsqp")
 KEYS = {
@@ -50,20 +50,20 @@ def test_files_say_what_the_record_says(run, tmp_path):
         "excitation.json",
     }
     # The motion file is the motion of the CSV, and tells what the record says.
-    robot = loopid.load_mechanism("five_bar")
-    motion = loopid.read_motion_program(tmp_path / "motion.yaml").motion("excitation")
+    robot = loopid.load("five_bar")
+    motion = loopid.motion.read_motion_program(tmp_path / "motion.yaml").motion("excitation")
     table = np.genfromtxt(tmp_path / "motion.csv", delimiter=",", names=True)
     np.testing.assert_allclose(table["time"], motion.time, atol=1e-9)
     columns = [table[name] for name in table.dtype.names[1:]]
     whole = np.concatenate([motion.position, motion.velocity, motion.acceleration], axis=1)
     np.testing.assert_allclose(np.transpose(columns), whole, atol=1e-9)
-    followed = loopid.joint_motion(robot, motion)
-    model = loopid.find_force_model(robot, joint_terms=None)
+    followed = loopid.motion.joint_motion(robot, motion)
+    model = loopid.force_model(robot, joint_terms=None)
     noise = np.array([record["noise"][motor] for motor in robot.actuated])
     W = (model.regressor(followed) / noise[:, None]).reshape(-1, len(model.parameters))
     assert np.isclose(np.linalg.cond(W), record["condition_number"], rtol=1e-6)
     assert np.isclose(np.linalg.slogdet(W.T @ W)[1], record["log_det"])
-    assert loopid.review_motion(robot, followed).problems == ()
+    assert loopid.motion.review_motion(robot, followed).problems == ()
 
 
 def test_motions_command_reads_every_shape(run, tmp_path):

@@ -10,9 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from loopid import JointTerms, find_force_model, load_mechanism, random_configurations
+import loopid
+from loopid import JointTerms, random_configurations
 from loopid.errors import FileError
-from loopid.identification import Fit, Quality, load_fit
+from loopid.identification import Fit, load_fit
+from loopid.identification.result import Quality
 from loopid.kinematics import closed_motion
 from loopid.regressors import motion_regressor
 
@@ -21,9 +23,9 @@ ROOT = Path(__file__).parents[2] / "urdf"
 
 def saved(folder, robot="five_bar", model="gravity", kinds=("Fc", "Fv"), factor=1.05, **options):
     """A fit as ``loopid identify`` saves it: all bodies heavier, and friction."""
-    mechanism = load_mechanism(robot, **options)
+    mechanism = loopid.load(robot, **options)
     terms = JointTerms(mechanism.actuated, kinds) if kinds else None
-    found = find_force_model(mechanism, model, terms)
+    found = loopid.force_model(mechanism, model, terms)
     standard = factor * found.standard_prior
     standard[len(standard) - len(found.joint_values) :] += 0.7
     values = found.base.values(standard)
@@ -58,7 +60,7 @@ def test_everything_at_once(run_json, tmp_path, model):
     assert "five_bar_values[FIVE_BAR_PARAMETERS]" in (tmp_path / "c" / "five_bar.h").read_text()
     text = (ROOT / "five_bar.yaml").read_text()
     (tmp_path / "new_robot.yaml").write_text(text.replace("five_bar.urdf", "new.urdf"))
-    again = load_mechanism(tmp_path / "new_robot.yaml")
+    again = loopid.load(tmp_path / "new_robot.yaml")
     q = random_configurations(again, 10, seed=0)
     motion = closed_motion(again, q, *np.random.default_rng(1).standard_normal((2, 10, 2)))
     W = motion_regressor(again, motion, model, joint_terms=found.joint_terms)
@@ -189,7 +191,7 @@ def test_nothing_is_written_over_what_it_is_made_from(run, arm_files, tmp_path):
             done = run("export", robot, fit, "--yaml", place, *options)
             assert_refused(done, "made from", "name another")
     with pytest.raises(FileError, match="made from"):
-        find_force_model(load_mechanism(robot), joint_terms=None).fit_of(np.ones(6)).save(robot)
+        loopid.force_model(loopid.load(robot), joint_terms=None).fit_of(np.ones(6)).save(robot)
     assert {path: path.read_bytes() for path in before} == before
     # The results of an identification, too, beside a robot of such a name.
     shutil.copy(robot, tmp_path / "parameters.yaml")

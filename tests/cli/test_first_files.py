@@ -11,7 +11,8 @@ from ruamel.yaml import YAML
 
 import loopid
 from loopid.cli import app, completion
-from loopid.export import file_schema, write_first_files
+from loopid.export import write_first_files
+from loopid.export.first_files import file_schema
 from loopid.kinematics import mobility
 from loopid.loading.files import bundled_directory
 
@@ -42,9 +43,9 @@ def test_the_first_yaml_closes_the_loop_that_the_file_shows(open_bar, run, monke
     assert given["urdf"] == "bar.urdf"
     assert "name_mot" not in given  # only the user knows
     with pytest.warns(loopid.errors.ModelWarning) as caught:
-        robot = loopid.load_mechanism("bar.yaml")
+        robot = loopid.load("bar.yaml")
     assert any("does not say which joints have motors" in str(w.message) for w in caught)
-    known = loopid.load_mechanism("five_bar")
+    known = loopid.load("five_bar")
     assert [mobility(each).degrees_of_freedom for each in (robot, known)] == [2, 2]
     again = run("init", open_bar.name)
     assert (again.code, "is there already" in again.err) == (2, True)
@@ -61,7 +62,7 @@ def test_what_is_a_comment_is_valid_where_it_is_uncommented(open_bar, tmp_path):
 
 
 def test_columns_that_are_found_by_name_are_mapped(tmp_path):
-    robot = loopid.load_mechanism("five_bar")
+    robot = loopid.load("five_bar")
     names = [f"{joint}_{what}" for what in ("pos", "torque") for joint in robot.actuated]
     rows = np.column_stack([np.arange(9), *np.zeros((4, 9))])
     log = tmp_path / "run.csv"

@@ -4,7 +4,8 @@ import re
 
 import pytest
 
-from loopid import JointTerms, load_mechanism
+import loopid
+from loopid import JointTerms
 from made_runs import logged, wander
 
 pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
@@ -21,7 +22,7 @@ def geared(tmp_path_factory):
     """A robot whose rotors weigh ten times its links, and a log of it."""
     folder = tmp_path_factory.mktemp("geared")
     (folder / "robot.xml").write_text(ROBOT)
-    robot = load_mechanism(folder / "robot.xml")
+    robot = loopid.load(folder / "robot.xml")
     terms = JointTerms.of(robot, "file")
     motion = wander(robot, 1, seconds=20.0, rate=50.0, size=(1.0, 1.0))
     truth = terms, terms.values(robot)

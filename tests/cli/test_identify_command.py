@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from lxml.html import fromstring
 
+import loopid
 from closure_robots import chain, files
-from loopid import JointTerms, load_mechanism
+from loopid import JointTerms
 from loopid.cli.logs import excite_command
 from loopid.identification import load_fit
 from loopid.report import identification_report
@@ -172,7 +173,7 @@ def test_a_validation_log_takes_the_place_of_the_split(arm, arm_files):
 
 
 def test_friction_comes_from_its_own_log(arm, arm_files, tmp_path):
-    robot = load_mechanism(arm_files[0])
+    robot = loopid.load(arm_files[0])
     terms = JointTerms(robot.actuated), 1.5 * np.array([3.0, 1.0, 2.0, 0.5])
     path = tmp_path / "warm_up.csv"
     motion = wander(robot, 3, seconds=15.0, rate=50.0, size=(1.0, 1.2))
@@ -300,7 +301,7 @@ def test_a_real_log_is_identified(run_json, mechanism, real_log):
 @pytest.fixture(scope="module")
 def elbow_log(arm_files, tmp_path_factory):
     """A log of the serial robot in which only the elbow moves."""
-    arm = load_mechanism(arm_files[0])
+    arm = loopid.load(arm_files[0])
     terms = JointTerms(arm.actuated), np.array([3.0, 1.0, 2.0, 0.5])
     path = tmp_path_factory.mktemp("elbow") / "elbow.csv"
     motion = one_joint(arm, 1, 1.0, seconds=20.0, rate=50.0)
@@ -333,7 +334,7 @@ def test_values_of_the_robot_file_are_marked_everywhere(
     assert done.code == 0, done.err
     assert "unidentifiable combinations; " in " ".join(done.out.split())
     assert f"loopid excite {arm_files[0]} --for " in " ".join(done.out.split())
-    assert "design_excitation" not in done.out
+    assert "design_motion" not in done.out
     assert "unidentifiable" not in done.err  # said once
     record = json.loads((tmp_path / "identification.json").read_text())
     told, assumed = record["identifiability"], record["all_parameters"]["estimate"]["assumed"]

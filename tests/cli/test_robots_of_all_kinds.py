@@ -5,9 +5,10 @@ import json
 import numpy as np
 import pytest
 
+import loopid
 from closure_robots import files
 from linkages import LINKAGES, five_bar
-from loopid import JointTerms, load_mechanism
+from loopid import JointTerms
 from made_runs import logged, wander
 
 BARS = {"left_joint": 2.0, "right_joint": 1.0}
@@ -16,7 +17,7 @@ BARS = {"left_joint": 2.0, "right_joint": 1.0}
 @pytest.fixture(scope="module")
 def legs(tmp_path_factory):
     """A log of the 3RRR, which has no friction in it."""
-    robot = load_mechanism("3rrr")
+    robot = loopid.load("3rrr")
     path = tmp_path_factory.mktemp("3rrr") / "run.csv"
     motion = wander(robot, 1, seconds=20.0, rate=20.0, size=[0.3] * 3)
     path.write_text(logged(robot, motion, noise=0.2, seed=2))
@@ -66,7 +67,7 @@ def write(folder, robot, moved, far=0.2, **more):
 
 def test_three_motors_are_identified_from_their_log(run_json, tmp_path):
     file, _ = write(tmp_path, LINKAGES["redundant five-bar"], BARS)
-    robot = load_mechanism(file)
+    robot = loopid.load(file)
     terms = JointTerms(robot.actuated), np.array([0.3, 0.4, 0.2, 0.5, 0.25, 0.3])
     motion = wander(robot, 1, seconds=20.0, rate=50.0, size=(0.4, 0.4))
     (tmp_path / "run.csv").write_text(logged(robot, motion, terms, noise=0.05))

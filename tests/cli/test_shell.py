@@ -158,7 +158,7 @@ def test_ctrl_c_is_answered_by_one_line(when):
     stop += "; kill = lambda *_, **__: os.kill(os.getpid(), signal.SIGINT)"
     places = {
         "imported": "sys.meta_path.insert(0, type('', (), {'find_spec': kill}))",
-        "working": "import loopid.loading.load; loopid.loading.load.load_mechanism = kill",
+        "working": "import loopid.loading.robot_files; loopid.loading.robot_files.load = kill",
     }
     script = f"{stop}; from loopid.__main__ import main; {places[when]}; main()"
     done = subprocess.run(

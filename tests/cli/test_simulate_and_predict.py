@@ -11,7 +11,9 @@ import pytest
 
 import loopid
 from loopid.logs import Recording
-from loopid.motion import log_text, scaled_bodies
+from loopid.logs.mapping import read_mapping
+from loopid.motion import scaled_bodies
+from loopid.motion.simulation import log_text
 
 ROOT = Path(__file__).parents[2]
 LOG = ROOT / "urdf" / "logs" / "five_bar.csv"
@@ -19,21 +21,21 @@ LOG = ROOT / "urdf" / "logs" / "five_bar.csv"
 
 @pytest.fixture(scope="module")
 def five_bar():
-    return loopid.load_mechanism("five_bar")
+    return loopid.load("five_bar")
 
 
 @pytest.fixture(scope="module")
 def saved(five_bar, tmp_path_factory):
-    model = loopid.find_force_model(five_bar, "full", None)
+    model = loopid.force_model(five_bar, "full", None)
     path = tmp_path_factory.mktemp("fit") / "fit.yaml"
     return model.fit_of(model.prior).save(path)
 
 
 @pytest.fixture(scope="module")
 def sweep(five_bar):
-    plan = loopid.read_motion_program("five_bar").motion("sweep", 50)
-    motion = loopid.joint_motion(five_bar, plan)
-    force = loopid.simulate_measurement(five_bar, motion).force
+    plan = loopid.motion.read_motion_program("five_bar").motion("sweep", 50)
+    motion = loopid.motion.joint_motion(five_bar, plan)
+    force = loopid.simulate(five_bar, motion).force
     return Recording.of_motion(motion, force, five_bar.actuated)
 
 
@@ -61,7 +63,7 @@ def test_errors_are_those_of_the_definition(five_bar, saved, sweep):
 
 
 def test_another_robot_is_refused(saved, sweep):
-    four_bar = loopid.load_mechanism("four_bar")
+    four_bar = loopid.load("four_bar")
     with pytest.raises(loopid.LoopidError, match="this is a fit of five_bar"):
         loopid.load_fit(saved, four_bar)
     other = replace(sweep, actuators=("crank_joint", "rocker_joint"))
@@ -183,14 +185,14 @@ def test_a_robot_that_moved_is_asked_for(saved, run, tmp_path):
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_the_payload_of_two_logs(five_bar, run, run_json, tmp_path):
-    plan = loopid.read_motion_program("five_bar").motion("sweep", 50)
-    motion = loopid.joint_motion(five_bar, plan)
+    plan = loopid.motion.read_motion_program("five_bar").motion("sweep", 50)
+    motion = loopid.motion.joint_motion(five_bar, plan)
     first = five_bar.parameters("full").labels.index("left_coupler.m")
     for name, mass in (("light", 0.0), ("heavy", 1.5)):
         bodies = five_bar.standard_parameters("full").copy()
         bodies[first : first + 3] += mass, 0.1 * mass, 0.0
-        measured = loopid.simulate_measurement(
-            five_bar, motion, loopid.Noise(gaussian=0.02), standard_parameters=bodies
+        measured = loopid.simulate(
+            five_bar, motion, loopid.motion.Noise(gaussian=0.02), standard_parameters=bodies
         )
         (tmp_path / f"{name}.csv").write_text(log_text(five_bar, measured))
     logs = [f"--unloaded={tmp_path}/light.csv", f"--loaded={tmp_path}/heavy.csv"]
@@ -206,7 +208,7 @@ def test_the_payload_of_two_logs(five_bar, run, run_json, tmp_path):
     known = ["--known-mass=1.5", f"--write-mapping={written}"]
     gains = run_json("payload", "five_bar", "left_coupler", *logs, *options, *known)["gains"]
     np.testing.assert_allclose(gains, 1.0, atol=0.05)
-    scales = loopid.logs.read_mapping(written).force_scale
+    scales = read_mapping(written).force_scale
     np.testing.assert_allclose([scales[name] for name in five_bar.actuated], gains, rtol=1e-5)
     alone = run("payload", "five_bar", "left_coupler", *logs, f"--write-mapping={written}")
     assert alone.code == 2

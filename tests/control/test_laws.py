@@ -28,18 +28,18 @@ BODY = np.array([2.0, 0.2, -0.1, 0.3, 0.06, 0.01, 0.08, 0.0, 0.0, 0.05])
 
 @pytest.fixture(scope="module")
 def five_bar(load_once):
-    return loopid.find_force_model(load_once("five_bar"), "full", "Fc,Fv")
+    return loopid.force_model(load_once("five_bar"), "full", "Fc,Fv")
 
 
 def with_friction(model, coulomb, viscous):
     """Values of the robot file with the same friction in all motors."""
-    terms = np.tile([coulomb, viscous], len(model.mechanism.actuated))
-    return model.base.values(np.append(model.mechanism.standard_parameters(model.model), terms))
+    terms = np.tile([coulomb, viscous], len(model.robot.actuated))
+    return model.base.values(np.append(model.robot.standard_parameters(model.model), terms))
 
 
 def signals(model, position=0.0, velocity=0.0, force=0.0):
-    u = loopid.Dynamics(model).configuration[: model.mechanism.model.nq]
-    own = model.mechanism.velocity_indices(model.mechanism.independent)
+    u = loopid.Dynamics(model).configuration[: model.robot.model.nq]
+    own = model.robot.velocity_indices(model.robot.independent)
     ones = np.ones(len(own))
     return Signals(u[own] + position, velocity * ones, force * ones)
 
@@ -176,8 +176,8 @@ def knee_motion(home, count=1200, interval=0.01):
 
 def test_online_gravity_finds_a_payload_and_when_it_came(load_once):
     robot = load_once("five_bar")
-    full = loopid.find_force_model(robot, "full", "Fc,Fv")
-    slow = loopid.find_force_model(robot, "gravity", "Fc,Fv")
+    full = loopid.force_model(robot, "full", "Fc,Fv")
+    slow = loopid.force_model(robot, "gravity", "Fc,Fv")
     truth = with_friction(full, 0.1, 0.05)
     own = loopid.Dynamics(slow, with_friction(slow, 0.09, 0.05), smoothing=1e-3)
     spread = np.diag((0.02 * np.abs(own.values) + 1e-3) ** 2)
@@ -192,7 +192,7 @@ def test_online_gravity_finds_a_payload_and_when_it_came(load_once):
         moving=1e-2,
         payload=("left_coupler", np.array([1, 0.2, 0.2])),
     )
-    options = LoopOptions(noise=loopid.Noise(gaussian=0.02), step=1e-2, refresh=0.02)
+    options = LoopOptions(noise=loopid.motion.Noise(gaussian=0.02), step=1e-2, refresh=0.02)
     loop = ControlLoop(
         loopid.Dynamics(full, truth), Controller(PID(40.0, 4.0), law), options=options
     )
@@ -208,7 +208,7 @@ def test_online_gravity_finds_a_payload_and_when_it_came(load_once):
 
 
 def test_a_loop_says_what_it_does_not_simulate(load_once):
-    model = loopid.find_force_model(load_once("five_bar"), "full", "Fc~0.1,Fv")
+    model = loopid.force_model(load_once("five_bar"), "full", "Fc~0.1,Fv")
     with pytest.raises(OptionError, match=r"Fc~0\.1"):
         ControlLoop(loopid.Dynamics(model), Controller(PID(1.0, 1.0)))
     with pytest.raises(OptionError, match="interval"):
@@ -225,7 +225,7 @@ def test_delays_and_sensor_steps(five_bar):
             told.append(signals)
             return np.full(2, float(len(told)))
 
-    options = LoopOptions(delay=2, noise=loopid.Noise(encoder_step=1e-3))
+    options = LoopOptions(delay=2, noise=loopid.motion.Noise(encoder_step=1e-3))
     loop, rows = (
         ControlLoop(loopid.Dynamics(five_bar), Count(), options=options),
         np.zeros((5, 2)),
@@ -238,7 +238,7 @@ def test_delays_and_sensor_steps(five_bar):
 
 def test_dry_friction_is_what_is_not_viscous_and_even(load_once):
     terms = "Fc,Fv,Ia,Fk0~0.25,Fk~0.5,Fa~0.5,Fa1~1,Ft"
-    model = loopid.find_force_model(load_once("five_bar"), "full", terms)
+    model = loopid.force_model(load_once("five_bar"), "full", terms)
     phi = np.random.default_rng(1).uniform(0, 1, len(model.parameters))
     robot, own = loopid.Dynamics(model, phi), model.body_columns
     u = signals(model).position

@@ -10,14 +10,14 @@ from loopid.errors import DataError, OptionError
 
 @pytest.fixture(scope="module")
 def knee_model(knee):
-    return loopid.find_force_model(knee, "full", "Fc,Fv")
+    return loopid.force_model(knee, "full", "Fc,Fv")
 
 
 def moving(model, values, seed=0, count=150, interval=0.01):
     """Positions, velocities and the forces of a smooth motion of all motors."""
     robot = loopid.Dynamics(model, values)
-    own = model.mechanism.velocity_indices(model.mechanism.independent)
-    home, t = model.mechanism.reference[own], interval * np.arange(count)
+    own = model.robot.velocity_indices(model.robot.independent)
+    home, t = model.robot.reference[own], interval * np.arange(count)
     way = 0.02 * np.random.default_rng(seed).uniform(0.5, 1, len(own))
     u, v = home + np.outer(np.sin(t / 2), way), np.outer(np.cos(t / 2), way / 2)
     a = np.outer(-np.sin(t / 2), way / 4)
@@ -27,8 +27,8 @@ def moving(model, values, seed=0, count=150, interval=0.01):
 
 def known(model):
     """Values with friction."""
-    terms = np.tile([20.0, 300.0], len(model.mechanism.actuated))
-    return model.base.values(np.append(model.mechanism.standard_parameters(), terms))
+    terms = np.tile([20.0, 300.0], len(model.robot.actuated))
+    return model.base.values(np.append(model.robot.standard_parameters(), terms))
 
 
 def test_a_wrench_that_motors_feel_is_found(knee_model):
@@ -48,7 +48,7 @@ def test_a_wrench_that_motors_feel_is_found(knee_model):
     assert np.abs(found.residual - seen).max() < 0.02 * np.abs(seen).max()
     # Least wrench with the same effect: what is missing is unseen.
     assert np.allclose(J.T @ found.wrench, found.residual)
-    units = np.repeat([1.0, knee_model.mechanism.length], 3)
+    units = np.repeat([1.0, knee_model.robot.length], 3)
     assert np.allclose((found.wrench / units) @ found.unseen, 0, atol=1e-6)
 
 
@@ -66,7 +66,7 @@ def test_no_motor_feels_what_it_says_is_unseen(knee_model):
     u, v, force = moving(knee_model, known(knee_model), count=3)
     observer = WrenchObserver(loopid.Dynamics(knee_model, known(knee_model)), 0.01, noise=1.0)
     found = observer.update(Signals(u[0], v[0], force[0]))
-    units = np.repeat([1.0, knee_model.mechanism.length], 3)
+    units = np.repeat([1.0, knee_model.robot.length], 3)
     assert found.unseen.shape == (6, 2)
     assert "Fy" in found.unseen_components
     hidden = units[:, None] * found.unseen
@@ -106,7 +106,7 @@ def test_the_covariance_of_the_values_passes_the_filter(knee_model):
 
 def test_white_noise_passes_the_filter_as_stated(knee):
     """And raises alarms as often as stated, here 3,600 times an hour."""
-    model = loopid.Dynamics(loopid.find_force_model(knee, "gravity", None), near=1.0)
+    model = loopid.Dynamics(loopid.force_model(knee, "gravity", None), near=1.0)
     u, rng = (
         model.robot.reference[knee.velocity_indices(knee.independent)],
         np.random.default_rng(2),
@@ -128,6 +128,6 @@ def test_what_cannot_be_is_refused(knee_model, load_once):
     with pytest.raises(OptionError) as refused:
         WrenchObserver(model, 0.01, noise=1.0, frame="hand")
     assert "platform" in refused.value.facts["valid"]
-    bars = loopid.Dynamics(loopid.find_force_model(load_once("five_bar"), "full", None))
+    bars = loopid.Dynamics(loopid.force_model(load_once("five_bar"), "full", None))
     with pytest.raises(OptionError, match="frame"):
         WrenchObserver(bars, 0.01, noise=1.0)

@@ -156,9 +156,9 @@ def test_what_cannot_be_is_refused():
 
 
 def test_online_is_the_batch_fit_of_the_real_log(knee, recording_of):
-    model = loopid.find_force_model(knee, "gravity", "Fc,Fv")
+    model = loopid.force_model(knee, "gravity", "Fc,Fv")
     samples = model.samples(recording_of(knee))
-    fit = quietly(loopid.fit, samples)
+    fit = quietly(loopid.identification.fit, samples)
     sigma = 1 / fit.weights
     K, force = samples.regressor * samples.used[..., None], samples.force * samples.used
     online = RecursiveLeastSquares(np.zeros(len(fit.values)), None, sigma)

@@ -13,12 +13,12 @@ from loopid.identification import FitSamples
 @pytest.fixture(scope="module")
 def fitted():
     """A model, and a fit of it to forces with known errors."""
-    robot = loopid.load_mechanism("five_bar")
-    model = loopid.find_force_model(robot, "full", "Fc,Fv")
+    robot = loopid.load("five_bar")
+    model = loopid.force_model(robot, "full", "Fc,Fv")
     W, rng = model.base.regressor(model.random_regressor), np.random.default_rng(0)
     force = W @ model.prior + 0.1 * rng.normal(size=W.shape[:2])
     samples = FitSamples.of(model.parameters, robot.independent, W, force)
-    return model, loopid.fit(samples)
+    return model, loopid.identification.fit(samples)
 
 
 def drawn(fitted, rng, scale=1.0):
@@ -61,7 +61,7 @@ def test_what_rests_on_the_file_does_not_count(fitted):
 
 def test_fits_that_cannot_agree_are_refused(fitted):
     model, fit = fitted
-    saved, slow = model.fit_of(fit), loopid.find_force_model(model.mechanism, "gravity")
+    saved, slow = model.fit_of(fit), loopid.force_model(model.robot, "gravity")
     with pytest.raises(loopid.LoopidError, match="of values alone have no errors"):
         compare_fits(saved, model.fit_of(model.prior))
     values = replace(

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import loopid
-from loopid.diagnosis import GainFit, KnownLoad
+from loopid.diagnosis import KnownLoad
+from loopid.diagnosis.gains import GainFit
 from loopid.logs import LogMapping, Recording
 
 MASS, CENTRE = 2.5, np.array([0.04, 0.06, 0.1])
@@ -34,7 +35,7 @@ def arm(tmp_path_factory):
     ]
     path = tmp_path_factory.mktemp("arm") / "arm.urdf"
     path.write_text(ARM.format(links="".join(links)))
-    return loopid.load_mechanism(path)
+    return loopid.load(path)
 
 
 def recorded(robot, model, gains=GAINS, noise=0.0, seed=0):
@@ -43,8 +44,8 @@ def recorded(robot, model, gains=GAINS, noise=0.0, seed=0):
     first, runs = robot.parameters("full").labels.index("lower.m"), []
     for carried in (0.0, 1.0):
         waves = rng.normal(size=(2, 3, 4)) * 0.4
-        series = loopid.FourierSeries(robot.actuated, 0.2, [0.0, 0.5, 0.5], *waves)
-        motion = loopid.joint_motion(robot, series.motion(rate=40.0, duration=10.0))
+        series = loopid.motion.FourierSeries(robot.actuated, 0.2, [0.0, 0.5, 0.5], *waves)
+        motion = loopid.motion.joint_motion(robot, series.motion(rate=40.0, duration=10.0))
         bodies = robot.standard_parameters("full").copy()
         bodies[first : first + 10] += carried * load.parameters
         rates = [motion.velocities, motion.accelerations]
@@ -65,15 +66,15 @@ def recorded(robot, model, gains=GAINS, noise=0.0, seed=0):
 
 @pytest.mark.parametrize("load", [KnownLoad(MASS), KnownLoad(MASS, CENTRE)], ids=["mass", "centre"])
 def test_gains_without_noise_are_found_to_round_off(arm, load):
-    model, runs = loopid.find_force_model(arm, "full", "Fc"), recorded(arm, "full")
-    found = loopid.drive_gains(model, "lower", load, **runs, estimator="ols")
+    model, runs = loopid.force_model(arm, "full", "Fc"), recorded(arm, "full")
+    found = loopid.diagnosis.drive_gains(model, "lower", load, **runs, estimator="ols")
     assert found.actuators == arm.actuated
     np.testing.assert_allclose(found.gains, GAINS, rtol=1e-6)
 
 
 def test_a_motor_that_cannot_tell_is_named(arm):
-    model, runs = loopid.find_force_model(arm, "gravity", "Fc"), recorded(arm, "gravity")
-    found = loopid.drive_gains(model, "lower", KnownLoad(MASS), **runs, estimator="ols")
+    model, runs = loopid.force_model(arm, "gravity", "Fc"), recorded(arm, "gravity")
+    found = loopid.diagnosis.drive_gains(model, "lower", KnownLoad(MASS), **runs, estimator="ols")
     assert found.untold == ("pan_joint",)
     assert found.actuators == ("upper_joint", "lower_joint")
     np.testing.assert_allclose(found.gains, GAINS[1:], rtol=1e-6)
@@ -81,10 +82,10 @@ def test_a_motor_that_cannot_tell_is_named(arm):
 
 def test_noisy_currents_make_no_gain_too_small(arm):
     """Least squares with currents as columns would have them smaller by the square of the noise."""
-    model, off = loopid.find_force_model(arm, "full", "Fc"), []
+    model, off = loopid.force_model(arm, "full", "Fc"), []
     for seed in range(3):
         runs = recorded(arm, "full", noise=0.2, seed=seed)
-        found = loopid.drive_gains(model, "lower", KnownLoad(MASS), **runs)
+        found = loopid.diagnosis.drive_gains(model, "lower", KnownLoad(MASS), **runs)
         off.append((found.gains - GAINS) / np.sqrt(np.diag(found.covariance)))
         low, high = found.intervals(1 - 1e-4).T
         assert ((low < GAINS) & (high > GAINS)).all()
@@ -105,7 +106,7 @@ LOG = "time,a.position,b.position,a.effort [N cm],b.effort [N cm]\n"
 
 @pytest.mark.filterwarnings("ignore::loopid.errors.DataWarning")  # of forces beyond their limits
 def test_a_mapping_with_gains_gives_so_many_times_the_forces(tmp_path):
-    robot = loopid.load_mechanism("five_bar")
+    robot = loopid.load("five_bar")
     left, right = robot.actuated
     time, rng = np.arange(0, 2, 0.01), np.random.default_rng(0)
     lower = [robot.reference[robot.joint(name).idx_q] for name in robot.actuated]
@@ -117,7 +118,7 @@ def test_a_mapping_with_gains_gives_so_many_times_the_forces(tmp_path):
     gains = GainFit((left,), np.array([1.25]), np.eye(1), 9.0, (right,))
     for given in (None, LogMapping(force_scale=0.02, force_offset=3.0, saturation=40.0)):
         log = loopid.read_log(path, robot, mapping=given)
-        run = loopid.prepare_recording(robot, log)
+        run = loopid.prepare(robot, log)
         written = tmp_path / "mapping.yaml"
         written.write_text(gains.mapping([run], given).content)
         again = loopid.read_log(path, robot, mapping=written)
@@ -127,7 +128,7 @@ def test_a_mapping_with_gains_gives_so_many_times_the_forces(tmp_path):
 
 
 def test_what_makes_no_sense_is_refused(arm):
-    model, runs = loopid.find_force_model(arm, "full", "Fc"), recorded(arm, "full")
+    model, runs = loopid.force_model(arm, "full", "Fc"), recorded(arm, "full")
     with pytest.raises(loopid.LoopidError, match="known mass must be above 0 kg, not -2"):
         KnownLoad(-2.0)
     with pytest.raises(loopid.LoopidError, match="centre must have shape"):
@@ -135,11 +136,13 @@ def test_what_makes_no_sense_is_refused(arm):
     with pytest.raises(loopid.LoopidError, match="give the centre, too"):
         KnownLoad(2.0, inertia=np.eye(3))
     with pytest.raises(loopid.LoopidError, match="recordings without it, and others with it"):
-        loopid.drive_gains(model, "lower", KnownLoad(2.0), unloaded=[], loaded=runs["loaded"])
+        loopid.diagnosis.drive_gains(
+            model, "lower", KnownLoad(2.0), unloaded=[], loaded=runs["loaded"]
+        )
     signs = recorded(arm, "full", gains=np.array([1.0, -1.0, 1.0]))
     with pytest.raises(loopid.LoopidError, match="gain of upper_joint comes out negative"):
-        loopid.drive_gains(model, "lower", KnownLoad(MASS), **signs, estimator="ols")
-    found = loopid.drive_gains(model, "lower", KnownLoad(MASS), **runs, estimator="ols")
+        loopid.diagnosis.drive_gains(model, "lower", KnownLoad(MASS), **signs, estimator="ols")
+    found = loopid.diagnosis.drive_gains(model, "lower", KnownLoad(MASS), **runs, estimator="ols")
     with pytest.raises(loopid.LoopidError, match="logs from files"):
         found.mapping(runs["loaded"])
     with pytest.raises(loopid.LoopidError, match="gains are of joints"):

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import loopid
-from loopid.diagnosis import MotorMasses
-from loopid.identification import find_force_model
+from loopid.diagnosis.payload import MotorMasses
 from loopid.logs import Recording
 from loopid.motion import JointMotion
 
@@ -17,9 +16,9 @@ FRICTION = np.tile([60.0, 900.0], 4)
 def case(knee):
     """The knee robot, its gravity model, a slow motion, and forces with a load on its platform."""
     terms = loopid.JointTerms(knee.actuated, ("Fc", "Fv"))
-    model = find_force_model(knee, "gravity", terms)
-    plan = loopid.read_motion_program("3ups_rpu").motion("9", 2)
-    moved = loopid.joint_motion(knee, plan)
+    model = loopid.force_model(knee, "gravity", terms)
+    plan = loopid.motion.read_motion_program("3ups_rpu").motion("9", 2)
+    moved = loopid.motion.joint_motion(knee, plan)
     q, v, a = moved.configurations, moved.velocities, 0 * moved.accelerations
     motion = JointMotion(moved.time, q, v, a, moved.singularity)
     bodies = knee.standard_parameters("full")

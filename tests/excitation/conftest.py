@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
 
-from loopid import Noise, joint_motion, load_mechanism, simulate_measurement
+import loopid
 from loopid.logs import Recording
-from loopid.motion import Waypoint, point_to_point
+from loopid.motion import Noise, Waypoint, joint_motion, point_to_point
 
 
 @pytest.fixture(scope="session")
 def five_bar():
-    return load_mechanism("five_bar")
+    return loopid.load("five_bar")
 
 
 @pytest.fixture(scope="session")
@@ -17,5 +17,5 @@ def one_crank(five_bar):
     there = Waypoint(np.array([2.1, 0.7]), seconds=2.0)
     way = point_to_point(five_bar.actuated, np.array([1.7, 0.7]), [there], rate=20.0)
     motion = joint_motion(five_bar, way)
-    force = simulate_measurement(five_bar, motion, Noise(gaussian=0.01)).force
+    force = loopid.simulate(five_bar, motion, Noise(gaussian=0.01)).force
     return Recording.of_motion(motion, force, five_bar.actuated, name="one_crank")

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from loopid.excitation import CRITERIA, Criteria
-from loopid.excitation.criteria import OfCombinations
+from loopid.excitation import Criteria
+from loopid.excitation.criteria import CRITERIA, OfCombinations
 
 
 def information(seed=0, n=5):

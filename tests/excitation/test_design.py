@@ -7,11 +7,11 @@ import pytest
 import loopid
 from closure_robots import Y, body, files, joint, urdf
 from linkages import five_bar as five_bar_of
-from loopid import DesignOptions, MotionLimits, design_excitation, find_force_model
+from loopid import DesignOptions, MotionLimits
 from loopid.errors import AssemblyError, DataWarning, MissingExtraError, OptionError
-from loopid.identification import quiet_fit
+from loopid.identification.fitting import quiet_fit
 from loopid.kinematics import closed_motion
-from loopid.logs import Log, prepare_recording
+from loopid.logs import Log
 
 QUICK = DesignOptions(starts=1, evaluations=10, solver="slsqp", rate=20.0)
 FINE = replace(QUICK, rate=100.0)
@@ -19,17 +19,17 @@ FINE = replace(QUICK, rate=100.0)
 
 @pytest.fixture(scope="module")
 def gravity(five_bar):
-    return find_force_model(five_bar, joint_terms=None)
+    return loopid.force_model(five_bar, joint_terms=None)
 
 
 @pytest.fixture(scope="module")
 def full(five_bar):
-    return find_force_model(five_bar, "full", None)
+    return loopid.force_model(five_bar, "full", None)
 
 
 @pytest.fixture(scope="module")
 def design(full):
-    return design_excitation(full, options=replace(FINE, noise=0.01))
+    return loopid.design_motion(full, options=replace(FINE, noise=0.01))
 
 
 def test_the_motion_keeps_all_limits_by_an_independent_check(five_bar, design):
@@ -41,7 +41,7 @@ def test_the_motion_keeps_all_limits_by_an_independent_check(five_bar, design):
     assert (motion.configurations >= lower).all()
     assert (motion.configurations <= upper).all()
     assert (np.abs(whole.velocities) <= model.velocityLimit).all()
-    K = loopid.dynamic_regressor(five_bar, q, v, accelerations=a)
+    K = loopid.regressors.dynamic_regressor(five_bar, q, v, accelerations=a)
     forces = K @ five_bar.standard_parameters()
     np.testing.assert_allclose(forces, design.forces, atol=1e-9)
     assert (np.abs(forces) <= model.effortLimit[five_bar.velocity_indices(five_bar.actuated)]).all()
@@ -52,19 +52,17 @@ def test_the_motion_keeps_all_limits_by_an_independent_check(five_bar, design):
 
 def log_of(design, noise=0.0, seed=0, **options):
     """A simulated log of the motion."""
-    robot, motion = design.force_model.mechanism, design.joint_motion
-    run = loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=noise), seed=seed)
+    robot, motion = design.force_model.robot, design.joint_motion
+    run = loopid.simulate(robot, motion, loopid.motion.Noise(gaussian=noise), seed=seed)
     return Log.from_arrays(run.time, run.position, run.force, robot.actuated, **options)
 
 
 def fit_of(design, log):
-    return quiet_fit(
-        design.force_model.samples(prepare_recording(design.force_model.mechanism, log))
-    )
+    return quiet_fit(design.force_model.samples(loopid.prepare(design.force_model.robot, log)))
 
 
 def test_estimates_scatter_as_promised(five_bar, design):
-    run, draws = prepare_recording(five_bar, log_of(design)), 3000
+    run, draws = loopid.prepare(five_bar, log_of(design)), 3000
     shape = len(design.motion), len(run.actuators) * draws
     errors = run.history.lowpass.apply(np.random.default_rng(0).normal(size=shape), 100.0)
     errors = 0.01 * errors[run.history.rows].reshape(len(run), -1, draws) * run.used[:, :, None]
@@ -81,7 +79,7 @@ def test_a_fit_of_a_log_says_what_was_promised(design):
 
 def test_poses_are_told_by_forces_of_motors_that_stand(gravity):
     options = replace(FINE, shape="poses", noise=0.5, evaluations=4)
-    found = design_excitation(gravity, options=options)
+    found = loopid.design_motion(gravity, options=options)
     assert found.violations == 0
     fit = fit_of(found, log_of(found, 0.5, seed=1, idle_speed=0.0))
     np.testing.assert_allclose(fit.standard_errors, found.standard_errors, rtol=0.25)
@@ -92,14 +90,14 @@ def test_it_is_better_than_where_it_started(design):
 
 
 def test_the_same_seed_gives_the_same_motion(full, design):
-    again = design_excitation(full, options=replace(FINE, noise=0.01))
+    again = loopid.design_motion(full, options=replace(FINE, noise=0.01))
     np.testing.assert_array_equal(again.motion.position, design.motion.position)
 
 
 @pytest.mark.validate
 def test_each_criterion_wins_by_its_own_measure(gravity):
     found = {
-        name: design_excitation(
+        name: loopid.design_motion(
             gravity, options=replace(QUICK, criterion=name, evaluations=15)
         ).criteria
         for name in ("D", "A", "E", "condition")
@@ -111,17 +109,17 @@ def test_each_criterion_wins_by_its_own_measure(gravity):
 
 
 def test_splines_keep_the_limits_too(gravity):
-    found = design_excitation(gravity, options=replace(QUICK, shape="spline", evaluations=4))
+    found = loopid.design_motion(gravity, options=replace(QUICK, shape="spline", evaluations=4))
     assert found.violations == 0
     assert np.isfinite(found.standard_errors).all()
 
 
 def test_platform_coordinates():
-    robot = loopid.load_mechanism("3ups_rpu")
+    robot = loopid.load("3ups_rpu")
     limits = MotionLimits(workspace={"x_m": (-0.1, 0.1)}, singularity=0.05)
     options = replace(QUICK, evaluations=1, coordinates="platform", size=2)
-    found = design_excitation(
-        find_force_model(robot, joint_terms=None), limits=limits, options=options
+    found = loopid.design_motion(
+        loopid.force_model(robot, joint_terms=None), limits=limits, options=options
     )
     assert found.violations == 0
     assert found.motion.names == robot.platform.names
@@ -131,22 +129,22 @@ def test_platform_coordinates():
 
 
 def test_a_log_and_the_motion_together_tell_what_the_log_does_not(full, one_crank):
-    told = loopid.identifiability(full, [one_crank])
+    told = loopid.identification.identifiability(full, [one_crank])
     leads = [next(iter(each.terms)) for each in told.unidentifiable]
     assert set(leads) <= set(told.leads)
-    found = design_excitation(full, after=[one_crank], parameters=leads, options=FINE)
+    found = loopid.design_motion(full, after=[one_crank], parameters=leads, options=FINE)
     unknown = [full.parameters.labels.index(lead) for lead in leads]
     assert (found.before.standard_errors[unknown] > 1e3).all()
     assert (found.standard_errors < 1.0).all()
     # The noise is that of the log, which has a fifth of the samples in a second.
     np.testing.assert_allclose(found.noise, 0.01 * 5**0.5, rtol=0.4)
-    everything = design_excitation(full, after=[one_crank], options=FINE)
+    everything = loopid.design_motion(full, after=[one_crank], options=FINE)
     chosen = found.standard_errors[unknown].prod()
     assert chosen <= everything.standard_errors[unknown].prod() * 1.2
 
 
 def test_a_payload_alone_is_known_better_than_with_all_others(full, design):
-    found = design_excitation(full, payload="left_coupler", options=replace(FINE, noise=0.01))
+    found = loopid.design_motion(full, payload="left_coupler", options=replace(FINE, noise=0.01))
     assert {name.partition(".")[0] for name in found.parameters.labels} == {"left_coupler"}
     errors = dict(zip(design.parameters.labels, design.standard_errors, strict=True))
     for name, error in zip(found.parameters.labels, found.standard_errors, strict=True):
@@ -162,16 +160,16 @@ def test_a_payload_alone_is_known_better_than_with_all_others(full, design):
 )
 def test_what_cannot_be_met_is_named(gravity, limits, name):
     with pytest.raises(AssemblyError, match=name):
-        design_excitation(gravity, limits=MotionLimits(**limits), options=QUICK)
+        loopid.design_motion(gravity, limits=MotionLimits(**limits), options=QUICK)
 
 
 def test_advice_on_what_cannot_be_met_works(gravity):
     with pytest.raises(AssemblyError) as refused:
-        design_excitation(gravity, limits=MotionLimits(singularity=0.95), options=QUICK)
+        loopid.design_motion(gravity, limits=MotionLimits(singularity=0.95), options=QUICK)
     facts = refused.value.facts
     assert facts["bound"] == "singularity measure"
     limits = MotionLimits(singularity=0.95 - 1.2 * facts["missing"] - 0.01)
-    assert design_excitation(gravity, limits=limits, options=QUICK).violations == 0
+    assert loopid.design_motion(gravity, limits=limits, options=QUICK).violations == 0
 
 
 @pytest.mark.parametrize(
@@ -218,12 +216,12 @@ def test_bad_options_are_refused_when_they_are_made(options):
 )
 def test_what_does_not_go_with_the_model_is_refused(gravity, task):
     with pytest.raises(OptionError):
-        design_excitation(gravity, **task)
+        loopid.design_motion(gravity, **task)
 
 
 def test_standing_tells_no_full_model(full):
     with pytest.raises(OptionError, match="standing in poses"):
-        design_excitation(full, options=replace(QUICK, shape="poses"))
+        loopid.design_motion(full, options=replace(QUICK, shape="poses"))
 
 
 @pytest.mark.parametrize(
@@ -246,26 +244,26 @@ def test_limits_that_nothing_keeps_are_refused(limits):
 
 def test_ipopt_keeps_the_limits(gravity):
     pytest.importorskip("ipyopt", reason="has wheels for Linux on x86-64 alone")
-    assert design_excitation(gravity, options=replace(QUICK, solver="ipopt")).violations == 0
+    assert loopid.design_motion(gravity, options=replace(QUICK, solver="ipopt")).violations == 0
 
 
 def test_without_ipopt_slsqp_designs_and_the_extra_is_named(gravity, monkeypatch):
     monkeypatch.setitem(sys.modules, "ipyopt", None)
     monkeypatch.setattr("loopid.excitation.problem.find_spec", lambda _: None)
     by_default, by_slsqp = (
-        design_excitation(gravity, options=replace(QUICK, solver=solver))
+        loopid.design_motion(gravity, options=replace(QUICK, solver=solver))
         for solver in (None, "slsqp")
     )
     assert by_default.violations == 0
     np.testing.assert_array_equal(by_default.motion.position, by_slsqp.motion.position)
     with pytest.raises(MissingExtraError, match="excite"):
-        design_excitation(gravity, options=replace(QUICK, solver="ipopt"))
+        loopid.design_motion(gravity, options=replace(QUICK, solver="ipopt"))
 
 
 @pytest.mark.validate
 def test_more_evaluations_never_give_a_worse_motion(gravity):
     found = [
-        design_excitation(gravity, options=replace(QUICK, starts=2, evaluations=most))
+        loopid.design_motion(gravity, options=replace(QUICK, starts=2, evaluations=most))
         for most in (0, 3, 7, 12, 25)
     ]
     volumes = [design.criteria.log_det for design in found]
@@ -279,12 +277,12 @@ def test_more_evaluations_never_give_a_worse_motion(gravity):
 def test_the_clock_stops_and_changes_nothing_else(gravity):
     slow = replace(QUICK, evaluations=3, time_limit=1000.0)
     one, other = (
-        design_excitation(gravity, options=options)
+        loopid.design_motion(gravity, options=options)
         for options in (slow, replace(slow, time_limit=None))
     )
     np.testing.assert_array_equal(one.motion.position, other.motion.position)
     assert one.checks == other.checks
-    found = design_excitation(gravity, options=replace(QUICK, time_limit=1e-3))
+    found = loopid.design_motion(gravity, options=replace(QUICK, time_limit=1e-3))
     assert found.evaluations == 0
     assert not found.converged
     assert found.violations == 0
@@ -299,7 +297,7 @@ def test_the_first_interrupt_keeps_the_best(gravity):
             os.kill(os.getpid(), signal.SIGINT)
 
     before = signal.getsignal(signal.SIGINT)
-    found = design_excitation(gravity, options=QUICK, progress=interrupt)
+    found = loopid.design_motion(gravity, options=QUICK, progress=interrupt)
     assert not found.converged
     assert found.evaluations < QUICK.evaluations
     assert found.violations == 0
@@ -314,8 +312,8 @@ def test_a_robot_with_couplings_and_no_loops_has_no_singularities(tmp_path):
     file.write_text(
         urdf(body("first"), body("gripper"), joint("turn", "ground", "first", axis=Y), followed)
     )
-    found = design_excitation(
-        find_force_model(loopid.load_mechanism(file), joint_terms=None), options=QUICK
+    found = loopid.design_motion(
+        loopid.force_model(loopid.load(file), joint_terms=None), options=QUICK
     )
     assert found.violations == 0
     assert found.min_singularity_measure == 1.0
@@ -330,11 +328,11 @@ def wrist(tmp_path_factory):
     tree, described = files(parts, description)
     (folder / "robot.urdf").write_text(tree.replace('effort="1"', 'effort="1.7e308"'))
     (folder / "robot.yaml").write_text(described)
-    return find_force_model(loopid.load_mechanism(folder / "robot.yaml"), joint_terms=None)
+    return loopid.force_model(loopid.load(folder / "robot.yaml"), joint_terms=None)
 
 
 def test_a_motor_that_moves_no_closed_frame_is_no_singularity(wrist):
-    found = design_excitation(wrist, options=replace(QUICK, evaluations=5))
+    found = loopid.design_motion(wrist, options=replace(QUICK, evaluations=5))
     assert found.violations == 0
     assert np.isfinite(found.standard_errors).all()
     assert not any(check.name.startswith("force") for check in found.checks)
@@ -343,14 +341,14 @@ def test_a_motor_that_moves_no_closed_frame_is_no_singularity(wrist):
 def test_what_no_motion_within_the_limits_excites_is_named(wrist):
     still = MotionLimits(positions={"wrist_joint": (0.0, 1e-9)})
     with pytest.warns(DataWarning, match=r"does not excite .*position of wrist_joint"):
-        found = design_excitation(wrist, limits=still, options=replace(QUICK, evaluations=3))
+        found = loopid.design_motion(wrist, limits=still, options=replace(QUICK, evaluations=3))
     assert np.isinf(found.standard_errors).any()
 
 
 def test_without_other_word_noise_is_a_share_of_the_forces(full):
     """Errors are in proportion to it, and it is of the size of the forces of any good motion."""
     one, two = (
-        design_excitation(full, options=replace(FINE, evaluations=4, noise_share=share))
+        loopid.design_motion(full, options=replace(FINE, evaluations=4, noise_share=share))
         for share in (0.01, 0.02)
     )
     np.testing.assert_allclose(two.noise, 2 * one.noise)

@@ -3,11 +3,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import loopid
 from closure_robots import body, joint, urdf
-from loopid import JointTerms, MotionLimits, find_force_model, load_mechanism
+from loopid import JointTerms, MotionLimits
 from loopid.errors import ModelWarning
-from loopid.excitation import CRITERIA, DesignOptions
+from loopid.excitation import DesignOptions
 from loopid.excitation.collisions import Collisions, convex_hull
+from loopid.excitation.criteria import CRITERIA
 from loopid.excitation.limits import Bounds
 from loopid.excitation.problem import Coordinates, Problem, evaluate
 from loopid.excitation.shapes import FourierShape
@@ -15,7 +17,7 @@ from loopid.kinematics import measured_coordinates
 
 
 def problem(mechanism, model, terms=None, platform=False):
-    force_model = find_force_model(mechanism, model, terms)
+    force_model = loopid.force_model(mechanism, model, terms)
     n = len(force_model.parameters)
     limits = MotionLimits(accelerations={"all": 5.0}, singularity=0.02)
     return Problem(
@@ -32,7 +34,7 @@ def problem(mechanism, model, terms=None, platform=False):
 
 
 def point(given, size):
-    mechanism = given.force_model.mechanism
+    mechanism = given.force_model.robot
     home = measured_coordinates(mechanism, given.coordinates.measured).read(
         mechanism.reference[None]
     )[0]
@@ -51,7 +53,7 @@ def point(given, size):
     ],
 )
 def test_slopes_are_those_of_finite_differences(name, model, kinds, platform, size):
-    mechanism = load_mechanism(name)
+    mechanism = loopid.load(name)
     terms = JointTerms(mechanism.actuated, kinds) if kinds else None
     given = problem(mechanism, model, terms, platform)
     y, near = point(given, size), mechanism.reference[None]
@@ -80,7 +82,7 @@ def test_collisions_are_distances_between_links(tmp_path):
     head, tail = arm.split('<link name="fore">')
     file = tmp_path / "arm.urdf"
     file.write_text(f'{head}<link name="fore">{tail.replace("</link>", shapes["fore"], 1)}')
-    robot = load_mechanism(file)
+    robot = loopid.load(file)
     q = np.array([[0.3, 0.0], [0.3, 2.8], [1.0, 3.0]])
     found = Collisions(robot, q)
     assert found.pairs == (("ground", "fore"),)
@@ -104,7 +106,7 @@ def test_collisions_are_distances_between_links(tmp_path):
 def test_hulls_hold_the_meshes_of_arms_and_no_more(robot_data, name):
     """A point is as far from a hull as from a plane before it at least, from a vertex at most."""
     file = robot_data / f"{name}.urdf"
-    robot, point = load_mechanism(file), coal.Sphere(1e-3)
+    robot, point = loopid.load(file), coal.Sphere(1e-3)
     folders = [str(folder) for folder in file.parents]
     meshes = pin.buildGeomFromUrdf(
         robot.model, str(file), pin.GeometryType.COLLISION, package_dirs=folders

@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid import DesignOptions, design_excitation, find_force_model
+import loopid
+from loopid import DesignOptions
 from loopid.errors import DataError
 
 
 def test_a_design_that_gained_nothing_is_refused_with_advice(load_once):
-    model = find_force_model(load_once("four_bar"), "full", None)
+    model = loopid.force_model(load_once("four_bar"), "full", None)
     options = DesignOptions(duration=4.0, starts=1, evaluations=3, solver="slsqp")
-    found = design_excitation(model, options=options)
+    found = loopid.design_motion(model, options=options)
     assert found.gain > 0
     none = replace(found, before=found.expected)
     assert none.gain == 1.0

@@ -5,7 +5,8 @@ import re
 import numpy as np
 from lxml import etree
 
-from loopid import dynamic_regressor, gravity_regressor, random_configurations
+from loopid import random_configurations
+from loopid.regressors import dynamic_regressor, gravity_regressor
 
 NUMBERS = re.compile(r"[-+.0-9eE\s]+$")
 

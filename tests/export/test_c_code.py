@@ -13,29 +13,23 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import loopid
 from bank_robots import few_of
 from closure_robots import ROWS, body, chain, files, frame, joint, loop, urdf
 from compiled_c import CompiledRobot, header_ways
-from loopid import (
-    Dynamics,
-    JointTerms,
-    Mechanism,
-    assemble,
-    bundled_robots,
-    find_force_model,
-    gravity_regressor,
-    load_mechanism,
-    random_configurations,
-)
+from loopid import Dynamics, JointTerms, Robot, bundled_robots, random_configurations
 from loopid.base_parameters import BaseParameters
 from loopid.control import Signals, WrenchObserver
 from loopid.errors import AccuracyWarning, DataError, MissingExtraError, OptionError
 from loopid.export import c_source
 from loopid.export.c_code import motor_positions
 from loopid.identification import ForceModel
-from loopid.kinematics import closed_motion, nearby_configurations, try_assemble
+from loopid.kinematics import assemble, closed_motion
+from loopid.kinematics.assembly import try_assemble
+from loopid.kinematics.closing import nearby_configurations
 from loopid.motion import JointMotion
-from loopid.regressors import motion_parameters, motion_regressor
+from loopid.regressors import gravity_regressor, motion_regressor
+from loopid.regressors.motion_regressors import motion_parameters
 from loopid.robot import Body
 
 pytestmark = [
@@ -95,13 +89,13 @@ def joint_terms(mechanism, kinds, rates=(0.0, 0.0)):
 @cache
 def force_model(robot, model, kinds=("Ia", "Fc", "Fv", "Fo"), **options):
     """A force model as users have it."""
-    mechanism = load_mechanism(robot, **options)
-    return find_force_model(mechanism, model, joint_terms(mechanism, kinds), search="qr")
+    mechanism = loopid.load(robot, **options)
+    return loopid.force_model(mechanism, model, joint_terms(mechanism, kinds), search="qr")
 
 
 def all_columns(robot, model, kinds=("Ia", "Fc", "Fv", "Fo"), rates=(0.0, 0.0), **options):
     """All standard parameters as if they were base parameters: nothing is left out."""
-    mechanism = robot if isinstance(robot, Mechanism) else load_mechanism(robot, **options)
+    mechanism = robot if isinstance(robot, Robot) else loopid.load(robot, **options)
     terms = joint_terms(mechanism, kinds, rates)
     names = motion_parameters(mechanism, model, terms)
     p = len(names)
@@ -112,7 +106,7 @@ def all_columns(robot, model, kinds=("Ia", "Fc", "Fv", "Fo"), rates=(0.0, 0.0), 
 
 def around_reference(model):
     """Motion through closed poses around the reference, which are fast to find."""
-    mechanism = model.mechanism
+    mechanism = model.robot
     q = nearby_configurations(mechanism, mechanism.reference)
     rates = np.random.default_rng(6).standard_normal((2, len(q), len(mechanism.independent)))
     return closed_motion(mechanism, q, *rates)
@@ -120,7 +114,7 @@ def around_reference(model):
 
 def moved(model, count=20):
     """Random motion through closed poses."""
-    mechanism = model.mechanism
+    mechanism = model.robot
     q = random_configurations(mechanism, count, seed=5)
     rates = np.random.default_rng(6).standard_normal((2, count, len(mechanism.independent)))
     return closed_motion(mechanism, q, *rates)
@@ -129,7 +123,7 @@ def moved(model, count=20):
 def assert_agrees(model, robot, motion=None):
     """All functions, at closed poses."""
     motion = moved(model) if motion is None else motion
-    W = motion_regressor(model.mechanism, motion, model.model, joint_terms=model.joint_terms)
+    W = motion_regressor(model.robot, motion, model.model, joint_terms=model.joint_terms)
     expected = model.base.regressor(W)
     K, status = robot.regressors(motion)
     assert not status.any()
@@ -139,7 +133,7 @@ def assert_agrees(model, robot, motion=None):
     assert robot.state.residual < 1e-9
     np.testing.assert_allclose(robot.state.q, motion.configurations[-1], atol=1e-9)
     # The rest at the last pose.
-    chosen = model.mechanism.velocity_indices(model.mechanism.independent)
+    chosen = model.robot.velocity_indices(model.robot.independent)
     du, ddu = (x[-1, chosen].copy() for x in (motion.velocities, motion.accelerations))
     phi = np.random.default_rng(7).standard_normal(K.shape[2])
     size, still = np.abs(K[-1]) @ np.abs(phi), np.zeros(len(chosen))
@@ -199,9 +193,9 @@ def test_friction_curves_and_load(compiled):
     found = all_columns("five_bar", "full", (*kinds, "Ft"))
     phi = np.random.default_rng(3).standard_normal(len(found.parameters))
     found, robot = found.with_loads(phi), compiled(found.with_loads(phi))
-    motion, size = around_reference(found), len(found.mechanism.independent)
+    motion, size = around_reference(found), len(found.robot.independent)
     K, _ = robot.regressors(motion)
-    rows = found.mechanism.velocity_indices(found.mechanism.independent)
+    rows = found.robot.velocity_indices(found.robot.independent)
     rates = motion.velocities[:, rows], motion.accelerations[:, rows]
     here = JointMotion(np.arange(float(len(K))), motion.configurations, *rates, np.ones(len(K)))
     expected = found.regressor(here)
@@ -260,7 +254,7 @@ def test_loops_of_joints_with_several_coordinates(compiled, tmp_path):
     for name, text in zip(("robot.urdf", "robot.yaml"), texts, strict=True):
         (tmp_path / name).write_text(text)
     found = all_columns(tmp_path / "robot.yaml", "full", ())
-    assert len(found.mechanism.independent) > 3
+    assert len(found.robot.independent) > 3
     assert_agrees(found, compiled(found), around_reference(found))
 
 
@@ -287,9 +281,9 @@ def test_every_joint_of_robot_files(compiled, tmp_path):
         "name_mot: [drift, slider, spin, oblique, socket, table, hinge]\n"
     )
     found = all_columns(tmp_path / "robot.yaml", "full", ())
-    kinds = {found.mechanism.joint(name).shortname() for name in found.mechanism.joints}
+    kinds = {found.robot.joint(name).shortname() for name in found.robot.joints}
     assert {"JointModelFreeFlyer", "JointModelPlanar", "JointModelSpherical"} < kinds
-    assert found.mechanism.model.nq > found.mechanism.model.nv
+    assert found.robot.model.nq > found.robot.model.nv
     assert_agrees(found, compiled(found))
 
 
@@ -317,7 +311,7 @@ def test_joints_that_are_several(compiled):
         model.appendBodyToJoint(parent, pin.Inertia.Random(), pin.SE3.Identity())
         bodies.append(Body(f"link{k}", parent))
     names = tuple(f"joint{k}" for k in range(len(kinds)))
-    mechanism = Mechanism(
+    mechanism = Robot(
         "hand made", Path("none"), model, (), names, tuple(bodies), pin.neutral(model)
     )
     q = np.array(
@@ -330,7 +324,7 @@ def test_joints_that_are_several(compiled):
 
 def test_singular_poses_are_told(compiled):
     found = force_model("parallelogram", "full", ())
-    mechanism, robot = found.mechanism, compiled(found)
+    mechanism, robot = found.robot, compiled(found)
     # All bars in a line: the motor loses control of the coupler.
     line = mechanism.reference[:2].sum()
     still = np.zeros((1, 3))
@@ -390,7 +384,7 @@ def drive(mechanism, count, step, seed=0):
 def test_a_control_loop(compiled, robot):
     """All joints and forces, sample by sample."""
     found = force_model(robot, "gravity")
-    mechanism, call = found.mechanism, compiled(found)
+    mechanism, call = found.robot, compiled(found)
     u, q = drive(mechanism, 200, 1e-4)
     assert call.call("start", u[0].copy()) == 0
     forces, reached = np.zeros(u.shape), np.zeros(q.shape)
@@ -407,7 +401,7 @@ def test_a_control_loop(compiled, robot):
 def test_motions_close_or_are_refused(tmp_path, robot):
     """What the header allows closes; longer motions end as Python's assembly does, or nowhere."""
     found = force_model(robot, "gravity", ())
-    mechanism, code = found.mechanism, c_source(found)
+    mechanism, code = found.robot, c_source(found)
     q = random_configurations(mechanism, 500, seed=2)
     u, generator = motor_positions(mechanism, q), np.random.default_rng(3)
     refused = 0
@@ -429,7 +423,7 @@ def test_motions_close_or_are_refused(tmp_path, robot):
 def test_lost_samples(compiled):
     found = force_model("3ups_rpu", "gravity")
     robot = compiled(found)
-    u, q = drive(found.mechanism, 200, 1e-4)
+    u, q = drive(found.robot, 200, 1e-4)
     robot.call("start", u[0].copy())
     for k in range(1, len(u)):
         if k in (20, 21, 60):  # nothing comes
@@ -442,7 +436,7 @@ def test_lost_samples(compiled):
         assert robot.call("assemble", u[k].copy()) == 0
         np.testing.assert_allclose(robot.state.q, q[k], atol=1e-9)
     # Too many are lost for one part.
-    far, there = drive(found.mechanism, 20, 2e-3, seed=1)
+    far, there = drive(found.robot, 20, 2e-3, seed=1)
     assert robot.call("assemble", far[-1].copy()) == 2
     assert robot.call("follow", far[-1].copy()) == 0
     np.testing.assert_allclose(robot.state.q, there[-1], atol=1e-9)
@@ -451,7 +445,7 @@ def test_lost_samples(compiled):
 def test_starts_from_the_reference(compiled):
     """On its branch, or nowhere."""
     found = force_model("five_bar", "gravity", ())
-    mechanism, robot = found.mechanism, compiled(found)
+    mechanism, robot = found.robot, compiled(found)
     u = np.random.default_rng(0).uniform(-np.pi, np.pi, (200, 2))
     whole, status = try_assemble(mechanism, u), np.zeros(len(u))
     for k in range(len(u)):
@@ -478,7 +472,7 @@ def test_angles_on_a_circle_go_the_short_way(compiled, tmp_path):
     for name, text in zip(("robot.urdf", "robot.yaml"), texts, strict=True):
         (tmp_path / name).write_text(text)
     found = all_columns(tmp_path / "robot.yaml", "gravity", ())
-    mechanism, robot = found.mechanism, compiled(found)
+    mechanism, robot = found.robot, compiled(found)
     assert mechanism.held
     u = np.zeros((700, len(mechanism.independent)))
     u[:, 0] = motor_positions(mechanism, mechanism.reference[None])[0, 0] + 0.02 * np.arange(700)
@@ -498,10 +492,10 @@ def test_angles_on_a_circle_go_the_short_way(compiled, tmp_path):
 def test_the_observer_is_that_of_python(robot_name, kind, compiled):
     """With friction and rotors, also where the bodies of the model stand still."""
     found = force_model(robot_name, kind, ("Ia", "Fc", "Fv"))
-    robot, phi, frame = compiled(found), found.prior + 0.1, found.mechanism.model.frames[-1].name
+    robot, phi, frame = compiled(found), found.prior + 0.1, found.robot.model.frames[-1].name
     own = Dynamics(found, phi)
     beside = WrenchObserver(own, 1e-3, gain=40.0, noise=1.0, frame=frame)
-    home = motor_positions(found.mechanism, own.configuration[None])[0]
+    home = motor_positions(found.robot, own.configuration[None])[0]
     time, pace = 1e-3 * np.arange(50)[:, None], np.linspace(5, 9, len(home))
     u, du = home + 0.01 * np.sin(pace * time), 0.01 * pace * np.cos(pace * time)
     tau, seen = np.random.default_rng(0).normal(0, 20, u.shape), np.zeros(len(home))
@@ -516,8 +510,8 @@ def test_the_observer_is_that_of_python(robot_name, kind, compiled):
 
 def test_the_observer(compiled):
     """De Luca's formula, with C^T du from kinetic energy, gives the filtered external forces."""
-    mechanism = load_mechanism("five_bar")
-    found = find_force_model(
+    mechanism = loopid.load("five_bar")
+    found = loopid.force_model(
         mechanism, "full", JointTerms(mechanism.actuated, ("Ia",)), search="qr"
     )
     robot, phi, dt, bandwidth = compiled(found), found.prior + 0.1, 1e-3, 40.0
@@ -620,7 +614,7 @@ def test_the_function_of_casadi():
     import casadi
 
     found = force_model("five_bar", "full")
-    mechanism = found.mechanism
+    mechanism = found.robot
     code, motion = c_source(found), moved(found, 5)
     call = casadi.Function.deserialize(code.casadi)
     chosen = mechanism.velocity_indices(mechanism.independent)
@@ -645,7 +639,7 @@ def test_names_are_texts_and_nothing_else(tmp_path):
         parent = model.addJoint(parent, pin.JointModelRY(), pin.SE3.Random(), name)
         model.appendBodyToJoint(parent, pin.Inertia.Random(), pin.SE3.Identity())
         bodies.append(Body(name, parent))
-    mechanism = Mechanism(
+    mechanism = Robot(
         HOSTILE[1], Path("none"), model, (), HOSTILE, tuple(bodies), pin.neutral(model)
     )
     found = all_columns(mechanism, "gravity", ("Fv",))
@@ -664,12 +658,12 @@ def test_names_are_texts_and_nothing_else(tmp_path):
 
 def test_long_texts_are_cut(tmp_path):
     found = force_model("five_bar", "gravity", ())
-    long = replace(found, mechanism=replace(found.mechanism, name="ö" * 5000))
+    long = replace(found, robot=replace(found.robot, name="ö" * 5000))
     code = c_source(long)
     compiled = CompiledRobot(long, code, tmp_path, STRICT)
     text = ctypes.c_char.in_dll(compiled.library, f"{code.name}_robot")
     assert ctypes.string_at(ctypes.addressof(text)).endswith(b"...")
-    named = replace(found, mechanism=replace(found.mechanism, name="x" * 5000))
+    named = replace(found, robot=replace(found.robot, name="x" * 5000))
     assert len(c_source(named).name) < 100  # of files
 
 

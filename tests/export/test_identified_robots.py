@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from feasible_changes import changed, relative
 
-from loopid import JointTerms, find_force_model, load_mechanism
-from loopid.export import export_robot_file
-from loopid.identification import consistent_fit, load_fit, quiet_fit
+import loopid
+from loopid import JointTerms
+from loopid.export.robot_file import export_robot_file
+from loopid.identification import consistent_fit, load_fit
+from loopid.identification.fitting import quiet_fit
 from loopid.kinematics import closed_motion
-from loopid.loading import inertia_defects
+from loopid.loading.checks import inertia_defects
 from loopid.regressors import motion_regressor
 from made_runs import modelled, wander
 
@@ -25,8 +27,8 @@ CASES = [
 @cache
 def identify(robot, model, kinds):
     """A force model, its fit to noisy forces of another robot than the file's, and a motion."""
-    mechanism = load_mechanism(robot)
-    found = find_force_model(mechanism, model, JointTerms(mechanism.actuated, kinds))
+    mechanism = loopid.load(robot)
+    found = loopid.force_model(mechanism, model, JointTerms(mechanism.actuated, kinds))
     truth = np.concatenate(
         [changed(mechanism, model, seed=1), np.full(len(kinds) * len(mechanism.actuated), 0.5)]
     )
@@ -45,7 +47,7 @@ def loaded_again(mechanism, folder, urdf_folder, standard, parameters):
     shutil.copy(urdf_folder / f"{mechanism.name}.yaml", folder)
     path = folder / f"{mechanism.name}.urdf"
     export_robot_file(mechanism, standard, path, parameters=parameters)
-    return load_mechanism(folder / f"{mechanism.name}.yaml")
+    return loopid.load(folder / f"{mechanism.name}.yaml")
 
 
 def assert_same_forces(model, again, standard, motion, expected):
@@ -65,7 +67,7 @@ def test_robot_files_round_trip(identified, tmp_path, urdf_folder):
     saved = load_fit(model.fit_of(found).save(tmp_path / "parameters.yaml"))
     standard, names = saved.require_bodies(), model.base.parameters
     np.testing.assert_array_equal(standard, found.standard_parameters)
-    again = loaded_again(model.mechanism, tmp_path, urdf_folder, standard, names)
+    again = loaded_again(model.robot, tmp_path, urdf_folder, standard, names)
     expected = found.forces(model.regressor(motion))
     assert_same_forces(model, again, standard, motion, expected)
     assert not inertia_defects(again)

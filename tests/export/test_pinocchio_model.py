@@ -22,7 +22,7 @@ def states(robot, count=3):
 def test_pinocchio_closes_the_loops_of_its_model(name, load_once):
     """Constraint dynamics of the exported models give the acceleration of forward dynamics."""
     robot = load_once(name)
-    tree, loops = loopid.to_pinocchio(robot)
+    tree, loops = loopid.export.to_pinocchio(robot)
     data, contacts = tree.createData(), pin.StdVec_RigidConstraintData()
     contacts.extend(loop.createData() for loop in loops)
     q, v, tau = (each[0] for each in states(robot))
@@ -40,23 +40,23 @@ def test_pinocchio_closes_the_loops_of_its_model(name, load_once):
 def test_closures_that_pinocchio_has_not_are_named(linkage):
     for name in ("universal loop, skew", "rack and pinion"):
         with pytest.raises(OptionError, match="no contact for"):
-            loopid.to_pinocchio(linkage(name))
+            loopid.export.to_pinocchio(linkage(name))
 
 
 @pytest.mark.parametrize("kind", ["full", "gravity"])
 def test_the_tree_has_the_bodies_and_terms_of_the_fit(kind, load_once):
     robot = load_once("five_bar")
-    model = loopid.find_force_model(robot, kind, "Fc,Fv,Fo" + (",Ia" if kind == "full" else ""))
+    model = loopid.force_model(robot, kind, "Fc,Fv,Fo" + (",Ia" if kind == "full" else ""))
     terms = np.arange(1.0, 1.0 + len(model.joint_values))
     standard = np.concatenate([1.1 * robot.standard_parameters(kind), terms])
     W = model.standard_regressor(*states(robot, 30))
-    data = loopid.FitSamples.of(
+    data = loopid.identification.FitSamples.of(
         model.parameters, robot.independent, model.base.regressor(W), W @ standard
     )
-    fit = loopid.fit(data)
+    fit = loopid.identification.fit(data)
     with pytest.raises(DataError, match="recommended"):
         model.fit_of(fit).to_pinocchio()
-    solid = loopid.consistent_fit(model, data, fit.noise)
+    solid = loopid.identification.consistent_fit(model, data, fit.noise)
     with pytest.warns(ModelWarning, match=r"no place for left_crank_joint\.Fo, .*: left out"):
         tree, _ = solid.to_pinocchio()
     values = dict(zip(model.base.parameters.labels, solid.standard_parameters, strict=True))

@@ -7,9 +7,9 @@ import pytest
 from feasible_changes import changed, forces, forces_of_file, relative
 from lxml import etree
 
-from loopid import load_mechanism
+import loopid
 from loopid.errors import DataError, OptionError, RobotFileError
-from loopid.export import export_robot_file, updated_robot_file
+from loopid.export.robot_file import export_robot_file, updated_robot_file
 
 pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
 pytestmark = pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")
@@ -53,14 +53,14 @@ def without_inertials(content):
 def arm(tmp_path):
     path = tmp_path / "arm.xml"
     path.write_text(ROBOT)
-    return load_mechanism(path)
+    return loopid.load(path)
 
 
 @pytest.mark.parametrize("model", ["full", "gravity"])
 def test_round_trip(arm, tmp_path, model):
     parameters = changed(arm, model)
     path = export_robot_file(arm, parameters, tmp_path / "new.xml")
-    again = load_mechanism(path)
+    again = loopid.load(path)
     assert relative(forces_of_file(again, model), forces(arm, parameters, model)) < 1e-9
     old, new = (without_inertials(content) for content in (ROBOT.encode(), path.read_bytes()))
     assert new == old
@@ -77,7 +77,7 @@ def test_what_keeps_its_axes_keeps_its_form(tmp_path):
     # Twice the mass in the same places, of bodies that are one link each.
     text = re.sub(r'<body name="lid".*?</body>', "", ROBOT)
     (tmp_path / "arm.xml").write_text(text)
-    arm = load_mechanism(tmp_path / "arm.xml")
+    arm = loopid.load(tmp_path / "arm.xml")
     new = updated_robot_file(arm, 2 * arm.standard_parameters()).decode()
     old, new = (re.findall(r"<inertial\b.*?/>", content)[1:4] for content in (text, new))
     for one, two in zip(old, new, strict=True):
@@ -93,9 +93,9 @@ def test_what_keeps_its_axes_keeps_its_form(tmp_path):
 def test_a_yaml_beside_it_round_trips(arm, tmp_path):
     (tmp_path / "robot.yaml").write_text("mjcf: arm.xml\nname_mot: [one_hinge]\n")
     with pytest.warns(UserWarning, match="free"):
-        mechanism = load_mechanism(tmp_path / "robot.yaml")
+        mechanism = loopid.load(tmp_path / "robot.yaml")
     parameters = changed(mechanism)
-    again = load_mechanism(export_robot_file(mechanism, parameters, tmp_path / "new.xml"))
+    again = loopid.load(export_robot_file(mechanism, parameters, tmp_path / "new.xml"))
     np.testing.assert_allclose(again.standard_parameters(), parameters, rtol=1e-11, atol=1e-13)
 
 
@@ -125,7 +125,7 @@ def test_what_cannot_be_edited_is_refused(tmp_path, old, new, words):
     )
     path = tmp_path / "arm.xml"
     path.write_text(ROBOT.replace(old, new))
-    mechanism = load_mechanism(path)
+    mechanism = loopid.load(path)
     with pytest.raises(RobotFileError, match=words):
         updated_robot_file(mechanism, changed(mechanism))
 
@@ -134,8 +134,8 @@ def test_included_files_without_bodies_do_no_harm(tmp_path):
     (tmp_path / "more.xml").write_text('<mujoco><option gravity="0 0 -5"/></mujoco>')
     path = tmp_path / "arm.xml"
     path.write_text(ROBOT.replace("<worldbody>", '<include file="more.xml"/><worldbody>'))
-    mechanism = load_mechanism(path)
+    mechanism = loopid.load(path)
     parameters = changed(mechanism)
-    again = load_mechanism(export_robot_file(mechanism, parameters, tmp_path / "new.xml"))
+    again = loopid.load(export_robot_file(mechanism, parameters, tmp_path / "new.xml"))
     assert again.model.gravity.linear[2] == -5
     assert relative(forces_of_file(again), forces(mechanism, parameters)) < 1e-9

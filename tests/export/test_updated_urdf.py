@@ -16,11 +16,12 @@ from feasible_changes import (
     without_numbers,
 )
 
+import loopid
 from bank_robots import few_of
 from closure_robots import body, frame, joint, urdf
-from loopid import JointTerms, bundled_robots, load_mechanism
+from loopid import JointTerms, bundled_robots
 from loopid.errors import DataError, FileError, OptionError, RobotFileError
-from loopid.export import export_robot_file, updated_robot_file
+from loopid.export.robot_file import export_robot_file, updated_robot_file
 
 ROUND_TRIP = 1e-9
 # Found without loopid's own reader: whatever is between the tags, comments and all.
@@ -32,7 +33,7 @@ def saved(folder, mechanism, parameters, urdf_folder):
     name = mechanism.path.stem
     shutil.copy(urdf_folder / f"{name}.yaml", folder)
     export_robot_file(mechanism, parameters, folder / f"{name}.urdf")
-    return load_mechanism(folder / f"{name}.yaml", tied=mechanism.tied)
+    return loopid.load(folder / f"{name}.yaml", tied=mechanism.tied)
 
 
 @pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")
@@ -58,11 +59,11 @@ def test_bundled_robots_round_trip(tmp_path, urdf_folder, load_once, robot, mode
      "anymal_b_simple_description/robots/anymal.urdf"],
 )  # fmt: skip
 def test_robots_of_others_round_trip(tmp_path, robot_data, robot):
-    mechanism = load_mechanism(robot_data / robot)
+    mechanism = loopid.load(robot_data / robot)
     parameters = changed(mechanism)
     path = tmp_path / "new.urdf"
     export_robot_file(mechanism, parameters, path)
-    again = load_mechanism(path)
+    again = loopid.load(path)
     assert relative(forces_of_file(again), forces(mechanism, parameters)) < ROUND_TRIP
     old, new = mechanism.path.read_bytes(), path.read_bytes()
     assert without_numbers(new) == without_numbers(old)
@@ -91,11 +92,11 @@ def test_only_the_changed_link_is_written(load_once, urdf_folder):
 
 
 def test_tied_links_get_the_same_parameters(tmp_path, urdf_folder):
-    mechanism = load_mechanism("3rrr", tied=True)
+    mechanism = loopid.load("3rrr", tied=True)
     parameters = changed(mechanism)
     again = saved(tmp_path, mechanism, parameters, urdf_folder)
     np.testing.assert_allclose(again.standard_parameters(), parameters, rtol=1e-12, atol=1e-14)
-    apart = load_mechanism(tmp_path / "3rrr.yaml")
+    apart = loopid.load(tmp_path / "3rrr.yaml")
     rows = apart.standard_parameters().reshape(-1, 10)
     legs = [apart.links.index(link) for link in apart.identical[0].links]
     np.testing.assert_allclose(rows[legs], rows[legs[:1]].repeat(len(legs), axis=0), rtol=1e-12)
@@ -131,17 +132,15 @@ PARTS = (
 def merged(tmp_path):
     path = tmp_path / "merged.urdf"
     path.write_text(urdf(*PARTS).replace('rpy="0 0 0"/><mass', 'rpy="0.2 -0.1 0.7"/><mass'))
-    return load_mechanism(path)
+    return loopid.load(path)
 
 
 @pytest.mark.parametrize("model", ["full", "gravity"])
 @pytest.mark.parametrize("lock", [(), ("wrist",)])
 def test_merged_bodies_round_trip(merged, tmp_path, model, lock):
-    mechanism = load_mechanism(merged.path, lock=lock)
+    mechanism = loopid.load(merged.path, lock=lock)
     parameters = changed(mechanism, model)
-    again = load_mechanism(
-        export_robot_file(mechanism, parameters, tmp_path / "new.urdf"), lock=lock
-    )
+    again = loopid.load(export_robot_file(mechanism, parameters, tmp_path / "new.urdf"), lock=lock)
     own, meant = again.standard_parameters(model), parameters
     np.testing.assert_allclose(own, meant, rtol=1e-11, atol=1e-12)
 
@@ -164,7 +163,7 @@ def test_links_share_what_the_leading_one_cannot_carry(merged, tmp_path, part):
     rows = merged.standard_parameters().reshape(-1, 10).copy()
     rows[0] = part * rows[0]
     path = export_robot_file(merged, rows.ravel(), tmp_path / "new.urdf")
-    again = load_mechanism(path)
+    again = loopid.load(path)
     np.testing.assert_allclose(again.standard_parameters(), rows.ravel(), rtol=1e-9, atol=1e-12)
     found = inertials_of(path.read_bytes())
     masses = [float(re.search(rb'mass value="(.*?)"', found[n])[1]) for n in ("arm", "camera")]
@@ -183,7 +182,7 @@ def test_a_body_named_by_a_link_without_inertial_changes_its_heaviest_link(tmp_p
             joint("two", "bare", "heavy", (0, 0.1, 0), kind="fixed"),
         )
     )
-    mechanism = load_mechanism(path)
+    mechanism = loopid.load(path)
     old, new = (
         inertials_of(content)
         for content in (path.read_bytes(), updated_robot_file(mechanism, changed(mechanism)))
@@ -198,10 +197,10 @@ def test_a_floating_base_and_followers_round_trip(tmp_path):
     )
     parts = (body("finger"), body("thumb"), joint("first", "palm", "finger"), follower)
     path.write_text(f'<robot name="hand">{body("palm", mass=2.0)}{"".join(parts)}</robot>')
-    mechanism = load_mechanism(path, floating_base=True)
+    mechanism = loopid.load(path, floating_base=True)
     parameters = changed(mechanism)
     new = export_robot_file(mechanism, parameters, tmp_path / "new.urdf")
-    again = load_mechanism(new, floating_base=True)
+    again = loopid.load(new, floating_base=True)
     np.testing.assert_allclose(again.standard_parameters(), parameters, rtol=1e-11, atol=1e-13)
 
 
@@ -210,9 +209,9 @@ def test_missing_origins_are_added(tmp_path, origin):
     path = tmp_path / "plain.urdf"
     text = urdf(body("arm"), joint("hinge", "ground", "arm"))
     path.write_text(re.sub(r"<origin xyz=\"0.1.*?/>", origin, text))
-    mechanism = load_mechanism(path)
+    mechanism = loopid.load(path)
     parameters = changed(mechanism)
-    again = load_mechanism(export_robot_file(mechanism, parameters, tmp_path / "new.urdf"))
+    again = loopid.load(export_robot_file(mechanism, parameters, tmp_path / "new.urdf"))
     np.testing.assert_allclose(again.standard_parameters(), parameters, rtol=1e-12, atol=1e-15)
 
 
@@ -294,14 +293,14 @@ def test_other_refusals(load_once, tmp_path):
 def test_the_robots_own_file_is_replaced_only_when_asked(tmp_path, urdf_folder):
     for ending in ("urdf", "yaml"):
         shutil.copy(urdf_folder / f"five_bar.{ending}", tmp_path)
-    mechanism = load_mechanism(tmp_path / "five_bar.yaml")
+    mechanism = loopid.load(tmp_path / "five_bar.yaml")
     parameters, own = changed(mechanism), tmp_path / "five_bar.urdf"
     before = own.read_bytes()
     with pytest.raises(FileError, match="is the robot's own file"):
         export_robot_file(mechanism, parameters, own)
     assert own.read_bytes() == before
     export_robot_file(mechanism, parameters, own, overwrite=True)
-    again = load_mechanism(tmp_path / "five_bar.yaml")
+    again = loopid.load(tmp_path / "five_bar.yaml")
     np.testing.assert_allclose(again.standard_parameters(), parameters, rtol=1e-12, atol=1e-15)
     # What was loaded before no longer is what the file says.
     with pytest.raises(RobotFileError, match="load it again"):
@@ -312,10 +311,10 @@ def test_a_link_of_another_namespace_is_none(tmp_path):
     alien = body("arm").replace("<link", '<link xmlns="http://example.org"')
     path = tmp_path / "alien.urdf"
     path.write_text(urdf(alien, body("arm"), joint("hinge", "ground", "arm"), alien))
-    mechanism = load_mechanism(path)
+    mechanism = loopid.load(path)
     parameters = changed(mechanism)
     new = export_robot_file(mechanism, parameters, tmp_path / "new.urdf")
-    again = load_mechanism(new)
+    again = loopid.load(new)
     np.testing.assert_allclose(again.standard_parameters(), parameters, rtol=1e-12, atol=1e-15)
     assert without_numbers(new.read_bytes()) == without_numbers(path.read_bytes())
 
@@ -325,7 +324,7 @@ def test_a_default_namespace_stays(tmp_path):
     text = urdf(body("arm"), joint("hinge", "ground", "arm"))
     text = re.sub(r"<origin xyz=\"0.1.*?/>", "", text)
     path.write_text(text.replace("<robot", '<robot xmlns="http://example.org"'))
-    mechanism = load_mechanism(path)
+    mechanism = loopid.load(path)
     parameters = changed(mechanism)
-    again = load_mechanism(export_robot_file(mechanism, parameters, tmp_path / "new.urdf"))
+    again = loopid.load(export_robot_file(mechanism, parameters, tmp_path / "new.urdf"))
     np.testing.assert_allclose(again.standard_parameters(), parameters, rtol=1e-12, atol=1e-15)

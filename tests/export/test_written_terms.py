@@ -8,12 +8,13 @@ import pytest
 from feasible_changes import changed, relative
 from lxml import etree
 
+import loopid
 from bank_robots import few_of
 from closure_robots import body, joint, urdf
-from loopid import JointTerms, bundled_robots, load_mechanism, random_configurations
+from loopid import JointTerms, bundled_robots, random_configurations
 from loopid.errors import ModelWarning
-from loopid.export import export_robot_file, updated_robot_file
-from loopid.identification import MotorUse
+from loopid.export.robot_file import export_robot_file, updated_robot_file
+from loopid.identification.result import MotorUse
 from loopid.kinematics import closed_motion, random_motions
 from loopid.regressors import motion_regressor
 
@@ -38,7 +39,7 @@ def written(mechanism, terms, values, place, **options):
         export_robot_file(mechanism, whole, place, parameters=names)
     said = [str(w.message) for w in heard if "joint terms of the new" in str(w.message)]
     with warnings.catch_warnings(action="ignore"):
-        again = load_mechanism(options.pop("file", place), **(dict(mechanism.options) | options))
+        again = loopid.load(options.pop("file", place), **(dict(mechanism.options) | options))
     return again, whole, said
 
 
@@ -65,9 +66,9 @@ def assert_same(mechanism, again, whole, terms):
 @pytest.mark.parametrize("tied", [False, True])
 @pytest.mark.parametrize("robot", few_of(bundled_robots(), "3ups_rpu", "delta", "five_bar", "3rrr"))
 def test_friction_of_bundled_robots_comes_back(tmp_path, urdf_folder, robot, tied):
-    if tied and not load_mechanism(robot).identical:
+    if tied and not loopid.load(robot).identical:
         pytest.skip("no links are declared alike")
-    mechanism = load_mechanism(robot, tied=tied)
+    mechanism = loopid.load(robot, tied=tied)
     terms, _, values = terms_of(mechanism, ("Fc", "Fv"))
     shutil.copy(urdf_folder / f"{robot}.yaml", tmp_path)
     again, whole, said = written(
@@ -93,7 +94,7 @@ def test_a_friction_curve_becomes_the_nearest_line(tmp_path, load_once):
     v = np.linspace(0.05, 0.6, 200)
     curve = 0.2 + 1.1 * v + np.interp(v, [0.1, 0.2, 0.4], [0.3, 0.1, 0.0]) + 0.05 * 2.0
     expected = np.polyfit(v, curve, 1)
-    joint = load_mechanism(place).joint_values[terms.joints[0]]
+    joint = loopid.load(place).joint_values[terms.joints[0]]
     assert (joint["Fv"], joint["Fc"]) == pytest.approx(expected)
     uneven = np.interp(v, [0.2, 0.4], [0.0, 0.05])
     off = np.abs(curve - expected[1] - expected[0] * v) + uneven
@@ -142,7 +143,7 @@ def arm(folder, shoulder="", elbow="", rest="", **options):
     text = ARM.replace("SHOULDER", shoulder).replace("ELBOW", elbow).replace("REST", rest)
     (folder / "arm.urdf").write_text(text)
     with warnings.catch_warnings(action="ignore"):
-        return load_mechanism(folder / "arm.urdf", **options)
+        return loopid.load(folder / "arm.urdf", **options)
 
 
 @pytest.mark.parametrize(
@@ -230,7 +231,7 @@ def test_what_the_fit_does_not_have_stays_and_is_named(tmp_path):
 def test_a_yaml_that_overrules_is_named(tmp_path):
     arm(tmp_path)
     (tmp_path / "robot.yaml").write_text("urdf: arm.urdf\njoint_terms: {elbow: {Fv: 4, Ia: 0.5}}\n")
-    mechanism = load_mechanism(tmp_path / "robot.yaml")
+    mechanism = loopid.load(tmp_path / "robot.yaml")
     terms = JointTerms(("elbow",), ("Fv", "Ia"))
     _, _, said = written(mechanism, terms, np.array([3.0, 0.5]), tmp_path / "new.urdf")
     assert said[0].endswith("joint_terms of robot.yaml overrule elbow.Fv")
@@ -240,7 +241,7 @@ def test_a_yaml_that_leaves_a_value_open_is_named(tmp_path):
     """``null`` is what is not known: it stays so, whatever the new file says."""
     arm(tmp_path)
     (tmp_path / "robot.yaml").write_text("urdf: arm.urdf\njoint_terms: {elbow: {Fv: null}}\n")
-    mechanism = load_mechanism(tmp_path / "robot.yaml")
+    mechanism = loopid.load(tmp_path / "robot.yaml")
     terms = JointTerms(("shoulder", "elbow"), ("Fv",))
     _, _, said = written(mechanism, terms, np.array([2.0, 3.0]), tmp_path / "new.urdf")
     assert said[0].endswith("joint_terms of robot.yaml overrule elbow.Fv")
@@ -252,7 +253,7 @@ def test_coordinates_that_no_joint_of_the_file_has_are_named(tmp_path):
         "urdf: arm.urdf\njoint_name: [shoulder]\njoint_type: [UJOINT_XY]\n"
     )
     with warnings.catch_warnings(action="ignore"):
-        mechanism = load_mechanism(tmp_path / "robot.yaml")
+        mechanism = loopid.load(tmp_path / "robot.yaml")
     terms = JointTerms(("shoulder_X", "elbow"), ("Fv",))
     _, _, said = written(mechanism, terms, np.array([3.0, 0.5]), tmp_path / "new.urdf")
     assert said[0].endswith("are shoulder_X.Fv")
@@ -294,7 +295,7 @@ MODEL = f"""<mujoco model="loaded"><compiler angle="ANGLE"/>
 def test_all_terms_of_an_mjcf_come_back(tmp_path, angle, more):
     mujoco = pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
     (tmp_path / "arm.xml").write_text(MODEL.replace("ANGLE", angle).replace("MORE", more))
-    mechanism = load_mechanism(tmp_path / "arm.xml")
+    mechanism = loopid.load(tmp_path / "arm.xml")
     terms, _, values = terms_of(mechanism, ("Ia", "Fc", "Fv", "Ks"))
     again, whole, said = written(mechanism, terms, values, tmp_path / "new.xml")
     assert said == []
@@ -350,7 +351,7 @@ def test_what_an_mjcf_cannot_say_is_named(tmp_path, old, new, kinds, words):
     pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
     text = MODEL.replace("ANGLE", "degree").replace("MORE", "").replace(old, new, 1)
     (tmp_path / "arm.xml").write_text(text)
-    mechanism = load_mechanism(tmp_path / "arm.xml")
+    mechanism = loopid.load(tmp_path / "arm.xml")
     terms, _, values = terms_of(mechanism, kinds)
     again, _, said = written(mechanism, terms, values, tmp_path / "new.xml")
     assert f"(a YAML's joint_terms has one), are {words}" in said[0] or not words
@@ -367,7 +368,7 @@ def test_axes_of_a_ball_joint_have_no_place_of_their_own(tmp_path):
     text = text.replace('<frame euler="0 0.2 0"><joint name="j3" axis="1 0 0"/></frame>', "")
     text = text.replace('name="j4" axis="0 1 0" armature="0"', 'name="ball" type="ball"')
     (tmp_path / "arm.xml").write_text(text)
-    mechanism = load_mechanism(tmp_path / "arm.xml")
+    mechanism = loopid.load(tmp_path / "arm.xml")
     terms = JointTerms.of(mechanism, "file")
     names, values = terms.parameters(mechanism), terms.values(mechanism)
     # As the file has them, all is said.

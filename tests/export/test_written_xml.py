@@ -4,8 +4,8 @@ from feasible_changes import changed, without_numbers
 from hypothesis import given, strategies as st
 from lxml import etree
 
-from loopid import load_mechanism
-from loopid.export import updated_robot_file
+import loopid
+from loopid.export.robot_file import updated_robot_file
 
 ENCODINGS = ("utf-8", "utf-8-sig", "iso-8859-1", "ascii")
 SPACES = st.sampled_from(["", " ", "\n\t", "\r\n  ", "  "])
@@ -85,11 +85,11 @@ def encoded(text, encoding):
 def test_only_numbers_of_the_inertial_change(tmp_path_factory, text, encoding, seed):
     path = tmp_path_factory.mktemp("robot") / "robot.urdf"
     path.write_bytes(encoded(text, encoding))
-    mechanism = load_mechanism(path)
+    mechanism = loopid.load(path)
     parameters = changed(mechanism, seed=seed)
     old, new = path.read_bytes(), updated_robot_file(mechanism, parameters)
     path.write_bytes(new)
-    again = load_mechanism(path)
+    again = loopid.load(path)
     assert abs(again.standard_parameters() - parameters).max() < 1e-13
     declared = [etree.fromstring(each).getroottree().docinfo.encoding for each in (old, new)]
     assert declared[0].lower() == declared[1].lower()

@@ -5,14 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+import loopid
 from block_sizes import set_block_rows
-from loopid import JointTerms, load_mechanism, random_configurations
-from loopid.identification import (
-    FitSamples,
-    WeightedLeastSquares,
-    find_force_model,
-    identifiability,
-)
+from loopid import JointTerms, random_configurations
+from loopid.identification import FitSamples, WeightedLeastSquares, identifiability
 from loopid.kinematics import random_motions
 from made_runs import ARM, friction, modelled, one_joint, wander
 
@@ -36,7 +32,7 @@ def terms(knee):
 
 @pytest.fixture(scope="session")
 def knee_model(knee, terms):
-    return find_force_model(knee, "gravity", terms[0])
+    return loopid.force_model(knee, "gravity", terms[0])
 
 
 @pytest.fixture(scope="session")
@@ -58,7 +54,7 @@ def arm(tmp_path_factory):
     """A serial robot with two hinges."""
     path = tmp_path_factory.mktemp("arm") / "arm.urdf"
     path.write_text(ARM)
-    return load_mechanism(path)
+    return loopid.load(path)
 
 
 @pytest.fixture(scope="session", params=CASES)
@@ -66,7 +62,7 @@ def moved_joint(request, load_once, robot_data):
     """A force model, a log of one moving joint, and what it identifies."""
     name, kind, has_friction, joint, size = CASES[request.param]
     robot = load_once(robot_data / name if name.endswith(".urdf") else name)
-    model = find_force_model(robot, kind, JointTerms(robot.actuated) if has_friction else None)
+    model = loopid.force_model(robot, kind, JointTerms(robot.actuated) if has_friction else None)
     recording = modelled(model, one_joint(robot, joint, size), model.prior, noise=0.01)
     return model, recording, identifiability(model, [recording])
 
@@ -85,7 +81,7 @@ def weighted():
 @pytest.fixture(scope="session")
 def crank_model(load_once):
     robot = load_once("five_bar")
-    return find_force_model(robot, "full", JointTerms(robot.actuated))
+    return loopid.force_model(robot, "full", JointTerms(robot.actuated))
 
 
 @pytest.fixture(scope="session")
@@ -100,7 +96,7 @@ def crank_truth(crank_model):
 @pytest.fixture(scope="session")
 def crank_runs(crank_model):
     """One crank moves; both do, to validate."""
-    robot = crank_model.mechanism
+    robot = crank_model.robot
     return one_joint(robot, 0, 0.4), wander(robot, 4, 8.0, 20.0, size=(0.4, 0.4))
 
 
@@ -127,14 +123,14 @@ class Case:
     @property
     def prior(self):
         """What the robot file knows: nothing of joints."""
-        bodies = self.model.mechanism.standard_parameters(self.model.model)
+        bodies = self.model.robot.standard_parameters(self.model.model)
         return np.concatenate([bodies, np.zeros(len(self.truth) - len(bodies))])
 
     def samples(self, noise, seed=0, truth=None):
         values = self.base.values(self.truth if truth is None else truth)
         error = np.random.default_rng(seed).normal(size=self.regressor.shape[:2])
         force = self.regressor @ values + noise * error
-        actuators = self.model.mechanism.independent
+        actuators = self.model.robot.independent
         return FitSamples.of(self.model.parameters, actuators, self.regressor, force)
 
     def fitted(self, noise, seed=0, truth=None):
@@ -145,7 +141,7 @@ class Case:
 
 def make_case(robot, model, kinds=("Fc", "Fv"), **motion):
     terms, values = friction(robot, kinds)
-    found = find_force_model(robot, model, terms if kinds else None)
+    found = loopid.force_model(robot, model, terms if kinds else None)
     W = found.regressor(wander(robot, seed=1, **motion))
     truth = np.concatenate([robot.standard_parameters(model), values])
     return Case(found, W, truth)
@@ -160,14 +156,14 @@ def knee_case(knee):
 @pytest.fixture(scope="session")
 def tied_case():
     """Three legs alike, with one set of parameters."""
-    return make_case(load_mechanism("3rrr", tied=True), "full", seconds=10.0, rate=20.0)
+    return make_case(loopid.load("3rrr", tied=True), "full", seconds=10.0, rate=20.0)
 
 
 @pytest.fixture(scope="session")
 def floating_case(arm_case):
     """A floating base, with all that acts on it measured as well as its motors' forces."""
-    robot = load_mechanism(arm_case.model.mechanism.path, floating_base=True)
-    found = find_force_model(robot, "full", JointTerms(robot.actuated, ("Ia", "Fc", "Fv")))
+    robot = loopid.load(arm_case.model.robot.path, floating_base=True)
+    found = loopid.force_model(robot, "full", JointTerms(robot.actuated, ("Ia", "Fc", "Fv")))
     q, rates = random_configurations(robot, 200), random_motions(robot, 200)
     W = found.base.regressor(found.standard_regressor(q, *rates))
     values = arm_case.truth[-6:]
@@ -184,9 +180,9 @@ def arm_case(tmp_path_factory):
     """Two hinges with drive inertia and friction: small enough for slow solvers."""
     path = tmp_path_factory.mktemp("arm") / "arm.urdf"
     path.write_text(ARM)
-    arm = load_mechanism(path)
+    arm = loopid.load(path)
     terms = JointTerms(arm.actuated, ("Ia", "Fc", "Fv"))
-    found = find_force_model(arm, "full", terms)
+    found = loopid.force_model(arm, "full", terms)
     W = found.regressor(wander(arm, seed=1, seconds=10.0, rate=20.0, size=(1.0, 1.0)))
     values = np.array([0.02, 0.5, 0.3, 0.01, 0.4, 0.2])
     return Case(found, W, np.concatenate([arm.standard_parameters(), values]))

@@ -5,15 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid.identification import (
-    Candidate,
-    FitSamples,
-    Quality,
-    fit_quality,
-    judge,
-    prediction_reach,
-    quiet_fit,
-)
+from loopid.identification import FitSamples, judge
+from loopid.identification.fitting import quiet_fit
+from loopid.identification.prediction import Candidate, prediction_reach
+from loopid.identification.result import Quality, fit_quality
 from loopid.parameters import ParameterSet
 
 NAMES = ParameterSet.from_labels(["body.m", "body.mx", "motor.Fc"])

@@ -7,10 +7,12 @@ import pinocchio as pin
 import pytest
 from oracles import bodies_of, body_columns, fitted, shaken
 
-from loopid import JointTerms, consistent_fit, find_force_model, load_mechanism
+import loopid
+from loopid import JointTerms
 from loopid.errors import DataError, ModelWarning
-from loopid.identification import ConsistentOptions, quiet_fit
+from loopid.identification import ConsistentOptions, consistent_fit
 from loopid.identification.consistent import WIDTH, _Program, _State
+from loopid.identification.fitting import quiet_fit
 from loopid.identification.joint_priors import JointPriors
 from loopid.inertia import FLAT, body_defect, nearest_solid, parameters_of, pseudo_inertia
 from made_runs import ARM, modelled, wander
@@ -179,8 +181,8 @@ def test_units_of_length_do_not_matter(tmp_path):
     for scale in (1.0, 10.0):
         path = tmp_path / f"arm{scale}.urdf"
         path.write_text(ARM)
-        robot = load_mechanism(path)
-        model = find_force_model(robot, "full", JointTerms(robot.actuated, ("Fv",)))
+        robot = loopid.load(path)
+        model = loopid.force_model(robot, "full", JointTerms(robot.actuated, ("Fv",)))
         run = modelled(model, wander(robot, 1, size=(1, 1)), 1.3 * model.prior + 0.1, noise=0.1)
         samples = model.samples(run)
         samples = replace(samples, regressor=samples.regressor * scale, force=samples.force * scale)
@@ -275,8 +277,8 @@ def test_a_force_that_the_model_lacks_is_suspected(arm_case):
     truth = arm_case.truth.copy()
     truth[-6::3] = 0.3  # drive inertia
     samples = arm_case.samples(0.1, truth=truth)
-    robot = arm_case.model.mechanism
-    model = find_force_model(robot, "full", "Fc,Fv")
+    robot = arm_case.model.robot
+    model = loopid.force_model(robot, "full", "Fc,Fv")
     motion = wander(robot, seed=1, seconds=10.0, rate=20.0, size=(1.0, 1.0))
     lacking = replace(samples, parameters=model.parameters, regressor=model.regressor(motion))
     with pytest.warns(ModelWarning, match="lacks a force"):
@@ -300,7 +302,7 @@ def test_gravity_models_keep_the_inertias_about_the_centres(knee_gravity):
 def test_options_and_data_that_do_not_fit_are_refused(arm_case, off, load_once):
     samples, _ = off
     noise = noise_of(samples)
-    other = find_force_model(load_once("five_bar"), "full", None)
+    other = loopid.force_model(load_once("five_bar"), "full", None)
     with pytest.raises(DataError, match="of the force model"):
         consistent_fit(other, samples, noise)
     for values, deviations in ((np.zeros(2), None), (None, np.zeros(6))):
@@ -337,11 +339,11 @@ def test_the_nearest_solid_body_is_solid(own):
 def test_bodies_of_a_file_that_are_none_are_named_and_fitted(tmp_path, arm_case):
     path = tmp_path / "flat.urdf"
     path.write_text(ARM)
-    robot = load_mechanism(path)
+    robot = loopid.load(path)
     inertia = robot.model.inertias[2]
     inertia.inertia = 0 * inertia.inertia
     robot.model.inertias[2] = inertia
-    model = replace(arm_case.model, mechanism=robot)
+    model = replace(arm_case.model, robot=robot)
     samples = arm_case.samples(0.3)
     with pytest.warns(ModelWarning, match="no solid bodies have the inertials of lower"):
         found = consistent_fit(model, samples, noise_of(samples))
@@ -351,9 +353,9 @@ def test_bodies_of_a_file_that_are_none_are_named_and_fitted(tmp_path, arm_case)
 def test_massless_bodies_stay_massless(tmp_path, arm_case):
     path = tmp_path / "light.urdf"
     path.write_text(ARM)
-    robot = load_mechanism(path)
+    robot = loopid.load(path)
     robot.model.inertias[2] = pin.Inertia.Zero()
-    model = replace(arm_case.model, mechanism=robot)
+    model = replace(arm_case.model, robot=robot)
     samples = arm_case.samples(0.3)
     found = consistent_fit(model, samples, noise_of(samples))
     own = body_columns(arm_case.base.parameters)
@@ -367,10 +369,10 @@ def test_files_without_masses_get_bodies_with_the_base_parameters_of_least_squar
 ):
     path = tmp_path / "empty.urdf"
     path.write_text(ARM)
-    robot = load_mechanism(path)
+    robot = loopid.load(path)
     for k in (1, 2):
         robot.model.inertias[k] = pin.Inertia.Zero()
-    model = replace(arm_case.model, mechanism=robot)
+    model = replace(arm_case.model, robot=robot)
     samples = arm_case.samples(0.01)
     plain = quiet_fit(samples)
     with pytest.warns(ModelWarning, match="gives no masses"):

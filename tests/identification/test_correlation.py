@@ -9,14 +9,9 @@ from scipy.linalg import block_diag, toeplitz
 from scipy.signal import butter, sosfiltfilt
 
 from loopid.errors import DataWarning
-from loopid.identification import (
-    FitSamples,
-    OrdinaryLeastSquares,
-    WeightedLeastSquares,
-    fit,
-    quiet_fit,
-)
+from loopid.identification import FitSamples, OrdinaryLeastSquares, WeightedLeastSquares, fit
 from loopid.identification.correlation import Autoregression
+from loopid.identification.fitting import quiet_fit
 from smooth_data import (
     DEVIATIONS,
     TRUTH,

@@ -6,12 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import loopid
 from bank_robots import few_of
-from loopid import FilterOptions, FitOptions, JointTerms, find_delay, find_force_model, identify
+from loopid import FilterOptions, FitOptions, JointTerms, identify
 from loopid.errors import DataWarning
-from loopid.identification import quiet_fit
+from loopid.identification import find_delay
 from loopid.identification.delay import CLEAR, USUAL, without_delay
-from loopid.logs import Recording, prepare_again, prepare_recording
+from loopid.identification.fitting import quiet_fit
+from loopid.logs import Recording
+from loopid.logs.preparing import prepare_again
 from loopid.motion import scaled_bodies
 from made_runs import elastic, quietly, simulated, unchecked, wander
 
@@ -24,7 +27,7 @@ def case(request, load_once):
     """A force model, its true values, and a log without noise."""
     robot = load_once(request.param)
     terms = JointTerms(robot.actuated, ("Fc", "Fv"))
-    model = find_force_model(robot, "full", terms)
+    model = loopid.force_model(robot, "full", terms)
     size = SIZE if robot.name == "five_bar" else (0.04, 0.04, 0.04)
     motion = wander(robot, 2, 20.0, RATE, size=size)
     values = np.tile(FRICTION[robot.name], len(robot.actuated))
@@ -42,7 +45,7 @@ def noisy(log, delay=0.0, seed=0, noise=NOISE):
 
 
 def prepared(model, log):
-    return prepare_recording(model.mechanism, log)
+    return loopid.prepare(model.robot, log)
 
 
 @pytest.mark.parametrize("delay", [-0.02, 0.0, 0.005, 0.0173, 0.05])
@@ -79,11 +82,11 @@ def test_friction_that_builds_up_is_no_delay(case, slip):
 def test_forces_that_are_moved_are_those_of_a_log_that_is_prepared_again(case):
     model, _, log = case
     every = FilterOptions(decimate=False)
-    run = prepare_recording(model.mechanism, noisy(log, 0.012), filter=every)
+    run = loopid.prepare(model.robot, noisy(log, 0.012), filter=every)
     found = find_delay(model, [run])
     (moved,) = without_delay(model, [run], found)
     late = replace(run, log=run.log.delayed(found.undone))
-    (again,) = prepare_again(model.mechanism, [late])
+    (again,) = prepare_again(model.robot, [late])
     shared = np.isin(moved.motion.time, again.motion.time)
     same = moved.select(shared & moved.used.any(axis=1))
     other = again.select(np.isin(again.motion.time, same.motion.time))
@@ -159,7 +162,7 @@ def test_motors_that_agree_share_a_delay_and_one_that_does_not_has_its_own(case)
 def test_forces_that_the_model_lacks_are_no_delay(case):
     """Viscous friction, drive inertia and offsets that no term has, and friction that is curved."""
     model, _, log = case
-    bare = find_force_model(model.mechanism, "full", None)
+    bare = loopid.force_model(model.robot, "full", None)
     velocity = np.gradient(log.position, 1 / RATE, axis=0)
     acceleration = np.gradient(velocity, 1 / RATE, axis=0)
     curved = 0.1 * np.sign(velocity) * np.exp(-((velocity / 0.1) ** 2))

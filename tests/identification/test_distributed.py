@@ -8,7 +8,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from loopid import find_force_model, load_mechanism, random_configurations
+import loopid
+from loopid import random_configurations
 from loopid.identification import WeightedLeastSquares, distributed_problem
 from loopid.motion import JointMotion
 from made_runs import modelled
@@ -41,8 +42,8 @@ def loaded(model, q, run, lost, end):
     ("rows", "end"), [(500, closed), pytest.param(100_000, killed, marks=pytest.mark.validate)]
 )
 def test_a_worker_that_is_lost_loses_nothing(tmp_path, rows, end):
-    model, lost = find_force_model(load_mechanism("four_bar"), joint_terms=None), tmp_path / "lost"
-    q = np.resize(random_configurations(model.mechanism, POSES), (rows, 3))
+    model, lost = loopid.force_model(loopid.load("four_bar"), joint_terms=None), tmp_path / "lost"
+    q = np.resize(random_configurations(model.robot, POSES), (rows, 3))
     sources = [partial(loaded, model, q, run, lost, end) for run in range(RUNS)]
     cluster = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
     with warnings.catch_warnings():

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from loopid import JointTerms, load_mechanism
-from loopid.identification import FitSamples, OrdinaryLeastSquares, find_force_model, quiet_fit
+import loopid
+from loopid import JointTerms
+from loopid.identification import FitSamples, OrdinaryLeastSquares
+from loopid.identification.fitting import quiet_fit
 from loopid.motion import FourierSeries, joint_motion
 from made_runs import friction, wander
 
@@ -22,11 +24,13 @@ def make_case(knee, robot_data):
     def make(name):
         if name == "knee":
             terms, values = friction(knee)
-            model = find_force_model(knee, "gravity", terms)
+            model = loopid.force_model(knee, "gravity", terms)
             motion, bodies = wander(knee, seed=1), knee.standard_parameters("gravity")
         else:
-            robot = load_mechanism(robot_data / "ur_description" / "urdf" / "ur10_robot.urdf")
-            model = find_force_model(robot, "full", JointTerms(robot.actuated, ("Fc", "Fv", "Fo")))
+            robot = loopid.load(robot_data / "ur_description" / "urdf" / "ur10_robot.urdf")
+            model = loopid.force_model(
+                robot, "full", JointTerms(robot.actuated, ("Fc", "Fv", "Fo"))
+            )
             sizes = 0.5 / np.arange(1, 6)
             sine, cosine = np.random.default_rng(0).normal(size=(2, 6, 5)) * sizes
             middle = np.array([0.0, -1.2, 1.2, 0.0, 0.5, 0.0])
@@ -34,7 +38,7 @@ def make_case(knee, robot_data):
             motion = joint_motion(robot, series.motion(rate=50.0))
             bodies, values = robot.standard_parameters("full"), np.full(18, 2.0)
         W, truth = model.regressor(motion), model.base.values(np.concatenate([bodies, values]))
-        return FitSamples.of(model.parameters, model.mechanism.independent, W, W @ truth), truth
+        return FitSamples.of(model.parameters, model.robot.independent, W, W @ truth), truth
 
     return make
 

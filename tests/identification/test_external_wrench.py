@@ -5,21 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid import (
-    ExternalWrench,
-    Log,
-    Noise,
-    find_force_model,
-    identify,
-    load_mechanism,
-    prepare_recording,
-    random_configurations,
-    wrench_forces,
-)
-from loopid.identification import quiet_fit, suspicions
-from loopid.kinematics import random_motions, singularity_measure
-from loopid.logs import Recording
-from loopid.motion import JointMotion
+import loopid
+from loopid import ExternalWrench, Log, identify, random_configurations
+from loopid.identification import suspicions
+from loopid.identification.fitting import quiet_fit
+from loopid.kinematics import random_motions
+from loopid.kinematics.projection import singularity_measure
+from loopid.logs import Recording, wrench_forces
+from loopid.motion import JointMotion, Noise
 from loopid.report import identification_report
 from made_runs import ARM, quietly, record, simulated, wander
 
@@ -109,10 +102,10 @@ def test_a_log_with_a_leg_from_its_signals_on(knee, knee_model, truth, terms, le
     noisy = wrench.values + np.random.default_rng(0).normal(scale=0.5, size=(len(motion), 6))
     given = run.time, run.position, run.force - external, knee.actuated
     log = Log.from_arrays(*given, wrenches=[replace(wrench, values=noisy)])
-    recording = quietly(prepare_recording, knee, log)
+    recording = quietly(loopid.prepare, knee, log)
     right, found = errors(knee_model, truth, recording)
     assert np.sqrt(np.mean(right**2)) < 1.6
-    bare = quietly(prepare_recording, knee, replace(log, wrenches=()))
+    bare = quietly(loopid.prepare, knee, replace(log, wrenches=()))
     assert np.abs(errors(knee_model, truth, bare, found)[0]).max() > 50
 
 
@@ -126,8 +119,8 @@ def walking(tmp_path_factory):
     """A floating base on an arm whose end stands on the ground: motion, motor forces, wrench."""
     path = tmp_path_factory.mktemp("walking") / "arm.urdf"
     path.write_text(ARM)
-    robot = load_mechanism(path, floating_base=True)
-    model = find_force_model(robot, "full", None)
+    robot = loopid.load(path, floating_base=True)
+    model = loopid.force_model(robot, "full", None)
     q = random_configurations(robot, COUNT, seed=1)
     rates, accelerations = random_motions(robot, COUNT, seed=2)
     measure = singularity_measure(robot, q)
@@ -144,7 +137,7 @@ def walking(tmp_path_factory):
 
 def test_feet_on_the_ground_balance_the_floating_base(walking):
     model, recording, wrench = walking
-    robot = model.mechanism
+    robot = model.robot
     free = np.isin(robot.independent, robot.free)
     assert free.sum() == 6
     # The motors give nothing there, as none acts, and the wrench all.

@@ -6,26 +6,15 @@ from functools import cache
 import numpy as np
 import pytest
 
+import loopid
 from bank_robots import few_of
-from loopid import (
-    FilterOptions,
-    FitOptions,
-    FourierSeries,
-    JointTerms,
-    find_force_model,
-    identify,
-    identify_payload,
-    joint_motion,
-    load_fit,
-    load_mechanism,
-    prepare_recording,
-    read_motion_program,
-    simulate_measurement,
-    split_recordings,
-)
+from loopid import FilterOptions, FitOptions, JointTerms, identify, identify_payload, load_fit
 from loopid.errors import DataWarning, LogError
-from loopid.identification import choose_cutoff, quiet_fit
-from loopid.logs import Log, motion_band
+from loopid.identification import choose_cutoff, split_recordings
+from loopid.identification.fitting import quiet_fit
+from loopid.logs import Log
+from loopid.logs.preparing import motion_band
+from loopid.motion import FourierSeries, joint_motion, read_motion_program
 from made_runs import quietly
 
 STEP = 2 * np.pi / 2**17  # rad, of the encoders
@@ -36,9 +25,9 @@ FRICTION = np.array([0.1, 0.05, 0.1, 0.05])
 @cache
 def simulated(motion, rate, choice="Fc,Fv"):
     """A five-bar with friction: its force model, true values, and an exact measurement."""
-    robot = load_mechanism("five_bar")
+    robot = loopid.load("five_bar")
     terms = JointTerms.of(robot, choice)
-    model = find_force_model(robot, "full", terms)
+    model = loopid.force_model(robot, "full", terms)
     if motion == "fourier":
         sine, cosine = np.random.default_rng(0).normal(size=(2, 2, 5)) * 0.25 / np.arange(1, 6)
         planned = FourierSeries(robot.actuated, 0.1, np.array([2.088, 0.714]), sine, cosine)
@@ -46,7 +35,7 @@ def simulated(motion, rate, choice="Fc,Fv"):
     else:
         moved = joint_motion(robot, read_motion_program("five_bar").motion(motion, rate))
     friction = np.resize(FRICTION, len(terms.parameters(robot)))
-    run = simulate_measurement(robot, moved, joint_terms=terms, joint_values=friction)
+    run = loopid.simulate(robot, moved, joint_terms=terms, joint_values=friction)
     truth = model.base.values(np.concatenate([robot.standard_parameters("full"), friction]))
     return model, truth, run
 
@@ -56,7 +45,7 @@ def log_of(model, run, step=0.0, noise=0.0, seed=0):
     zero = step * rng.uniform(size=2)
     position = step * np.round((run.position - zero) / step) + zero if step else run.position
     force = run.force + noise * rng.normal(size=run.force.shape)
-    return Log.from_arrays(run.time, position, force, model.mechanism.actuated, name="run")
+    return Log.from_arrays(run.time, position, force, model.robot.actuated, name="run")
 
 
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
@@ -67,7 +56,7 @@ def test_the_band_is_that_of_the_motion_whatever_the_noise(rate):
         jitter = 0.2 / rate * np.random.default_rng(0).normal(size=(len(log), 1))
         early = log.position + np.gradient(log.position, 1 / rate, axis=0) * jitter
         for position in (log.position, held, early):
-            found = motion_band(model.mechanism, replace(log, position=position))
+            found = motion_band(model.robot, replace(log, position=position))
             assert 0.4 < found < 0.7  # five harmonics of 0.1 Hz
 
 
@@ -75,7 +64,7 @@ def test_a_log_that_stands_has_no_band():
     model, _, run = simulated("fourier", 100.0)
     still = log_of(model, run)
     still = replace(still, position=0 * still.position)
-    assert motion_band(model.mechanism, still) == 0
+    assert motion_band(model.robot, still) == 0
 
 
 def coarse(bits, rate=1000.0, noise=NOISE):
@@ -88,7 +77,7 @@ def test_a_coarse_encoder_asks_for_a_narrow_band():
     chosen = {}
     for bits in (10, 17):
         model, _, log = coarse(bits)
-        recording = quietly(prepare_recording, model.mechanism, log)
+        recording = quietly(loopid.prepare, model.robot, log)
         chosen[bits] = choose_cutoff(model, [recording]).chosen
     assert 1 < chosen[10] < 4
     assert chosen[10] < chosen[17] < 25
@@ -97,16 +86,16 @@ def test_a_coarse_encoder_asks_for_a_narrow_band():
 @pytest.mark.parametrize("bits", few_of([10, 12, 14], 12))
 def test_the_chosen_cut_off_predicts_as_well_as_the_best_and_coarse_encoders_stay(bits):
     model, truth, log = coarse(bits)
-    robot = model.mechanism
+    robot = model.robot
     planned = read_motion_program("five_bar").motion("sweep", 20.0)
     new = model.regressor(joint_motion(robot, planned))
 
     def error(cutoff):
         options = FilterOptions(cutoff=cutoff)
-        recording = quietly(prepare_recording, robot, log, filter=options)
+        recording = quietly(loopid.prepare, robot, log, filter=options)
         return float(((new @ (quiet_fit(model.samples(recording)).values - truth)) ** 2).mean())
 
-    recording = quietly(prepare_recording, robot, log)
+    recording = quietly(loopid.prepare, robot, log)
     assert not any("frozen" in str(dropped) for dropped in recording.dropped)
     choice = choose_cutoff(model, [recording])
     errors = [error(cutoff) for cutoff in choice.cutoffs]
@@ -117,7 +106,7 @@ def test_the_chosen_cut_off_predicts_as_well_as_the_best_and_coarse_encoders_sta
 def test_a_cut_off_that_is_given_is_kept_and_a_known_motion_has_none():
     model, _, log = coarse(17, 100.0)
     options = FilterOptions(cutoff=7.0)
-    given = quietly(prepare_recording, model.mechanism, log, filter=options)
+    given = quietly(loopid.prepare, model.robot, log, filter=options)
     assert choose_cutoff(model, [given]) is None
     assert choose_cutoff(model, [replace(given, log=None, filter=None)]) is None
     found = quietly(identify, model, [given])
@@ -128,7 +117,7 @@ def test_a_cut_off_that_is_given_is_kept_and_a_known_motion_has_none():
 @pytest.mark.parametrize("fraction", [None, 0.6])
 def test_identify_prepares_all_recordings_at_the_choice(fraction):
     model, _, log = coarse(17, 100.0)
-    recording = quietly(prepare_recording, model.mechanism, log)
+    recording = quietly(loopid.prepare, model.robot, log)
     options = FitOptions(fraction=fraction)
     found = quietly(identify, model, [recording], friction=[recording], options=options)
     assert bool(found.validation) == bool(fraction)
@@ -141,7 +130,7 @@ def test_identify_prepares_all_recordings_at_the_choice(fraction):
 
 def test_a_choice_at_a_bound_is_told():
     model, _, log = coarse(17, 10.0, NOISE / 100)
-    choice = choose_cutoff(model, [quietly(prepare_recording, model.mechanism, log)])
+    choice = choose_cutoff(model, [quietly(loopid.prepare, model.robot, log)])
     assert choice.bound == "rate"
     assert choice.chosen == pytest.approx(10.0 / 5)
     words = {
@@ -158,26 +147,26 @@ def test_a_choice_at_a_bound_is_told():
 @pytest.mark.parametrize(("rate", "bits"), [(20.0, 17), (100.0, 17), (1000.0, 14)])
 def test_clean_logs_are_at_no_bound(rate, bits):
     model, _, log = coarse(bits, rate)
-    assert not choose_cutoff(model, [quietly(prepare_recording, model.mechanism, log)]).bound
+    assert not choose_cutoff(model, [quietly(loopid.prepare, model.robot, log)]).bound
 
 
 def test_ten_forces_a_parameter_are_left():
     model, _, log = coarse(17, 100.0)
     count = len(model.parameters)
     part = log.select(np.asarray(log.time) < 5.0)
-    choice = choose_cutoff(model, [quietly(prepare_recording, model.mechanism, part)])
+    choice = choose_cutoff(model, [quietly(loopid.prepare, model.robot, part)])
     first = FilterOptions(cutoff=float(choice.cutoffs[0]))
-    samples = model.samples(quietly(prepare_recording, model.mechanism, part, filter=first))
+    samples = model.samples(quietly(loopid.prepare, model.robot, part, filter=first))
     assert 10 * count <= samples.problem.rows < 20 * count
 
 
 def test_the_change_from_a_cut_off_to_the_next_is_that_of_forces_in_parts_of_the_errors():
     model, _, log = coarse(12, 100.0)
-    recording = quietly(prepare_recording, model.mechanism, log)
+    recording = quietly(loopid.prepare, model.robot, log)
     choice = choose_cutoff(model, [recording])
     judge = model.samples(recording)
     fits = [
-        quiet_fit(model.samples(quietly(prepare_recording, model.mechanism, log, filter=options)))
+        quiet_fit(model.samples(quietly(loopid.prepare, model.robot, log, filter=options)))
         for options in (FilterOptions(cutoff=float(each)) for each in choice.cutoffs[1:3])
     ]
     moved = np.where(judge.used, judge.predicted(fits[1].values - fits[0].values), 0.0)
@@ -188,7 +177,7 @@ def test_the_change_from_a_cut_off_to_the_next_is_that_of_forces_in_parts_of_the
 
 def test_slow_motions_that_start_and_stop_quickly_have_a_band():
     """Half of the power is below 0.1 Hz, and steps of noise go on to the highest frequency."""
-    robot = load_mechanism("five_bar")
+    robot = loopid.load("five_bar")
     time = np.arange(0, 80, 0.01)
     slow = 0.3 * np.sin(2 * np.pi * 0.03 * time) + 0.02 * np.tanh(50 * np.sin(0.1 * np.pi * time))
     position = np.round(np.stack([2.088 + slow, 0.714 + slow], axis=1) / 1e-4) * 1e-4
@@ -202,7 +191,7 @@ def test_a_log_of_few_samples_is_too_short_to_filter(count):
     whole = log_of(model, run)
     few = whole.select(np.arange(len(whole)) < count)
     with pytest.raises(LogError, match=f"too short to filter, the longest has {count} samples"):
-        prepare_recording(model.mechanism, few)
+        loopid.prepare(model.robot, few)
 
 
 @pytest.mark.parametrize("motion", ["fourier", "sweep"])
@@ -211,7 +200,7 @@ def test_a_log_of_few_samples_is_too_short_to_filter(count):
 def test_steps_of_friction_pass_the_filter_of_the_forces(motion, cutoff, choice):
     model, truth, run = simulated(motion, 100.0, choice)
     options = FilterOptions(cutoff=cutoff)
-    recording = prepare_recording(model.mechanism, log_of(model, run), filter=options)
+    recording = loopid.prepare(model.robot, log_of(model, run), filter=options)
     samples = model.samples(recording)
     left = np.where(samples.used, samples.residual(truth), 0.0)
     # What a joint without motor does is known where the loops are closed, not at the ends.
@@ -232,7 +221,7 @@ def covered(motion, rate, step, runs):
     inside, errors = [], []
     for seed in range(runs):
         log = log_of(model, run, step, NOISE, seed)
-        fit = quiet_fit(model.samples(quietly(prepare_recording, model.mechanism, log)))
+        fit = quiet_fit(model.samples(quietly(loopid.prepare, model.robot, log)))
         low, high = fit.intervals().T
         inside.append((low <= truth) & (truth <= high))
         errors.append((fit.values - truth) / fit.standard_errors)
@@ -260,9 +249,9 @@ def test_intervals_hold_at_all_rates(motion, step, rate):
 
 def test_predicted_friction_passes_the_filter_of_the_forces(tmp_path):
     model, truth, run = simulated("fourier", 1000.0)
-    robot = model.mechanism
+    robot = model.robot
     options = FilterOptions(cutoff=10.0)
-    recording = quietly(prepare_recording, robot, log_of(model, run), filter=options)
+    recording = quietly(loopid.prepare, robot, log_of(model, run), filter=options)
     fit = load_fit(model.fit_of(truth).save(tmp_path / "fit.json"))
     found = fit.predict(recording)
     assert np.abs(found.predicted - recording.force).max() < 0.01 * FRICTION[0]
@@ -270,14 +259,14 @@ def test_predicted_friction_passes_the_filter_of_the_forces(tmp_path):
 
 def test_a_saved_fit_predicts_with_the_filter_that_it_was_judged_with(tmp_path):
     model, _, log = coarse(12)
-    recording = quietly(prepare_recording, model.mechanism, log)
+    recording = quietly(loopid.prepare, model.robot, log)
     found = quietly(identify, model, [recording])
     fit = load_fit(found.fit.save(tmp_path / "fit.json"))
     assert fit.cutoff == found.cutoff.chosen
     predicted = fit.predict(recording)
     assert predicted.recording.cutoff == found.cutoff.chosen
     given = quietly(
-        prepare_recording, model.mechanism, log, filter=FilterOptions(cutoff=7.0, decimate=False)
+        loopid.prepare, model.robot, log, filter=FilterOptions(cutoff=7.0, decimate=False)
     )
     assert fit.predict(given).recording is given
 
@@ -286,8 +275,8 @@ def test_a_saved_fit_predicts_with_the_filter_that_it_was_judged_with(tmp_path):
 @pytest.mark.draws
 def test_a_payload_is_found_with_the_filter_that_predicts_best():
     """Encoders of 10 bits: at the provisional cut-off of six bands the mass is far off."""
-    robot = load_mechanism("five_bar")
-    model = find_force_model(robot, "full", "Fc,Fv")
+    robot = loopid.load("five_bar")
+    model = loopid.force_model(robot, "full", "Fc,Fv")
     bodies, load = robot.standard_parameters("full"), 0.5
     first, runs = robot.parameters("full").labels.index("left_coupler.m"), []
     for carried in (0.0, load):
@@ -295,11 +284,11 @@ def test_a_payload_is_found_with_the_filter_that_predicts_best():
         heavier[first : first + 2] += carried, 0.1 * carried
         moved = joint_motion(robot, read_motion_program("five_bar").motion("sweep", 1000.0))
         terms = JointTerms.of(robot, "Fc,Fv")
-        run = simulate_measurement(
+        run = loopid.simulate(
             *(robot, moved), standard_parameters=heavier, joint_terms=terms, joint_values=FRICTION
         )
         log = log_of(model, run, 2 * np.pi / 2**10, NOISE, seed=int(2 * carried))
-        runs.append([quietly(prepare_recording, robot, log)])
+        runs.append([quietly(loopid.prepare, robot, log)])
     found = quietly(identify_payload, model, "left_coupler", unloaded=runs[0], loaded=runs[1])
     k = found.parameters.labels.index("payload.m")
     low, high = found.intervals()[k]

@@ -14,12 +14,11 @@ from loopid.identification import (
     InstrumentalVariables,
     OrdinaryLeastSquares,
     WeightedLeastSquares,
-    eliminate_parameters,
     fit,
     fit_in_steps,
-    quiet_fit,
-    working_fit,
 )
+from loopid.identification.fitting import quiet_fit, working_fit
+from loopid.identification.selection import eliminate_parameters
 from loopid.parameters import Parameter, ParameterSet
 from smooth_data import (
     DEVIATIONS,

@@ -7,15 +7,10 @@ import numpy as np
 import pytest
 from dask import delayed
 
+import loopid
 from loopid import JointTerms, random_configurations
 from loopid.errors import DataError, MissingExtraError
-from loopid.identification import (
-    FitSamples,
-    WeightedLeastSquares,
-    distributed_problem,
-    find_force_model,
-    force_model,
-)
+from loopid.identification import FitSamples, WeightedLeastSquares, distributed_problem, force_model
 from loopid.identification.information import body_sizes
 from loopid.kinematics import closed_motion, random_motions
 from loopid.motion import JointMotion
@@ -52,7 +47,7 @@ def case(request, knee, arm):
     name, model = request.param
     robot = {"knee": knee, "arm": arm}[name]
     terms = JointTerms(robot.actuated, KINDS)
-    return robot, terms, find_force_model(robot, model, terms)
+    return robot, terms, loopid.force_model(robot, model, terms)
 
 
 def test_base_values_of_any_parameters_give_the_forces_of_all_parts(case):
@@ -104,7 +99,7 @@ def test_memory_does_not_change_the_regressor(case, monkeypatch, chunk):
 
 
 def test_without_joint_terms_all_columns_are_bodies(knee):
-    model = find_force_model(knee, joint_terms=None)
+    model = loopid.force_model(knee, joint_terms=None)
     assert (len(model.parameters), len(model.joint_columns)) == (15, 0)
     np.testing.assert_array_equal(model.body_columns, np.arange(15))
     np.testing.assert_allclose(model.prior, model.base.values(knee.standard_parameters("gravity")))
@@ -195,6 +190,6 @@ def test_recordings_without_samples_are_refused_by_name(knee_model, recordings):
 
 
 def test_notebooks_show_tables(crank_model):
-    html = crank_model.mechanism._repr_html_()
+    html = crank_model.robot._repr_html_()
     assert (html.count("<tr>"), html.count("<td>")) == (5, 20)
     assert "left_coupler_joint" in html

@@ -7,12 +7,15 @@ from functools import cache
 import numpy as np
 import pytest
 
+import loopid
 from closure_robots import X, Y, body, joint
 from linkages import LINKAGES
 from loopid import Dynamics, random_configurations
 from loopid.errors import RankError
-from loopid.identification import find_force_model, fit, identify, quiet_fit
-from loopid.kinematics import random_motions, singularity_measure
+from loopid.identification import fit, identify
+from loopid.identification.fitting import quiet_fit
+from loopid.kinematics import random_motions
+from loopid.kinematics.projection import singularity_measure
 from loopid.logs import Recording
 from loopid.motion import JointMotion
 from loopid.report import identification_report
@@ -54,7 +57,7 @@ ROBOTS = {
 
 @pytest.fixture(scope="module")
 def model_of(load_files):
-    return cache(lambda name: find_force_model(load_files(*ROBOTS[name]), "full", None))
+    return cache(lambda name: loopid.force_model(load_files(*ROBOTS[name]), "full", None))
 
 
 def fall(robot, seed, count=300):
@@ -72,7 +75,7 @@ def fall(robot, seed, count=300):
 @pytest.fixture(scope="module")
 def fallen(model_of):
     """Exact falls of a robot by its name and a seed."""
-    return cache(lambda name, seed: fall(model_of(name).mechanism, seed))
+    return cache(lambda name, seed: fall(model_of(name).robot, seed))
 
 
 def noisy(recording, motors, generator, scale=NOISE):
@@ -105,7 +108,7 @@ def test_intervals_cover_the_true_values(model_of, fallen, name, estimator):
 @pytest.mark.parametrize("name", ["pendulum", "rod"])
 def test_rows_without_a_motor_make_estimates_surer(model_of, fallen, name):
     model = model_of(name)
-    robot = model.mechanism
+    robot = model.robot
     recording = noisy(fallen(name, 1), 1, np.random.default_rng(2))
     alone, both = (
         quiet_fit(model.samples(each)).standard_errors
@@ -120,7 +123,7 @@ def test_rows_without_a_motor_identify_what_no_motor_feels(model_of, fallen):
     model = model_of("cart")
     recording = noisy(fallen("cart", 1), 1, np.random.default_rng(2))
     with pytest.raises(RankError, match=r"do not excite pole\.Iyy at all"):
-        quiet_fit(model.samples(motors_alone(recording, model.mechanism)))
+        quiet_fit(model.samples(motors_alone(recording, model.robot)))
     found = quiet_fit(model.samples(recording))
     place = found.parameters.labels.index("pole.Iyy")
     assert found.values[place] == pytest.approx(model.prior[place], rel=0.02)
@@ -187,7 +190,7 @@ def test_a_spin_that_moves_no_mass_identifies_nothing(model_of, fallen):
     model = model_of("light rod")
     recording = noisy(fallen("light rod", 1), 1, np.random.default_rng(5))
     samples = model.samples(recording)
-    assert model.mechanism.free == ("ball.wx",)
+    assert model.robot.free == ("ball.wx",)
     assert samples.problem.samples.tolist() == [300, 0]
     found = fit(samples)
     errors = (found.values - model.prior) / found.standard_errors

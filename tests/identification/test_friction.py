@@ -3,17 +3,11 @@
 import numpy as np
 import pytest
 
-from loopid import (
-    JointTerms,
-    find_force_model,
-    friction_curve,
-    identify,
-    load_fit,
-    prepare_recording,
-    read_log,
-)
+import loopid
+from loopid import JointTerms, identify, load_fit, read_log
 from loopid.errors import DataError, OptionError
-from loopid.identification import friction_summary, quiet_fit
+from loopid.identification import friction_curve, friction_summary
+from loopid.identification.fitting import quiet_fit
 from loopid.identification.friction import curve_kinds, curve_rates, friction_findings
 from loopid.identification.joint_priors import dissipation, joint_parameters
 from loopid.logs import Recording
@@ -37,7 +31,7 @@ def motion(robot):
 
 @pytest.fixture(scope="module")
 def model(robot):
-    return find_force_model(robot, "full")
+    return loopid.force_model(robot, "full")
 
 
 def run(robot, motion, values=LINE, law=None, seed=0, noise=0.01):
@@ -144,7 +138,7 @@ def test_no_shape_is_invented(robot, model, motion):
     for seed in range(3):
         recording = run(robot, motion, seed=seed)
         found = quietly(identify, model, [recording])
-        plain = quietly(identify, find_force_model(robot, "full", "Fc,Fv,Fo,Ia"), [recording])
+        plain = quietly(identify, loopid.force_model(robot, "full", "Fc,Fv,Fo,Ia"), [recording])
         rates = np.geomspace(0.005, 0.5, 20)
         for joint in robot.actuated:
             one, other = (friction_curve(f.fit, joint, rates) for f in (found, plain))
@@ -220,7 +214,7 @@ def test_logs_with_filtered_steps_are_asked_too(robot, model, tmp_path):
         text = logged(robot, motion, terms, 0.02, 0, scaled_bodies(robot, 0.2))
         (tmp_path / "run.csv").write_text(text)
         log = quietly(read_log, tmp_path / "run.csv", robot)
-        recording = quietly(prepare_recording, robot, log)
+        recording = quietly(loopid.prepare, robot, log)
         assert recording.history is not None
         found = quietly(identify, model, [recording])
         assert {joint for joint, _ in found_groups(found)} == joints
@@ -230,7 +224,7 @@ def test_logs_with_filtered_steps_are_asked_too(robot, model, tmp_path):
 
 
 def test_a_curve_is_the_sum_of_its_terms(robot, motion):
-    model = find_force_model(robot, "full", f"Fc,Fv,Fs~0.1,Fo,Ia; {LEFT}: Fc~0.05")
+    model = loopid.force_model(robot, "full", f"Fc,Fv,Fs~0.1,Fo,Ia; {LEFT}: Fc~0.05")
     fit = quiet_fit(model.samples(run(robot, motion, law=stribeck)))
     rates = np.array([-0.4, -0.05, 0.05, 0.4])
     curve = friction_curve(fit, LEFT, rates)
@@ -248,7 +242,7 @@ def test_a_curve_is_the_sum_of_its_terms(robot, motion):
 
 
 def test_curves_of_joints_without_friction_are_refused(robot, motion):
-    model = find_force_model(robot, "full", f"none; {LEFT}: Fc; right_crank_joint: Fo")
+    model = loopid.force_model(robot, "full", f"none; {LEFT}: Fc; right_crank_joint: Fo")
     fit = quiet_fit(model.samples(run(robot, motion)))
     for joint in ("right_crank_joint", "elbow"):
         with pytest.raises(OptionError) as refused:

@@ -10,13 +10,13 @@ import pytest
 
 import loopid
 from compiled_c import CompiledRobot
-from loopid import JointTerms, find_force_model, identify
+from loopid import JointTerms, identify
 from loopid.control import ControlLoop
 from loopid.errors import OptionError
-from loopid.export import c_source, updated_robot_file
+from loopid.export import c_source
+from loopid.export.robot_file import updated_robot_file
 from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
 from loopid.kinematics import measured_coordinates
-from loopid.logs import prepare_recording
 from loopid.motion import scaled_bodies
 from loopid.regressors.joint_laws import joint_term
 from loopid.regressors.maxwell_slip import slip_states
@@ -46,9 +46,9 @@ def log_of(robot, seed, slip, noise=NOISE):
 @pytest.fixture(scope="module")
 def found(robot):
     """Of friction that builds up over 2 mrad, and of friction that jumps."""
-    model = find_force_model(robot, "full")
+    model = loopid.force_model(robot, "full")
     return {
-        slip: quietly(identify, model, [prepare_recording(robot, log_of(robot, 2, slip))])
+        slip: quietly(identify, model, [loopid.prepare(robot, log_of(robot, 2, slip))])
         for slip in (0.0, SLIP)
     }
 
@@ -68,7 +68,7 @@ def test_it_is_found_with_its_way_and_predicts_another_motion(robot, found):
         assert loop.finding[0] == f"friction of {joint} builds up after reversals"
         assert fit[f"{joint}.Fc"].value == pytest.approx(0.1, rel=0.03)
         assert loop.force.max() == pytest.approx(0.1, rel=0.05)
-    other = prepare_recording(robot, log_of(robot, 5, SLIP))
+    other = loopid.prepare(robot, log_of(robot, 5, SLIP))
     jumps = np.where(["Fh" in label for label in fit.parameters.labels], 0.0, fit.values)
     model = found[SLIP].force_model
     with_slip, without = (error_on(model, values, other) for values in (fit.values, jumps))
@@ -113,7 +113,7 @@ def moved(robot, model):
 
 
 def test_dynamics_have_it_along_its_way(robot):
-    model = find_force_model(robot, "full", TERMS)
+    model = loopid.force_model(robot, "full", TERMS)
     values, motion, expected = moved(robot, model)
     own = loopid.Dynamics(model, values)
     u = np.array(measured_coordinates(robot).read(motion.configurations), order="C")
@@ -137,7 +137,7 @@ def test_dynamics_have_it_along_its_way(robot):
 def test_c_code_has_it_along_its_way(robot, tmp_path):
     pytest.importorskip("casadi")
     smooth = replace(JointTerms.of(robot, TERMS), smoothing=0.01)
-    model = find_force_model(robot, "full", smooth)
+    model = loopid.force_model(robot, "full", smooth)
     values, motion, expected = moved(robot, model)
     compiled = CompiledRobot(model, c_source(model), tmp_path, ("-O1",))
     u = np.array(measured_coordinates(robot).read(motion.configurations), order="C")
@@ -158,7 +158,7 @@ def test_c_code_has_it_along_its_way(robot, tmp_path):
 
 def test_a_simulated_controller_meets_it(robot):
     """A force below friction moves a motor by what its springs give; then it comes back."""
-    model = find_force_model(robot, "full", TERMS)
+    model = loopid.force_model(robot, "full", TERMS)
     values = np.array(model.prior)
     labels = model.parameters.labels
     for joint in robot.actuated:
@@ -181,14 +181,14 @@ def test_a_simulated_controller_meets_it(robot):
 
 
 def test_a_urdf_says_that_it_is_left_out(robot):
-    model = find_force_model(robot, "full", TERMS)
+    model = loopid.force_model(robot, "full", TERMS)
     values = np.append(robot.standard_parameters(), np.tile([1.0, 0.5, 0.6, 0.4], 2))
     with pytest.warns(loopid.errors.ModelWarning, match="left_crank_joint builds up .* left out"):
         updated_robot_file(robot, values, parameters=model.base.parameters)
 
 
 def test_a_simulated_log_has_it(robot):
-    model = find_force_model(robot, "full", TERMS)
+    model = loopid.force_model(robot, "full", TERMS)
     values, motion, expected = moved(robot, model)
     terms = model.joint_terms
     labels = [each.label for each in terms.parameters(robot)]

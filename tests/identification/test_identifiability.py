@@ -6,19 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid import JointTerms, joint_motion, load_mechanism
+import loopid
+from loopid import JointTerms
 from loopid.errors import DataError, DataWarning, RankError
-from loopid.identification import (
-    Excitation,
-    FitOptions,
-    find_force_model,
-    fit_all,
-    fit_excited,
-    identifiability,
-    quiet_fit,
-)
+from loopid.identification import Excitation, FitOptions, fit_all, identifiability
+from loopid.identification.fitting import quiet_fit
+from loopid.identification.information import fit_excited
 from loopid.logs import Recording
-from loopid.motion import read_motion_program
+from loopid.motion import joint_motion, read_motion_program
 from made_runs import modelled, one_joint
 
 DRAWS = 100
@@ -71,7 +66,7 @@ def test_a_summary_fits_in_ten_lines(moved_joint):
 def test_the_choice_of_base_parameters_does_not_matter(knee):
     motion, found = one_joint(knee, 1, 0.02), []
     for search in ("exact", "qr"):
-        model = find_force_model(knee, "gravity", None, search=search)
+        model = loopid.force_model(knee, "gravity", None, search=search)
         found.append(identifiability(model, [modelled(model, motion, model.prior, noise=0.01)]))
     assert found[0].parameters != found[1].parameters
     for name in ("effects", "structural"):
@@ -115,7 +110,7 @@ def test_forces_count_in_parts_of_what_each_motor_gave(knee_model, little):
 
 
 def test_a_log_without_anything_in_it_excites_nothing(knee):
-    model = find_force_model(knee, "gravity", JointTerms(knee.actuated))
+    model = loopid.force_model(knee, "gravity", JointTerms(knee.actuated))
     motion = one_joint(knee, 0, 0.02)
     force = np.zeros((len(motion.time), 4))
     nothing = Recording.of_motion(motion, force, knee.actuated, name="nothing")
@@ -172,8 +167,8 @@ def test_where_all_is_excited_it_is_the_plain_fit(crank_model, crank_data):
 
 
 def test_a_motor_of_few_rows_leaves_what_it_cannot_tell_to_the_robot_file(crank_runs):
-    robot = load_mechanism("five_bar")
-    model = find_force_model(robot, "gravity", "Fc,Fv,Fo")
+    robot = loopid.load("five_bar")
+    model = loopid.force_model(robot, "gravity", "Fc,Fv,Fo")
     motion = crank_runs[1]
     force = model.regressor(motion) @ model.prior
     force = force + np.random.default_rng(0).normal(scale=0.01, size=force.shape)
@@ -229,7 +224,7 @@ def test_columns_of_round_off_are_not_excited(knee, tmp_path):
     """Gravity has no moment about the axes of a platform that stays level along x."""
     (tmp_path / "sweep.yaml").write_text(ALONG_X)
     motion = joint_motion(knee, read_motion_program(tmp_path / "sweep.yaml").motion("sweep", 10.0))
-    model = find_force_model(knee, "gravity", None)
+    model = loopid.force_model(knee, "gravity", None)
     run = modelled(model, motion, model.prior, noise=1.0)
     samples = model.samples(run)
     silent = ["platform.my", "platform.mz"]

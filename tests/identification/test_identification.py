@@ -7,9 +7,11 @@ import numpy as np
 import polars
 import pytest
 
-from loopid import FitOptions, find_force_model, identify, prepare_recording, read_log
+import loopid
+from loopid import FitOptions, identify, read_log
 from loopid.errors import OptionError
-from loopid.identification import compare_terms, eliminate, judge_essential
+from loopid.identification import compare_terms, eliminate
+from loopid.identification.selection import judge_essential
 from made_runs import quietly
 
 RUN = "urdf/logs/five_bar.csv"
@@ -52,7 +54,7 @@ def test_data_of_any_form_are_identified_alike(load_once):
     robot = load_once("five_bar")
     log = read_log(RUN, robot)
     frame = polars.read_csv(RUN)
-    data = {"path": RUN, "frame": frame, "Log": log, "Recording": prepare_recording(robot, log)}
+    data = {"path": RUN, "frame": frame, "Log": log, "Recording": loopid.prepare(robot, log)}
     found = {name: quietly(identify, robot, one) for name, one in data.items()}
     for each in found.values():
         np.testing.assert_array_equal(each.fit.values, found["path"].fit.values)
@@ -63,7 +65,7 @@ def test_data_of_any_form_are_identified_alike(load_once):
 
 
 def test_a_model_that_is_given_is_not_chosen_again(load_once):
-    model, robot = find_force_model(load_once("five_bar"), "full"), load_once("five_bar")
-    run = prepare_recording(robot, read_log(RUN, robot))
+    model, robot = loopid.force_model(load_once("five_bar"), "full"), load_once("five_bar")
+    run = loopid.prepare(robot, read_log(RUN, robot))
     with pytest.raises(OptionError, match="has a model and terms of its own"):
         identify(model, run, options=FitOptions(terms="Fc"))

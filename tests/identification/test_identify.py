@@ -8,24 +8,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import loopid
 from loopid import JointTerms
 from loopid.errors import DataError, DataWarning, OptionError, RankError
 from loopid.identification import (
     FitOptions,
     WeightedLeastSquares,
     eliminate,
-    find_force_model,
     fit,
     identifiability,
     identify,
-    judge_essential,
     load_fit,
-    quiet_fit,
     split_recordings,
 )
 from loopid.identification.correlation import CORRECTIONS, within_runs
+from loopid.identification.fitting import quiet_fit
+from loopid.identification.selection import judge_essential
 from loopid.logs import Recording
-from loopid.motion import Noise, simulate_measurement
+from loopid.motion import Noise
 from made_runs import changed, friction, modelled, quietly, record, stand, wander
 
 DRAWS = 10
@@ -185,7 +185,7 @@ def test_recordings_count_together(knee_model, motions, truth):
 def test_a_robot_that_stands_tells_no_friction_and_hardly_a_body(knee, knee_model, motions):
     for model, count, lead in (
         (knee_model, 19, "leg1_stroke.Fc"),
-        (find_force_model(knee, joint_terms=None), 11, "platform.my"),
+        (loopid.force_model(knee, joint_terms=None), 11, "platform.my"),
     ):
         fitted, fresh = (
             [modelled(model, motion, model.prior)] for motion in (stand(knee), motions[1])
@@ -292,7 +292,7 @@ def test_recordings_are_split_in_time(knee_model, motions, truth):
 def test_a_serial_robot_with_its_drives_is_identified_in_full(arm):
     terms = JointTerms(arm.actuated, ("Ia", "Fc", "Fv"))
     values = np.array([0.9, 6.0, 3.0, 0.4, 3.0, 1.5])
-    model = find_force_model(arm, "full", terms)
+    model = loopid.force_model(arm, "full", terms)
     truth = model.base.values(np.concatenate([arm.standard_parameters(), values]))
     pair = []
     for seed in (1, 2):
@@ -310,7 +310,7 @@ def test_a_serial_robot_with_its_drives_is_identified_in_full(arm):
 
 def test_an_industrial_robot_is_identified(robot_data, load_once):
     ur5 = load_once(robot_data / "ur_description/urdf/ur5_robot.urdf")
-    model = find_force_model(ur5, "full", None)
+    model = loopid.force_model(ur5, "full", None)
     pair = []
     for seed in (1, 2):
         motion = wander(ur5, seed, seconds=10.0, rate=40.0, size=(1.5,) * 6)
@@ -325,7 +325,7 @@ def test_the_full_model_tells_a_changed_drive_of_a_closed_loop(knee):
     kinds = ("Ia", "Fc", "Fv")
     terms = JointTerms(knee.actuated, kinds)
     values = np.column_stack([np.full(4, 40.0), friction(knee)[1].reshape(4, 2)]).ravel()
-    model = find_force_model(knee, "full", terms)
+    model = loopid.force_model(knee, "full", terms)
     truth = model.base.values(np.concatenate([knee.standard_parameters(), values]))
     pair = []
     for seed in (1, 2):
@@ -422,7 +422,7 @@ def test_friction_from_its_own_log_needs_a_log_that_excites_it(crank_model, cran
 def logged(mechanism, real_recording, once):
     def identified():
         terms = JointTerms(mechanism.actuated, ("Fc", "Fv"))
-        model = find_force_model(mechanism, "gravity", terms)
+        model = loopid.force_model(mechanism, "gravity", terms)
         return quietly(identify, model, [real_recording])
 
     return once(f"identified {mechanism.name}", identified)
@@ -462,9 +462,9 @@ def test_the_baseline_has_no_negative_friction_or_drive_inertia(load_once, model
     """A log without any friction, of which least squares makes as many negative as positive."""
     robot = load_once("five_bar")
     motion = wander(robot, 3, 20.0, 20.0, size=(0.4, 0.4))
-    run = simulate_measurement(robot, motion, Noise(gaussian=1.0), seed=2)
+    run = loopid.simulate(robot, motion, Noise(gaussian=1.0), seed=2)
     recording = Recording.of_motion(motion, run.force, robot.actuated)
-    force_model = find_force_model(robot, model, "Fc,Fv,Fo" + ",Ia" * (model == "full"))
+    force_model = loopid.force_model(robot, model, "Fc,Fv,Fo" + ",Ia" * (model == "full"))
     found = quietly(identify, force_model, [recording])
     joints = force_model.joint_columns
     kinds = [parameter.kind for parameter in force_model.parameters]

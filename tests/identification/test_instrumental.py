@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from loopid.errors import OptionError, RankError
-from loopid.identification import FitSamples, InstrumentalVariables, quiet_fit
+from loopid.identification import FitSamples, InstrumentalVariables
+from loopid.identification.fitting import quiet_fit
 from smooth_data import (
     TRUTH,
     assert_coverage,

@@ -3,18 +3,21 @@
 import numpy as np
 import pytest
 
+import loopid
 from loopid import JointTerms
 from loopid.errors import DataError
-from loopid.identification import find_force_model, quiet_fit, reference_instruments
+from loopid.identification.fitting import quiet_fit
+from loopid.identification.force_models import reference_instruments
 from loopid.logs import Recording
-from loopid.motion import FourierSeries, Motion, differentiate, joint_motion
+from loopid.motion import FourierSeries, Motion, joint_motion
+from loopid.motion.filtering import differentiate
 
 RATE, NOISE, DRAWS = 100.0, 1e-4, 25
 
 
 @pytest.fixture(scope="module")
 def arm_model(arm):
-    return find_force_model(arm, "full", JointTerms(arm.actuated, ("Fv",)))
+    return loopid.force_model(arm, "full", JointTerms(arm.actuated, ("Fv",)))
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +35,7 @@ def reference(arm):
 
 def measured(model, motion, truth, seed):
     """A recording whose positions have noise, and velocities and accelerations made of them."""
-    robot, rng = model.mechanism, np.random.default_rng(seed)
+    robot, rng = model.robot, np.random.default_rng(seed)
     force = model.regressor(joint_motion(robot, motion)) @ truth
     position = motion.position + NOISE * rng.normal(size=motion.position.shape)
     velocity = differentiate(position, RATE)

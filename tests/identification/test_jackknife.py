@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid import fit
-from loopid.identification import FitSamples, WeightedLeastSquares
+from loopid.identification import FitSamples, WeightedLeastSquares, fit
 from loopid.identification.correlation import within_runs
 from loopid.identification.jackknife import Jackknife
 from loopid.identification.leaving_out import regions_of, repeated_share

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from loopid import FourierSeries, JointTerms, consistent_fit, find_force_model, joint_motion
-from loopid.identification import FitSamples, quiet_fit
+import loopid
+from loopid import JointTerms
+from loopid.identification import FitSamples, consistent_fit
 from loopid.identification.consistent import (
     ConsistentOptions,
     _minimised,
@@ -15,8 +16,11 @@ from loopid.identification.consistent import (
     _Program,
     _Step,
 )
+from loopid.identification.fitting import quiet_fit
 from loopid.identification.joint_priors import JointPriors, joint_parameters
-from loopid.regressors import JOINT_TERMS, JointTerm, PriorGroup
+from loopid.motion import FourierSeries, joint_motion
+from loopid.regressors import JOINT_TERMS, JointTerm
+from loopid.regressors.joint_laws import PriorGroup
 
 # Waves of a gear over its position: a law of several coefficients, of which one may ask for none.
 WAVES = PriorGroup("waves", 0.5)
@@ -40,7 +44,7 @@ def waves(load_once):
     """A five-bar of which the left motor alone has waves; their model, samples and coefficients."""
     robot = load_once("five_bar")
     waves = ",".join(f"Gw@{k}" for k in range(30, 210, 15))
-    model = find_force_model(robot, "full", "Fc,Fv").with_columns(
+    model = loopid.force_model(robot, "full", "Fc,Fv").with_columns(
         JointTerms.of(robot, waves).of_joints
     )
     generator = np.random.default_rng(0)

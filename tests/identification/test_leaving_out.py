@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid import FitOptions, find_force_model, identify
+import loopid
+from loopid import FitOptions, identify
 from loopid.identification import samples_of
 from loopid.identification.leaving_out import FOLDS, kept_without, stretches_of
 from loopid.motion import scaled_bodies
@@ -16,13 +17,13 @@ NOISE = 0.02  # N m
 
 @pytest.fixture(scope="module")
 def model(load_once):
-    return find_force_model(load_once("five_bar"), "full", "Fc,Fv")
+    return loopid.force_model(load_once("five_bar"), "full", "Fc,Fv")
 
 
 @pytest.fixture(scope="module")
 def runs(model):
     """A run of a robot whose bodies are some 20 % off the file, and another motion of it."""
-    robot = model.mechanism
+    robot = model.robot
     bodies = scaled_bodies(robot, 0.2, seed=3)
     truth = model.base.values(np.concatenate([bodies, [0.1, 0.05, 0.1, 0.05]]))
     return [

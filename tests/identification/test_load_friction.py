@@ -5,10 +5,12 @@ from shutil import copy
 import numpy as np
 import pytest
 
-from loopid import JointTerms, find_force_model, identify, load_fit
+import loopid
+from loopid import JointTerms, identify, load_fit
 from loopid.errors import DataError, OptionError
-from loopid.export import export_robot_file
-from loopid.identification import compare_terms, quiet_fit
+from loopid.export.robot_file import export_robot_file
+from loopid.identification import compare_terms
+from loopid.identification.fitting import quiet_fit
 from loopid.motion import scaled_bodies
 from made_runs import quietly, record, wander, with_deviation
 
@@ -23,18 +25,18 @@ def loaded(load_once):
     robot = load_once("five_bar")
     terms, values = JointTerms.with_values(robot, FRICTION)
     motions = [wander(robot, seed, 20.0, 20.0, size=(0.5, 0.5), harmonics=8) for seed in (4, 5)]
-    return find_force_model(robot, "full", terms), values, motions
+    return loopid.force_model(robot, "full", terms), values, motions
 
 
 @pytest.fixture(scope="module")
 def truth(loaded):
     model, values, _ = loaded
-    return model.base.values(np.concatenate([model.mechanism.standard_parameters(), values]))
+    return model.base.values(np.concatenate([model.robot.standard_parameters(), values]))
 
 
 def run_of(loaded, k, noise=0.0, seed=0):
     model, values, motions = loaded
-    return record(model.mechanism, motions[k], (model.joint_terms, values), None, noise, seed)
+    return record(model.robot, motions[k], (model.joint_terms, values), None, noise, seed)
 
 
 def test_it_is_found_exactly_without_noise(loaded, truth):
@@ -57,7 +59,7 @@ def test_intervals_cover_it(loaded, truth):
 
 def test_it_is_bought_where_it_is_there_only(loaded):
     model, _, motions = loaded
-    robot, noise = model.mechanism, 0.05
+    robot, noise = model.robot, 0.05
     plain = JointTerms.with_values(robot, "Fc=0.1,Fv=0.05")
     for runs, enough in (
         ([run_of(loaded, k, noise, k) for k in (0, 1)], model.joint_terms),
@@ -73,7 +75,7 @@ def test_a_saved_fit_predicts_with_the_bodies_that_loaded_the_joints(loaded, tru
     path, run = model.fit_of(truth).save(tmp_path / "fit.json"), run_of(loaded, 1)
     fit = load_fit(path)
     np.testing.assert_allclose(fit.predict(run).predicted, run.force, atol=1e-9)
-    robot = model.mechanism
+    robot = model.robot
     export_robot_file(robot, 1.3 * robot.standard_parameters(), tmp_path / "five_bar.urdf")
     copy(robot.path, tmp_path)
     with pytest.raises(DataError, match=r"differs by .* there \(bodies that load joints count"):
@@ -92,9 +94,9 @@ def test_c_code_refuses_it(loaded):
 def test_it_predicts_where_the_bodies_of_the_robot_file_are_off(loaded, draws):
     """Compared with no friction of passive joints, and with a constant one."""
     model, values, motions = loaded
-    robot, terms = model.mechanism, model.joint_terms
+    robot, terms = model.robot, model.joint_terms
     others = [
-        find_force_model(robot, "full", JointTerms.of(robot, choice), search="qr")
+        loopid.force_model(robot, "full", JointTerms.of(robot, choice), search="qr")
         for choice in ("Fc,Fv", "Fc,Fv; left_crank_joint: Fc; passive: Fc")
     ]
     errors, off = [], []

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid import JointTerms, find_force_model, identify, prepare_recording
+import loopid
+from loopid import JointTerms, identify
 from loopid.identification.lengths import length_forces
 from loopid.identification.sensor_noise import sensor_noise
 from loopid.kinematics.loop_motion import closed_nearby
@@ -23,7 +24,7 @@ def robot(load_once):
 
 @pytest.fixture(scope="module")
 def model(robot):
-    return find_force_model(robot, "full")
+    return loopid.force_model(robot, "full")
 
 
 def run(robot, law=None, seed=0, noise=0.01):
@@ -67,10 +68,10 @@ def test_a_missing_force_is_named_with_its_size_and_what_it_would_save(robot, mo
 
 def test_what_advice_prints_takes_the_spring_away(robot):
     recording = run(robot, LAWS["grows with its position"])
-    found = quietly(identify, find_force_model(robot, "full"), [recording])
+    found = quietly(identify, loopid.force_model(robot, "full"), [recording])
     (finding,) = [each for each in found.findings if "grows with its position" in each.title]
     terms = finding.do.split('terms="')[1].split('"')[0]
-    again = quietly(identify, find_force_model(robot, "full", terms), [recording])
+    again = quietly(identify, loopid.force_model(robot, "full", terms), [recording])
     assert not again.missing
     assert again.fit[f"{LEFT}.Ks"].value == pytest.approx(2.0, rel=0.1)
 
@@ -151,12 +152,12 @@ def logs(robot):
 
 
 def test_noise_of_sensors_is_what_the_filter_leaves_of_it(robot, logs):
-    recording = quietly(prepare_recording, robot, logs[0])
+    recording = quietly(loopid.prepare, robot, logs[0])
     noise = 0.1 * np.random.default_rng(1).normal(size=(20000, 2))
     left = LowPass(recording.cutoff).apply(noise, 200.0).std(axis=0)
     np.testing.assert_allclose(sensor_noise(recording), left, rtol=0.1)
 
 
 def test_of_filtered_forces_noise_is_not_told(robot, logs):
-    assert np.isnan(sensor_noise(quietly(prepare_recording, robot, logs[1]))).all()
+    assert np.isnan(sensor_noise(quietly(loopid.prepare, robot, logs[1]))).all()
     assert np.isnan(sensor_noise(run(robot))).all()  # without a log

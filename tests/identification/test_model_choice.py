@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import loopid
-from loopid import FitOptions, JointTerms, find_force_model, identify
+from loopid import FitOptions, JointTerms, identify
 from loopid.errors import DataError, OptionError
 from loopid.identification import choose_model
 from loopid.motion import scaled_bodies
@@ -56,7 +56,7 @@ def test_the_standard_error_is_that_of_a_factor_of_inertia(five_bar):
     parts = force_parts(five_bar, *state)
     rates = [motion.velocities, np.sign(motion.velocities), np.ones_like(motion.velocities)]
     own = [each[:, :, None] * np.eye(2) for each in rates]
-    gravity = loopid.gravity_regressor(five_bar, motion.configurations)
+    gravity = loopid.regressors.gravity_regressor(five_bar, motion.configurations)
     inertia = (parts.inertial + parts.coriolis)[:, :, None]
     W = np.concatenate([inertia, gravity, *own], axis=2).reshape(runs[0].force.size, -1)
     W /= np.maximum(np.linalg.norm(W, axis=0), 1e-12)
@@ -83,7 +83,7 @@ def test_a_gravity_model_of_fast_motion_is_a_finding_with_the_errors_of_both(fiv
     run = run_of(five_bar, 10.0, noise=0.01)
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        found = identify(find_force_model(five_bar, "gravity"), [run])
+        found = identify(loopid.force_model(five_bar, "gravity"), [run])
     finding = found.choice.finding
     assert str(finding) in [str(each.message) for each in said]
     assert finding in found.findings

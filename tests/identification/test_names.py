@@ -11,9 +11,9 @@ from loopid.parameters import Parameter
 
 @pytest.fixture(scope="module")
 def found():
-    robot = loopid.load_mechanism("five_bar")
-    run = loopid.prepare_recording(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
-    model = loopid.find_force_model(robot, "full", "Fc,Fv,Ia")
+    robot = loopid.load("five_bar")
+    run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
+    model = loopid.force_model(robot, "full", "Fc,Fv,Ia")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return loopid.identify(model, [run])

@@ -7,14 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from loopid import (
-    FitOptions,
-    find_force_model,
-    identify,
-    load_mechanism,
-    prepare_recording,
-    read_log,
-)
+import loopid
+from loopid import FitOptions, identify, read_log
 from loopid.logs import FilterOptions
 from made_runs import quietly
 
@@ -26,10 +20,10 @@ SAME = 1e-6  # relative; processors differ by some 1e-9
 
 @cache
 def task(name, kind):
-    robot = load_mechanism(name)
+    robot = loopid.load(name)
     log, filtered = read_log(LOGS / f"{name}.csv", robot), FilterOptions(cutoff=CUTOFFS[name])
-    recording = quietly(prepare_recording, robot, log, filter=filtered)
-    return find_force_model(robot, kind, "Fc,Fv,file"), recording
+    recording = quietly(loopid.prepare, robot, log, filter=filtered)
+    return loopid.force_model(robot, kind, "Fc,Fv,file"), recording
 
 
 def assert_same(fit, expected, same=SAME):

@@ -5,18 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid import (
-    Dynamics,
-    find_force_model,
-    friction_curve,
-    identify,
-    load_fit,
-    prepare_recording,
-    read_log,
-)
+import loopid
+from loopid import Dynamics, identify, load_fit, read_log
 from loopid.errors import OptionError
-from loopid.export import export_fit
-from loopid.identification import absurdities
+from loopid.export.everything import export_fit
+from loopid.identification import friction_curve
+from loopid.identification.plausibility import absurdities
 from made_runs import quietly
 
 LEFT = "left_crank_joint"
@@ -25,9 +19,9 @@ LEFT = "left_crank_joint"
 @pytest.fixture(scope="module")
 def found(load_once):
     robot = load_once("five_bar")
-    run = quietly(prepare_recording, robot, read_log("urdf/logs/five_bar.csv", robot))
+    run = quietly(loopid.prepare, robot, read_log("urdf/logs/five_bar.csv", robot))
     terms = f"Fc,Fv,Fo,Ia; {LEFT}: Fs~0.05,Fs~0.1,Ks"
-    return quietly(identify, find_force_model(robot, "full", terms), [run])
+    return quietly(identify, loopid.force_model(robot, "full", terms), [run])
 
 
 def changed(found, **values):
@@ -139,4 +133,4 @@ def test_what_terms_break_on_a_log_is_kept_by_the_fit(found, tmp_path):
     place = fit.save(tmp_path / "a.yaml", anyway=True)
     assert load_fit(place).broken == (said,)
     with pytest.raises(OptionError, match=said):
-        Dynamics(found.force_model.mechanism, load_fit(place))
+        Dynamics(found.force_model.robot, load_fit(place))

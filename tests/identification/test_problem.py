@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from loopid.errors import DataError, RankError
-from loopid.identification import FitProblem, FitSamples, WeightedLeastSquares, quiet_fit
+from loopid.identification import FitProblem, FitSamples, WeightedLeastSquares
+from loopid.identification.fitting import quiet_fit
 from loopid.parameters import ParameterSet
 from smooth_data import TRUTH, autoregressive, named, named_samples, smooth_regressor
 

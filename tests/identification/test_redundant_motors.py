@@ -6,11 +6,12 @@ import warnings
 import numpy as np
 import pytest
 
+import loopid
 from loopid import JointTerms
-from loopid.identification import find_force_model, identify, quiet_fit
+from loopid.identification import identify
+from loopid.identification.fitting import quiet_fit
 from loopid.kinematics import closed_motion
-from loopid.logs import Log, Recording, prepare_recording, read_log
-from loopid.motion import simulate_measurement
+from loopid.logs import Log, Recording, read_log
 from made_runs import logged, quietly, wander
 
 FRICTION = np.array([0.3, 0.4, 0.2, 0.5, 0.25, 0.3])
@@ -25,7 +26,7 @@ def robot(linkage):
 
 @pytest.fixture(scope="module")
 def model(robot):
-    return find_force_model(robot, "full", JointTerms(robot.actuated))
+    return loopid.force_model(robot, "full", JointTerms(robot.actuated))
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +67,7 @@ def test_friction_of_every_motor_can_be_told(model, robot):
 
 def test_what_each_motor_measures_tells_the_truth(robot, model, motion, truth):
     terms = JointTerms(robot.actuated)
-    exact = simulate_measurement(robot, motion, joint_terms=terms, joint_values=FRICTION)
+    exact = loopid.simulate(robot, motion, joint_terms=terms, joint_values=FRICTION)
     q, shape = motion.configurations, exact.force.shape
     still = np.zeros_like(motion.velocities)
     G = closed_motion(robot, q, still, still).projection.G[
@@ -92,12 +93,12 @@ def found(robot, model, tmp_path_factory):
     for seed in (1, 2):
         path = folder / f"{seed}.csv"
         path.write_text(logged(robot, run_of(robot, seed), terms, noise=NOISE, seed=seed))
-        recordings.append([quietly(prepare_recording, robot, quietly(read_log, path, robot))])
+        recordings.append([quietly(loopid.prepare, robot, quietly(read_log, path, robot))])
     return quietly(identify, model, recordings[0], validation=recordings[1])
 
 
 def test_logs_of_all_motors_give_bodies_and_friction(found, model, truth):
-    assert [part.actuators for part in found.training] == [model.mechanism.independent]
+    assert [part.actuators for part in found.training] == [model.robot.independent]
     fresh = found.new.regressor
     expected = fresh @ truth
     off = found["all parameters"].fit.forces(fresh) - expected
@@ -118,7 +119,7 @@ def test_a_true_robot_file_is_confirmed(found):
 def run(robot):
     """Arrays of a log: time, positions and forces of all motors."""
     motion = wander(robot, 3, seconds=5.0, rate=50.0, size=(0.4, 0.4))
-    run = simulate_measurement(robot, motion)
+    run = loopid.simulate(robot, motion)
     return run.time, run.position, run.force
 
 
@@ -126,7 +127,7 @@ def heard(robot, run, position):
     log = Log.from_arrays(run[0], position, run[2], robot.actuated)
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        prepare_recording(robot, log)
+        loopid.prepare(robot, log)
     return [str(w.message) for w in said if "redundant motor" in str(w.message)]
 
 

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from loopid.errors import DataError, OptionError
-from loopid.identification import Bisquare, WeightedLeastSquares, quiet_fit
+from loopid.identification import Bisquare, WeightedLeastSquares
+from loopid.identification.fitting import quiet_fit
 from loopid.identification.robust import bisquare, huber
 from smooth_data import (
     DEVIATIONS,

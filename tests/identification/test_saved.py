@@ -14,18 +14,12 @@ from ruamel.yaml import YAML
 
 import loopid
 from bank_robots import few_of
-from loopid import (
-    JointTerms,
-    find_force_model,
-    load_mechanism,
-    prepare_recording,
-    random_configurations,
-    read_log,
-)
+from loopid import JointTerms, random_configurations, read_log
 from loopid.base_parameters import ExactSearch, SearchOptions, SearchStrategy
 from loopid.errors import DataError, FileError, OptionError
-from loopid.export import export_robot_file
-from loopid.identification import WeightedLeastSquares, consistent_fit, load_fit, quiet_fit
+from loopid.export.robot_file import export_robot_file
+from loopid.identification import WeightedLeastSquares, consistent_fit, load_fit
+from loopid.identification.fitting import quiet_fit
 from loopid.identification.saved import digest
 from loopid.yaml_files import yaml_writer
 from made_runs import ARM, modelled, wander
@@ -38,12 +32,12 @@ FITS = ["correlated", "robust", "consistent", "values"]
 def model(load_once):
     robot = load_once("five_bar")
     terms = JointTerms(robot.actuated, ("Ia", "Fc", "Fv"), dead_zone=0.01, smoothing=0.3)
-    return find_force_model(robot, "full", terms)
+    return loopid.force_model(robot, "full", terms)
 
 
 @pytest.fixture(scope="module")
 def samples(model):
-    motion = wander(model.mechanism, 1, seconds=20.0, size=(0.6, 0.6))
+    motion = wander(model.robot, 1, seconds=20.0, size=(0.6, 0.6))
     values = 1.3 * model.prior
     values[model.joint_columns] = np.arange(1, 1 + len(model.joint_columns))
     return model.samples(modelled(model, motion, values, noise=0.1))
@@ -82,7 +76,7 @@ def test_what_is_read_is_what_was_written(model, fits, tmp_path, kind, ending):
     assert type(read) is type(fit)
     assert read.record() == fit.record()
     assert read.parameters == model.parameters
-    assert read.robot == model.mechanism
+    assert read.robot == model.robot
     again = read.model
     assert [p.unit for p in again.base.parameters] == [p.unit for p in model.base.parameters]
     assert again.joint_terms == model.joint_terms
@@ -92,7 +86,7 @@ def test_what_is_read_is_what_was_written(model, fits, tmp_path, kind, ending):
 
 def test_forces_are_those_of_the_force_model(model, fits, tmp_path):
     read = load_fit(model.fit_of(fits["plain"]).save(tmp_path / "fit.json"))
-    robot, again = model.mechanism, read.model
+    robot, again = model.robot, read.model
     q = random_configurations(robot, 15, seed=1)
     rates = np.random.default_rng(2).standard_normal((2, 15, 2))
     expected = model.base.regressor(model.standard_regressor(q, *rates)) @ fits["plain"].values
@@ -139,14 +133,14 @@ def knees(tmp_path_factory):
         command = [sys.executable, ROOT / "urdf" / "generate.py", "--robot", "3ups_rpu"]
         command += ["--configuration", str(number), "--out", str(folder)]
         subprocess.run(command, check=True)
-        found.append(load_mechanism(next(folder.glob("*.yaml"))))
+        found.append(loopid.load(next(folder.glob("*.yaml"))))
     return found
 
 
 @pytest.mark.parametrize("kind", ["gravity", "full"])
 def test_fits_of_another_geometry_are_refused(knees, load_once, tmp_path, kind):
     robot = load_once("3ups_rpu")
-    model = find_force_model(robot, kind, JointTerms(robot.actuated))
+    model = loopid.force_model(robot, kind, JointTerms(robot.actuated))
     path, (same, other) = model.fit_of(model.prior + 1.0).save(tmp_path / "fit.json"), knees
     assert load_fit(path, same).model.base.names == model.base.names
     words = (
@@ -170,16 +164,16 @@ def test_fits_of_another_geometry_are_refused(knees, load_once, tmp_path, kind):
 def test_what_differs_is_named(tmp_path, old, new, words):
     for name, text in (("one", ARM), ("other", ARM.replace(old, new))):
         (tmp_path / f"{name}.urdf").write_text(text)
-    one, other = (load_mechanism(tmp_path / f"{name}.urdf") for name in ("one", "other"))
-    model = find_force_model(one, "gravity", None)
+    one, other = (loopid.load(tmp_path / f"{name}.urdf") for name in ("one", "other"))
+    model = loopid.force_model(one, "gravity", None)
     path = model.fit_of(model.prior).save(tmp_path / "fit.json")
     with pytest.raises(DataError, match=words):
         load_fit(path, other)
 
 
 def test_other_options_of_loading_are_refused(load_once, tmp_path):
-    tied = load_mechanism("3rrr", tied=True)
-    model = find_force_model(tied, joint_terms=None)
+    tied = loopid.load("3rrr", tied=True)
+    model = loopid.force_model(tied, joint_terms=None)
     path = model.fit_of(model.prior).save(tmp_path / "fit.json")
     assert load_fit(path).robot.options["tied"]
     with pytest.raises(DataError, match=r"not of .*3rrr\.yaml: parameter"):
@@ -189,9 +183,9 @@ def test_other_options_of_loading_are_refused(load_once, tmp_path):
 def test_closures_and_motors_of_python_survive(tmp_path):
     leg = ROOT / "examples" / "leg.urdf"
     closures, motors = [loopid.Closure("rod_end", "lever", "3d")], ["hip_pitch", "knee_drive"]
-    model = find_force_model(load_mechanism(leg, closures=closures, motors=motors), "full")
+    model = loopid.force_model(loopid.load(leg, closures=closures, motors=motors), "full")
     fit = load_fit(model.fit_of(model.prior).save(tmp_path / "fit.json"))
-    assert fit.robot == model.mechanism
+    assert fit.robot == model.robot
     assert fit.robot.actuated == tuple(motors)
 
 
@@ -200,8 +194,8 @@ def test_no_other_robot_of_the_name_stands_in(tmp_path):
     for ending in ("yaml", "urdf"):
         copy(ROOT / "urdf" / f"five_bar.{ending}", tmp_path)
     own = tmp_path / "five_bar.yaml"
-    for robot in (load_mechanism(own), load_mechanism("five_bar")):
-        model = find_force_model(robot, joint_terms=None)
+    for robot in (loopid.load(own), loopid.load("five_bar")):
+        model = loopid.force_model(robot, joint_terms=None)
         path = model.fit_of(model.prior).save(tmp_path / "fit.json")
         own.unlink(missing_ok=True)
         if robot.path == own:
@@ -216,7 +210,7 @@ def test_a_robot_with_other_inertials_is_the_same(model, fits, tmp_path):
     path = model.fit_of(fits["plain"]).save(tmp_path / "fit.json")
     copy(ROOT / "urdf" / "five_bar.yaml", tmp_path)
     export_robot_file(
-        model.mechanism, 1.3 * model.mechanism.standard_parameters(), tmp_path / "five_bar.urdf"
+        model.robot, 1.3 * model.robot.standard_parameters(), tmp_path / "five_bar.urdf"
     )
     assert load_fit(path, tmp_path / "five_bar.yaml").model.base.names == model.base.names
 
@@ -224,7 +218,7 @@ def test_a_robot_with_other_inertials_is_the_same(model, fits, tmp_path):
 def test_reading_searches_nothing_again(model, tmp_path, monkeypatch):
     """The choice of a search that another machine, or clock, would not repeat."""
     search = ExactSearch(SearchOptions(time_limit=1e-3))
-    hurried = find_force_model(model.mechanism, "full", None, search=search)
+    hurried = loopid.force_model(model.robot, "full", None, search=search)
     path = hurried.fit_of(hurried.prior).save(tmp_path / "fit.yaml")
     monkeypatch.setattr(SearchStrategy, "search", lambda *_: pytest.fail("searched again"))
     assert load_fit(path).model.base.names == hurried.base.names
@@ -368,7 +362,7 @@ def test_other_refusals(model, fits, tmp_path):
         model.fit_of(fits["plain"]).save(tmp_path / "file" / "fit.json")
     with pytest.raises(DataError, match=r"with values \(3,\) is none of"):
         model.fit_of(np.zeros(3)).save(tmp_path / "fit.json")
-    other = find_force_model(model.mechanism, "full", None)
+    other = loopid.force_model(model.robot, "full", None)
     with pytest.raises(DataError, match="is none of the"):
         other.fit_of(fits["plain"]).save(tmp_path / "fit.json")
 
@@ -387,9 +381,9 @@ def test_a_fit_without_its_model_is_refused_by_what_needs_it(fits, tmp_path):
 
 
 def test_data_of_any_form_are_predicted_alike(model, fits):
-    robot, path = model.mechanism, ROOT / "urdf" / "logs" / "five_bar.csv"
+    robot, path = model.robot, ROOT / "urdf" / "logs" / "five_bar.csv"
     fit, log = model.fit_of(fits["consistent"]), read_log(path, robot)
-    expected = fit.predict(prepare_recording(robot, log)).predicted
+    expected = fit.predict(loopid.prepare(robot, log)).predicted
     frame = polars.read_csv(path)
     for data in (path, str(path), log, frame, frame.to_dict(as_series=False)):
         np.testing.assert_array_equal(fit.predict(data).predicted, expected)

@@ -5,14 +5,9 @@ import pytest
 from hypothesis import given, strategies as st
 
 from loopid.errors import DataError, OptionError
-from loopid.identification import (
-    OrdinaryLeastSquares,
-    WeightedLeastSquares,
-    eliminate_parameters,
-    influence,
-    quiet_fit,
-    truncated_values,
-)
+from loopid.identification import OrdinaryLeastSquares, WeightedLeastSquares, influence
+from loopid.identification.fitting import quiet_fit
+from loopid.identification.selection import eliminate_parameters, truncated_values
 from smooth_data import DEVIATIONS, autoregressive, named_samples, outliers, runs, smooth_regressor
 
 TRUTH = np.array([3.0, 0.0, 5.0, 0.0, 0.0, -4.0])

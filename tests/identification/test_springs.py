@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from loopid import FitOptions, JointTerms, find_force_model, identify
-from loopid.identification import compare_terms, quiet_fit
+import loopid
+from loopid import FitOptions, JointTerms, identify
+from loopid.identification import compare_terms
+from loopid.identification.fitting import quiet_fit
 from loopid.motion import scaled_bodies
 from made_runs import modelled, quietly, record, wander, with_deviation
 
@@ -21,7 +23,7 @@ def sprung(load_once):
     """A force model with springs, its true values, and a motion that excites all of it."""
     robot = load_once("five_bar")
     terms, values = JointTerms.with_values(robot, SPRINGS)
-    model = find_force_model(robot, "full", terms)
+    model = loopid.force_model(robot, "full", terms)
     truth = model.base.values(np.concatenate([robot.standard_parameters(), values]))
     return model, truth, wander(robot, 4, 20.0, 20.0, size=(0.5, 0.5), harmonics=8)
 
@@ -50,14 +52,14 @@ def test_intervals_of_springs_cover_them(sprung):
 def suspected(load_once):
     """A force model with a spring at one motor, and motions to fit and to validate."""
     robot = load_once("five_bar")
-    model = find_force_model(robot, "full", JointTerms.of(robot, "Fc,Fv; left_crank_joint: Ks"))
+    model = loopid.force_model(robot, "full", JointTerms.of(robot, "Fc,Fv; left_crank_joint: Ks"))
     return model, [wander(robot, seed, 20.0, 10.0, size=(0.5, 0.5)) for seed in (4, 5)]
 
 
 def logs(suspected, values, seed):
     """Recordings of a robot whose bodies are off the file by 20 %."""
     model, motions = suspected
-    robot = model.mechanism
+    robot = model.robot
     terms, bodies = JointTerms.with_values(robot, values), scaled_bodies(robot, 0.2, seed)
     return [
         [record(robot, motion, terms, bodies, 0.05, 2 * seed + k)]
@@ -120,7 +122,7 @@ def test_sets_are_fitted_by_least_squares(suspected):
 def test_terms_that_new_data_ask_for_are_a_finding(suspected, load_once):
     robot, sprung = load_once("five_bar"), "Fc,Fv; left_crank_joint: Ks,Fo"
     runs = logs(suspected, "Fc=0.1,Fv=0.05; left_crank_joint: Ks=4", 0)
-    model = find_force_model(robot, "full", JointTerms(robot.actuated, ("Fc", "Fv")))
+    model = loopid.force_model(robot, "full", JointTerms(robot.actuated, ("Fc", "Fv")))
     options = FitOptions(compared=(sprung,))
     study = quietly(identify, model, runs[0], validation=runs[1], options=options)
     (found,) = (each for each in study.findings if "too few" in each.title)

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from loopid import JointTerms, Noise, prepare_recording, read_log
+import loopid
+from loopid import JointTerms, read_log
 from loopid.files import csv_text
 from loopid.identification import suspicions
 from loopid.logs import FilterOptions, LogMapping
+from loopid.motion import Noise
 from made_runs import friction, quietly, record, simulated, stand, unchecked, wander
 
 FIVE_BAR, KNEE = ("left_crank_joint", "right_crank_joint"), tuple(f"leg{k}_stroke" for k in "1234")
@@ -56,7 +58,7 @@ def runs(load_once):
             spoilt(name, seed, spoil, factor, seconds, velocities),
         )
         options = FilterOptions(cutoff=75.0 / seconds / factor)
-        return suspicions(robot, [quietly(prepare_recording, robot, log, filter=options)])
+        return suspicions(robot, [quietly(loopid.prepare, robot, log, filter=options)])
 
     suspected.log = spoilt
     return suspected
@@ -143,7 +145,7 @@ def test_advice_as_it_is_printed_mends_a_log(runs, load_once, tmp_path, spoil, f
 
     def suspected(mapping):
         run = quietly(read_log, file, robot, mapping=mapping)
-        found = quietly(prepare_recording, robot, run, filter=options)
+        found = quietly(loopid.prepare, robot, run, filter=options)
         return suspicions(robot, [found]).mistakes
 
     (said,) = suspected(LogMapping())
@@ -176,7 +178,7 @@ def test_a_spring_that_the_model_lacks_is_no_mistake(load_once, stiffness):
     noise = Noise(gaussian=0.02 * np.sqrt((exact.force**2).mean()), encoder_step=2e-6)
     read = simulated(robot, motion, noise, 0, None, terms)
     log = unchecked(read.time, read.position, read.force, robot.actuated)
-    run = quietly(prepare_recording, robot, log, filter=FilterOptions(cutoff=2.5))
+    run = quietly(loopid.prepare, robot, log, filter=FilterOptions(cutoff=2.5))
     assert suspicions(robot, [run]).mistakes == ()
 
 

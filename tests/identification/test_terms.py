@@ -4,9 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from loopid import JointTerms, find_force_model
+import loopid
+from loopid import JointTerms
 from loopid.errors import OptionError
-from loopid.identification import TermOptions, choose_terms, quiet_fit
+from loopid.identification import choose_terms
+from loopid.identification.fitting import quiet_fit
+from loopid.identification.terms import TermOptions
 from loopid.motion import scaled_bodies
 from made_runs import record, wander
 
@@ -27,12 +30,12 @@ def run(robot, values, seed, noise=0.01, motion=4):
 
 def test_the_usual_terms_are_those_of_the_model(robot):
     motors = dict.fromkeys(robot.actuated, ("Fc", "Fv", "Fo"))
-    assert find_force_model(robot).joint_terms.of_joints == motors
-    full = find_force_model(robot, "full")
+    assert loopid.force_model(robot).joint_terms.of_joints == motors
+    full = loopid.force_model(robot, "full")
     assert all(kinds == ("Fc", "Fv", "Fo", "Ia") for kinds in full.joint_terms.of_joints.values())
     assert full.automatic
-    assert not find_force_model(robot, "full", "Fc,Fv,Fo,Ia").automatic
-    more = find_force_model(robot, "full", "auto; left*: Ks")
+    assert not loopid.force_model(robot, "full", "Fc,Fv,Fo,Ia").automatic
+    more = loopid.force_model(robot, "full", "auto; left*: Ks")
     assert more.automatic
     kinds = more.joint_terms.of_joints
     assert kinds["left_crank_joint"] == ("Fc", "Fv", "Fo", "Ia", "Ks")
@@ -40,18 +43,18 @@ def test_the_usual_terms_are_those_of_the_model(robot):
 
 
 def test_terms_that_are_named_are_taken_as_they_are(robot):
-    model = find_force_model(robot, "gravity", "Fc,Fv,Fo")
+    model = loopid.force_model(robot, "gravity", "Fc,Fv,Fo")
     recording = run(robot, FRICTION, 0)
     forwards = (recording.motion.velocities > 0.02).all(axis=1)
     assert choose_terms(model, [recording.select(forwards)]) is model
-    automatic, never = find_force_model(robot, "gravity"), TermOptions(false_alarm=0.0)
+    automatic, never = loopid.force_model(robot, "gravity"), TermOptions(false_alarm=0.0)
     chosen = choose_terms(automatic, [recording.select(forwards)], options=never)
     assert chosen is automatic
 
 
 def test_offsets_that_data_do_not_tell_are_left_out(robot):
     """A motion in one direction does not tell an offset from Coulomb friction."""
-    model = find_force_model(robot, "gravity")
+    model = loopid.force_model(robot, "gravity")
     motion = wander(robot, 4, 20.0, 50.0, size=(0.5, 0.5), harmonics=5)
     forwards = (motion.velocities > 0.02).all(axis=1)
     plain = run(robot, FRICTION, 0)
@@ -62,7 +65,7 @@ def test_offsets_that_data_do_not_tell_are_left_out(robot):
 
 def test_offsets_that_are_there_are_kept(robot):
     for kind in ("gravity", "full"):
-        model = find_force_model(robot, kind)
+        model = loopid.force_model(robot, kind)
         values = f"{FRICTION},Fo=0.5"
         slow = wander(robot, 4, 400.0, 10.0, size=(0.5, 0.5), harmonics=5)
         terms = JointTerms.with_values(robot, values)
@@ -76,7 +79,7 @@ def test_offsets_that_are_there_are_kept(robot):
 
 
 def test_motors_that_stand_are_no_failure(robot):
-    model = find_force_model(robot, "gravity")
+    model = loopid.force_model(robot, "gravity")
     recording = run(robot, FRICTION, 0)
     still = recording.motion.velocities * [1.0, 0.0]
     halted = replace(recording, motion=replace(recording.motion, velocities=still))

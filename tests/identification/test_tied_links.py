@@ -7,18 +7,15 @@ import numpy as np
 import pytest
 from test_force_model import random_motion
 
-from loopid import find_base_parameters, load_mechanism, structural_observation
+import loopid
+from loopid.base_parameters import find_base
 from loopid.errors import ModelWarning
-from loopid.identification import (
-    WeightedLeastSquares,
-    eliminate,
-    find_force_model,
-    identify,
-    judge_essential,
-    prediction_reach,
-    quiet_fit,
-)
+from loopid.identification import WeightedLeastSquares, eliminate, identify
+from loopid.identification.fitting import quiet_fit
+from loopid.identification.prediction import prediction_reach
+from loopid.identification.selection import judge_essential
 from loopid.observation import Observation
+from loopid.regressors import structural_observation
 from made_runs import changed, modelled, quietly, record, wander
 
 # Of the 6UPS at rest, as nothing fast is in its motion.
@@ -28,15 +25,15 @@ DRAWS = 25
 
 @cache
 def model_of(name, tied):
-    return find_force_model(load_mechanism(name, tied=tied), CASES[name][0], None)
+    return loopid.force_model(loopid.load(name, tied=tied), CASES[name][0], None)
 
 
 @pytest.fixture(scope="module", params=CASES)
 def case(request):
     """A robot's name, its force models untied and tied, and motions to fit and for later."""
     untied, tied = (model_of(request.param, kind) for kind in (False, True))
-    size = [CASES[request.param][1]] * len(untied.mechanism.actuated)
-    motions = [wander(untied.mechanism, seed, 30.0, size=size) for seed in (1, 2)]
+    size = [CASES[request.param][1]] * len(untied.robot.actuated)
+    motions = [wander(untied.robot, seed, 30.0, size=size) for seed in (1, 2)]
     return request.param, untied, tied, motions
 
 
@@ -52,7 +49,7 @@ def summed(mechanism, labels, model):
 
 def test_parameters_are_named_by_their_groups(case):
     _, untied, tied, _ = case
-    groups = tied.mechanism.identical
+    groups = tied.robot.identical
     named = {label.rpartition(".")[0] for label in tied.parameters.labels}
     assert {"platform"} < named <= {"platform", *(group.name for group in groups)}
     assert not any(link in " ".join(tied.base.expressions) for g in groups for link in g.links)
@@ -63,22 +60,22 @@ def test_base_parameters_are_those_of_the_summed_columns(case):
     name, untied, tied, _ = case
     kind, samples = CASES[name][0], 100
     loose, shared = (
-        structural_observation(model.mechanism, kind, samples=samples) for model in (untied, tied)
+        structural_observation(model.robot, kind, samples=samples) for model in (untied, tied)
     )
-    T = summed(untied.mechanism, shared.parameters.labels, kind)
+    T = summed(untied.robot, shared.parameters.labels, kind)
     by_hand = Observation.from_matrix(loose.factor @ T, shared.parameters, length=loose.length)
-    expected, found = (find_base_parameters(each) for each in (by_hand, shared))
+    expected, found = (find_base(each) for each in (by_hand, shared))
     np.testing.assert_array_equal(found.base, expected.base)
     np.testing.assert_allclose(found.matrix, expected.matrix, atol=1e-9)
-    assert len(found) <= len(find_base_parameters(loose))
+    assert len(found) <= len(find_base(loose))
 
 
 def test_base_parameters_give_all_forces_of_any_shared_parameters(case):
     _, untied, tied, _ = case
-    motion = random_motion(tied.mechanism, 25, seed=3)
-    labels = tied.mechanism.parameters(tied.model).labels
+    motion = random_motion(tied.robot, 25, seed=3)
+    labels = tied.robot.parameters(tied.model).labels
     theta = np.random.default_rng(4).normal(size=len(labels))
-    T = summed(untied.mechanism, list(labels), untied.model)
+    T = summed(untied.robot, list(labels), untied.model)
     expected = untied.regressor(motion) @ untied.base.values(T @ theta)
     found = tied.regressor(motion) @ tied.base.values(theta)
     np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
@@ -122,7 +119,7 @@ def test_sharing_makes_predictions_surer(case):
 
 def test_only_the_group_that_is_heavier_is_corrected():
     model = model_of("3rrr", True)
-    robot = model.mechanism
+    robot = model.robot
     motions = [wander(robot, seed, 30.0, size=[0.3] * 3) for seed in (1, 2)]
     heavier = changed(robot, lower_mx=0.1)
     data = [
@@ -141,16 +138,14 @@ def test_only_the_group_that_is_heavier_is_corrected():
 
 
 def test_the_prior_is_the_mean_of_what_the_file_says(tmp_path):
-    robot = load_mechanism("3rrr")
+    robot = loopid.load("3rrr")
     text = robot.path.with_suffix(".urdf").read_text()
     link = re.search(r'<link name="leg2_lower">.*?</link>', text, re.DOTALL)[0]
     other = re.sub(r'mass value="(.*?)"', lambda m: f'mass value="{float(m[1]) + 3}"', link)
     (tmp_path / "3rrr.urdf").write_text(text.replace(link, other))
     (tmp_path / "3rrr.yaml").write_text(robot.path.read_text())
     with pytest.warns(ModelWarning, match="leg2_lower"):
-        unlike, loose = (
-            load_mechanism(tmp_path / "3rrr.yaml", tied=tied) for tied in (True, False)
-        )
+        unlike, loose = (loopid.load(tmp_path / "3rrr.yaml", tied=tied) for tied in (True, False))
     values = dict(zip(loose.parameters().labels, loose.standard_parameters(), strict=True))
     links = {group.name: group.links for group in unlike.identical}
     parts = [label.rpartition(".") for label in unlike.parameters().labels]
@@ -158,6 +153,6 @@ def test_the_prior_is_the_mean_of_what_the_file_says(tmp_path):
         np.mean([values[f"{link}.{kind}"] for link in links.get(name, (name,))])
         for name, _, kind in parts
     ]
-    model = find_force_model(unlike, "full", None)
+    model = loopid.force_model(unlike, "full", None)
     np.testing.assert_allclose(model.prior, model.base.values(mean), rtol=1e-9, atol=1e-12)
     assert np.abs(model.prior - model_of("3rrr", True).prior).max() > 0.1

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid import JointTerms, find_force_model, identify, load_mechanism, prepare_recording
+import loopid
+from loopid import JointTerms, identify
 from loopid.identification.unseen import UnseenErrors
 from loopid.logs import Log, Recording
 from loopid.motion import Noise, scaled_bodies
@@ -22,7 +23,10 @@ def robot(load_once):
 @pytest.fixture(scope="module")
 def models(robot):
     """The full model, and one for slow motion."""
-    return {"full": find_force_model(robot, "full"), "gravity": find_force_model(robot, "gravity")}
+    return {
+        "full": loopid.force_model(robot, "full"),
+        "gravity": loopid.force_model(robot, "gravity"),
+    }
 
 
 def recording(robot, wrong="nothing", seed=0):
@@ -53,11 +57,11 @@ def test_a_wrong_model_is_never_praised(robot, models, wrong):
 def test_an_arm_whose_rotors_are_missing_is_not(tmp_path, terms):
     path = tmp_path / "arm.urdf"
     path.write_text(ARM)
-    arm = load_mechanism(path)
+    arm = loopid.load(path)
     motion = wander(arm, 4, 12.0, 50.0, size=(0.8, 0.8))
     truth = JointTerms.with_values(arm, "Fc=0.5,Fv=0.5,Ia=0.3")
     run = record(arm, motion, truth, scaled_bodies(arm, 0.2), 0.02)
-    found = quietly(identify, find_force_model(arm, "full", terms), [run])
+    found = quietly(identify, loopid.force_model(arm, "full", terms), [run])
     assert (PRAISE in str(found.verdict)) == ("Ia" in terms)
 
 
@@ -71,9 +75,9 @@ def test_a_robot_whose_length_is_off_by_two_percent_is_not(tmp_path, robot, leng
     terms = JointTerms.with_values(robot, "Fc=0.1,Fv=0.05")
     read = simulated(robot, motion, Noise(gaussian=0.01), 0, scaled_bodies(robot, 0.2), terms)
     log = Log.from_arrays(read.time, read.position, read.force, robot.actuated)
-    other = load_mechanism(tmp_path / robot.path.name)
-    run = quietly(prepare_recording, other, log)
-    found = quietly(identify, find_force_model(other, "full"), [run])
+    other = loopid.load(tmp_path / robot.path.name)
+    run = quietly(loopid.prepare, other, log)
+    found = quietly(identify, loopid.force_model(other, "full"), [run])
     assert (PRAISE in str(found.verdict)) == (length == "0.24")
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from loopid.robot import Mechanism
+from loopid.robot import Robot
 
 JOINTS = 12
 
@@ -25,7 +25,7 @@ def random_tree(seed, base=0.0):
         model.addFrame(pin.Frame(f"f{k}", k, 0, random_placement(generator), pin.OP_FRAME))
         for k in joints
     ]
-    return Mechanism("tree", Path(), model, (), (), (), pin.neutral(model)), frames
+    return Robot("tree", Path(), model, (), (), (), pin.neutral(model)), frames
 
 
 def joint_kinds(generator):

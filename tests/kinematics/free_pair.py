@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from loopid.robot import Body, LoopClosure, Mechanism
+from loopid.robot import Body, Robot
+from loopid.robot.closures import LoopClosure
 
 ROD = 0.4
 KINDS = ("3d", "6d", "hinge", "universal", "prismatic", "cylindrical", "2d", "distance")
@@ -33,7 +34,7 @@ def free_pair(kind, axes=((0, 0, 1), (0, 0, 1)), fixed=False):
         numbers = 0.0, "rope", (model.joints[rope].idx_q, model.joints[rope].idx_v)
     closure = LoopClosure(kind, "at_a", "at_b", tuple(ids), tuple(map(unit, axes)), *numbers)
     links = tuple(Body(model.names[k], k) for k in bodies)
-    return Mechanism("pair", Path(), model, (closure,), (), links, pin.neutral(model))
+    return Robot("pair", Path(), model, (closure,), (), links, pin.neutral(model))
 
 
 def at_random(mechanism, generator):

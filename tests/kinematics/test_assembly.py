@@ -3,18 +3,19 @@
 import numpy as np
 import pytest
 
-from loopid import assemble, random_configurations
+from loopid import random_configurations
 from loopid.errors import AssemblyError, DataError, MobilityError, OptionError
 from loopid.kinematics import (
     Assembly,
     AssemblyOptions,
+    assemble,
     constraint_jacobian,
     constraint_residual,
     measured_coordinates,
-    partition,
     platform_coordinates,
-    try_assemble,
 )
+from loopid.kinematics.assembly import try_assemble
+from loopid.kinematics.projection import partition
 
 STROKES = ("leg1_stroke", "leg2_stroke", "leg3_stroke", "leg4_stroke")
 LIMB_4 = ("leg4_revolute", "leg4_stroke", "platform_pitch", "platform_yaw")

@@ -10,13 +10,9 @@ from closure_robots import loop
 from linkages import LINKAGES, five_bar, four_bar, rssr
 from loopid import random_configurations
 from loopid.errors import RobotFileError
-from loopid.kinematics import (
-    close_by_continuation,
-    close_loops,
-    constraint_residual,
-    largest_residual,
-)
-from loopid.kinematics.closing import CLOSING, _descend, _Points
+from loopid.kinematics import constraint_residual
+from loopid.kinematics.closing import CLOSING, _descend, _Points, close_by_continuation, close_loops
+from loopid.kinematics.constraint import largest_residual
 
 ANYWHERE = (
     "hinge four-bar",

@@ -21,19 +21,20 @@ from hypothesis import given, settings, strategies as st
 import pinocchio_loops
 from closure_robots import ROWS, in_millimetres
 from linkages import LINKAGES, PLANAR
-from loopid import find_base_parameters, random_configurations, structural_observation
+from loopid import random_configurations
+from loopid.base_parameters import find_base
 from loopid.errors import DataError, OptionError
 from loopid.kinematics import (
     assemble,
-    close_loops,
     constraint_drift,
     constraint_jacobian,
     constraint_residual,
     mobility,
-    null_space,
     project,
-    singularity_measure,
 )
+from loopid.kinematics.closing import close_loops
+from loopid.kinematics.projection import null_space, singularity_measure
+from loopid.regressors import structural_observation
 from loopid.robot import CLOSURE_KINDS
 from loopid.robot.closures import ClosureKind, Square
 
@@ -167,7 +168,7 @@ def test_a_four_bar_moves_alike_however_its_pin_is_written(kind, linkage):
 def test_a_four_bar_has_its_base_parameters_however_its_pin_is_written(kind, linkage):
     # Planar: 4 of each body, less a mass carried by each pivot and one a pin; see mechanisms.md.
     observation = structural_observation(linkage(f"{kind} four-bar"), "full")
-    assert len(find_base_parameters(observation)) == 8
+    assert len(find_base(observation)) == 8
 
 
 AXES = {

@@ -6,19 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import loopid
 from closure_robots import body, files, frame, joint, loop, tie
 from folded_robots import folded_four_bar
 from linkages import BARS, LINKAGES, PLATE, described, five_bar, four_bar, rack_and_pinion
-from loopid import Dynamics, load_mechanism, random_configurations, structural_observation
-from loopid.base_parameters import analyse
+from loopid import Dynamics, random_configurations
+from loopid.base_parameters.structure import analyse
 from loopid.errors import MobilityError, ModelWarning, RobotFileError
-from loopid.kinematics import (
-    independent_coordinates,
-    mobility,
-    nearby_configurations,
-    project,
-    random_motions,
-)
+from loopid.kinematics import mobility, project, random_motions
+from loopid.kinematics.closing import nearby_configurations
+from loopid.kinematics.freedoms import independent_coordinates
+from loopid.regressors import structural_observation
 
 BASE = tuple(f"root_joint.{part}" for part in ("vx", "vy", "vz", "wx", "wy", "wz"))
 # Bars that can lie on one line, and how they do.
@@ -36,7 +34,7 @@ def test_a_linkage_that_lies_flat_is_singular_there_only(name, load_files, write
     joints = ("crank_joint", "coupler_joint", "rocker_joint")
     description["reference"] = dict(zip(joints, angles, strict=True))
     with pytest.warns(UserWarning, match="2 degrees of freedom there, 1 around it"):
-        robot = load_mechanism(write_files(*files(parts, description)))
+        robot = loopid.load(write_files(*files(parts, description)))
     flat = np.array(angles, dtype=float)
     found = mobility(robot, flat)
     assert found.singular
@@ -51,7 +49,7 @@ def test_the_spin_of_a_rod_is_named(write_files, linkage):
     robot = linkage("ball rssr")
     assert robot.free == mobility(robot).undetermined == ("ball.wx",)
     with pytest.warns(ModelWarning, match=r"the motors leave ball\.wx free"):
-        load_mechanism(robot.path)
+        loopid.load(robot.path)
 
 
 def test_a_flying_robot_has_six_freedoms_more(load_files):
@@ -116,7 +114,7 @@ def test_couplings_that_contradict_each_other_are_refused(write_files):
 
     def load(offset):
         gears = {"closures": [gear, again | {"offset": offset}]}
-        return load_mechanism(write_files(*files(parts, description | gears)))
+        return loopid.load(write_files(*files(parts, description | gears)))
 
     with pytest.warns(ModelWarning, match="follows from the ones before it"):
         assert mobility(load(0.2)).rank == 1
@@ -165,7 +163,7 @@ def test_motors_that_cannot_move_are_named(load_files, linkage):
     robot = load_files(parts, description)
     assert mobility(robot).held == ("arm_joint",)
     with pytest.warns(ModelWarning, match="do not let the motors arm_joint move"):
-        load_mechanism(robot.path)
+        loopid.load(robot.path)
     assert mobility(linkage("redundant five-bar")).held == ()
 
 
@@ -193,7 +191,7 @@ def test_a_crank_drawn_at_its_dead_centre_is_not_held(load_files):
     assert mobility(robot).held == ()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        load_mechanism(robot.path)
+        loopid.load(robot.path)
 
 
 def test_a_robot_that_moves_to_first_order_only_is_named(load_files):
@@ -204,7 +202,7 @@ def test_a_robot_that_moves_to_first_order_only_is_named(load_files):
     robot = load_files(parts, description | {"closures": [wrong]})
     assert mobility(robot).degrees_of_freedom == 1
     with pytest.warns(ModelWarning, match="no other closed pose was found near the reference"):
-        load_mechanism(robot.path)
+        loopid.load(robot.path)
 
 
 def rank(robot):

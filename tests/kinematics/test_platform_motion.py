@@ -3,14 +3,9 @@
 import numpy as np
 import pytest
 
-from loopid import assemble
 from loopid.errors import DataError, OptionError
-from loopid.kinematics import (
-    constraint_drift,
-    constraint_jacobian,
-    platform_coordinates,
-    platform_motion,
-)
+from loopid.kinematics import assemble, constraint_drift, constraint_jacobian, platform_coordinates
+from loopid.kinematics.measured import platform_motion
 
 RATES = np.array([0.05, -0.04, 0.3, -0.2])
 ACCELERATIONS = np.array([-0.1, 0.2, 0.5, 0.4])

@@ -6,7 +6,7 @@ import pytest
 from every_joint import random_states, random_tree
 from hypothesis import given, settings, strategies as st
 
-from loopid.kinematics import frame_motions, frame_poses
+from loopid.kinematics.poses import frame_motions, frame_poses
 
 seeds = st.integers(0, 2**32 - 1)
 AXES = pin.LOCAL_WORLD_ALIGNED

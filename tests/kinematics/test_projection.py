@@ -8,11 +8,12 @@ import pinocchio as pin
 import pytest
 from scipy.optimize import brentq
 
-from loopid import assemble, load_mechanism, random_configurations
+import loopid
+from loopid import random_configurations
 from loopid.errors import AccuracyWarning, DataError, MobilityError, OptionError, SingularityError
 from loopid.kinematics import (
-    NEAR_SINGULARITY,
     SamplingOptions,
+    assemble,
     closed_motion,
     constraint_drift,
     constraint_jacobian,
@@ -20,10 +21,9 @@ from loopid.kinematics import (
     mobility,
     project,
     random_motions,
-    singularity_measure,
-    try_assemble,
 )
-from loopid.kinematics.projection import Solver
+from loopid.kinematics.assembly import try_assemble
+from loopid.kinematics.projection import NEAR_SINGULARITY, Solver, singularity_measure
 
 LIMB_4 = ("leg4_revolute", "leg4_stroke", "platform_pitch", "platform_yaw")
 CASES = {
@@ -278,7 +278,7 @@ def pair(request, generator, write_robot, weld):
     geometry = robot["configurations"][1]
     descriptions = (geometry, robot), in_millimetres(geometry, robot)
     files = [write_robot(*description) for description in descriptions]
-    return [load_mechanism(weld(file) if welded else file) for file in files]
+    return [loopid.load(weld(file) if welded else file) for file in files]
 
 
 @pytest.fixture(scope="module")

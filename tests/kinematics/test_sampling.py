@@ -8,16 +8,16 @@ import pytest
 
 from closure_robots import loop
 from linkages import LINKAGES, four_bar
-from loopid import assemble, random_configurations
+from loopid import random_configurations
 from loopid.errors import AssemblyError, OptionError
 from loopid.kinematics import (
-    NEAR_SINGULARITY,
     SamplingOptions,
+    assemble,
     constraint_residual,
     project,
     random_motions,
-    singularity_measure,
 )
+from loopid.kinematics.projection import NEAR_SINGULARITY, singularity_measure
 
 
 def test_the_margin_is_kept(mechanism):

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from closure_robots import body, frame, joint
-from loopid import assemble, find_base_parameters, random_configurations, structural_observation
+from loopid import random_configurations
+from loopid.base_parameters import find_base
 from loopid.errors import OptionError, RobotFileError
-from loopid.kinematics import constraint_residual, mobility
+from loopid.kinematics import assemble, constraint_residual, mobility
+from loopid.regressors import structural_observation
 
 PARTS = [
     body("slide"),
@@ -56,9 +58,7 @@ def test_lengths_tell_where_the_robot_is(robot):
 def test_a_cable_changes_neither_freedoms_nor_what_can_be_known(robot, load_files):
     bare = load_files(PARTS, {"name_mot": ["x", "z"]})
     assert mobility(robot).degrees_of_freedom == mobility(bare).degrees_of_freedom == 2
-    counts = [
-        len(find_base_parameters(structural_observation(one, "full"))) for one in (robot, bare)
-    ]
+    counts = [len(find_base(structural_observation(one, "full"))) for one in (robot, bare)]
     assert counts[0] == counts[1] == 2
     assert robot.redundant == ("c",)
 
@@ -135,7 +135,7 @@ def test_a_cylinder_without_mass_moves_an_arm(load_files):
     closure = {"type": "cable", "frames": ["foot", "lug"], "joint": "stroke"}
     robot = load_files(parts, {"closures": [closure], "name_mot": ["stroke"]})
     assert robot.independent == ("stroke",)
-    assert len(find_base_parameters(structural_observation(robot, "gravity"))) == 2
+    assert len(find_base(structural_observation(robot, "gravity"))) == 2
 
 
 def test_a_rod_is_what_a_refusal_says_of_a_locked_cable(load_files):

@@ -5,6 +5,7 @@ import pytest
 
 import loopid
 from loopid.errors import OptionError, RobotFileError
+from loopid.export.robot_file import export_robot_file
 
 AXES = (0.0, 0.0, 1.0), (0.0, 0.0, 1.0)
 
@@ -12,7 +13,7 @@ AXES = (0.0, 0.0, 1.0), (0.0, 0.0, 1.0)
 @pytest.fixture
 def given(urdf_folder):
     """A URDF whose YAML is left out, and arguments that say the same."""
-    robot = loopid.load_mechanism(urdf_folder / "five_bar.yaml")
+    robot = loopid.load(urdf_folder / "five_bar.yaml")
     closures = [loopid.Closure(c.frame_a, c.frame_b, c.kind) for c in robot.closures]
     options = {"closures": closures, "motors": robot.actuated}
     q = robot.reference_values(robot.reference)
@@ -21,36 +22,34 @@ def given(urdf_folder):
 
 def test_arguments_are_as_good_as_a_yaml(given):
     robot, urdf, options = given
-    found = loopid.load_mechanism(urdf, **options)
+    found = loopid.load(urdf, **options)
     assert (found.closures, found.actuated) == (robot.closures, robot.actuated)
     assert (found.motors_listed, found.motors_known) == (True, True)
     np.testing.assert_allclose(found.reference, robot.reference, atol=1e-6)
-    assert loopid.load_mechanism(urdf, **found.options) == found
+    assert loopid.load(urdf, **found.options) == found
 
 
 def test_a_reference_in_python_holds_the_motors(given):
     robot, urdf, options = given
     motor = robot.actuated[0]
     reference = options["reference"] | {motor: options["reference"][motor] + 0.1}
-    found = loopid.load_mechanism(urdf, **options | {"reference": reference})
+    found = loopid.load(urdf, **options | {"reference": reference})
     assert found.reference_values(found.reference)[motor] == pytest.approx(reference[motor])
 
 
 def test_a_saved_fit_loads_the_robot_with_its_closures(given, tmp_path):
     _, urdf, options = given
-    gear = loopid.Coupling(dict.fromkeys(options["motors"], 1.0), offset=3.1)
+    gear = loopid.loading.Coupling(dict.fromkeys(options["motors"], 1.0), offset=3.1)
     options |= {"closures": [*options["closures"], gear], "motors": options["motors"][:1]}
-    robot = loopid.load_mechanism(urdf, **options)
-    model = loopid.find_force_model(robot, "gravity", None)
+    robot = loopid.load(urdf, **options)
+    model = loopid.force_model(robot, "gravity", None)
     saved = loopid.load_fit(model.fit_of(model.prior).save(tmp_path / "fit.yaml"))
     again = saved.robot
     assert again == robot
     assert again.options == robot.options
-    written = loopid.export.export_robot_file(
-        again, robot.standard_parameters(), tmp_path / "new.urdf"
-    )
+    written = export_robot_file(again, robot.standard_parameters(), tmp_path / "new.urdf")
     np.testing.assert_allclose(
-        loopid.load_mechanism(written, **robot.options).standard_parameters(),
+        loopid.load(written, **robot.options).standard_parameters(),
         robot.standard_parameters(),
         atol=1e-12,
     )
@@ -71,8 +70,8 @@ REFUSED = {
         "unknown key of a 3d closure 'length'",
     ),
     "a coupling": (lambda: loopid.Closure("a", "b", "gear"), "give a Coupling"),
-    "no joint": (lambda: loopid.Coupling({}), "joints: must have at least 1"),
-    "a zero": (lambda: loopid.Coupling({"a": 0.0}), "joints.a: a coefficient is zero"),
+    "no joint": (lambda: loopid.loading.Coupling({}), "joints: must have at least 1"),
+    "a zero": (lambda: loopid.loading.Coupling({"a": 0.0}), "joints.a: a coefficient is zero"),
 }
 
 
@@ -86,9 +85,9 @@ def test_what_fits_no_kind_is_refused_where_it_is_made(case):
 def test_names_that_the_tree_has_not_are_refused_with_its_file(given):
     _, urdf, options = given
     with pytest.raises(RobotFileError, match=r"five_bar\.urdf: unknown frame 'tip': choose among"):
-        loopid.load_mechanism(urdf, **options | {"closures": [loopid.Closure("tip", "left_crank")]})
+        loopid.load(urdf, **options | {"closures": [loopid.Closure("tip", "left_crank")]})
     with pytest.raises(OptionError, match="motors: joint left_crank_joint is listed twice"):
-        loopid.load_mechanism(urdf, motors=["left_crank_joint"] * 2)
+        loopid.load(urdf, motors=["left_crank_joint"] * 2)
 
 
 def test_one_axis_is_enough_where_the_kind_has_one():

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings, strategies as st
 
+import loopid
 from closure_robots import files, tie
 from linkages import LINKAGES
-from loopid import LoopidError, load_mechanism, random_configurations
+from loopid import LoopidError, random_configurations
 from loopid.errors import (
     AccuracyWarning,
     FileError,
@@ -19,7 +20,8 @@ from loopid.errors import (
     OptionError,
     RobotFileError,
 )
-from loopid.kinematics import constraint_residual, mobility, singularity_measure
+from loopid.kinematics import constraint_residual, mobility
+from loopid.kinematics.projection import singularity_measure
 from loopid.loading.description import Description
 from loopid.yaml_files import read_yaml
 from small_tree import PARTS
@@ -89,7 +91,7 @@ def test_a_yaml_that_does_not_fit_its_urdf_is_refused_by_name(case, edited, refu
     pattern, replacement, fragments = BROKEN_YAML[case]
     file = edited("yaml", pattern, replacement)
     with pytest.raises(RobotFileError) as failure:
-        load_mechanism(file)
+        loopid.load(file)
     assert isinstance(failure.value, LoopidError)
     refusal(failure, str(file), *fragments)
 
@@ -99,7 +101,7 @@ def test_motors_that_do_not_fit_the_motion_are_warned_of(case, edited, refusal):
     pattern, replacement, category, fragments, free, redundant = ILL_FITTING[case]
     file = edited("yaml", pattern, replacement)
     with pytest.warns(category) as caught:
-        robot = load_mechanism(file)
+        robot = loopid.load(file)
     texts = [str(warning.message) for warning in caught]
     assert any(all(part in text for part in (str(file), *fragments)) for text in texts)
     assert (len(robot.free), len(robot.redundant)) == (free, redundant)
@@ -107,7 +109,7 @@ def test_motors_that_do_not_fit_the_motion_are_warned_of(case, edited, refusal):
 
 
 def test_motors_beyond_the_degrees_of_freedom_are_redundant(edited):
-    robot = load_mechanism(edited("yaml", r"leg4_stroke\]", "leg4_stroke, platform_yaw]"))
+    robot = loopid.load(edited("yaml", r"leg4_stroke\]", "leg4_stroke, platform_yaw]"))
     assert len(robot.redundant) == 1
     assert {*robot.independent, *robot.redundant} == set(robot.actuated)
     assert not robot.free
@@ -116,7 +118,7 @@ def test_motors_beyond_the_degrees_of_freedom_are_redundant(edited):
 def test_a_robot_without_motors_is_refused(edited, refusal):
     file = edited("yaml", MOTORS, "name_mot: []")
     with pytest.raises(MobilityError) as failure:
-        load_mechanism(file)
+        loopid.load(file)
     refusal(failure, str(file), "no joint has a motor", "name_mot", "leg4_stroke")
 
 
@@ -124,14 +126,14 @@ def test_bytes_that_are_no_text_are_refused(edited, refusal):
     file = edited()
     file.write_bytes(b"urdf: \xff\xfe")
     with pytest.raises(RobotFileError) as failure:
-        load_mechanism(file)
+        loopid.load(file)
     refusal(failure, str(file), "not YAML")
 
 
 @pytest.mark.parametrize("name", ["nowhere.urdf", "nowhere.yaml", "4ups", "/nowhere/robot.yaml"])
 def test_a_missing_file_is_refused_with_the_bundled_names(name, refusal):
     with pytest.raises(FileError) as failure:
-        load_mechanism(name)
+        loopid.load(name)
     refusal(failure, name, "3ups_rpu", "5p")
     assert "3ups_rpu" in failure.value.facts["valid"]
 
@@ -144,21 +146,21 @@ def test_a_missing_urdf_is_refused_with_its_path(pattern, replacement, edited, r
     urdf = file.with_name("gone.urdf") if replacement else file.with_suffix(".urdf")
     file.with_suffix(".urdf").unlink()
     with pytest.raises(FileError) as failure:
-        load_mechanism(file)
+        loopid.load(file)
     refusal(failure, str(file), str(urdf))
 
 
 def test_a_file_of_another_kind_is_refused_with_the_valid_endings(edited, refusal):
     other = edited().rename(edited().with_suffix(".stl"))
     with pytest.raises(RobotFileError) as failure:
-        load_mechanism(other)
+        loopid.load(other)
     refusal(failure, str(other), ".yaml", ".urdf")
 
 
 def test_an_unknown_joint_to_lock_is_refused_with_the_valid_names(edited, refusal):
     file = edited()
     with pytest.raises(OptionError) as failure:
-        load_mechanism(file, lock=["knee"])
+        loopid.load(file, lock=["knee"])
     refusal(failure, str(file), "'knee'", *STROKES)
 
 
@@ -290,7 +292,7 @@ def test_a_description_is_refused_by_key(case, write_files, refusal):
     description, words = BROKEN[case]
     file = write_files(*files(PARTS, description))
     with pytest.raises(RobotFileError) as failure:
-        load_mechanism(file)
+        loopid.load(file)
     assert refusal(failure, *words).startswith(f"{file}: ")
 
 
@@ -303,7 +305,7 @@ def test_an_axis_has_a_direction_and_no_size(size, write_files):
         "name_mot": ["shoulder", "rail", "ball"],
     }
     with pytest.warns(ModelWarning, match="is no unit vector: its direction counts") as told:
-        robot = load_mechanism(write_files(*files(PARTS, description)))
+        robot = loopid.load(write_files(*files(PARTS, description)))
     np.testing.assert_array_equal(robot.closures[0].axes, [[1, 0, 0], [0, -1, 0]])
     assert f"closure hand-arm: axis ({size:g}, 0, 0)" in str(told[0].message)
     assert robot.independent == robot.actuated
@@ -313,7 +315,7 @@ def test_a_coupling_that_follows_from_others_is_named(write_files):
     again = coupled({"elbow": -4, "shoulder": -2})
     description = {"closures": [GEAR, again], "name_mot": ["shoulder", "rail", "ball"]}
     with pytest.warns(ModelWarning, match=r"4 elbow - 2 shoulder = 0 follows from the"):
-        load_mechanism(write_files(*files(PARTS, description)))
+        loopid.load(write_files(*files(PARTS, description)))
 
 
 # Whatever a YAML says of closures.
@@ -365,7 +367,7 @@ def load(tmp_path):
             (tmp_path / f"robot.{suffix}").write_text(text)
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message=f"{tmp_path}/robot")
-            return load_mechanism(tmp_path / "robot.yaml")
+            return loopid.load(tmp_path / "robot.yaml")
 
     return loaded
 
@@ -403,7 +405,7 @@ def test_keys_that_change_the_tree_change_it(write_files):
         "couplings": [{"joints": {"elbow": 1, "rail": 2}, "offset": 0.1}],
         "name_mot": ["shoulder", "elbow", "ball"],
     }
-    robot = load_mechanism(write_files(*files(PARTS, description)))
+    robot = loopid.load(write_files(*files(PARTS, description)))
     assert robot.limits("elbow") == (-0.5, 0.7)
     assert robot.limits("rail") == (-np.inf, np.inf)
     np.testing.assert_array_equal(robot.model.gravity.linear, [1, 2, -3])
@@ -418,7 +420,7 @@ def test_closures_count_above_the_tolerance_of_the_yaml(tolerance, rank, write_f
     more = {"rounding": 0, "closure_rank_tolerance": tolerance, "name_mot": "b"}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the rank is not clear, or the rail follows
-        robot = load_mechanism(write_files(*files(PARTS, {"couplings": pair} | more)))
+        robot = loopid.load(write_files(*files(PARTS, {"couplings": pair} | more)))
     assert mobility(robot).rank == rank
     assert {*robot.actuated} == {"elbow", "ball"}  # their names contain a b
 
@@ -430,16 +432,16 @@ def test_closures_of_the_trees_own_file_can_be_removed(tmp_path):
     )
     first, second, rest = text.split("MIMIC")
     (tmp_path / "robot.urdf").write_text(first + second + mimic + rest)
-    assert len(load_mechanism(tmp_path / "robot.urdf").couplings) == 1
+    assert len(loopid.load(tmp_path / "robot.urdf").couplings) == 1
     for names, word in ((["elbow"], ""), (["knee"], "elbow")):
         (tmp_path / "robot.yaml").write_text(
             f"remove_closures: {names}\nname_mot: [shoulder, elbow, rail, ball]\n"
         )
         if word:
             with pytest.raises(RobotFileError, match=f"unknown closure 'knee'.*{word}"):
-                load_mechanism(tmp_path / "robot.yaml")
+                loopid.load(tmp_path / "robot.yaml")
         else:
-            assert not load_mechanism(tmp_path / "robot.yaml").couplings
+            assert not loopid.load(tmp_path / "robot.yaml").couplings
 
 
 def test_a_locked_joint_shifts_the_argument_of_a_curve(load_files):

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from loopid import Dynamics, JointTerms, load_mechanism, random_configurations
+import loopid
+from loopid import Dynamics, JointTerms, random_configurations
 from loopid.errors import OptionError, RobotFileError
 from loopid.kinematics import closed_motion, random_motions
 from made_runs import ARM
@@ -21,7 +22,7 @@ def robots(write_files):
     """The arm with motors at its joints, and behind a differential."""
     path = write_files(ARM, "urdf: robot.urdf\n")
     path.with_name("driven.yaml").write_text(DRIVES)
-    return load_mechanism(path), load_mechanism(path.with_name("driven.yaml"))
+    return loopid.load(path), loopid.load(path.with_name("driven.yaml"))
 
 
 def test_motors_are_the_drives_and_feel_the_joints_by_their_ratios(robots):
@@ -63,7 +64,7 @@ def test_drives_are_refused_where_they_drive_nothing(write_files):
     for text, said in cases.items():
         path = write_files(ARM, f"urdf: robot.urdf\n{text}\n")
         with pytest.raises(RobotFileError, match=said):
-            load_mechanism(path)
+            loopid.load(path)
     path = write_files(ARM, DRIVES)
     with pytest.raises(OptionError, match="left cannot be locked: lock what it turns"):
-        load_mechanism(path, lock=["left"])
+        loopid.load(path, lock=["left"])

@@ -5,11 +5,13 @@ import warnings
 import numpy as np
 import pytest
 
+import loopid
 from closure_robots import body, joint, urdf
-from loopid import JointTerms, find_force_model, load_fit, load_mechanism, random_configurations
+from loopid import JointTerms, load_fit, random_configurations
 from loopid.errors import ModelWarning, OptionError, RobotFileError
 from loopid.kinematics import closed_motion, random_motions
-from loopid.regressors import file_forces, motion_regressor
+from loopid.regressors import motion_regressor
+from loopid.regressors.file_forces import file_forces
 
 BODY = '<inertial pos="0.2 0 0.1" mass="{}" diaginertia="0.1 0.1 0.1"/>'
 # Everything that MuJoCo knows of one joint, with actuators that act along one.
@@ -43,7 +45,7 @@ def load(tmp_path):
         with warnings.catch_warnings():
             if quiet:
                 warnings.simplefilter("ignore")
-            return load_mechanism(tmp_path / name)
+            return loopid.load(tmp_path / name)
 
     return text
 
@@ -232,7 +234,7 @@ def test_a_term_without_value_is_in_the_model_and_unknown(load, tmp_path):
     )
     np.testing.assert_array_equal(terms.values(robot), [np.nan] * 4 + [2.0])
     assert [force.what for force in file_forces(robot)] == ["viscous friction of shoulder"]
-    model = find_force_model(robot, "full", terms)
+    model = loopid.force_model(robot, "full", terms)
     known = model.joint_values
     assert set(labels) <= set(model.parameters.labels)
     assert np.isnan(known[:4]).all()
@@ -242,7 +244,7 @@ def test_joints_that_are_locked_have_no_terms(tmp_path):
     (tmp_path / "robot.urdf").write_text(
         ARM.replace("{}", '<dynamics damping="2"/>').replace("REST", "")
     )
-    assert load_mechanism(tmp_path / "robot.urdf", lock=["shoulder"]).joint_values == {}
+    assert loopid.load(tmp_path / "robot.urdf", lock=["shoulder"]).joint_values == {}
 
 
 def test_terms_of_a_joint_that_is_replaced_are_said_to_be_left_out(load, tmp_path):
@@ -256,7 +258,7 @@ def test_terms_of_a_joint_that_is_replaced_are_said_to_be_left_out(load, tmp_pat
 def test_terms_of_parts_of_a_ball_joint_are_fitted_saved_and_read(load, tmp_path):
     pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
     robot = load(LOADED.replace("REST", ""))
-    model = find_force_model(robot, "full", JointTerms.of(robot, "file"))
+    model = loopid.force_model(robot, "full", JointTerms.of(robot, "file"))
     saved = load_fit(model.fit_of(model.prior).save(tmp_path / "fit.json"), robot)
     assert saved.model.parameters == model.parameters
     with pytest.raises(OptionError, match=r"ball\.wx has a rate but no position"):

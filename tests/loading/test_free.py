@@ -5,16 +5,13 @@ import warnings
 
 import pytest
 
+import loopid
 from closure_robots import body, frame, joint, tie
 from linkages import five_bar, rssr
-from loopid import (
-    JointTerms,
-    find_base_parameters,
-    find_force_model,
-    load_mechanism,
-    structural_observation,
-)
+from loopid import JointTerms
+from loopid.base_parameters import find_base
 from loopid.kinematics import mobility
+from loopid.regressors import structural_observation
 
 INERTIAL = '<inertial pos="0.1 0.02 0.3" mass="1" diaginertia="0.1 0.2 0.25"/>'
 ADVICE = re.compile(r"lock=(\[.*?\])")
@@ -40,7 +37,7 @@ def load(tmp_path):
         (tmp_path / name).write_text(text)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            robot = load_mechanism(tmp_path / name)
+            robot = loopid.load(tmp_path / name)
         return robot, [str(w.message) for w in caught if "the motors leave" in str(w.message)]
 
     return told
@@ -53,7 +50,7 @@ def said_of():
     def said(path):
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            load_mechanism(path)
+            loopid.load(path)
         return [str(w.message) for w in caught if "the motors leave" in str(w.message)]
 
     return said
@@ -66,7 +63,7 @@ def test_a_tendon_with_hardly_any_room_prints_its_coupling(load, tmp_path):
     (tmp_path / "robot.yaml").write_text(said[said.index("couplings: ") :])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        coupled = load_mechanism(tmp_path / "robot.yaml")
+        coupled = loopid.load(tmp_path / "robot.yaml")
     assert coupled.free == ()
     assert mobility(coupled).degrees_of_freedom == 1
     waist, drive = (
@@ -85,7 +82,7 @@ def test_a_spring_is_a_force_that_the_file_gives(load):
     assert robot.free == ("heel",)
     assert 'springs of heel hold what moves there: terms="file"' in said
     terms = JointTerms.of(robot, "file")
-    model = find_force_model(robot, "gravity", joint_terms=terms)
+    model = loopid.force_model(robot, "gravity", joint_terms=terms)
     assert "heel.Ks" in model.parameters.labels
     assert "lock what does not move" in load(HEEL.replace("STIFF", ""))[1][0]
 
@@ -100,11 +97,11 @@ def test_the_spin_of_a_rod_is_harmless_and_can_be_locked(load_files, said_of):
     robot = load_files(*rod_with_centre((0.1, 0, 0)))
     (said,) = said_of(robot.path)
     assert re.search("spin of a rod between its ends.* harmless", said)
-    locked = load_mechanism(robot.path, lock=eval(ADVICE.findall(said)[0]))
+    locked = loopid.load(robot.path, lock=eval(ADVICE.findall(said)[0]))
     assert locked.free == ()
     observed = structural_observation(robot, "full")
     known = [observed.motors_alone, structural_observation(locked, "full")]
-    assert len({len(find_base_parameters(each, "qr")) for each in known}) == 1
+    assert len({len(find_base(each, "qr")) for each in known}) == 1
 
 
 @pytest.mark.parametrize("centre", [(0.1, 0.02, -0.03), (0.1, 0, 0.01)])
@@ -132,6 +129,6 @@ def test_a_floating_base_needs_no_advice(write_files, load_files):
     robot = load_files(*five_bar())
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        flying = load_mechanism(robot.path, floating_base=True)
+        flying = loopid.load(robot.path, floating_base=True)
     assert len(flying.free) == 6
     assert not [w for w in caught if "the motors leave" in str(w.message)]

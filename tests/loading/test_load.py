@@ -6,10 +6,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from loopid import bundled_robots, load_mechanism, random_configurations
+import loopid
+from loopid import bundled_robots, random_configurations
 from loopid.errors import ModelWarning, RobotFileError
 from loopid.kinematics import constraint_residual, mobility, platform_coordinates, torque_regressors
-from loopid.loading import bundled_directory
+from loopid.loading.files import bundled_directory
 from small_tree import PARTS
 
 
@@ -21,7 +22,7 @@ def test_the_bundled_names_are_those_of_the_committed_pairs(urdf_folder):
 
 @pytest.mark.parametrize("name", bundled_robots())
 def test_a_bundled_robot_loads_closed_and_determined(name):
-    mechanism = load_mechanism(name)
+    mechanism = loopid.load(name)
     assert mechanism.path == bundled_directory() / f"{name}.yaml"
     assert np.abs(constraint_residual(mechanism, mechanism.reference)).max() < 1e-10
     found = mobility(mechanism)
@@ -31,14 +32,14 @@ def test_a_bundled_robot_loads_closed_and_determined(name):
 
 
 def test_a_name_and_its_file_give_the_same_robot(mechanism):
-    again = load_mechanism(bundled_directory() / f"{mechanism.name}.yaml")
+    again = loopid.load(bundled_directory() / f"{mechanism.name}.yaml")
     np.testing.assert_array_equal(again.reference, mechanism.reference)
     np.testing.assert_array_equal(again.standard_parameters(), mechanism.standard_parameters())
     assert again.closures == mechanism.closures
 
 
 def test_a_urdf_alone_is_the_open_tree_with_a_motor_in_every_joint(mechanism):
-    tree = load_mechanism(mechanism.path.with_suffix(".urdf"))
+    tree = loopid.load(mechanism.path.with_suffix(".urdf"))
     assert tree.closures == ()
     assert tree.actuated == tree.joints == mechanism.joints
     assert tree.bodies == mechanism.bodies
@@ -46,7 +47,7 @@ def test_a_urdf_alone_is_the_open_tree_with_a_motor_in_every_joint(mechanism):
 
 
 def test_joints_without_reference_start_at_zero_or_amid_their_limits(mechanism):
-    tree = load_mechanism(mechanism.path.with_suffix(".urdf"))
+    tree = loopid.load(mechanism.path.with_suffix(".urdf"))
     low, high = tree.model.lowerPositionLimit, tree.model.upperPositionLimit
     expected = np.where((low <= 0) & (high >= 0), 0, (low + high) / 2)
     assert expected[tree.prismatic].all()
@@ -55,23 +56,23 @@ def test_joints_without_reference_start_at_zero_or_amid_their_limits(mechanism):
 
 def test_a_yaml_without_motors_drives_every_joint(edited):
     file = edited("yaml", r"\A.+", "urdf: 3ups_rpu.urdf\n")
-    tree = load_mechanism(file)
+    tree = loopid.load(file)
     assert tree.actuated == tree.joints
 
 
 def test_the_urdf_beside_the_yaml_is_found_by_its_stem(edited):
-    assert load_mechanism(edited("yaml", "urdf: [^\n]*", "")).name == "3ups_rpu"
+    assert loopid.load(edited("yaml", "urdf: [^\n]*", "")).name == "3ups_rpu"
 
 
 def test_motors_keep_the_order_of_the_file(edited):
     backwards = ["leg4_stroke", "leg3_stroke", "leg2_stroke", "leg1_stroke"]
     file = edited("yaml", r"name_mot: \[[^]]*\]", f"name_mot: [{', '.join(backwards)}]")
-    assert list(load_mechanism(file).actuated) == backwards
+    assert list(loopid.load(file).actuated) == backwards
 
 
 def test_the_actuated_part_of_the_reference_stays_as_written(edited, knee):
     file = edited("yaml", r"leg1_universal_1: [\d.]*", "leg1_universal_1: 1.3")
-    mechanism = load_mechanism(file)
+    mechanism = loopid.load(file)
     motors = mechanism.velocity_indices(mechanism.actuated)
     np.testing.assert_array_equal(mechanism.reference[motors], knee.reference[motors])
     np.testing.assert_allclose(mechanism.reference, knee.reference, atol=1e-12)
@@ -129,13 +130,13 @@ def test_links_fixed_together_are_one_body_named_after_its_joints_link(
     text = MOUNTED.format(arm=arm)
     for old, new in change.items():
         text = text.replace(old, new)
-    mechanism = load_mechanism(write(tmp_path, text))
+    mechanism = loopid.load(write(tmp_path, text))
     assert [body.link for body in mechanism.bodies] == ["arm"]
     np.testing.assert_allclose(mechanism.standard_parameters("gravity"), expected)
 
 
 def test_mimicking_fingers_move_together(panda):
-    mechanism = load_mechanism(panda)
+    mechanism = loopid.load(panda)
     (coupling,) = mechanism.couplings
     assert coupling.name == "panda_finger_joint2 - panda_finger_joint1 = 0"
     assert len(mechanism.independent) == len(mechanism.joints) - 1 == 8
@@ -144,19 +145,19 @@ def test_mimicking_fingers_move_together(panda):
 
 
 def test_locked_fingers_leave_the_arm(panda):
-    mechanism = load_mechanism(panda, lock=FINGERS)
+    mechanism = loopid.load(panda, lock=FINGERS)
     assert len(mechanism.joints) == len(mechanism.bodies) == 7
     assert mechanism.bodies[-1].link == "panda_link7"
 
 
 def test_locking_moves_masses_and_loses_none(panda):
-    whole, locked = (pin.buildModelFromUrdf(str(panda)), load_mechanism(panda, lock=FINGERS))
+    whole, locked = (pin.buildModelFromUrdf(str(panda)), loopid.load(panda, lock=FINGERS))
     masses = sum(inertia.mass for inertia in list(whole.inertias)[1:])
     assert total_mass(locked) == pytest.approx(masses)
 
 
 def test_locked_joints_leave_the_forces_of_the_others_unchanged(panda):
-    whole, locked = pin.buildModelFromUrdf(str(panda)), load_mechanism(panda, lock=FINGERS)
+    whole, locked = pin.buildModelFromUrdf(str(panda)), loopid.load(panda, lock=FINGERS)
     # The fingers lock where the reference would put them: at zero, inside their limits.
     assert (whole.lowerPositionLimit[-2:] <= 0).all()
     assert (whole.upperPositionLimit[-2:] >= 0).all()
@@ -173,7 +174,7 @@ def test_the_yaml_locks_joints_where_its_reference_puts_them(edited, knee, joint
     # With one joint fixed, three motors move what is left.
     lock = "name_mot: [leg2_stroke, leg3_stroke, leg4_stroke]\n"
     lock += f"joint_name: [{joint}]\njoint_type: [FIXED]"
-    locked = load_mechanism(edited("yaml", r"name_mot: [^\n]*", lock))
+    locked = loopid.load(edited("yaml", r"name_mot: [^\n]*", lock))
     assert set(knee.joints) - set(locked.joints) == {joint}
     kept = knee.velocity_indices(locked.joints)
     np.testing.assert_allclose(locked.reference, knee.reference[kept], atol=1e-12)
@@ -188,12 +189,12 @@ def test_the_yaml_locks_joints_where_its_reference_puts_them(edited, knee, joint
 def test_the_body_of_a_locked_joint_takes_the_name_of_the_joint_before(edited):
     lock = "name_mot: [leg2_stroke, leg3_stroke, leg4_stroke]\n"
     lock += "joint_name: [platform_yaw]\njoint_type: [FIXED]"
-    locked = load_mechanism(edited("yaml", r"name_mot: [^\n]*", lock))
+    locked = loopid.load(edited("yaml", r"name_mot: [^\n]*", lock))
     assert locked.bodies[-1].link == "platform_cross"
 
 
 def test_a_locked_motor_is_no_motor(knee):
-    locked = load_mechanism("3ups_rpu", lock=["leg1_stroke"])
+    locked = loopid.load("3ups_rpu", lock=["leg1_stroke"])
     assert locked.actuated == ("leg2_stroke", "leg3_stroke", "leg4_stroke")
     assert mobility(locked).degrees_of_freedom == 3
     kept = knee.velocity_indices(locked.joints)
@@ -203,14 +204,14 @@ def test_a_locked_motor_is_no_motor(knee):
 def test_locking_every_joint_is_refused(tmp_path):
     file = write(tmp_path, MOUNTED.format(arm=""))
     with pytest.raises(RobotFileError, match="no joint can move"):
-        load_mechanism(file, lock=["hinge"])
+        loopid.load(file, lock=["hinge"])
 
 
 def test_warnings_point_to_the_line_that_loads(tmp_path):
     light = '<gazebo reference="tool"><turnGravityOff>true</turnGravityOff></gazebo></robot>'
     file = write(tmp_path, MOUNTED.format(arm="").replace("</robot>", light))
     with pytest.warns(ModelWarning) as caught:
-        load_mechanism(file)
+        loopid.load(file)
     (warning,) = (found for found in caught if found.category is ModelWarning)
     assert warning.filename == __file__
     assert str(warning.message).startswith(f"{file}: in the file, not in the model: ")
@@ -241,11 +242,11 @@ def rod(tmp_path):
 
 def test_a_turn_is_locked_where_the_closed_reference_of_the_file_has_it(rod):
     with pytest.warns(ModelWarning, match="ball"):
-        whole = load_mechanism(rod)
+        whole = loopid.load(rod)
     crank, *ball, rocker = whole.reference.tolist()
     closed = " ".join(map(repr, (crank, ball[3], *ball[:3], rocker)))
     rod.write_text(ROD.replace("0.1 0.9 0.1 -0.3 0.2 0.05", closed))
-    robot = load_mechanism(rod, lock=["ball.wx"])
+    robot = loopid.load(rod, lock=["ball.wx"])
     assert robot.independent == ("crank",)
     assert robot.free == ()
     for link in ("crank", "rod", "rocker"):
@@ -265,7 +266,7 @@ def test_a_replaced_ball_keeps_its_motors_and_takes_what_it_can_of_its_reference
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        robot = load_mechanism(rod.with_suffix(".yaml"))
+        robot = loopid.load(rod.with_suffix(".yaml"))
     parts = {"SPHERICAL": ["ball"]}.get(kind, [f"ball_{axis}" for axis in kind[-2:]])
     assert robot.actuated == ("crank", *parts)
     if kind == "UJOINT_XY":

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import assume, example, given, strategies as st
 
-from loopid import load_mechanism
+import loopid
 from loopid.errors import FileError, LoopidError, MissingExtraError, RobotFileError
 from loopid.kinematics import constraint_jacobian, constraint_residual
 
@@ -209,7 +209,7 @@ def test_couplings_hold_where_the_equalities_of_mujoco_do(kind, tmp_path):
     )
     (tmp_path / "robot.xml").write_text(text)
     robot, model = (
-        load_mechanism(tmp_path / "robot.xml"),
+        loopid.load(tmp_path / "robot.xml"),
         mujoco.MjModel.from_xml_path(str(tmp_path / "robot.xml")),
     )
     data, generator = mujoco.MjData(model), np.random.default_rng(0)

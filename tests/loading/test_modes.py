@@ -8,12 +8,14 @@ import pytest
 import yaml
 
 import folded_robots
+import loopid
 from closure_robots import files
 from linkages import five_bar
-from loopid import load_mechanism, random_configurations, structural_observation
-from loopid.base_parameters import analyse
+from loopid import random_configurations
+from loopid.base_parameters.structure import analyse
 from loopid.diagnosis import compare_modes
 from loopid.errors import AccuracyWarning, ModelWarning
+from loopid.regressors import structural_observation
 
 # Of each robot its joints that stay parallel, and the drawn pose with its motors turned by 0.5 rad
 # and all parallelograms open: what the folded file must be read as.
@@ -37,7 +39,7 @@ def rank(robot, seed=0):
 def quietly(path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return load_mechanism(path)
+        return loopid.load(path)
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +60,7 @@ def folded(path):
 @pytest.mark.parametrize("name", ["folded_four_bar", "folded_leg", LARGE])
 def test_folded_parallelograms_stay_parallel(name, folded, write_files):
     parts, description = getattr(folded_robots, name)()
-    turned = load_mechanism(write_files(*files(parts, description | {"reference": TURNED[name]})))
+    turned = loopid.load(write_files(*files(parts, description | {"reference": TURNED[name]})))
     assert turned.modes == ()  # as drawn: nothing to choose
     robot = folded(name)
     chosen, *others = robot.modes
@@ -80,7 +82,7 @@ def test_random_poses_stay_in_the_mode(seed, folded):
 
 def test_a_difference_of_ranks_is_found_when_asked_for(path):
     with pytest.warns(AccuracyWarning, match="the drawn pose is singular"):
-        robot = load_mechanism(path("folded_four_bar"))
+        robot = loopid.load(path("folded_four_bar"))
     with pytest.warns(ModelWarning, match="base parameters differ"):
         compared = compare_modes(robot)
     assert compared.ranks == (3, 8)
@@ -95,7 +97,7 @@ def test_an_mjcf_that_is_drawn_folded_is_read_alike(tmp_path):
         assert compare_modes(robot).ranks == (3, 8)
     other = robot.reference_values(robot.modes[1].reference)
     (tmp_path / "other.yaml").write_text(yaml.safe_dump({"mjcf": "folded.xml", "reference": other}))
-    assert rank(load_mechanism(tmp_path / "other.yaml")) == 8
+    assert rank(loopid.load(tmp_path / "other.yaml")) == 8
 
 
 OPEN_MJCF = """<mujoco><worldbody>

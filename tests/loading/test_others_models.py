@@ -7,11 +7,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import loopid
 from bank_robots import moved
-from loopid import load_mechanism, random_configurations
+from loopid import random_configurations
 from loopid.errors import ModelWarning
 from loopid.kinematics import mobility
-from loopid.robot import lock_options
+from loopid.robot.robot import lock_options
 from others_robots import ROWS, each, load, path, poses
 
 # What the motors leave free, by hand. Unnamed: the motors are as many as the freedoms.
@@ -96,7 +97,7 @@ def test_all_poses_are_closed(name, shared):
 def test_what_is_to_be_locked_can_be_and_leaves_nothing_free(name, shared):
     file = path(shared, name)
     words = lock_options(load(file)[0])
-    robot = load_mechanism(file, **eval(f"dict({words})"))
+    robot = loopid.load(file, **eval(f"dict({words})"))
     assert robot.free == ()
     assert len(robot.independent) == len(robot.actuated)
 

@@ -11,6 +11,7 @@ import loopid
 from bank_robots import few_of
 from cad_export import cad_export
 from loopid.errors import AccuracyWarning, FileError, LoopidError, ModelWarning
+from loopid.export.robot_file import export_robot_file
 from loopid.kinematics import constraint_residual
 from loopid.kinematics.projection import closed_motion
 
@@ -53,8 +54,8 @@ def made(tree, constraints, **options):
 def test_forces_give_pinocchio_its_accelerations_with_armature_and_damping(tree):
     tree.friction = np.zeros(4)  # which Pinocchio's dynamics ignore
     robot = made(tree, [rigid(tree)])
-    model = loopid.find_force_model(robot, "full", "file")
-    motors, (back, loops) = loopid.Dynamics(model), loopid.to_pinocchio(robot)
+    model = loopid.force_model(robot, "full", "file")
+    motors, (back, loops) = loopid.Dynamics(model), loopid.export.to_pinocchio(robot)
     data, contacts = back.createData(), pin.StdVec_RigidConstraintData()
     contacts.extend(loop.createData() for loop in loops)
     pin.initConstraintDynamics(back, data, loops, contacts)
@@ -78,7 +79,7 @@ def test_the_way_there_and_back_changes_nothing(tree):
     assert robot.path is None
     assert robot.joint_values["left_rod"] == {"Fc": 0.2}
     assert not robot.model.armature.any()  # as its regressor has none
-    back, loops = loopid.to_pinocchio(robot)
+    back, loops = loopid.export.to_pinocchio(robot)
     for field in ("armature", "damping", "friction", "lowerPositionLimit"):
         np.testing.assert_array_equal(getattr(back, field), getattr(tree, field))
     assert list(back.inertias) == list(tree.inertias)
@@ -93,7 +94,7 @@ def test_the_way_there_and_back_changes_nothing(tree):
 def test_a_bundled_robot_comes_back_from_pinocchio(name, load_once):
     robot = load_once(name)
     back = loopid.from_pinocchio(
-        *loopid.to_pinocchio(robot), motors=robot.actuated, reference=robot.reference
+        *loopid.export.to_pinocchio(robot), motors=robot.actuated, reference=robot.reference
     )
     assert (back.links, back.independent) == (robot.links, robot.independent)
     q = loopid.random_configurations(robot, 2, seed=1)
@@ -125,7 +126,7 @@ def test_joints_of_all_kinds_have_the_forces_of_rnea(kind):
     v, a = np.random.default_rng(0).standard_normal((2, 2, tree.nv))
     own = robot.velocity_indices(robot.independent)
     K, data = (
-        loopid.dynamic_regressor(robot, q, v[:, own], accelerations=a[:, own]),
+        loopid.regressors.dynamic_regressor(robot, q, v[:, own], accelerations=a[:, own]),
         tree.createData(),
     )
     expected = [pin.rnea(tree, data, *state)[own] for state in zip(q, v, a, strict=True)]
@@ -154,11 +155,11 @@ def test_kinds_that_pinocchio_has_not_are_given_beside_it(tree):
     pivot = loopid.Closure("left_tip", "right_tip", "hinge", axes=((0, 1, 0), (0, 1, 0)))
     robot = made(tree, [], closures=[pivot])
     assert (robot.rows, robot.independent) == (5, MOTORS)
-    gear = loopid.Coupling({"left_crank": 1.0, "right_crank": 1.0})
+    gear = loopid.loading.Coupling({"left_crank": 1.0, "right_crank": 1.0})
     geared = made(tree, [rigid(tree)], closures=[gear], motors=MOTORS[:1])
     assert geared.independent == MOTORS[:1]
     with pytest.raises(LoopidError, match="a coupling of joints"):
-        loopid.to_pinocchio(geared)
+        loopid.export.to_pinocchio(geared)
 
 
 def with_gains(tree):
@@ -177,7 +178,7 @@ def moved(tree):
 def test_a_model_of_a_rounded_file_is_the_robot_of_the_file(linkage, write_files):
     file = write_files(*cad_export(linkage("five-bar")))
     with pytest.warns(AccuracyWarning, match="its numbers are rounded"):
-        robot = loopid.load_mechanism(file)
+        robot = loopid.load(file)
     ends = [(each["frames"]) for each in json.loads(file.read_text())["closures"]]
     with pytest.warns(AccuracyWarning, match="its numbers are rounded"):
         found = loopid.from_pinocchio(
@@ -187,7 +188,11 @@ def test_a_model_of_a_rounded_file_is_the_robot_of_the_file(linkage, write_files
             reference=robot.reference,
         )
     counts = [
-        len(loopid.find_base_parameters(loopid.structural_observation(each, "full"), "qr"))
+        len(
+            loopid.base_parameters.find_base(
+                loopid.regressors.structural_observation(each, "full"), "qr"
+            )
+        )
         for each in (robot, found)
     ]
     assert counts == [11, 11]
@@ -228,14 +233,14 @@ def test_mimicking_joints_are_refused_and_coupled_as_advised(tree):
     mimicking = pin.transformJointIntoMimic(tree, *arguments.values())
     with pytest.raises(LoopidError, match=r"mimics another.*closures=\[Coupling"):
         loopid.from_pinocchio(mimicking)
-    gear = loopid.Coupling({"right_crank": 1.0, "left_crank": 1.0})
+    gear = loopid.loading.Coupling({"right_crank": 1.0, "left_crank": 1.0})
     robot = made(tree, [], closures=[gear], motors=["left_crank", "left_rod", "right_rod"])
     assert robot.rows == 1
 
 
 def test_a_fit_without_a_file_is_saved_loaded_and_exported(tree, tmp_path):
     robot = made(tree, [rigid(tree)])
-    model = loopid.find_force_model(robot, "gravity", "file")
+    model = loopid.force_model(robot, "gravity", "file")
     path = model.fit_of(model.prior).save(tmp_path / "fit.yaml")
     fit = loopid.load_fit(path, copy.copy(robot))
     assert fit.model.parameters == model.parameters
@@ -244,4 +249,4 @@ def test_a_fit_without_a_file_is_saved_loaded_and_exported(tree, tmp_path):
     with pytest.raises(FileError, match="made in Python: make it again"):
         loopid.load_fit(path)
     with pytest.raises(FileError, match="no file describes it"):
-        loopid.export.export_robot_file(robot, robot.standard_parameters(), tmp_path / "new.urdf")
+        export_robot_file(robot, robot.standard_parameters(), tmp_path / "new.urdf")

@@ -4,8 +4,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import loopid
 from closure_robots import body, joint, unit, urdf
-from loopid import Dynamics, load_mechanism
+from loopid import Dynamics
 
 
 @pytest.mark.parametrize("axis", [(1, 0, 0), (0, 0, 1), (0, 0, -1), (1, 2, -1)])
@@ -25,7 +26,7 @@ def test_a_planar_joint_moves_across_its_axis(tmp_path, axis):
     for name, joints in same.items():
         (tmp_path / f"{name}.urdf").write_text(urdf(*carts, joints))
         (tmp_path / f"{name}.yaml").write_text(f"urdf: {name}.urdf\nname_mot: {motors[name]}\n")
-        robot = Dynamics(load_mechanism(tmp_path / f"{name}.yaml"))
+        robot = Dynamics(loopid.load(tmp_path / f"{name}.yaml"))
         pose = robot.pose(q=poses[name])
         found.append([robot.gravity(pose), *robot.mass_matrix(pose)])
     np.testing.assert_allclose(*found, atol=1e-12)

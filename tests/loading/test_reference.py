@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
+import loopid
 from closure_robots import files, tie
 from linkages import five_bar
-from loopid import load_mechanism, random_configurations
+from loopid import random_configurations
 from loopid.errors import ModelWarning
-from loopid.kinematics import NEAR_SINGULARITY, mobility, singularity_measure
+from loopid.kinematics import mobility
+from loopid.kinematics.projection import NEAR_SINGULARITY, singularity_measure
 from small_tree import PARTS
 
 REFERENCE = r"reference:\n(  \w+: [^\n]*\n)+"
@@ -24,11 +26,11 @@ def assert_usable(mechanism):
 
 @pytest.mark.filterwarnings("ignore:.*exclude the drawn pose")
 def test_without_any_reference_a_regular_one_inside_the_limits_is_found(edited):
-    assert_usable(load_mechanism(edited("yaml", REFERENCE, "")))
+    assert_usable(loopid.load(edited("yaml", REFERENCE, "")))
 
 
 def test_left_out_passive_joints_are_found_for_the_given_motors(edited, knee):
-    mechanism = load_mechanism(edited("yaml", PASSIVE, ""))
+    mechanism = loopid.load(edited("yaml", PASSIVE, ""))
     assert_usable(mechanism)
     motors = knee.velocity_indices(knee.actuated)
     np.testing.assert_array_equal(mechanism.reference[motors], knee.reference[motors])
@@ -37,14 +39,14 @@ def test_left_out_passive_joints_are_found_for_the_given_motors(edited, knee):
 @pytest.mark.filterwarnings("ignore:.*exclude the drawn pose")
 def test_the_search_is_repeatable(edited):
     file = edited("yaml", REFERENCE, "")
-    first, second = (load_mechanism(file).reference for _ in range(2))
+    first, second = (loopid.load(file).reference for _ in range(2))
     np.testing.assert_array_equal(first, second)
 
 
 def test_a_reference_outside_the_limits_is_named(edited):
     file = edited("urdf", 'lower="0.6537"', 'lower="0.8"')
     with pytest.warns(ModelWarning, match=r"leg1_stroke: 0\.7071 is not in 0\.8 \.\.\. 0\.9337"):
-        load_mechanism(file)
+        loopid.load(file)
 
 
 def test_a_closure_that_always_holds_takes_no_freedom(load_files):
@@ -62,7 +64,7 @@ def test_a_rounded_reference_closes_where_no_motors_are_known(tmp_path, urdf_fol
     closure = "closed_loop: [[coupler_end, rocker_end]]\ntype: [3d]\n"
     (tmp_path / "bar.yaml").write_text(f"{closure}reference: {rounded}\n")
     with pytest.warns(ModelWarning, match="does not say which joints have motors"):
-        robot = load_mechanism(tmp_path / "bar.yaml")
+        robot = loopid.load(tmp_path / "bar.yaml")
     np.testing.assert_allclose(robot.reference, [1.0, -0.329, 1.683], atol=2e-3)
     assert mobility(robot).residual < 1e-10
 
@@ -72,4 +74,4 @@ def test_limits_that_exclude_the_drawn_pose_are_named(write_files):
     there = 'joint name="left_joint"'
     away = [p.replace('lower="-3"', 'lower="0.5"') if there in p else p for p in parts]
     with pytest.warns(ModelWarning, match=r"limits of left_joint exclude the drawn pose"):
-        load_mechanism(write_files(*files(away, description | {"reference": {}})))
+        loopid.load(write_files(*files(away, description | {"reference": {}})))

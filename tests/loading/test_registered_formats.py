@@ -7,12 +7,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import loopid
 from closure_robots import files
 from linkages import four_bar
-from loopid import load_mechanism
 from loopid.errors import OptionError
 from loopid.kinematics import mobility
-from loopid.loading import Dialect, TreeSource, closure_of, linked
+from loopid.loading import Dialect, TreeSource
+from loopid.loading.urdf import closure_of, linked
 from loopid.registry import robot_formats, urdf_dialects
 from loopid.robot import CLOSURE_KINDS
 
@@ -35,10 +36,10 @@ def test_a_format_that_is_registered_is_read(tmp_path):
     (tmp_path / "clock.pendulum").write_text("0.5 2")
     (tmp_path / "clock.yaml").write_text("name_mot: [hinge]")
     for name in ("clock.pendulum", "clock.yaml"):
-        robot = load_mechanism(tmp_path / name)
+        robot = loopid.load(tmp_path / name)
         assert robot.actuated == ("hinge",)
         with pytest.raises(OptionError, match="read without floating_base: it takes none"):
-            load_mechanism(tmp_path / name, floating_base=True)
+            loopid.load(tmp_path / name, floating_base=True)
         np.testing.assert_allclose(robot.standard_parameters()[:4], [2, 0, 0, -1])
 
 
@@ -54,7 +55,7 @@ def test_a_dialect_that_is_registered_is_read(write_files):
     tag = '<pin name="end" type="spherical"><parent link="plate"/><child link="rocker"/></pin>'
     given = {key: description[key] for key in ("name_mot", "reference")}
     with pytest.warns(UserWarning, match="a pin"):
-        robot = load_mechanism(write_files(*files([*parts, tag], given)))
+        robot = loopid.load(write_files(*files([*parts, tag], given)))
     assert [closure.kind for closure in robot.closures] == ["3d"]
 
 
@@ -62,7 +63,7 @@ def test_a_kind_of_closure_that_is_registered_is_read(write_files):
     CLOSURE_KINDS.register("pin in a slot", CLOSURE_KINDS["2d"])
     parts, description = four_bar("3d")
     closure = description["closures"][0] | {"type": "Pin in a slot"}
-    robot = load_mechanism(write_files(*files(parts, description | {"closures": [closure]})))
+    robot = loopid.load(write_files(*files(parts, description | {"closures": [closure]})))
     assert robot.closures[0].kind == "pin in a slot"
     assert mobility(robot).rows == 2
 
@@ -78,7 +79,7 @@ def test_the_core_knows_no_file():
         "loopid.from_pinocchio(arm(), motors=['shoulder1_joint'])\n"
         "readers = {'lxml', 'ruamel', 'yourdfpy', 'polars', 'loopid.loading.files'}\n"
         "print(sorted(readers & {*sys.modules}))\n"
-        "loopid.load_mechanism('3ups_rpu')\n"
+        "loopid.load('3ups_rpu')\n"
         "rooms = {name.split('.')[1] for name in sys.modules if name.startswith('loopid.')}\n"
         "print(sorted(rooms & {'regressors', 'base_parameters', 'identification', 'diagnosis'}))\n"
         "print([name for name in sys.modules if name.startswith('loopid.formats.')])"

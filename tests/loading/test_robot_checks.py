@@ -8,10 +8,10 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, strategies as st
 
+import loopid
 from closure_robots import body, files, joint
-from loopid import load_mechanism
 from loopid.errors import ModelWarning
-from loopid.loading import inertia_defects, odd_masses
+from loopid.loading.checks import inertia_defects, odd_masses
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -99,7 +99,7 @@ def test_loading_warns_of_impossible_inertias_by_file_and_link(tmp_path, knee):
         (tmp_path / f"3ups_rpu{suffix}").write_text(broken)
     file = tmp_path / "3ups_rpu.yaml"
     with pytest.warns(ModelWarning, match=r"platform: .* no solid body") as told:
-        loaded = load_mechanism(file)
+        loaded = loopid.load(file)
     assert str(file) in str(told[0].message)
     # Structure does not depend on the values: the robot loads all the same.
     assert loaded.bodies == knee.bodies
@@ -126,4 +126,4 @@ def test_joints_that_move_nothing_with_mass_are_named(write_files):
         joint("wrist", "upper", "tip", (0.3, 0, 0)),
     )
     with pytest.warns(ModelWarning, match="joints that move nothing with mass: wrist"):
-        load_mechanism(write_files(*files(parts, {})))
+        loopid.load(write_files(*files(parts, {})))

@@ -7,19 +7,16 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import loopid
 from closure_robots import chain, files, frame, joint as hinge, tie
 from linkages import four_bar
-from loopid import (
-    find_base_parameters,
-    gravity_regressor,
-    load_mechanism,
-    random_configurations,
-    structural_observation,
-)
+from loopid import random_configurations
+from loopid.base_parameters import find_base
 from loopid.errors import OptionError, RobotFileError
 from loopid.kinematics import mobility, project
 from loopid.kinematics.poses import torque_regressors
-from loopid.loading import read_urdf_file
+from loopid.loading.urdf_tree import read_urdf_file
+from loopid.regressors import gravity_regressor, structural_observation
 
 
 def pose(place, **more):
@@ -78,14 +75,14 @@ def load(tmp_path):
         (tmp_path / "robot.sdf").write_text(content)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return load_mechanism(tmp_path / "robot.sdf", **options)
+            return loopid.load(tmp_path / "robot.sdf", **options)
 
     return text
 
 
 def test_a_urdf_written_as_sdf_is_the_same_robot(load, write_files):
     path = write_files(*files(chain(4, sliding=(3,)), {}))
-    robot = load_mechanism(path)
+    robot = loopid.load(path)
     again = load(to_sdf(read_urdf_file(path.with_suffix(".urdf")).robot))
     assert again.joints == robot.joints
     assert again.links == robot.links
@@ -153,10 +150,7 @@ def test_a_second_parent_closes_a_four_bar(load, load_files, kind):
     angles = np.stack([np.cos(shifted), np.sin(shifted)], axis=2).reshape(10, -1)
     one = house_rows(house, q)
     np.testing.assert_allclose(house_rows(robot, angles), one, atol=1e-9)
-    counts = [
-        len(find_base_parameters(structural_observation(each, "full"), "qr"))
-        for each in (house, robot)
-    ]
+    counts = [len(find_base(structural_observation(each, "full"), "qr")) for each in (house, robot)]
     assert counts[0] == counts[1]
 
 
@@ -309,7 +303,7 @@ def test_a_missing_axis_is_said(tmp_path):
     (tmp_path / "robot.sdf").write_text(model(*ARM, bare))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        load_mechanism(tmp_path / "robot.sdf")
+        loopid.load(tmp_path / "robot.sdf")
     assert any("j3 has no <axis>: z, as SDF says" in str(w.message) for w in caught)
 
 
@@ -347,7 +341,7 @@ def test_reserved_names_and_static_models_are_named(load, tmp_path):
     (tmp_path / "robot.sdf").write_text(both)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        assert load_mechanism(tmp_path / "robot.sdf").joints == ("j1", "j2")
+        assert loopid.load(tmp_path / "robot.sdf").joints == ("j1", "j2")
     assert any("static models are not read: floor" in str(w.message) for w in caught)
 
 
@@ -372,7 +366,7 @@ def test_links_drawn_in_layers_are_told_what_closes_them(tmp_path, kind):
         (tmp_path / "robot.yaml").write_text(f"urdf: robot.sdf\nclosures: [{closure}]\n")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return load_mechanism(tmp_path / "robot.yaml")
+            return loopid.load(tmp_path / "robot.yaml")
 
     drawn = f"{{type: {kind}, frames: [tip, pin]}}"
     with pytest.raises(RobotFileError, match=r"no joint brings tip and pin together") as failure:
@@ -413,7 +407,7 @@ def test_gazebos_detachable_joint_closes_a_loop_as_drawn(load, tmp_path):
     (tmp_path / "robot.sdf").write_text(model(*ARM[:2], *ARM[3:], HELD.format("two", "box", "lid")))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        assert load_mechanism(tmp_path / "robot.sdf").closures == ()
+        assert loopid.load(tmp_path / "robot.sdf").closures == ()
     assert any("DetachableJoint holds another model, 'box'" in str(w.message) for w in caught)
 
 
@@ -426,7 +420,7 @@ def test_a_urdf_may_hold_its_links_by_it_too(tmp_path, owner):
     (tmp_path / "robot.yaml").write_text("name_mot: [crank_joint]\n")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        robot = load_mechanism(tmp_path / "robot.yaml")
+        robot = loopid.load(tmp_path / "robot.yaml")
     (closure,) = robot.closures
     assert (closure.kind, closure.name) == ("6d", "end_pivot_parent-end_pivot_child")
     assert np.abs(robot.reference).max() < 1e-9  # closed as drawn

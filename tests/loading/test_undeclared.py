@@ -5,9 +5,9 @@ import warnings
 
 import pytest
 
+import loopid
 from closure_robots import body, files, frame, joint, tie
 from linkages import described, five_bar
-from loopid import load_mechanism
 from loopid.kinematics import mobility
 from loopid.report.structure import check_report
 
@@ -26,7 +26,7 @@ def load(tmp_path):
         name = "robot.yaml" if description or yaml else "robot.urdf"
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            robot = load_mechanism(tmp_path / name)
+            robot = loopid.load(tmp_path / name)
         return robot, check_report(robot).verdict, [str(w.message) for w in caught]
 
     return told
@@ -143,6 +143,6 @@ def test_a_motor_that_cannot_move_is_said_first(load):
 def test_ends_whose_names_speak_of_a_loop_are_those_that_others_close(name, shared):
     """As joints, as links with a mass, or both: a YAML beside each file has the pairs."""
     folder = shared / "models" / "gepetto" / name
-    closed = load_mechanism(folder / "robot.yaml").closures
-    (sign,) = load_mechanism(folder / "robot.urdf").undeclared
+    closed = loopid.load(folder / "robot.yaml").closures
+    (sign,) = loopid.load(folder / "robot.urdf").undeclared
     assert {*map(frozenset, sign.pairs)} == {frozenset((c.frame_a, c.frame_b)) for c in closed}

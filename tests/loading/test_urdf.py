@@ -10,21 +10,17 @@ import pytest
 import yourdfpy
 from hypothesis import given, settings, strategies as st
 
+import loopid
 from broken_robots import FAMILY, KNEE, mutilated
 from linkages import LINKAGES
-from loopid import (
-    LoopidError,
-    find_base_parameters,
-    gravity_regressor,
-    load_mechanism,
-    random_configurations,
-    structural_observation,
-)
+from loopid import LoopidError, random_configurations
+from loopid.base_parameters import find_base
 from loopid.errors import AccuracyWarning, ModelWarning, RobotFileError
 from loopid.kinematics import mobility
-from loopid.loading import read_urdf_file
 from loopid.loading.urdf import read_urdf
+from loopid.loading.urdf_tree import read_urdf_file
 from loopid.loading.xml_elements import DECIMALS, STEP, exact_angle
+from loopid.regressors import gravity_regressor, structural_observation
 
 # Small URDFs, put together from links and joints.
 
@@ -259,14 +255,14 @@ def test_a_broken_urdf_is_refused_by_name(case, edited, refusal):
     pattern, replacement, fragments = BROKEN[case]
     file = edited("urdf", pattern, replacement)
     with pytest.raises(RobotFileError) as failure:
-        load_mechanism(file)
+        loopid.load(file)
     assert isinstance(failure.value, LoopidError)
     refusal(failure, str(file.with_suffix(".urdf")), *fragments)
 
 
 def test_a_prefix_without_a_namespace_is_harmless(edited):
     file = edited("urdf", "</robot>", "<gazebo:plugin/></robot>")
-    assert load_mechanism(file).name == "3ups_rpu"
+    assert loopid.load(file).name == "3ups_rpu"
 
 
 @pytest.fixture(scope="module")
@@ -361,9 +357,9 @@ BODY = """<inertial><origin xyz="0.1 0.02 0.03"/><mass value="1"/>
 def test_rounding_invents_no_parameters(tmp_path, decimals):
     angles = {"quarter": f"{math.pi / 2:.{decimals}f}", "turn": f"{math.pi:.{decimals}f}"}
     (tmp_path / "arm.urdf").write_text(PENDULUMS.format(body=BODY, **angles))
-    robot = load_mechanism(tmp_path / "arm.urdf")
+    robot = loopid.load(tmp_path / "arm.urdf")
     for model, count in (("gravity", 4), ("full", 6)):
-        found = find_base_parameters(structural_observation(robot, model))
+        found = find_base(structural_observation(robot, model))
         assert len(found) == count
         assert found.structure.rank_gap > 1e9
 
@@ -388,15 +384,15 @@ def tilted_bar(tmp_path, urdf_folder):
 
 def test_redundant_equations_that_rounding_sets_against_each_other_let_the_robot_move(tilted_bar):
     with pytest.warns(AccuracyWarning, match=r"the loops stay open by up to .* m$"):
-        robot = load_mechanism(tilted_bar(5e-6))
-    for bar in (robot, load_mechanism(tilted_bar(0.0))):
+        robot = loopid.load(tilted_bar(5e-6))
+    for bar in (robot, loopid.load(tilted_bar(0.0))):
         assert mobility(bar).degrees_of_freedom == 2
         assert mobility(bar).least > 1e-3
     with pytest.raises(RobotFileError, match="stays open by") as failure:
-        load_mechanism(tilted_bar(5e-5))
+        loopid.load(tilted_bar(5e-5))
     rounding = failure.value.facts["rounding"]  # as it says
     with pytest.warns(AccuracyWarning, match="numbers are rounded"):
-        robot = load_mechanism(tilted_bar(5e-5), rounding=rounding)
+        robot = loopid.load(tilted_bar(5e-5), rounding=rounding)
     assert mobility(robot).degrees_of_freedom == 2
     assert robot.rounding == rounding
 
@@ -413,7 +409,7 @@ def test_equations_that_nearly_follow_from_each_other_are_told(tmp_path, urdf_fo
     (tmp_path / "bar.yaml").write_text(f"closures: {gears}\nname_mot: [left_crank_joint]\n")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        robot = load_mechanism(tmp_path / "bar.yaml")
+        robot = loopid.load(tmp_path / "bar.yaml")
     texts = [str(w.message) for w in caught if w.category is AccuracyWarning]
     unclear = [text for text in texts if "rank of the closures is not clear" in text]
     assert bool(unclear) == told
@@ -421,7 +417,7 @@ def test_equations_that_nearly_follow_from_each_other_are_told(tmp_path, urdf_fo
         rounding = float(re.search(r"rounding=(\S+) lets", unclear[0])[1])
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            assert mobility(load_mechanism(tmp_path / "bar.yaml", rounding=rounding)).rank == 1
+            assert mobility(loopid.load(tmp_path / "bar.yaml", rounding=rounding)).rank == 1
     assert mobility(robot).rank == (1 if other == -1.0 else 2)
 
 
@@ -584,11 +580,11 @@ def test_a_pin_closes_a_four_bar_however_it_is_written(dialect, tmp_path, linkag
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)  # of the second parent
-        robot = load_mechanism(tmp_path / "bar.yaml")
+        robot = loopid.load(tmp_path / "bar.yaml")
     assert mobility(robot).degrees_of_freedom == 1
     k = slice(None) if dialect != "Gazebo" else slice(0)
     np.testing.assert_allclose(robot.reference[k], expected.reference[k], atol=1e-9)
-    assert len(find_base_parameters(structural_observation(robot, "full"))) == 8
+    assert len(find_base(structural_observation(robot, "full"))) == 8
 
 
 def test_a_joint_that_gives_a_link_a_second_parent_is_noted(read):
@@ -616,7 +612,7 @@ def test_the_first_of_two_tags_of_a_joint_counts_as_for_pinocchio(tmp_path, tag,
         parts = ['<link name="base"/>', joint("shoulder", "base", "upper"), elbow]
         text = "".join([*parts, body("upper"), body("lower")])
         (tmp_path / "robot.urdf").write_text(f'<robot name="arm">{text}</robot>')
-        return load_mechanism(tmp_path / "robot.urdf")
+        return loopid.load(tmp_path / "robot.urdf")
 
     alone = load(first)
     with pytest.warns(ModelWarning, match=f"<{tag}> stands twice or more in joint elbow: the"):
@@ -664,7 +660,7 @@ def test_closures_that_are_not_read_are_refused_by_name(read, refusal, text, wor
 def test_an_sdf_that_is_called_a_urdf_is_told_its_ending(tmp_path, refusal):
     (tmp_path / "robot.urdf").write_text("<sdf version='1.9'/>")
     with pytest.raises(RobotFileError) as failure:
-        load_mechanism(tmp_path / "robot.urdf")
+        loopid.load(tmp_path / "robot.urdf")
     refusal(failure, "robot.urdf", "<sdf>", ".sdf")
 
 
@@ -723,7 +719,7 @@ def test_a_loop_closes_what_a_pair_of_frames_closes(four_bars, write_files):
     tag = loop("revolute", '<axis xyz="0 -1 0"/>', "end", "pivot")
     reference = bar.path.read_text().partition("reference:")[2]
     yaml = f"urdf: robot.urdf\nname_mot: [crank_joint]\nreference:{reference}"
-    closed = load_mechanism(write_files(text.replace("</robot>", f"{tag}</robot>"), yaml))
+    closed = loopid.load(write_files(text.replace("</robot>", f"{tag}</robot>"), yaml))
     assert [closure.kind for closure in closed.closures] == ["hinge"]
     np.testing.assert_allclose(closed.reference, bar.reference, atol=1e-9)
     poses = random_configurations(bar, 5, seed=1)

@@ -7,8 +7,8 @@ import warnings
 import numpy as np
 import pytest
 
+import loopid
 from closure_robots import chain, files
-from loopid import load_mechanism
 from loopid.errors import MissingExtraError, OptionError, RobotFileError
 
 pytest.importorskip("xacro", reason="needs pip install 'loopid[xacro]'")
@@ -36,30 +36,30 @@ def arm(tmp_path):
 
 
 def test_arguments_and_defaults_count(arm):
-    robot = load_mechanism(arm)
+    robot = loopid.load(arm)
     assert robot.joints == ("upper_joint", "lower_joint")
-    heavy = load_mechanism(arm, xacro={"mass": "5", "reach": "0.8"})
+    heavy = loopid.load(arm, xacro={"mass": "5", "reach": "0.8"})
     first, second = (each.standard_parameters("gravity").reshape(2, 4) for each in (robot, heavy))
     np.testing.assert_allclose(first, [[2, 0.2, 0, 0], [2, 0.7, 0, 0]], atol=1e-12)
     np.testing.assert_allclose(second, [[5, 0.5, 0, 0], [5, 2.5, 0, 0]], atol=1e-12)
-    assert load_mechanism(arm, **heavy.options).model.inertias[1].mass == 5
+    assert loopid.load(arm, **heavy.options).model.inertias[1].mass == 5
 
 
 def test_a_yaml_gives_arguments_and_the_caller_has_the_last_word(arm):
     (arm.parent / "robot.yaml").write_text("urdf: arm.urdf.xacro\nxacro: {mass: 3, reach: 0.9}\n")
-    robot = load_mechanism(arm.parent / "robot.yaml", xacro={"mass": "4"})
+    robot = loopid.load(arm.parent / "robot.yaml", xacro={"mass": "4"})
     assert robot.model.inertias[1].mass == 4
     assert robot.model.jointPlacements[2].translation[0] == 0.9
 
 
 def test_unknown_arguments_and_broken_macros_are_named(arm, write_files):
     with pytest.raises(OptionError, match=r"'mas' .*'mass'\?\): choose among mass, reach"):
-        load_mechanism(arm, xacro={"mas": "5"})
+        loopid.load(arm, xacro={"mas": "5"})
     with pytest.raises(OptionError, match="xacro"):
-        load_mechanism(write_files(*files(chain(2), {})), xacro={"mass": "5"})
+        loopid.load(write_files(*files(chain(2), {})), xacro={"mass": "5"})
     arm.write_text(arm.read_text().replace("find arm", "find leg"))
     with pytest.raises(RobotFileError) as refused:
-        load_mechanism(arm)
+        loopid.load(arm)
     said = str(refused.value)
     assert said.count("package 'leg' is neither installed nor around") == 1
     assert "<class" not in said
@@ -67,19 +67,19 @@ def test_unknown_arguments_and_broken_macros_are_named(arm, write_files):
     text = arm.read_text().replace("find leg", "find arm")
     arm.write_text(text.replace('at="0"', 'at="${1 +}"'))
     with pytest.raises(RobotFileError, match="xacro refuses it"):
-        load_mechanism(arm)
+        loopid.load(arm)
     arm.write_text(text.replace('at="0"', 'at="${high}"'))
     with pytest.raises(
         RobotFileError, match=r"'high' is not defined: .* <xacro:property name='high'"
     ):
-        load_mechanism(arm)
+        loopid.load(arm)
 
 
 def test_an_argument_without_a_value_is_named_and_given_as_told(arm):
     arm.write_text(arm.read_text().replace('at="0"', 'at="$(arg height)"'))
     with pytest.raises(RobotFileError, match=r"give one as xacro=\{'height': \.\.\.\}"):
-        load_mechanism(arm)
-    load_mechanism(arm, xacro={"height": "0.1"})
+        loopid.load(arm)
+    loopid.load(arm, xacro={"height": "0.1"})
 
 
 def test_a_warning_of_macros_is_said_once_with_its_place(arm):
@@ -90,7 +90,7 @@ def test_a_warning_of_macros_is_said_once_with_its_place(arm):
     )
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        load_mechanism(arm)
+        loopid.load(arm)
     said = [str(w.message) for w in caught if "xacro warns" in str(w.message)]
     assert len([text for text in said if "unknown attribute" in text]) == 1
     assert all("arm.urdf.xacro" in text for text in said)
@@ -106,7 +106,7 @@ def test_an_sdf_may_have_macros_too(tmp_path):
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        assert load_mechanism(tmp_path / "robot.sdf.xacro").model.inertias[1].mass == 6
+        assert loopid.load(tmp_path / "robot.sdf.xacro").model.inertias[1].mass == 6
 
 
 def test_without_xacro_the_extra_is_named(arm, monkeypatch):

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+import loopid
 from loopid import JointTerms
 from loopid.kinematics import platform_coordinates
-from loopid.motion import JointMotion, Waypoint, joint_motion, point_to_point, simulate_measurement
+from loopid.motion import JointMotion, Waypoint, joint_motion, point_to_point
 
 FRICTION = np.array([17.0, 300.0, 22.0, 300.0, 19.0, 300.0, 230.0, 2000.0])
 EPOCH = 1_608_291_576  # s
@@ -29,7 +30,7 @@ def simulate(robot, seconds=4.0, friction=FRICTION):
     ways.append(Waypoint(start, seconds))
     motion = joint_motion(robot, point_to_point(robot.platform.names, start, ways, rate=100.0))
     terms = JointTerms(robot.actuated, ("Fc", "Fv"))
-    measured = simulate_measurement(robot, motion, joint_terms=terms, joint_values=friction)
+    measured = loopid.simulate(robot, motion, joint_terms=terms, joint_values=friction)
     return Truth(motion, measured.time, measured.position, measured.force)
 
 

@@ -7,9 +7,9 @@ import polars
 import pytest
 from simulated_logs import table
 
-from loopid import load_mechanism
+import loopid
 from loopid.errors import DataWarning, LogError
-from loopid.logs import Log, LogMapping, check_log, prepare_recording, read_log
+from loopid.logs import Log, LogMapping, check_log, read_log
 
 
 def lines_of(text):
@@ -217,7 +217,7 @@ def swings(write_files):
     """A pendulum with limits, and one without."""
     kinds = ("revolute", "continuous")
     texts = (PENDULUM.replace("KIND", kind) for kind in kinds)
-    return {k: load_mechanism(write_files(t, "")) for k, t in zip(kinds, texts, strict=True)}
+    return {k: loopid.load(write_files(t, "")) for k, t in zip(kinds, texts, strict=True)}
 
 
 def test_angles_in_degrees(swings, made):
@@ -262,7 +262,7 @@ def test_preparing_checks_a_log_once(knee, truth):
     force[900, 1] = 1e7
     log = Log.from_arrays(truth.time, truth.position, force, knee.actuated)
     with pytest.warns(DataWarning, match="99th percentile in row 901 of 1601: left out"):
-        recording = prepare_recording(knee, log)
+        recording = loopid.prepare(knee, log)
     assert recording.log.checked
     assert check_log(knee, recording.log) is recording.log
 

@@ -11,9 +11,10 @@ import pytest
 from hypothesis import example, given, settings, strategies as st
 from recorded_logs import write_any
 
+import loopid
 from loopid.errors import FileError, LogError, LoopidError
 from loopid.identification import suspicions
-from loopid.logs import LogMapping, prepare_recording, read_log
+from loopid.logs import LogMapping, read_log
 
 POSITIONS, FORCES = (1, 2, 3, 4), (5, 6, 7, 8)
 
@@ -110,7 +111,7 @@ class Case:
             warnings.simplefilter("always")
             try:
                 log = read_log(path, self.robot)
-                recording = prepare_recording(self.robot, log)
+                recording = loopid.prepare(self.robot, log)
             except LoopidError:
                 return None
         return None if caught else (log, recording)

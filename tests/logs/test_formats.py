@@ -9,10 +9,10 @@ import pytest
 from recorded_logs import write_any
 from simulated_logs import EPOCH, table
 
+import loopid
 from closure_robots import chain, files
-from loopid import load_mechanism
 from loopid.errors import DataWarning, FileError, LogError, MissingExtraError
-from loopid.logs import LogMapping, prepare_recording, read_log
+from loopid.logs import LogMapping, read_log
 from loopid.logs.reading import read_streams
 from loopid.motion import JointMotion
 from loopid.motion.simulation import Measurement, log_text
@@ -243,7 +243,7 @@ def read_both(path, robot):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         log = read_log(path, robot)
-        return log, prepare_recording(robot, log)
+        return log, loopid.prepare(robot, log)
 
 
 def assert_alike(one, other):
@@ -289,7 +289,7 @@ def test_joints_of_any_printable_name_go_through_a_log_of_ones_own(tmp_path, wri
         parts = [
             part.replace(f'joint name="joint{k}"', f'joint name="{written}"') for part in parts
         ]
-    robot = load_mechanism(write_files(*files(parts, {})))
+    robot = loopid.load(write_files(*files(parts, {})))
     times, values = 0.01 * np.arange(50), np.random.default_rng(0).normal(0, 1e-4, (2, 50, 3))
     (tmp_path / "run.csv").write_text(log_text(robot, Measurement(times, *values, values[1])))
     log = read_log(tmp_path / "run.csv", robot)

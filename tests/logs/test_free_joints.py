@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import loopid
 from floating_robots import BASE, FEET, biped, walk
 from linkages import rssr
-from loopid import JointTerms, Log, find_force_model, identify, prepare_recording, read_log
+from loopid import JointTerms, Log, identify, read_log
 from loopid.errors import DataError, DataWarning, LogError, OptionError
-from loopid.identification import quiet_fit
+from loopid.identification.fitting import quiet_fit
 from loopid.logs import FilterOptions, LogMapping
 from made_runs import quietly
 
@@ -20,12 +21,12 @@ FRICTION = [1.0, 2.0, 1.5, 3.0]
 @pytest.fixture(scope="module")
 def model(load_files):
     robot = load_files(*biped())
-    return find_force_model(robot, "full", JointTerms(robot.actuated, ("Fc", "Fv")))
+    return loopid.force_model(robot, "full", JointTerms(robot.actuated, ("Fc", "Fv")))
 
 
 @pytest.fixture(scope="module")
 def truth(model):
-    return model.base.values(np.append(model.mechanism.standard_parameters(), FRICTION))
+    return model.base.values(np.append(model.robot.standard_parameters(), FRICTION))
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +44,7 @@ def log_of(robot, run, **changes):
 
 @pytest.fixture(scope="module")
 def recording(model, walked):
-    return prepare_recording(model.mechanism, log_of(model.mechanism, walked), filter=UNFILTERED)
+    return loopid.prepare(model.robot, log_of(model.robot, walked), filter=UNFILTERED)
 
 
 def test_the_motion_is_that_of_base_and_motors(recording, walked):
@@ -70,7 +71,7 @@ def test_feet_carry_the_base(recording, model, truth):
 
 def test_parameters_from_noisy_sensors(model, truth, walked):
     """Also those that only the base feels, such as the mass of the whole."""
-    robot, generator = model.mechanism, np.random.default_rng(0)
+    robot, generator = model.robot, np.random.default_rng(0)
 
     def noisy(values, scale):
         return values + generator.normal(scale=scale, size=values.shape)
@@ -81,23 +82,23 @@ def test_parameters_from_noisy_sensors(model, truth, walked):
         wrenches=[replace(one, values=noisy(one.values, 0.3)) for one in walked.wrenches],
         pose=noisy(walked.pose, 1e-6),
     )
-    found = quiet_fit(model.samples(quietly(prepare_recording, robot, log_of(robot, run))))
+    found = quiet_fit(model.samples(quietly(loopid.prepare, robot, log_of(robot, run))))
     off = (found.values - truth) / found.standard_errors
     assert np.sqrt(np.mean(off**2)) < 2
     assert np.abs(off).max() < 5
     assert (found.standard_errors[:3] < 0.1 * np.abs(truth).max()).all()
-    bare = quietly(prepare_recording, robot, log_of(robot, run, wrenches=()))
+    bare = quietly(loopid.prepare, robot, log_of(robot, run, wrenches=()))
     lost = quiet_fit(model.samples(bare))
     assert np.abs((lost.values - truth) / found.standard_errors).max() > 50
 
 
 def test_an_identification_of_a_robot_on_its_feet(model):
     """Bodies that are not those of the file, from what sensors tell, with intervals."""
-    robot, generator = model.mechanism, np.random.default_rng(5)
+    robot, generator = model.robot, np.random.default_rng(5)
     heavier = robot.standard_parameters() * 1.3
     run = walk(model, model.base.values(np.append(heavier, FRICTION)))
     noisy = replace(run, force=run.force + generator.normal(scale=0.3, size=run.force.shape))
-    recording = quietly(prepare_recording, robot, log_of(robot, noisy))
+    recording = quietly(loopid.prepare, robot, log_of(robot, noisy))
     found = quietly(identify, model, [recording])
     judged = found.candidates["all parameters"].validation
     sizes = np.sqrt(np.mean(recording.force**2, axis=0))
@@ -111,16 +112,16 @@ def test_an_identification_of_a_robot_on_its_feet(model):
 def test_quaternions_may_change_their_sign(model, walked, recording):
     pose = walked.pose.copy()
     pose[::3, 3:] *= -1
-    log = log_of(model.mechanism, walked, free={BASE: pose})
-    again = prepare_recording(model.mechanism, log, filter=UNFILTERED)
+    log = log_of(model.robot, walked, free={BASE: pose})
+    again = loopid.prepare(model.robot, log, filter=UNFILTERED)
     np.testing.assert_allclose(again.force, recording.force, atol=1e-9)
     assert np.abs(np.diff(again.motion.velocities, axis=0)).max() < 0.1
 
 
 def test_without_wrenches_it_counts_as_flying(model, walked):
-    log = log_of(model.mechanism, walked, wrenches=())
+    log = log_of(model.robot, walked, wrenches=())
     with pytest.warns(DataWarning, match="free flight"):
-        prepare_recording(model.mechanism, log, filter=UNFILTERED)
+        loopid.prepare(model.robot, log, filter=UNFILTERED)
 
 
 WRENCH = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
@@ -129,7 +130,7 @@ COLUMNS = ["px", "py", "pz", "qx", "qy", "qz", "qw"]
 
 @pytest.fixture
 def text(model, walked):
-    motors = model.mechanism.actuated
+    motors = model.robot.actuated
     names = [f"{motor}.{kind}" for kind in ("position", "force") for motor in motors]
     wrenches = [f"w{k}_{axis}" for k in range(2) for axis in WRENCH]
     header = ["time", *names, "px [mm]", *COLUMNS[1:], *wrenches]
@@ -155,12 +156,12 @@ def test_a_file_names_the_columns_of_the_pose(model, walked, text, write_text):
         for k, foot in enumerate(FEET)
     ]
     mapping = LogMapping(free={BASE: COLUMNS}, wrenches=wrenches, idle_speed=0.0)
-    log = quietly(read_log, write_text(text), model.mechanism, mapping=mapping)
+    log = quietly(read_log, write_text(text), model.robot, mapping=mapping)
     np.testing.assert_allclose(log.free[BASE], walked.pose[:400], atol=1e-9)
-    read = prepare_recording(model.mechanism, log, filter=UNFILTERED)
+    read = loopid.prepare(model.robot, log, filter=UNFILTERED)
     assert read.wrenches == FEET
     with pytest.raises(LogError, match="qw"):
-        read_log(write_text(text), model.mechanism, mapping=LogMapping(free={BASE: COLUMNS[:6]}))
+        read_log(write_text(text), model.robot, mapping=LogMapping(free={BASE: COLUMNS[:6]}))
 
 
 @pytest.mark.parametrize(
@@ -177,8 +178,8 @@ def test_what_does_not_tell_where_the_base_is(model, walked, free, error, said):
     given = {name: values[which] for name, which in free.items()}
 
     def prepare():
-        log = log_of(model.mechanism, walked, free=given)
-        prepare_recording(model.mechanism, log, filter=UNFILTERED)
+        log = log_of(model.robot, walked, free=given)
+        loopid.prepare(model.robot, log, filter=UNFILTERED)
 
     with pytest.raises(error, match=said) as failure:
         prepare()
@@ -190,7 +191,7 @@ def test_the_spin_of_a_rod_cannot_be_measured(load_files):
     time = np.arange(50) / 10
     log = Log.from_arrays(time, np.sin(time), np.cos(time), robot.actuated)
     with pytest.raises(OptionError, match="lock them") as failure:
-        prepare_recording(robot, log)
+        loopid.prepare(robot, log)
     assert "measure" not in str(failure.value)
 
 
@@ -207,7 +208,7 @@ def test_a_passive_joint_may_have_an_encoder(load_files):
     log = Log.from_arrays(
         time, angles[:, :1], np.cos(time), robot.actuated, free={BASE: pose, other: angles[:, 1]}
     )
-    found = quietly(prepare_recording, robot, log, filter=UNFILTERED)
+    found = quietly(loopid.prepare, robot, log, filter=UNFILTERED)
     index = robot.joint(other).idx_q
     rows = np.isin(time, found.motion.time)
     np.testing.assert_allclose(found.motion.configurations[:, index], angles[rows, 1], atol=1e-9)

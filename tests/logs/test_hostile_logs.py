@@ -19,7 +19,7 @@ from recorded_logs import STATE, STORES, joint_state, write_ros2
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import storage_mcap as mcap, writer as rosbag2_writer
 
-from loopid import load_mechanism
+import loopid
 from loopid.errors import LogError
 from loopid.logs import read_log
 
@@ -275,7 +275,7 @@ def test_hostile_files_are_refused_in_one_sentence(kind, tmp_path):
     write(tmp_path / name)
     mapping = tmp_path / "mapping.yaml"
     mapping.write_text("group: run\n" if "group" in kind else "{}\n")
-    robot = load_mechanism("four_bar")
+    robot = loopid.load("four_bar")
     start, before = time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with pytest.raises(LogError) as refusal:
         read_log(tmp_path / name, robot, mapping=mapping)
@@ -288,7 +288,7 @@ def test_hostile_files_are_refused_in_one_sentence(kind, tmp_path):
 
 def test_a_log_to_be_trusted_is_read_however_well_it_is_packed(tmp_path):
     robot, (path, plain) = (
-        load_mechanism("four_bar"),
+        loopid.load("four_bar"),
         (tmp_path / "log.csv.gz", tmp_path / "log.csv"),
     )
     wide = ROWS.replace("\n", " " * 60_000 + "\n")
@@ -309,7 +309,7 @@ def test_arrays_in_any_order_are_read(order, tmp_path):
     columns = np.asarray(table[:, [1, 1]], order=order)
     np.savez_compressed(tmp_path / "log.npz", time=table[:, 0], state=columns, force_0=table[:, 2])
     (tmp_path / "mapping.yaml").write_text("position: {crank_joint: state_1}\n")
-    robot = load_mechanism("four_bar")
+    robot = loopid.load("four_bar")
     given = read_log(tmp_path / "log.npz", robot, mapping=tmp_path / "mapping.yaml")
     np.testing.assert_array_equal(given.position, read_log(tmp_path / "log.csv", robot).position)
 
@@ -317,7 +317,7 @@ def test_arrays_in_any_order_are_read(order, tmp_path):
 def test_a_time_that_is_also_a_position_is_refused(tmp_path):
     (tmp_path / "log.csv").write_text(f"{HEAD}\n{ROWS}")
     (tmp_path / "mapping.yaml").write_text("position: {crank_joint: time}\n")
-    robot = load_mechanism("four_bar")
+    robot = loopid.load("four_bar")
     with pytest.raises(LogError) as refusal:
         read_log(tmp_path / "log.csv", robot, mapping=tmp_path / "mapping.yaml")
     assert refusal.value.facts["column"] == "time"

@@ -6,10 +6,12 @@ import warnings
 import numpy as np
 import pytest
 
+import loopid
 from closure_robots import chain, files
-from loopid import gravity_regressor, load_mechanism
 from loopid.errors import LogError, ModelWarning, OptionError
-from loopid.logs import locked_as_logged, read_log
+from loopid.logs import read_log
+from loopid.logs.reading import locked_as_logged
+from loopid.regressors import gravity_regressor
 
 TIME = np.arange(200) / 100
 
@@ -29,25 +31,25 @@ def write(path, first):
 def test_a_log_that_has_a_locked_joint_elsewhere_names_what_locks_it_there(arm, tmp_path):
     log = write(tmp_path / "log.csv", np.full(200, 0.5))
     with pytest.raises(LogError, match=r"joint1 is locked at 0, but stands at 0\.5"):
-        read_log(log, load_mechanism(arm, lock=["joint1"]))
+        read_log(log, loopid.load(arm, lock=["joint1"]))
     with pytest.raises(LogError) as refused:
-        read_log(log, load_mechanism(arm, lock=["joint1"]))
+        read_log(log, loopid.load(arm, lock=["joint1"]))
     lock = re.search(r"lock=\[\"(.*)\"\]", str(refused.value))[1]
-    robot = load_mechanism(arm, lock=[lock])
+    robot = loopid.load(arm, lock=[lock])
     assert robot.locked == {"joint1": 0.5}
     assert read_log(log, robot).joints == ("joint2",)
 
 
 def test_a_lock_is_moved_to_where_the_log_has_it(arm, tmp_path):
     log = write(tmp_path / "log.csv", np.full(200, 0.5))
-    drawn = load_mechanism(arm, lock=["joint1"])
+    drawn = loopid.load(arm, lock=["joint1"])
     with pytest.warns(ModelWarning, match=r"locked where the log has it: joint1 at 0\.5"):
         robot = locked_as_logged(drawn, log)
     assert robot.locked == {"joint1": 0.5}
     arm.with_name("there.yaml").write_text(
         f"urdf: {arm.with_suffix('.urdf').name}\nreference: {{joint1: 0.5}}\n"
     )
-    there = load_mechanism(arm.with_name("there.yaml"), lock=["joint1"])
+    there = loopid.load(arm.with_name("there.yaml"), lock=["joint1"])
     np.testing.assert_allclose(
         gravity_regressor(robot, [[0.3]]), gravity_regressor(there, [[0.3]]), atol=1e-12
     )
@@ -59,18 +61,18 @@ def test_a_lock_is_moved_to_where_the_log_has_it(arm, tmp_path):
 def test_locks_at_values_are_of_joints_with_one_coordinate_and_numbers(arm):
     for lock in ("joint1=far", "joint1=", "joint1=nan"):
         with pytest.raises(OptionError, match="must be JOINT=VALUE"):
-            load_mechanism(arm, lock=[lock])
+            loopid.load(arm, lock=[lock])
     with pytest.raises(OptionError, match="joint9"):
-        load_mechanism(arm, lock=["joint9=1"])
+        loopid.load(arm, lock=["joint9=1"])
 
 
 def test_a_log_in_which_a_locked_joint_moves_is_refused(arm, tmp_path):
     log = write(tmp_path / "log.csv", 0.3 * np.sin(TIME))
     with pytest.raises(LogError, match=r"joint1 is locked, but moves from .* without that lock"):
-        read_log(log, load_mechanism(arm, lock=["joint1"]))
+        read_log(log, loopid.load(arm, lock=["joint1"]))
 
 
 def test_noise_of_an_encoder_is_no_motion(arm, tmp_path):
     noise = 1e-4 * np.random.default_rng(0).normal(size=200)
     log = write(tmp_path / "log.csv", noise)
-    assert read_log(log, load_mechanism(arm, lock=["joint1"])).joints == ("joint2",)
+    assert read_log(log, loopid.load(arm, lock=["joint1"])).joints == ("joint2",)

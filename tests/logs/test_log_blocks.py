@@ -9,8 +9,9 @@ import pytest
 from recorded_logs import write_any
 from simulated_logs import stream_text, table
 
+import loopid
 from block_sizes import set_block_rows
-from loopid.logs import prepare_recording, read_log
+from loopid.logs import read_log
 from loopid.motion import JointMotion
 
 __all__ = ["set_block_rows"]
@@ -21,7 +22,7 @@ def found(path, robot):
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         log = read_log(path, robot)
-        recording = prepare_recording(robot, log)
+        recording = loopid.prepare(robot, log)
     return log, recording, [str(warning.message) for warning in said]
 
 

@@ -8,8 +8,9 @@ import numpy as np
 import polars
 import pytest
 
+import loopid
 from loopid.errors import DataError, LogError, OptionError
-from loopid.logs import FilterOptions, Log, LogMapping, MaskOptions, prepare_recording, read_log
+from loopid.logs import FilterOptions, Log, LogMapping, MaskOptions, read_log
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +38,7 @@ def test_arrays_are_the_log_of_a_file(arrays, knee, from_file):
     np.testing.assert_array_equal(log.position, arrays[1])
     for name in ("time", "position", "force"):
         np.testing.assert_allclose(getattr(log, name), getattr(from_file, name), atol=1e-9)
-    one, other = (prepare_recording(knee, each) for each in (log, from_file))
+    one, other = (loopid.prepare(knee, each) for each in (log, from_file))
     assert one.dropped == other.dropped
     np.testing.assert_allclose(one.force, other.force, atol=1e-9)
 
@@ -175,7 +176,7 @@ def test_arrays_that_are_no_log_are_refused(arrays, knee, change):
 def values(knee, arrays):
     """One of each of the records that a log passes through."""
     log = Log.from_arrays(*arrays, knee.actuated, saturation=np.full(4, 1e4))
-    recording = prepare_recording(knee, log, filter=FilterOptions(cutoff=5.0))
+    recording = loopid.prepare(knee, log, filter=FilterOptions(cutoff=5.0))
     yield from (log, recording, recording.motion, recording.history)
     yield from (FilterOptions(), MaskOptions(), log.dropped, *recording.dropped[:1])
     yield LogMapping(position={"columns": ["a", "b"]}, force_scale={"a": 2.0, "b": 3.0})
@@ -196,8 +197,8 @@ def test_records_that_differ_are_not_equal(knee, arrays):
     force = log.force.copy()
     force[-1, -1] += 1.0
     assert replace(log, force=force) != log
-    one = prepare_recording(knee, log, filter=FilterOptions(cutoff=5.0))
-    other = prepare_recording(knee, log, filter=FilterOptions(cutoff=6.0))
+    one = loopid.prepare(knee, log, filter=FilterOptions(cutoff=5.0))
+    other = loopid.prepare(knee, log, filter=FilterOptions(cutoff=6.0))
     assert one != other
     assert LogMapping(force_scale=2.0) != LogMapping(force_scale=3.0)
 
@@ -205,7 +206,7 @@ def test_records_that_differ_are_not_equal(knee, arrays):
 def test_a_recording_keeps_its_options(knee, arrays):
     options = FilterOptions(cutoff=5.0, decimate=False), MaskOptions(singularity=0.01)
     log = Log.from_arrays(*arrays, knee.actuated)
-    recording = prepare_recording(knee, log, filter=options[0], masks=options[1])
+    recording = loopid.prepare(knee, log, filter=options[0], masks=options[1])
     assert (recording.filter, recording.masks) == options
     for wrong in ({"cutoff": "low"}, {"cutoff": -1.0}, {"order": 0}, {"oversampling": -1.0}):
         with pytest.raises(OptionError):

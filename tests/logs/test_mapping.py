@@ -8,7 +8,8 @@ import pytest
 from simulated_logs import table
 
 from loopid.errors import FileError, LogError
-from loopid.logs import LogMapping, read_log, read_mapping
+from loopid.logs import LogMapping, read_log
+from loopid.logs.mapping import read_mapping
 
 MAPPING = """
 format: csv

@@ -7,7 +7,7 @@ import pytest
 import xlsxwriter
 from scipy.io import savemat
 
-from loopid import load_mechanism
+import loopid
 from loopid.errors import DataWarning, LogError, OptionError
 from loopid.logs import LogMapping, read_log
 
@@ -19,7 +19,7 @@ FORCE = np.stack([np.cos(TIME), np.sin(2 * TIME)], axis=1)
 
 @pytest.fixture(scope="module")
 def robot():
-    return load_mechanism("five_bar")
+    return loopid.load("five_bar")
 
 
 @pytest.fixture

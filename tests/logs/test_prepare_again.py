@@ -6,21 +6,22 @@ import numpy as np
 import pytest
 
 import loopid
-from loopid.logs import FilterOptions, Recording, prepare_again
+from loopid.logs import FilterOptions, Recording
+from loopid.logs.preparing import prepare_again
 from loopid.motion import JointMotion
 
 
 @pytest.fixture(scope="module")
 def recording():
-    robot = loopid.load_mechanism("five_bar")
+    robot = loopid.load("five_bar")
     sine, cosine = 0.1 * np.random.default_rng(0).normal(size=(2, 2, 4))
-    series = loopid.FourierSeries(robot.actuated, 0.2, np.array([1.7, 0.7]), sine, cosine)
-    run = loopid.simulate_measurement(
-        robot, loopid.joint_motion(robot, series.motion(duration=10.0, rate=100.0))
+    series = loopid.motion.FourierSeries(robot.actuated, 0.2, np.array([1.7, 0.7]), sine, cosine)
+    run = loopid.simulate(
+        robot, loopid.motion.joint_motion(robot, series.motion(duration=10.0, rate=100.0))
     )
     log = loopid.Log.from_arrays(run.time, run.position, run.force, robot.actuated)
     log = replace(log, checked=True)  # its limits are no matter
-    return robot, loopid.prepare_recording(robot, log, filter=FilterOptions(cutoff=10.0))
+    return robot, loopid.prepare(robot, log, filter=FilterOptions(cutoff=10.0))
 
 
 def test_the_same_filter_gives_the_same_samples(recording):
@@ -48,7 +49,7 @@ def test_a_known_motion_changes_nothing(recording, rows):
     time, q = other.time[rows], other.configurations[rows]
     rates = np.zeros((len(time), 2))
     known = JointMotion(np.sort(time), q, rates, rates, np.ones(len(time)))
-    found = loopid.prepare_recording(robot, whole.log, filter=whole.filter, known=known)
+    found = loopid.prepare(robot, whole.log, filter=whole.filter, known=known)
     np.testing.assert_array_equal(found.motion.time, whole.motion.time)
     for part in ("configurations", "velocities", "accelerations", "singularity"):
         ours, theirs = getattr(found.motion, part), getattr(whole.motion, part)

@@ -6,9 +6,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+import loopid
 from loopid.errors import AssemblyError, DataError, DataWarning, LogError, OptionError
-from loopid.kinematics import JointCoordinates, constraint_residual, platform_coordinates
-from loopid.logs import FilterOptions, Log, LogMapping, MaskOptions, prepare_recording, read_log
+from loopid.kinematics import constraint_residual, platform_coordinates
+from loopid.kinematics.measured import JointCoordinates
+from loopid.logs import FilterOptions, Log, LogMapping, MaskOptions, read_log
 from loopid.logs.preparing import (
     assemble_samples,
     clipped_from,
@@ -21,14 +23,15 @@ from loopid.logs.preparing import (
     standing,
     without_frozen,
 )
-from loopid.motion import Motion, differentiate, joint_motion, simulate_measurement
+from loopid.motion import Motion, joint_motion
+from loopid.motion.filtering import differentiate
 from made_runs import quietly, wander
 from real_streams import read_stream
 
 
 def prepared(robot, log, cutoff=5.0, decimate=True, **options):
     chosen = FilterOptions(cutoff=cutoff, decimate=decimate)
-    return prepare_recording(robot, log, filter=chosen, **options)
+    return loopid.prepare(robot, log, filter=chosen, **options)
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +95,7 @@ def read_with(knee, truth, folder, quantities=(), **options):
 def test_measured_rates_stand_for_derivatives_of_positions(knee, truth, tmp_path, quantity):
     errors = []
     for quantities in ((), (quantity,)):
-        recording = prepare_recording(
+        recording = loopid.prepare(
             knee,
             read_with(knee, truth, tmp_path, quantities),
             filter=FilterOptions(cutoff=10.0),
@@ -386,7 +389,7 @@ def test_a_crank_that_turns_on_and_on(four_bars):
             (-0.5 * np.sin(time))[:, None],
         ),
     )
-    measured = simulate_measurement(robot, motion)
+    measured = loopid.simulate(robot, motion)
     log = Log.from_arrays(time, angle, measured.force, robot.actuated)
     recording = prepared(robot, log)
     rows = np.round(recording.motion.time * 100).astype(int)

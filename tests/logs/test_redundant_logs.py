@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import loopid
 from linkages import PLATE, five_bar, four_bar, rssr
-from loopid import load_mechanism, random_configurations
+from loopid import random_configurations
 from loopid.errors import OptionError
 from loopid.kinematics import closed_motion
-from loopid.logs import FilterOptions, Log, prepare_recording, read_log
+from loopid.logs import FilterOptions, Log, read_log
 from loopid.logs.preparing import on_independent
-from loopid.motion import JointMotion, simulate_measurement
+from loopid.motion import JointMotion
 from made_runs import wander
 
 UNFILTERED = FilterOptions(cutoff=None)
@@ -21,12 +22,12 @@ MOTORS = ("left_crank_joint", "right_crank_joint", "left_coupler_joint")
 @pytest.fixture(scope="module")
 def pair(tmp_path_factory):
     """The five-bar with its two motors, and with a third one on a coupler."""
-    two = load_mechanism("five_bar")
+    two = loopid.load("five_bar")
     folder = tmp_path_factory.mktemp("five_bar")
     text = two.path.read_text().replace(", ".join(two.actuated), ", ".join(MOTORS))
     (folder / "five_bar.yaml").write_text(text)
     (folder / "five_bar.urdf").write_text(two.path.with_suffix(".urdf").read_text())
-    return two, load_mechanism(folder / "five_bar.yaml")
+    return two, loopid.load(folder / "five_bar.yaml")
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +35,7 @@ def run(pair):
     """A motion with the forces of two motors, and of three that do the same."""
     two, three = pair
     motion = wander(two, 1, seconds=20.0, rate=50.0, size=(0.4, 0.4))
-    alone = simulate_measurement(two, motion)
+    alone = loopid.simulate(two, motion)
     whole = closed_motion(two, motion.configurations, motion.velocities, motion.accelerations)
     third = 0.4 * np.sin(3 * motion.time)
     # What the third motor does, the others need not.
@@ -56,14 +57,14 @@ def logs(pair, run):
 
 def test_a_known_split_gives_the_forces_of_two_motors(pair, run):
     pairs = zip(pair, logs(pair, run), strict=True)
-    alone, shared = (prepare_recording(robot, log, filter=UNFILTERED) for robot, log in pairs)
+    alone, shared = (loopid.prepare(robot, log, filter=UNFILTERED) for robot, log in pairs)
     assert shared.actuators == alone.actuators == MOTORS[:2]
     np.testing.assert_allclose(shared.force, alone.force, atol=1e-8 * np.abs(run[3]).max())
     np.testing.assert_array_equal(shared.motion.velocities, alone.motion.velocities)
 
 
 def test_power_is_that_of_all_motors(pair, run):
-    recording = prepare_recording(pair[1], logs(pair, run)[1], filter=UNFILTERED)
+    recording = loopid.prepare(pair[1], logs(pair, run)[1], filter=UNFILTERED)
     _, _, position, force = run
     rates = np.gradient(position, run[0].time, axis=0)
     rows = np.isin(run[0].time, recording.motion.time)
@@ -77,7 +78,7 @@ def test_a_saturated_third_motor_spoils_both_coordinates(pair, run):
     log, limit = logs(pair, run)[1], 0.3
     limits = np.array([1e9, 1e9, limit])
     log = replace(log, saturation=limits, idle_speed=1e-9)
-    recording = prepare_recording(three, log, filter=UNFILTERED)
+    recording = loopid.prepare(three, log, filter=UNFILTERED)
     within = np.abs(log.force[:, 2]) < 0.99 * limit
     kept = within[np.isin(log.time, recording.motion.time)]
     np.testing.assert_array_equal(recording.used, np.stack([kept, kept], axis=1))
@@ -144,7 +145,7 @@ def test_where_free_coordinates_are_no_log_tells(free, tmp_path):
     path.write_text("time\n0\n")
     time, ones = np.arange(50) / 10, np.ones((50, len(robot.actuated)))
     log = Log.from_arrays(time, ones, ones, robot.actuated)
-    for refused in (lambda: read_log(path, robot), lambda: prepare_recording(robot, log)):
+    for refused in (lambda: read_log(path, robot), lambda: loopid.prepare(robot, log)):
         with pytest.raises(OptionError) as failure:
             refused()
         assert failure.value.facts["free"] == robot.free

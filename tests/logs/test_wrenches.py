@@ -7,10 +7,13 @@ import pinocchio as pin
 import pytest
 from simulated_logs import EPOCH, table
 
-from loopid import ExternalWrench, Log, random_configurations, wrench_forces
+import loopid
+from loopid import ExternalWrench, Log, random_configurations
 from loopid.errors import DataError, LogError, OptionError
-from loopid.kinematics import closed_motion, integrate, random_motions
-from loopid.logs import LogMapping, prepare_again, prepare_recording, read_log
+from loopid.kinematics import closed_motion, random_motions
+from loopid.kinematics.poses import integrate
+from loopid.logs import LogMapping, read_log, wrench_forces
+from loopid.logs.preparing import prepare_again
 
 COUNT, STEP = 6, 1e-6
 POINT = (0.3, -0.2, 0.5)
@@ -185,8 +188,8 @@ def test_recordings_hold_and_tell_the_wrenches(knee, truth, loads):
         ExternalWrench("platform", loads),
         ExternalWrench("leg1_stem", 0.1 * loads, "world"),
     ]
-    bare = prepare_recording(knee, Log.from_arrays(*given))
-    full = prepare_recording(knee, Log.from_arrays(*given, wrenches=wrenches))
+    bare = loopid.prepare(knee, Log.from_arrays(*given))
+    full = loopid.prepare(knee, Log.from_arrays(*given, wrenches=wrenches))
     assert full.wrenches == ("platform", "leg1_stem")
     assert "with wrenches on platform, leg1_stem" in repr(full)
     np.testing.assert_allclose(full.motor_force, bare.force, atol=1e-9)

@@ -6,8 +6,8 @@ from hypothesis import given, strategies as st
 from scipy.signal import butter, lfilter, sosfiltfilt
 
 from loopid.errors import DataError, OptionError
-from loopid.motion import LowPass, differentiate
-from loopid.motion.filtering import recursion
+from loopid.motion import LowPass
+from loopid.motion.filtering import differentiate, recursion
 
 RATE = 100.0
 filters = st.builds(LowPass, st.floats(1, 20), st.integers(1, 4))

@@ -5,7 +5,8 @@ import pytest
 
 from loopid.errors import AssemblyError, OptionError
 from loopid.kinematics import constraint_residual, measured_coordinates, platform_coordinates
-from loopid.motion import Arc, Waypoint, joint_motion, point_to_point, review_motion
+from loopid.motion import Waypoint, joint_motion, point_to_point, review_motion
+from loopid.motion.trajectories import Arc
 
 RATE = 500.0
 

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from loopid.errors import DataError, OptionError
-from loopid.motion import Arc, FourierSeries, Motion, Waypoint, point_to_point
+from loopid.motion import FourierSeries, Motion, Waypoint, point_to_point
+from loopid.motion.trajectories import Arc
 
 NAMES = ("x_m", "z_m", "theta")
 RATE = 2000.0

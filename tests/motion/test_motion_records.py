@@ -7,24 +7,26 @@ import numpy as np
 import pytest
 
 import loopid
-from loopid.motion import Arc, FourierCurve, JointRange, SplineCurve, Waypoint
+from loopid.motion import Waypoint
+from loopid.motion.joints import JointRange
+from loopid.motion.trajectories import Arc, FourierCurve, SplineCurve
 
 
 def values():
-    robot = loopid.load_mechanism("four_bar")
-    series = loopid.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
+    robot = loopid.load("four_bar")
+    series = loopid.motion.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
     motion = series.motion(rate=20.0)
-    followed = loopid.joint_motion(robot, motion)
+    followed = loopid.motion.joint_motion(robot, motion)
     spline = SplineCurve(np.array([[0.1, 0.2], [0.3, 0.1]]))
-    program = loopid.read_motion_program("five_bar")
-    yield from (series, motion, followed, loopid.review_motion(robot, followed))
+    program = loopid.motion.read_motion_program("five_bar")
+    yield from (series, motion, followed, loopid.motion.review_motion(robot, followed))
     yield from (
-        loopid.simulate_measurement(robot, followed),
-        loopid.Noise(1.0),
-        loopid.LowPass(2.0),
+        loopid.simulate(robot, followed),
+        loopid.motion.Noise(1.0),
+        loopid.motion.LowPass(2.0),
     )
     yield from (spline, FourierCurve(np.zeros((4, 1))), Arc("x", 0.1), JointRange("a", 0, 1, -1, 2))
-    yield loopid.LowPass(2.0)
+    yield loopid.motion.LowPass(2.0)
     yield Waypoint([0.0, 1.0], 2.0, (Arc("x", 0.1),), spline)
     yield from (program, program.plans[0])
 
@@ -43,7 +45,7 @@ def test_records_of_motions_compare_hash_copy_and_pickle(one, again):
 
 
 def test_motions_that_differ_are_not_equal():
-    series = loopid.FourierSeries(("a",), 0.5, [1.0], [[0.2]], [[0.0]])
+    series = loopid.motion.FourierSeries(("a",), 0.5, [1.0], [[0.2]], [[0.0]])
     assert series.motion(rate=20.0) != series.motion(rate=21.0)
     assert SplineCurve(np.ones((1, 2))) != SplineCurve(np.ones((2, 2)))
     assert SplineCurve(np.zeros((2, 1))) != FourierCurve(np.zeros((2, 1)))

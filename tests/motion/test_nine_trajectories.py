@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from loopid import find_base_parameters, gravity_regressor, structural_observation
-from loopid.kinematics import platform_motion
+from loopid.base_parameters import find_base
+from loopid.kinematics.measured import platform_motion
 from loopid.motion import joint_motion, read_motion_program, read_reference, review_motion
+from loopid.regressors import gravity_regressor, structural_observation
 
 # A (x, z, theta, psi), B, seconds from A to B, and z on the way as a function of x.
 TABLE = {
@@ -226,7 +227,7 @@ def test_a_review_finds_nothing_against_any(followed, knee, name):
 
 
 def test_all_nine_together_condition_the_gravity_parameters_as_the_laboratorys_do(followed, knee):
-    base = find_base_parameters(structural_observation(knee))
+    base = find_base(structural_observation(knee))
     tree = np.vstack([gravity_regressor(knee, moved.configurations) for moved in followed.values()])
     regressor = base.regressor(tree.reshape(-1, tree.shape[-1]))
     first = [k for k, text in enumerate(base.expressions) if text.startswith(FIRST_EIGHT)]

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from loopid import Dynamics, JointTerms, dynamic_regressor, random_configurations
+import loopid
+from loopid import Dynamics, JointTerms, random_configurations
 from loopid.errors import DataError, OptionError
 from loopid.kinematics import (
     closed_motion,
@@ -14,15 +15,8 @@ from loopid.kinematics import (
     project,
     random_motions,
 )
-from loopid.motion import (
-    FourierSeries,
-    JointMotion,
-    Noise,
-    Waypoint,
-    joint_motion,
-    point_to_point,
-    simulate_measurement,
-)
+from loopid.motion import FourierSeries, JointMotion, Noise, Waypoint, joint_motion, point_to_point
+from loopid.regressors import dynamic_regressor
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +30,7 @@ def motion(load_once):
 def test_without_noise_forces_are_those_of_the_model(knee, motion):
     q, v, a = motion.configurations, motion.velocities, motion.accelerations
     pi = np.random.default_rng(0).normal(size=len(knee.parameters()))
-    measured = simulate_measurement(knee, motion, standard_parameters=pi)
+    measured = loopid.simulate(knee, motion, standard_parameters=pi)
     expected = dynamic_regressor(knee, q, v, accelerations=a) @ pi
     np.testing.assert_allclose(measured.force, expected, atol=1e-9)
     np.testing.assert_array_equal(measured.force, measured.exact_force)
@@ -47,8 +41,8 @@ def test_without_noise_forces_are_those_of_the_model(knee, motion):
 def test_friction_opposes_the_motion_of_its_own_motor(knee, motion):
     terms = JointTerms(knee.actuated, ("Fc", "Fv"))
     values = np.array([17.0, 300.0, 22.0, 300.0, 19.0, 300.0, 230.0, 2000.0])
-    bare = simulate_measurement(knee, motion)
-    with_friction = simulate_measurement(knee, motion, joint_terms=terms, joint_values=values)
+    bare = loopid.simulate(knee, motion)
+    with_friction = loopid.simulate(knee, motion, joint_terms=terms, joint_values=values)
     rates = motion.velocities
     expected = values[::2] * np.sign(rates) + values[1::2] * rates
     np.testing.assert_allclose(with_friction.force - bare.force, expected, atol=1e-9)
@@ -64,8 +58,8 @@ def test_a_motor_that_stands_carries_its_load_alone(knee):
     shaken = 1e-14 * np.random.default_rng(0).normal(size=motion.velocities.shape)
     motion = replace(motion, velocities=motion.velocities + shaken)
     terms, values = JointTerms(knee.actuated, ("Fc",)), np.full(len(motors), 60.0)
-    plain = simulate_measurement(knee, motion)
-    rubbed = simulate_measurement(knee, motion, joint_terms=terms, joint_values=values)
+    plain = loopid.simulate(knee, motion)
+    rubbed = loopid.simulate(knee, motion, joint_terms=terms, joint_values=values)
     friction = rubbed.force - plain.force
     np.testing.assert_allclose(friction[:, 1:], 0.0, atol=1e-9)
     assert (np.abs(np.abs(friction[:, 0]) - 60.0) < 1e-6).mean() > 0.9
@@ -73,7 +67,7 @@ def test_a_motor_that_stands_carries_its_load_alone(knee):
 
 def test_noise_has_the_stated_size_and_no_bias(knee, motion):
     errors = {
-        kind: simulate_measurement(knee, motion, Noise(**{kind: 12.0}))
+        kind: loopid.simulate(knee, motion, Noise(**{kind: 12.0}))
         for kind in ("uniform", "gaussian")
     }
     for kind, deviation in (("uniform", 12 / np.sqrt(3)), ("gaussian", 12.0)):
@@ -85,15 +79,15 @@ def test_noise_has_the_stated_size_and_no_bias(knee, motion):
 
 def test_encoders_read_whole_steps(knee, motion):
     step = 2e-5
-    read = simulate_measurement(knee, motion, Noise(encoder_step=step)).position
-    exact = simulate_measurement(knee, motion).position
+    read = loopid.simulate(knee, motion, Noise(encoder_step=step)).position
+    exact = loopid.simulate(knee, motion).position
     np.testing.assert_allclose(read / step, np.round(read / step), atol=1e-6)
     assert np.abs(read - exact).max() <= step / 2 * (1 + 1e-9)
 
 
 def test_a_seed_repeats_the_errors_and_another_does_not(knee, motion):
     one, same, other = (
-        simulate_measurement(knee, motion, Noise(12.0, 1.0), seed=seed).force for seed in (3, 3, 4)
+        loopid.simulate(knee, motion, Noise(12.0, 1.0), seed=seed).force for seed in (3, 3, 4)
     )
     np.testing.assert_array_equal(one, same)
     assert (one != other).all()
@@ -115,7 +109,7 @@ def test_a_seed_repeats_the_errors_and_another_does_not(knee, motion):
 )
 def test_wrong_input_is_refused(knee, motion, arguments, failure, word):
     with pytest.raises(failure, match=word):
-        simulate_measurement(knee, motion, **arguments)
+        loopid.simulate(knee, motion, **arguments)
 
 
 @pytest.mark.parametrize("name", ["uniform", "gaussian", "encoder_step"])
@@ -135,7 +129,7 @@ def swing(linkage):
 
 def test_redundant_motors_share_what_two_would_do(swing, linkage):
     robot, motion = swing
-    measured, alone = (simulate_measurement(each, motion) for each in (robot, linkage("five-bar")))
+    measured, alone = (loopid.simulate(each, motion) for each in (robot, linkage("five-bar")))
     rates = closed_motion(robot, motion.configurations, motion.velocities, motion.accelerations)
     motors = robot.velocity_indices(robot.actuated)
     # The same power, and more generally the same work in any motion.
@@ -149,7 +143,7 @@ def test_redundant_motors_share_what_two_would_do(swing, linkage):
 
 def test_redundant_motors_share_with_the_least_squares(swing):
     robot, motion = swing
-    force = simulate_measurement(robot, motion).force
+    force = loopid.simulate(robot, motion).force
     G = project(robot, motion.configurations).G[:, robot.velocity_indices(robot.actuated)]
     # Along the one way in which three motors can work against each other without moving.
     idle = np.linalg.svd(G.transpose(0, 2, 1))[2][:, -1]
@@ -169,7 +163,7 @@ def falling(robot, forces):
 def test_motors_of_a_robot_with_a_free_rod_measure_what_they_do(linkage, size):
     robot = linkage("ball rssr")
     forces = size * np.random.default_rng(3).normal(size=(20, 1))
-    measured = simulate_measurement(robot, falling(robot, forces))
+    measured = loopid.simulate(robot, falling(robot, forces))
     np.testing.assert_allclose(measured.force, forces, atol=1e-9)
     assert measured.position.shape == (20, 1)
 
@@ -179,4 +173,4 @@ def test_a_motion_that_no_motor_can_give_is_refused(linkage):
     motion = falling(robot, np.zeros((20, 1)))
     pushed = replace(motion, accelerations=motion.accelerations + np.array([0.0, 0.1]))
     with pytest.raises(DataError, match=r"leave ball\.wx free.*Dynamics\.forward"):
-        simulate_measurement(robot, pushed)
+        loopid.simulate(robot, pushed)

@@ -4,17 +4,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import loopid
 from floating_robots import FEET, biped
-from loopid import (
-    ExternalWrench,
-    find_base_parameters,
-    load_mechanism,
-    random_configurations,
-    structural_observation,
-    wrench_forces,
-)
+from loopid import ExternalWrench, random_configurations
+from loopid.base_parameters import find_base
 from loopid.kinematics import closed_motion, random_motions
-from loopid.regressors import motion_regressor
+from loopid.logs import wrench_forces
+from loopid.regressors import motion_regressor, structural_observation
 
 pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
 import mujoco
@@ -86,7 +82,7 @@ def test_a_biped_with_a_loop(load_files):
     for kind in ("full", "gravity"):
         rank, gap = Oracle.of(robot).rank(q, kind)
         assert gap > 1e3
-        assert len(find_base_parameters(structural_observation(robot, kind))) == rank
+        assert len(find_base(structural_observation(robot, kind))) == rank
 
 
 @pytest.mark.validate
@@ -94,6 +90,6 @@ def test_a_biped_with_a_loop(load_files):
 @pytest.mark.parametrize("name", OTHERS)
 def test_models_of_others(name, shared):
     feet, options = OTHERS[name]
-    robot = load_mechanism(shared / "models" / name, **options)
+    robot = loopid.load(shared / "models" / name, **options)
     assert robot.floating
     assert_forces_agree(robot, feet or robot.links[-2:])

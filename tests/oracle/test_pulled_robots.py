@@ -6,22 +6,15 @@ import numpy as np
 import pytest
 
 import cable_robots
-from loopid import (
-    JointTerms,
-    Log,
-    dynamic_regressor,
-    find_base_parameters,
-    find_force_model,
-    load_mechanism,
-    prepare_recording,
-    random_configurations,
-    structural_observation,
-)
-from loopid.identification import quiet_fit
+import loopid
+from loopid import JointTerms, Log, random_configurations
+from loopid.base_parameters import find_base
+from loopid.identification.fitting import quiet_fit
 from loopid.kinematics import closed_motion, platform_coordinates, random_motions
 from loopid.logs import FilterOptions, Recording
 from loopid.logs.preparing import on_independent
 from loopid.motion import FourierSeries, joint_motion
+from loopid.regressors import dynamic_regressor, structural_observation
 from made_runs import simulated
 
 pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
@@ -52,7 +45,7 @@ def write(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def robot(name, write):
-    return load_mechanism(write(cable_robots.ROBOTS[name]))
+    return loopid.load(write(cable_robots.ROBOTS[name]))
 
 
 class Theirs:
@@ -138,9 +131,9 @@ def test_forces_pull_as_in_mujoco(robot, states):
     "laws", ['stiffness="3" springlength="0.2"', 'damping="0.4"', 'armature="0.05"']
 )
 def test_springs_dampers_and_armatures_of_cables_are_joint_terms(laws, write):
-    robot = load_mechanism(write(cable_robots.finger(laws)))
+    robot = loopid.load(write(cable_robots.finger(laws)))
     assert not robot.left_out[:-1]  # but for a gear
-    model = find_force_model(robot, "full", "file")
+    model = loopid.force_model(robot, "full", "file")
     q = random_configurations(robot, COUNT, seed=1)
     states = closed_motion(robot, q, *random_motions(robot, COUNT, seed=2))
     forces = model.standard_regressor(*rates_of(robot, states)) @ model.standard_prior
@@ -154,7 +147,7 @@ def test_ranks_are_those_of_mujoco(robot, kind, name):
     q = random_configurations(robot, 40, seed=3)
     rank, gap = Oracle.of(robot).rank(q, kind)
     assert gap > 1e3
-    found = find_base_parameters(structural_observation(robot, kind))
+    found = find_base(structural_observation(robot, kind))
     assert len(found) == rank
     assert COUNTS[name][2 + (kind == "gravity")] in (rank, None)
     # Also by what the tendons feel: those that are independent pull in all directions.
@@ -175,7 +168,7 @@ def run(robot, name):
     middle = np.zeros(len(names))
     if name == "hanging":
         robot.path.with_suffix(".yaml").write_text(PLATFORM)
-        robot, size = load_mechanism(robot.path.with_suffix(".yaml")), 0.1
+        robot, size = loopid.load(robot.path.with_suffix(".yaml")), 0.1
         middle = platform_coordinates(robot, robot.reference[None])[0]
     sine, cosine = np.random.default_rng(3).uniform(-size / 2, size / 2, (2, len(names), 3))
     series = FourierSeries(names, 0.1, middle, sine, cosine)
@@ -189,7 +182,7 @@ def test_the_power_of_all_cables_is_that_of_the_robot(robot, run):
     motion, kinds, values = run
     measured = simulated(robot, motion, None, terms=(kinds, values))
     log = Log.from_arrays(motion.time, measured.position, measured.force, robot.actuated)
-    recording = prepare_recording(robot, log, filter=FilterOptions(cutoff=None))
+    recording = loopid.prepare(robot, log, filter=FilterOptions(cutoff=None))
     rates = np.gradient(measured.position, motion.time, axis=0)
     rows = np.isin(motion.time, recording.motion.time)
     power = (measured.force * rates).sum(axis=1)[rows]
@@ -199,7 +192,7 @@ def test_the_power_of_all_cables_is_that_of_the_robot(robot, run):
 
 def test_estimates_from_all_cables_are_unbiased(robot, run):
     motion, kinds, values = run
-    model = find_force_model(robot, "full", kinds)
+    model = loopid.force_model(robot, "full", kinds)
     truth = model.base.values(np.append(robot.standard_parameters(), values))
     clean = simulated(robot, motion, None, terms=(kinds, values))
     every = np.ones(clean.force.shape, dtype=bool)

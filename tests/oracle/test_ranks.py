@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 
 import folded_robots
+import loopid
 from cad_export import cad_export
 from closure_robots import files
-from loopid import (
-    find_base_parameters,
-    load_mechanism,
-    random_configurations,
-    structural_observation,
-)
+from loopid import random_configurations
+from loopid.base_parameters import find_base
+from loopid.regressors import structural_observation
 
 pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
 from mujoco_rank import Oracle
@@ -65,7 +63,7 @@ def assert_ranks_agree(robot):
         configurations = random_configurations(robot, enough, seed=3)
         rank, gap = Oracle.of(robot).rank(configurations, kind)
         assert gap > CLEAR
-        assert len(find_base_parameters(structural_observation(robot, kind), "qr")) == rank
+        assert len(find_base(structural_observation(robot, kind), "qr")) == rank
 
 
 @pytest.mark.parametrize("name", ["delta", "3ups_rpu"])
@@ -83,7 +81,7 @@ def test_files_of_mujoco(name, tmp_path):
     (tmp_path / "robot.xml").write_text(FILES[name])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        assert_ranks_agree(load_mechanism(tmp_path / "robot.xml"))
+        assert_ranks_agree(loopid.load(tmp_path / "robot.xml"))
 
 
 @pytest.mark.parametrize(
@@ -98,13 +96,13 @@ def test_robots_that_are_drawn_folded(name, write_files):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         path = write_files(*files(*getattr(folded_robots, name)()))
-        assert_ranks_agree(load_mechanism(path))
+        assert_ranks_agree(loopid.load(path))
 
 
 def test_files_of_six_digits(linkage, write_files):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        assert_ranks_agree(load_mechanism(write_files(*cad_export(linkage("five-bar")))))
+        assert_ranks_agree(loopid.load(write_files(*cad_export(linkage("five-bar")))))
 
 
 # What ``loopid check`` advises to lock, and then ``loopid base`` for a rounding.
@@ -122,4 +120,4 @@ DISNEY = {
     ("name", "options"), [("mjcf/cassie.xml", {}), ("gepetto/disney_like/robot.yaml", DISNEY)]
 )
 def test_models_of_others(name, options, shared):
-    assert_ranks_agree(load_mechanism(shared / "models" / name, **options))
+    assert_ranks_agree(loopid.load(shared / "models" / name, **options))

@@ -5,7 +5,6 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from loopid import dynamic_regressor
 from loopid.paper.reproduction import (
     BODIES,
     COULOMB,
@@ -21,6 +20,7 @@ from loopid.paper.reproduction import (
     simulate_stand_in,
     with_noise,
 )
+from loopid.regressors import dynamic_regressor
 
 PARTS = ("inertial", "coriolis", "gravity")
 # Of the robot file, in the order of Table II (kg, kg m).

@@ -10,8 +10,7 @@ from lxml.html import fromstring
 from rich.console import Console
 
 from loopid.base_parameters import ChoiceProblem, SubgroupSearch
-from loopid.paper import paper_report
-from loopid.paper.page import actual_table, base_table, simulated_table
+from loopid.paper.page import actual_table, base_table, paper_report, simulated_table
 from loopid.plots import Chart
 
 

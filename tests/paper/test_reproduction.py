@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from loopid.errors import LoopidError
-from loopid.identification import FitSamples, truncated_values
-from loopid.paper import reproduce_paper, reproduction
+from loopid.identification import FitSamples
+from loopid.identification.selection import truncated_values
+from loopid.paper import reproduction
 from loopid.paper.reproduction import (
     BODIES,
     COULOMB,
@@ -16,6 +17,7 @@ from loopid.paper.reproduction import (
     fit_actual,
     fit_simulated,
     identify_in_two_steps,
+    reproduce_paper,
     run_experiment,
     simulate_stand_in,
 )
@@ -196,7 +198,7 @@ def logged(knee, coarse, paper, log_of, recording_of):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reproduction, "compare_base_parameters", lambda *_: paper.base)
         patch.setattr(reproduction, "run_experiment", lambda *_: coarse)
-        patch.setattr(reproduction, "prepare_recording", lambda *_: recording)
+        patch.setattr(reproduction, "prepare", lambda *_: recording)
         return quietly(reproduce_paper, [str(log_of(knee))])
 
 

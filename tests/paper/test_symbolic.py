@@ -13,14 +13,10 @@ import sympy as sp
 from hypothesis import assume, given, settings, strategies as st
 from scipy.optimize import brentq
 
-from loopid import (
-    assemble,
-    gravity_regressor as numeric_regressor,
-    load_mechanism,
-    random_configurations,
-)
+import loopid
+from loopid import random_configurations
 from loopid.errors import DataError, SingularityError
-from loopid.kinematics import platform_coordinates
+from loopid.kinematics import assemble, platform_coordinates
 from loopid.paper.symbolic import (
     GRAVITY,
     GRAVITY_LABELS,
@@ -34,6 +30,7 @@ from loopid.paper.symbolic import (
     stroke_jacobian,
     strokes,
 )
+from loopid.regressors import gravity_regressor as numeric_regressor
 
 ROOT = Path(__file__).parents[2]
 TABLE = ROOT / "urdf" / "geometry.yaml"
@@ -279,7 +276,7 @@ POSES = 100
 def both(request, generator, write_robot):
     """A configuration of the 3UPS+RPU for Pinocchio, and its geometry for SymPy."""
     robot = generator.read_table()["3ups_rpu"]
-    mechanism = load_mechanism(write_robot(robot["configurations"][request.param], robot))
+    mechanism = loopid.load(write_robot(robot["configurations"][request.param], robot))
     geometry = read_geometry(TABLE, "3ups_rpu", request.param)
     return mechanism, geometry, random_configurations(mechanism, POSES, seed=request.param)
 

@@ -9,13 +9,8 @@ import pytest
 
 import loopid
 from loopid import random_configurations
-from loopid.kinematics import (
-    constraint_jacobian,
-    constraint_residual,
-    partition,
-    project,
-    random_motions,
-)
+from loopid.kinematics import constraint_jacobian, constraint_residual, project, random_motions
+from loopid.kinematics.projection import partition
 
 NAMES = ("3ups_rpu", "pinned bar", "welded bar", "welded knee")
 
@@ -135,7 +130,7 @@ def all_velocities():
 @pytest.fixture(scope="session")
 def full_model(load_once):
     """A full force model of a bundled robot by its name."""
-    return cache(lambda name: loopid.find_force_model(load_once(name), "full", "Fc,Fv,Fo,Ia"))
+    return cache(lambda name: loopid.force_model(load_once(name), "full", "Fc,Fv,Fo,Ia"))
 
 
 @pytest.fixture(scope="session")
@@ -145,7 +140,7 @@ def some_values(full_model):
     def values(name):
         model = full_model(name)
         terms = np.random.default_rng(0).uniform(1, 3, len(model.joint_values))
-        bodies = model.mechanism.standard_parameters()
+        bodies = model.robot.standard_parameters()
         return model.base.values(np.concatenate([bodies, terms]))
 
     return values

@@ -13,18 +13,19 @@ from scipy.optimize import brentq
 import loopid
 from bank_robots import few_of
 from linkages import LINKAGES
-from loopid import Dynamics, assemble, load_mechanism, random_configurations
+from loopid import Dynamics, random_configurations
 from loopid.errors import AssemblyError, DataError, MobilityError, OptionError, SingularityError
 from loopid.kinematics import (
     AssemblyOptions,
+    assemble,
     closed_motion,
     constraint_residual,
     measured_coordinates,
     platform_coordinates,
-    platform_motion,
     project,
     random_motions,
 )
+from loopid.kinematics.measured import platform_motion
 
 COUNT = 5
 # Redundant rows, couplings, joints without end, balls that spin, redundant motors, floating bases.
@@ -314,7 +315,7 @@ def test_another_robot_is_another_object(parallel):
 
 
 def test_a_welded_knee_moves_like_the_pinned_one(parallel, weld):
-    welded = Dynamics(load_mechanism(weld(parallel.robot.path)))
+    welded = Dynamics(loopid.load(weld(parallel.robot.path)))
     q = random_configurations(parallel.robot, 3, seed=1)
     strokes = measured_coordinates(parallel.robot).read(q)
     close(welded.gravity(strokes), parallel.gravity(strokes), 1e-9)
@@ -330,15 +331,15 @@ def name(request):
 
 def at(model, values, q, **options):
     """Dynamics at a configuration, and the positions there."""
-    independent = model.mechanism.velocity_indices(model.mechanism.independent)
+    independent = model.robot.velocity_indices(model.robot.independent)
     return Dynamics(model, values, start=q, **options), q[independent]
 
 
 def some_states(model, count=3):
     """Random closed configurations, velocities and accelerations."""
-    q = random_configurations(model.mechanism, count, seed=4)
+    q = random_configurations(model.robot, count, seed=4)
     rng = np.random.default_rng(0)
-    return zip(q, *rng.standard_normal((2, count, len(model.mechanism.independent))), strict=True)
+    return zip(q, *rng.standard_normal((2, count, len(model.robot.independent))), strict=True)
 
 
 def test_forces_are_those_of_the_force_model(name, full_model, some_values):
@@ -369,7 +370,7 @@ def test_parts_sum_up_to_the_forces(name, full_model, some_values):
 
 @pytest.mark.parametrize("terms", ["Fc,Fv,Ia,Fk0~0.25,Fk~0.5,Fa~0.5,Fa1~1,Ft", "Fl~0.3,Fv,Ks,Ia"])
 def test_friction_curves_and_loads_are_those_of_the_force_model(load_once, terms):
-    model = loopid.find_force_model(load_once("five_bar"), "full", terms)
+    model = loopid.force_model(load_once("five_bar"), "full", terms)
     phi = np.random.default_rng(1).standard_normal(len(model.parameters))
     loaded = model.with_loads(phi)
     for q, v, a in some_states(model):
@@ -443,18 +444,18 @@ def test_a_body_on_a_link_changes_the_forces_as_in_the_tree(full_model):
     model = full_model("3ups_rpu")
     (q, v, a), *_ = some_states(model)
     body = np.array([2.0, 0.1, -0.2, 0.3, 0.5, 0.01, 0.4, 0.02, -0.01, 0.6])
-    heavier = np.array(model.mechanism.standard_parameters())
-    heavier[[p.link == "platform" for p in model.mechanism.parameters()]] += body
+    heavier = np.array(model.robot.standard_parameters())
+    heavier[[p.link == "platform" for p in model.robot.parameters()]] += body
     robot, u = at(model, None, q)
     loaded = robot.values + robot.payload_columns("platform") @ body
-    expected = Dynamics(model.mechanism, heavier, start=q).inverse(u, v, a)
+    expected = Dynamics(model.robot, heavier, start=q).inverse(u, v, a)
     close(robot.regressor(u, v, a) @ loaded, expected, 1e-10)
 
 
 def test_a_gravity_model_has_no_mass_matrix(load_once):
-    model = loopid.find_force_model(load_once("five_bar"), "gravity", None)
-    robot, u = at(model, None, model.mechanism.reference)
-    close(robot.gravity(u), Dynamics(model.mechanism).gravity(u), 1e-12)
+    model = loopid.force_model(load_once("five_bar"), "gravity", None)
+    robot, u = at(model, None, model.robot.reference)
+    close(robot.gravity(u), Dynamics(model.robot).gravity(u), 1e-12)
     close(robot.inverse(u, [1.0, 2.0], [3.0, 4.0]), robot.gravity(u), 1e-12)
     for ask in (lambda: robot.mass_matrix(u), lambda: robot.forward(u, u, u)):
         with pytest.raises(OptionError, match="'full'"):
@@ -462,11 +463,11 @@ def test_a_gravity_model_has_no_mass_matrix(load_once):
 
 
 def test_it_takes_a_fit_as_it_is_or_saved(load_once, tmp_path):
-    model = loopid.find_force_model(load_once("five_bar"), "full", "Fc,Fv")
+    model = loopid.force_model(load_once("five_bar"), "full", "Fc,Fv")
     phi = 1.1 * model.prior
     saved = loopid.load_fit(model.fit_of(phi).save(tmp_path / "fit.yaml"))
     u, v, a = [2.1, 0.7], [0.3, -0.2], [1.0, 2.0]
-    close(Dynamics(model.mechanism, saved).inverse(u, v, a), Dynamics(model, phi).inverse(u, v, a),
+    close(Dynamics(model.robot, saved).inverse(u, v, a), Dynamics(model, phi).inverse(u, v, a),
           1e-12)  # fmt: skip
     with pytest.raises(DataError, match=r"fit of five_bar, not of .*four_bar"):
         Dynamics(load_once("four_bar"), saved)

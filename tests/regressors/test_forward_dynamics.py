@@ -6,20 +6,16 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import loopid
 import pinocchio_loops
 from bank_robots import few_of
 from closure_robots import body
 from linkages import LINKAGES
-from loopid import (
-    Dynamics,
-    find_base_parameters,
-    load_mechanism,
-    random_configurations,
-    structural_observation,
-)
+from loopid import Dynamics, random_configurations
+from loopid.base_parameters import find_base
 from loopid.errors import DataError, SingularityError
 from loopid.kinematics import closed_motion, random_motions
-from loopid.regressors import motion_regressor
+from loopid.regressors import motion_regressor, structural_observation
 
 ROBOTS = (*LINKAGES, "3ups_rpu", "flying")
 GEPETTO = ("5bar_linkage", "5bar_linkage_iso3d", "robot_delta", "digit_like", "talos_like")
@@ -83,7 +79,7 @@ def test_pinocchio_accelerates_a_flying_linkage_alike(load_files):
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("name", few_of(GEPETTO, *GEPETTO[:2], "talos_like"))
 def test_pinocchio_accelerates_other_peoples_robots_alike(name, shared):
-    robot = load_mechanism(shared / "models" / "gepetto" / name / "robot.yaml")
+    robot = loopid.load(shared / "models" / "gepetto" / name / "robot.yaml")
     assert_pinocchio_agrees(robot, robot.reference[None])
 
 
@@ -120,7 +116,7 @@ def test_a_tree_falls_as_pinocchio_says(knee):
 @pytest.mark.parametrize("robot", ["cross rssr", "geared five-bar"], indirect=True)
 def test_base_parameters_alone_move_the_robot_alike(robot):
     # Dependent parameters set to zero: no body has such masses, yet all forces are the same.
-    base = find_base_parameters(structural_observation(robot, "full"))
+    base = find_base(structural_observation(robot, "full"))
     regrouped = np.zeros(len(base.parameters))
     regrouped[base.base] = base.values(robot.standard_parameters())
     expected = moved(robot, *case(robot))[0].accelerations

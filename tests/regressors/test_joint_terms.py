@@ -3,20 +3,21 @@
 import numpy as np
 import pytest
 
+import loopid
 from closure_robots import body, joint, urdf
-from loopid import (
-    JointTerms,
-    Observation,
-    ParameterSet,
-    dynamic_regressor,
-    find_base_parameters,
-    load_mechanism,
-    random_configurations,
-    structural_observation,
-)
+from loopid import JointTerms, random_configurations
+from loopid.base_parameters import find_base
 from loopid.errors import OptionError
 from loopid.kinematics import closed_motion, random_motions
-from loopid.regressors import JOINT_TERMS, JointState, JointTerm
+from loopid.observation import Observation
+from loopid.parameters import ParameterSet
+from loopid.regressors import (
+    JOINT_TERMS,
+    JointState,
+    JointTerm,
+    dynamic_regressor,
+    structural_observation,
+)
 
 
 @pytest.fixture
@@ -87,8 +88,8 @@ def test_drives_and_friction_of_the_motors_are_base_parameters_of_their_own(knee
     both = np.concatenate([rigid, terms.columns(knee, motion)], axis=2)
     names = knee.parameters() + terms.parameters(knee)
     of_bodies = Observation.from_matrix(rigid, knee.parameters(), length=knee.length)
-    alone = find_base_parameters(of_bodies)
-    found = find_base_parameters(Observation.from_matrix(both, names, length=knee.length))
+    alone = find_base(of_bodies)
+    found = find_base(Observation.from_matrix(both, names, length=knee.length))
     assert len(found) == len(alone) + 12
     assert set(terms.parameters(knee).labels) <= set(found.names)
     assert found.reconstruction_error(both) < 1e-9
@@ -227,14 +228,14 @@ def test_unknown_words_of_a_choice_are_refused(knee, choice, given, valid):
 def test_terms_that_no_force_tells_apart_are_folded(knee, tmp_path):
     """A constant force with friction by direction, and with the weight of a vertical slide."""
     terms = JointTerms(knee.actuated[:1], ("Fc+", "Fc-", "Fo"))
-    found = find_base_parameters(structural_observation(knee, joint_terms=terms))
+    found = find_base(structural_observation(knee, joint_terms=terms))
     folded = [set(each) for each in found.terms if any("stroke" in label for label in each)]
     assert sorted(map(len, folded)) == [2, 2]
     slide = joint("lift", "ground", "load", axis=(0, 0, 1), kind="prismatic")
     (tmp_path / "lift.urdf").write_text(urdf(body("load"), slide))
-    lift = load_mechanism(tmp_path / "lift.urdf")
+    lift = loopid.load(tmp_path / "lift.urdf")
     observation = structural_observation(lift, joint_terms=JointTerms(("lift",), ("Ks",)))
-    base = find_base_parameters(observation)
+    base = find_base(observation)
     assert [set(each) for each in base.terms] == [{"load.m", "lift.Fo"}, {"lift.Ks"}]
 
 
@@ -242,5 +243,5 @@ def test_friction_near_standstill_is_told_from_coulomb_friction(load_once):
     """Random motions would hardly ever be as slow."""
     robot = load_once("five_bar")
     terms = JointTerms.of(robot, "Fc,Fv,Fs~0.001,Fc~0.002; passive: Fc,Fs~1e-4")
-    found = find_base_parameters(structural_observation(robot, joint_terms=terms))
+    found = find_base(structural_observation(robot, joint_terms=terms))
     assert set(terms.parameters(robot).labels) <= set(found.names)

@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from loopid import JointTerms, find_force_model, load_fit, prepare_recording, read_log
+import loopid
+from loopid import JointTerms, load_fit, read_log
 from loopid.errors import DataError, LoopidError, OptionError
-from loopid.identification import quiet_fit
+from loopid.identification.fitting import quiet_fit
 from loopid.kinematics import random_configurations
 from loopid.kinematics.projection import closed_motion
 from loopid.kinematics.sampling import random_motions
@@ -79,7 +80,7 @@ def test_where_a_law_is_not_finite_is_told(register, load_once):
         pytest.raises(DataError, match="mine is not finite at position"),
         np.errstate(all="ignore"),
     ):
-        find_force_model(robot, "gravity", JointTerms(robot.actuated, ("Root",)))
+        loopid.force_model(robot, "gravity", JointTerms(robot.actuated, ("Root",)))
 
 
 @pytest.mark.parametrize("factor", [1.01, -1.0])
@@ -94,7 +95,7 @@ def test_a_slope_that_is_wrong_far_away_is_refused_there(register, load_once):
     register("Gas", far)
     robot = load_once("five_bar")
     with pytest.raises(OptionError, match="slope of gas spring"):
-        find_force_model(robot, "gravity", JointTerms(robot.actuated, ("Gas",)))
+        loopid.force_model(robot, "gravity", JointTerms(robot.actuated, ("Gas",)))
 
 
 def test_the_force_of_a_line_does_its_work(register, load_once):
@@ -118,7 +119,7 @@ def test_the_force_of_a_line_does_its_work(register, load_once):
 def test_a_spring_with_its_geometry_is_found_and_saved(register, load_once, tmp_path):
     register("Gas", length_term("gas spring", length, slope))
     robot = load_once("five_bar")
-    model = find_force_model(robot, "full", "Fc,Fv; left_crank_joint: Gas")
+    model = loopid.force_model(robot, "full", "Fc,Fv; left_crank_joint: Gas")
     truth = model.prior.copy()
     place = model.parameters.labels.index("left_crank_joint.Gas")
     truth[place] = 80.0
@@ -138,8 +139,8 @@ def test_steps_that_follow_the_position_too_are_filtered(register, load_once):
     register("Fq", term(law, ("sign", "position")))
     robot = load_once("five_bar")
     log = read_log(LOG, robot)
-    recording = prepare_recording(robot, log)
-    models = [find_force_model(robot, "gravity", terms) for terms in ("Fc,Fq", "Fc,Fv")]
+    recording = loopid.prepare(robot, log)
+    models = [loopid.force_model(robot, "gravity", terms) for terms in ("Fc,Fq", "Fc,Fv")]
     W, plain = (model.samples(recording) for model in models)
     name = robot.actuated[0]
     q = recording.motion.configurations[:, robot.joint(name).idx_q]
@@ -159,7 +160,7 @@ def test_a_coefficient_without_unit_goes_all_the_way(register, load_once, tmp_pa
         JointTerm("cogging", (unit, unit), lambda j, _: np.sin(8 * j.position), ("position",)),
     )
     robot = load_once("five_bar")
-    model = find_force_model(robot, "full", "Fc; left_crank_joint: Cog")
+    model = loopid.force_model(robot, "full", "Fc; left_crank_joint: Cog")
     assert model.parameters[model.parameters.labels.index("left_crank_joint.Cog")].unit == ""
     truth = np.where([p.kind == "Cog" for p in model.parameters], 0.3, model.prior)
     run = modelled(model, wander(robot, 4, seconds=4.0, size=(0.4, 0.4)), truth, noise=0.01)

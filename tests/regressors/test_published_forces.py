@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from loopid import assemble, gravity_regressor
+from loopid.kinematics import assemble
+from loopid.regressors import gravity_regressor
 from real_streams import read_stream
 
 PAPER_LINKS = {

@@ -7,17 +7,18 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import loopid
 from closure_robots import X, body, frame, joint
-from loopid import JointTerms, find_force_model
+from loopid import JointTerms
 from loopid.errors import DataError, ModelWarning, OptionError
 from loopid.kinematics import (
     bearing_forces,
     closed_motion,
     constraint_jacobian,
-    partition,
     random_configurations,
     random_motions,
 )
+from loopid.kinematics.projection import partition
 
 CRANKS = (
     *(body("left", (0, 0.1, 0.05), 2.0), joint("a", "ground", "left", axis=X)),
@@ -83,7 +84,7 @@ def test_redundant_closures_leave_forces_open_that_they_could_share(cut):
     for each, warned in ((robot, False), (flat, True)):
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always")
-            find_force_model(each, "gravity", terms)
+            loopid.force_model(each, "gravity", terms)
         said = [str(one.message) for one in told if one.category is ModelWarning]
         words = "redundant closures of small leave open what b, d carry: "
         assert [text.startswith(words) for text in said] == [True] * warned

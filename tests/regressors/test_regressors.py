@@ -6,25 +6,26 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from loopid import (
-    JointTerms,
-    assemble,
-    dynamic_regressor,
-    find_base_parameters,
-    gravity_regressor,
-    load_mechanism,
-    random_configurations,
-    structural_observation,
-)
+import loopid
+from loopid import JointTerms, random_configurations
+from loopid.base_parameters import find_base
 from loopid.errors import DataError, OptionError
 from loopid.kinematics import (
+    assemble,
     closed_motion,
     measured_coordinates,
     project,
     random_motions,
     torque_regressors,
 )
-from loopid.regressors import force_parts, motion_parameters, motion_regressor
+from loopid.regressors import (
+    dynamic_regressor,
+    force_parts,
+    gravity_regressor,
+    motion_regressor,
+    structural_observation,
+)
+from loopid.regressors.motion_regressors import motion_parameters
 
 TREES = {
     "ur5": ("ur_description/urdf/ur5_robot.urdf", ()),
@@ -61,7 +62,7 @@ def test_open_loops_move_by_inverse_dynamics(loops, inverse_dynamics):
 @pytest.mark.parametrize("name", TREES)
 def test_serial_robots_move_by_inverse_dynamics(name, robot_data, inverse_dynamics):
     path, lock = TREES[name]
-    assert_inverse_dynamics(load_mechanism(robot_data / path, lock=lock), inverse_dynamics)
+    assert_inverse_dynamics(loopid.load(robot_data / path, lock=lock), inverse_dynamics)
 
 
 @pytest.mark.parametrize(
@@ -310,8 +311,8 @@ def test_random_motion_tells_every_term_of_the_motors_from_the_bodies(knee, mode
     count = len(terms.parameters(knee))
     observation = structural_observation(knee, model, joint_terms=terms)
     assert observation.parameters == motion_parameters(knee, model, terms)
-    found = find_base_parameters(observation)
-    alone = find_base_parameters(structural_observation(knee, model))
+    found = find_base(observation)
+    alone = find_base(structural_observation(knee, model))
     assert len(found) == len(alone) + count
     assert set(terms.parameters(knee).labels) <= set(found.names)
     q, motions = random_configurations(knee, 40, seed=5), random_motions(knee, 40, seed=8)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from loopid import gravity_regressor, random_configurations, structural_observation
+from loopid import random_configurations
 from loopid.errors import AccuracyWarning, OptionError
+from loopid.regressors import gravity_regressor, structural_observation
 
 # Gravity never does work on these, in the paper's link frames (m11, m21, m31, m41, m41 y, m42 z).
 WITHOUT_EFFECT = {

@@ -34,7 +34,7 @@ from spoilt_logs import drawn
 from loopid import cli
 from loopid.cli import app
 from loopid.errors import one_line
-from loopid.paper import reproduce_paper
+from loopid.paper.reproduction import reproduce_paper
 
 Parameter = Any  # Typer brings a click of its own.
 

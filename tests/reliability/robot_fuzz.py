@@ -24,7 +24,7 @@ from fuzz import HANGING, Call, faults, run
 from lxml import etree
 from spoiling import FAMILY, FAMILY_YAML, spoil
 
-from loopid.loading import bundled_directory
+from loopid.loading.files import bundled_directory
 from made_runs import ARM
 
 NEUTRAL = 0.25

@@ -12,9 +12,11 @@ import beside_tests  # noqa: F401
 import numpy as np
 from recorded_logs import write_hdf5, write_parquet
 
+import loopid
 from broken_robots import FAMILY, FAMILY_YAML
-from loopid import JointTerms, find_force_model, fit, load_mechanism, prepare_recording, read_log
-from loopid.loading import bundled_directory
+from loopid import JointTerms, read_log
+from loopid.identification import fit
+from loopid.loading.files import bundled_directory
 from made_runs import ARM, logged, wander
 
 NUMBER = re.compile(rb"-?\d+\.?\d*(?:[eE][-+]?\d+)?")
@@ -197,9 +199,9 @@ class Material:
     @cached_property
     def fit(self) -> Path:
         """What the arm's log tells, saved."""
-        arm = load_mechanism(self.robots["arm"][0])
-        recording = prepare_recording(arm, read_log(self.logs["arm"][0], arm))
-        model = find_force_model(arm, "full", JointTerms(arm.actuated))
+        arm = loopid.load(self.robots["arm"][0])
+        recording = loopid.prepare(arm, read_log(self.logs["arm"][0], arm))
+        model = loopid.force_model(arm, "full", JointTerms(arm.actuated))
         place = self.folder / "fit.yaml"
         return model.fit_of(fit(model.samples(recording), "ols")).save(place)
 
@@ -241,7 +243,7 @@ class Material:
         return str(place)
 
     def _tables(self, name: str, robot: Path | str, size: tuple[float, ...]):
-        mechanism = load_mechanism(robot)
+        mechanism = loopid.load(robot)
         motion = wander(mechanism, 1, seconds=8.0, rate=50.0, size=size)
         terms = JointTerms(mechanism.actuated), np.tile([3.0, 1.0], len(mechanism.actuated))
         text = logged(mechanism, motion, terms, noise=0.1, seed=1)

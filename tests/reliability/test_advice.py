@@ -26,12 +26,15 @@ from loopid import JointTerms
 from loopid.base_parameters import SubgroupSearch
 from loopid.control import RecursiveLeastSquares, WrenchObserver
 from loopid.errors import LoopidError, MissingExtraError
-from loopid.export import c_source, export_fit
-from loopid.identification import Bisquare, FitSamples, WeightedLeastSquares, eliminate_parameters
+from loopid.export import c_source
+from loopid.export.everything import export_fit
+from loopid.export.robot_file import export_robot_file
+from loopid.identification import Bisquare, FitSamples, WeightedLeastSquares
+from loopid.identification.selection import eliminate_parameters
 from loopid.kinematics import SamplingOptions
-from loopid.loading import bundled_directory
+from loopid.loading.files import bundled_directory
 from loopid.motion import JointMotion
-from loopid.view import fitted_masses
+from loopid.view.masses import fitted_masses
 from made_runs import ARM, modelled
 
 TIME = np.arange(300) / 100
@@ -206,7 +209,7 @@ class Robot:
         shutil.copy(bundled_directory() / "four_bar.urdf", folder)
         (folder / "arm.urdf").write_text(ARM)
         (folder / self.name).write_text(self.content)
-        return loopid.load_mechanism(folder / self.name, **self.options)
+        return loopid.load(folder / self.name, **self.options)
 
 
 FOUR_BAR = (bundled_directory() / "four_bar.yaml").read_text()
@@ -396,12 +399,12 @@ OF_ROBOTS = {
 }
 
 
-load = cache(loopid.load_mechanism)
-observed = cache(loopid.structural_observation)
+load = cache(loopid.load)
+observed = cache(loopid.regressors.structural_observation)
 
 
 def base(search, robot="3ups_rpu"):
-    return lambda _: loopid.find_base_parameters(observed(load(robot), "full"), search)
+    return lambda _: loopid.base_parameters.find_base(observed(load(robot), "full"), search)
 
 
 def weighed(model, **gravity):
@@ -409,14 +412,16 @@ def weighed(model, **gravity):
 
     def make(folder):
         arm = Robot("arm.yaml", json.dumps(gravity))(folder)
-        return loopid.find_base_parameters(loopid.structural_observation(arm, model))
+        return loopid.base_parameters.find_base(
+            loopid.regressors.structural_observation(arm, model)
+        )
 
     return make
 
 
 @cache
 def forces(name="four_bar", model="gravity"):
-    return loopid.find_force_model(load(name), model, None)
+    return loopid.force_model(load(name), model, None)
 
 
 def saved(name, fit, model="gravity"):
@@ -424,7 +429,7 @@ def saved(name, fit, model="gravity"):
 
     def make(folder):
         found = forces(name, model)
-        values = loopid.fit(found.samples(recorded(found))) if fit else found.prior
+        values = loopid.identification.fit(found.samples(recorded(found))) if fit else found.prior
         return loopid.load_fit(found.fit_of(values).save(folder / "fit.json"))
 
     return make
@@ -432,7 +437,7 @@ def saved(name, fit, model="gravity"):
 
 def recorded(model):
     """A recording of random states."""
-    rows, robot = 200, model.mechanism
+    rows, robot = 200, model.robot
     q = loopid.random_configurations(robot, rows, seed=0)
     rates = np.random.default_rng(0).normal(size=(2, rows, len(robot.independent)))
     return modelled(model, JointMotion(np.arange(rows) / 10, q, *rates, np.ones(rows)), model.prior)
@@ -440,7 +445,7 @@ def recorded(model):
 
 RNG = np.random.default_rng(0)
 W, NOISE = RNG.normal(size=(200, 1, 2)), 0.1 * RNG.normal(size=(200, 1))
-BOTH = loopid.ParameterSet.from_labels(["arm.m", "arm.mx"])
+BOTH = loopid.parameters.ParameterSet.from_labels(["arm.m", "arm.mx"])
 SPIKES = 5.0 * np.where(np.arange(200) % 2, 1, -1)[:, None]
 
 
@@ -450,14 +455,14 @@ def sampled(W=W, errors=NOISE, instruments=None):
 
 
 def fitted(estimator, **samples):
-    return lambda _: loopid.fit(sampled(**samples), estimator)
+    return lambda _: loopid.identification.fit(sampled(**samples), estimator)
 
 
 @cache
 def designed(**options):
     """A design, as short as can be."""
     options = loopid.DesignOptions(size=3, duration=5.0, evaluations=0, starts=1, **options)
-    return loopid.design_excitation(forces("parallelogram"), options=options)
+    return loopid.design_motion(forces("parallelogram"), options=options)
 
 
 def bag(choose):
@@ -505,9 +510,7 @@ def replaced(compiler):
         )
         text = text.replace("<inertial", '<geom size="0.1"/><inertial')
         robot = Robot("b.xml", text)(folder)
-        return loopid.export.export_robot_file(
-            robot, 1.1 * robot.standard_parameters(), folder / "new.xml"
-        )
+        return export_robot_file(robot, 1.1 * robot.standard_parameters(), folder / "new.xml")
 
     return make
 
@@ -528,14 +531,14 @@ def exported(own=False, terms=False, **options):
     def make(folder):
         for end in ("yaml", "urdf"):
             shutil.copy(bundled_directory() / f"five_bar.{end}", folder)
-        robot = loopid.load_mechanism(folder / "five_bar.yaml")
+        robot = loopid.load(folder / "five_bar.yaml")
         values, parameters = robot.standard_parameters(), robot.parameters()
         if terms:
             parameters += JointTerms(robot.actuated).parameters(robot)
             values = np.append(values, np.ones(4))
         named = {"parameters": parameters} if "parameters" in options else {}
         path = folder / ("five_bar.urdf" if own else "new.urdf")
-        return loopid.export.export_robot_file(robot, values, path, **{**options, **named})
+        return export_robot_file(robot, values, path, **{**options, **named})
 
     return make
 
@@ -555,7 +558,7 @@ def moved(**options):
         (folder / "other.yaml").write_text(text.replace("five_bar.urdf", "other.urdf"))
         tree = (folder / "other.urdf").read_text()
         (folder / "other.urdf").write_text(tree.replace('robot name="five_bar"', 'robot name="x"'))
-        found = loopid.find_force_model(loopid.load_mechanism(folder / "other.yaml"), "full", None)
+        found = loopid.force_model(loopid.load(folder / "other.yaml"), "full", None)
         place = found.fit_of(found.prior).save(folder / "fit.json")
         (folder / "new").mkdir(exist_ok=True)
         for end in ("yaml", "urdf"):
@@ -572,23 +575,21 @@ def changed_file(reload):
         file = folder / "arm.urdf"
         robot = urdf()(folder)
         file.write_text(ARM.replace(MASS, '<mass value="2.5"', 1))
-        robot = loopid.load_mechanism(file) if reload else robot
-        return loopid.export.export_robot_file(
-            robot, 1.1 * robot.standard_parameters(), folder / "new.urdf"
-        )
+        robot = loopid.load(file) if reload else robot
+        return export_robot_file(robot, 1.1 * robot.standard_parameters(), folder / "new.urdf")
 
     return make
 
 
 def fit_of_bases(found, data):
-    return loopid.fit(data)
+    return loopid.identification.fit(data)
 
 
 def fit_of_bodies(found, data):
     rng = np.random.default_rng(0)
     noisy = data.force + 0.01 * rng.normal(size=data.force.shape)
     data = FitSamples.of(data.parameters, data.actuators, data.regressor, noisy)
-    return loopid.consistent_fit(found, data, loopid.fit(data).noise)
+    return loopid.identification.consistent_fit(found, data, loopid.identification.fit(data).noise)
 
 
 def masses(make_fit):
@@ -659,11 +660,13 @@ OF_FITS = {
         lambda _: loopid.FitOptions(estimator="iv").require_references(1) is None,
     ),
     "a fit that does not know its model": (
-        lambda _: loopid.fit(forces().samples(recorded(forces()))).predict(recorded(forces())),
+        lambda _: loopid.identification.fit(forces().samples(recorded(forces()))).predict(
+            recorded(forces())
+        ),
         "give it one, fit = model.fit_of(fit)",
         lambda _: (
             forces()
-            .fit_of(loopid.fit(forces().samples(recorded(forces()))))
+            .fit_of(loopid.identification.fit(forces().samples(recorded(forces()))))
             .predict(recorded(forces()))
         ),
     ),
@@ -691,7 +694,7 @@ OF_FITS = {
     ),
 }
 FLOATING = Robot("arm.urdf", ARM, {"floating_base": True})
-SERIES = loopid.FourierSeries(
+SERIES = loopid.motion.FourierSeries(
     ["shoulder", "elbow"], 0.5, [0.0, 0.0], [[0.2], [0.1]], [[0.0], [0.0]]
 )
 
@@ -713,7 +716,7 @@ def crowded():
         file = Path(folder) / "five_bar.yaml"
         text = re.sub("name_mot: .*", f"name_mot: {json.dumps(motors)}", file.read_text())
         file.write_text(text)
-        return loopid.load_mechanism(file)
+        return loopid.load(file)
 
 
 def driven(*motors, **more):
@@ -730,23 +733,23 @@ def read(robot, **options):
     """A log of a robot, made ready."""
     waves = np.sin(np.outer(TIME, np.arange(1, len(robot.actuated) + 1)))
     log = loopid.Log.from_arrays(TIME, 0.3 * waves, waves, robot.actuated, **options)
-    return loopid.prepare_recording(robot, log)
+    return loopid.prepare(robot, log)
 
 
 def simulated(**options):
     robot = load("four_bar")
-    series = loopid.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
-    motion = loopid.joint_motion(robot, series.motion(rate=20))
-    return loopid.simulate_measurement(robot, motion, **options)
+    series = loopid.motion.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
+    motion = loopid.motion.joint_motion(robot, series.motion(rate=20))
+    return loopid.simulate(robot, motion, **options)
 
 
 def quick(robot, terms=None):
-    return loopid.find_force_model(robot, "full", terms, search="qr")
+    return loopid.force_model(robot, "full", terms, search="qr")
 
 
 def follow(arm):
     def make(folder):
-        return loopid.joint_motion(arm(folder), SERIES.motion(rate=10))
+        return loopid.motion.joint_motion(arm(folder), SERIES.motion(rate=10))
 
     return make
 
@@ -756,7 +759,7 @@ def loaded(kind):
     """The force model of an arm with friction of a kind."""
     robot = load("five_bar")
     terms = JointTerms(robot.actuated, (kind,))
-    return loopid.find_force_model(robot, "full", terms)
+    return loopid.force_model(robot, "full", terms)
 
 
 OF_ANALYSES = {
@@ -776,9 +779,9 @@ OF_ANALYSES = {
         lambda _: c_source(loaded("Fc")),
     ),
     "a closure that Pinocchio does not know": (
-        lambda folder: loopid.to_pinocchio(edited("['3d']", "[hinge]")(folder)),
+        lambda folder: loopid.export.to_pinocchio(edited("['3d']", "[hinge]")(folder)),
         "describe it by closures of the kinds 3d, 6d",
-        lambda folder: loopid.to_pinocchio(yaml("")(folder)),
+        lambda folder: loopid.export.to_pinocchio(yaml("")(folder)),
     ),
     "a term of a ball": (
         lambda folder: quick(BALL(folder), JointTerms(("ball",), ("Fv",))),
@@ -828,9 +831,9 @@ OF_ANALYSES = {
         weighed("gravity", gravity=[0, 0, -9]),
     ),
     "too few samples": (
-        lambda _: loopid.find_base_parameters(observed(load("five_bar"), samples=1)),
+        lambda _: loopid.base_parameters.find_base(observed(load("five_bar"), samples=1)),
         "so more samples are needed",
-        lambda _: loopid.find_base_parameters(observed(load("five_bar"), samples=50)),
+        lambda _: loopid.base_parameters.find_base(observed(load("five_bar"), samples=50)),
     ),
     "a margin that no pose has": (
         lambda _: loopid.random_configurations(
@@ -842,18 +845,18 @@ OF_ANALYSES = {
         ),
     ),
     "too few coordinates": (
-        lambda _: loopid.assemble(load("five_bar"), [[1.0]], ["left_crank_joint"]),
+        lambda _: loopid.kinematics.assemble(load("five_bar"), [[1.0]], ["left_crank_joint"]),
         "give more",
-        lambda _: loopid.assemble(
+        lambda _: loopid.kinematics.assemble(
             load("five_bar"), [[2.0, 0.7]], ["left_crank_joint", "right_crank_joint"]
         ),
     ),
     "too many coordinates": (
-        lambda _: loopid.assemble(
+        lambda _: loopid.kinematics.assemble(
             load("four_bar"), [[1.0, -0.3]], ["crank_joint", "coupler_joint"]
         ),
         "leave some out",
-        lambda _: loopid.assemble(load("four_bar"), [[1.0]], ["crank_joint"]),
+        lambda _: loopid.kinematics.assemble(load("four_bar"), [[1.0]], ["crank_joint"]),
     ),
     "a design in coordinates that there are not": (
         lambda _: designed(coordinates="platform"),
@@ -861,7 +864,7 @@ OF_ANALYSES = {
         lambda _: designed(coordinates="joints", shape="spline"),
     ),
     "friction of poses": (
-        lambda _: loopid.design_excitation(forces("parallelogram", "full"), options=POSES),
+        lambda _: loopid.design_motion(forces("parallelogram", "full"), options=POSES),
         "use shape='fourier' or 'spline'",
         lambda _: designed(coordinates="joints", shape="spline"),
     ),
@@ -932,7 +935,7 @@ def clipped(**mapping):
             mapping=mapping,
         )
         unfiltered = loopid.FilterOptions(cutoff=None)
-        return loopid.prepare_recording(robot, read(folder), filter=unfiltered)
+        return loopid.prepare(robot, read(folder), filter=unfiltered)
 
     return make
 

@@ -9,10 +9,11 @@ from pathlib import Path
 import pytest
 from spoiling import LAUGHS
 
-from loopid import load_fit, load_mechanism
+import loopid
+from loopid import load_fit
 from loopid.errors import LoopidError, RobotFileError
 from loopid.formats import mjcf_compiler
-from loopid.logs import read_mapping
+from loopid.logs.mapping import read_mapping
 from loopid.motion import read_motion_program
 from made_runs import ARM
 
@@ -26,7 +27,7 @@ QUICK = 10.0  # s of the processor
 def refused(tmp_path):
     """Message of a quick refusal of a file by one of the functions that read it."""
 
-    def message(name, content, read=load_mechanism):
+    def message(name, content, read=loopid.load):
         place, start = tmp_path / name, sum(os.times()[:4])
         if content is not None:
             place.write_bytes(content if isinstance(content, bytes) else content.encode())
@@ -89,7 +90,7 @@ def test_a_yaml_that_may_not_be_read_is_named(tmp_path, monkeypatch):
     (tmp_path / "robot.yaml").write_text("urdf: robot.urdf\n")
     monkeypatch.setattr(Path, "open", denied)
     with pytest.raises(RobotFileError, match=r"robot\.yaml cannot be read: Permission denied"):
-        load_mechanism(tmp_path / "robot.yaml")
+        loopid.load(tmp_path / "robot.yaml")
 
 
 ENTITY = """<?xml version="1.0"?><!DOCTYPE robot [<!ENTITY body "<inertial/>">]>\n"""

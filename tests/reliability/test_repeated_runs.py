@@ -28,7 +28,7 @@ main()
 def arm_files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("arm")
     (folder / "arm.urdf").write_text(ARM)
-    arm = loopid.load_mechanism(folder / "arm.urdf")
+    arm = loopid.load(folder / "arm.urdf")
     terms = loopid.JointTerms(arm.actuated), np.array([3.0, 1.0, 2.0, 0.5])
     for seed in (1, 2):
         motion = wander(arm, seed, seconds=8.0, rate=50.0, size=(1.0, 1.2))

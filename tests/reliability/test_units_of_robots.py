@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import loopid
+from loopid.base_parameters.structure import analyse
 from loopid.errors import LogError
-from loopid.identification import quiet_fit
+from loopid.identification.fitting import quiet_fit
 from loopid.kinematics import AssemblyOptions
-from loopid.loading import bundled_directory
+from loopid.loading.files import bundled_directory
 from made_runs import logged, wander
 
 MM = 1000.0
@@ -32,14 +33,14 @@ def in_unit(name, folder, unit=MM):
     urdf, yaml = ((bundled_directory() / f"{name}.{end}").read_text() for end in ("urdf", "yaml"))
     urdf = scaled(LENGTHS, scaled(MOMENTS, urdf, unit**2), unit)
     urdf = LIMITS.sub(lambda match: scaled(ENDS, match[0], unit), urdf)
-    metres = loopid.load_mechanism(name)
+    metres = loopid.load(name)
     strokes = "|".join(metres.coordinates[k] for k in metres.prismatic) or "none"
     yaml = re.sub(
         rf"^( +(?:{strokes}): )(\S+)$", lambda m: f"{m[1]}{unit * float(m[2])!r}", yaml, flags=re.M
     )
     (folder / f"{name}.urdf").write_text(urdf)
     (folder / f"{name}.yaml").write_text(yaml)
-    return metres, loopid.load_mechanism(folder / f"{name}.yaml")
+    return metres, loopid.load(folder / f"{name}.yaml")
 
 
 @pytest.fixture(scope="module", params=["five_bar", "3rpr"])
@@ -55,7 +56,9 @@ def same_poses(metres, millimetres):
     columns = [metres.joint(name).idx_q for name in metres.measured]
     return (
         q,
-        loopid.assemble(millimetres, values[:, columns], options=AssemblyOptions(tolerance=1e-9)),
+        loopid.kinematics.assemble(
+            millimetres, values[:, columns], options=AssemblyOptions(tolerance=1e-9)
+        ),
         values,
     )
 
@@ -68,7 +71,11 @@ def test_the_same_poses_close(robots):
 @pytest.mark.parametrize("model", ["gravity", "full"])
 def test_the_same_number_of_parameters_can_be_known(robots, model):
     counts = [
-        len(loopid.find_base_parameters(loopid.structural_observation(robot, model), "qr"))
+        len(
+            loopid.base_parameters.find_base(
+                loopid.regressors.structural_observation(robot, model), "qr"
+            )
+        )
         for robot in robots
     ]
     assert counts[0] == counts[1]
@@ -80,7 +87,7 @@ def test_the_same_number_of_parameters_can_be_known(robots, model):
 @pytest.mark.parametrize("unit", [3e-5, 1e6])
 def test_tolerances_are_relative_to_the_size_of_the_robot(tmp_path, name, model, rank, unit):
     structures = [
-        loopid.base_parameters.analyse(loopid.structural_observation(robot, model))
+        analyse(loopid.regressors.structural_observation(robot, model))
         for robot in in_unit(name, tmp_path, unit)
     ]
     assert structures[0].rank == structures[1].rank
@@ -92,7 +99,7 @@ def test_weights_act_in_proportion(robots):
     metres, millimetres = robots
     near, far, _ = same_poses(metres, millimetres)
     forces = [
-        loopid.gravity_regressor(robot, q) @ robot.standard_parameters("gravity")
+        loopid.regressors.gravity_regressor(robot, q) @ robot.standard_parameters("gravity")
         for robot, q in ((metres, near), (millimetres, far))
     ]
     # Weights are the same, and so are forces along strokes; moments have longer arms.
@@ -107,21 +114,23 @@ def test_weights_act_in_proportion(robots):
 def test_a_fit_predicts_in_proportion(robots):
     predicted = []
     for robot, unit in zip(robots, (1.0, MM), strict=True):
-        model = loopid.find_force_model(robot, "gravity", None, search="qr")
+        model = loopid.force_model(robot, "gravity", None, search="qr")
         names, poses = robot.independent, same_poses(*robots)
-        W = model.base.regressor(loopid.gravity_regressor(robot, poses[0 if unit == 1.0 else 1]))
+        W = model.base.regressor(
+            loopid.regressors.gravity_regressor(robot, poses[0 if unit == 1.0 else 1])
+        )
         turning = [name not in np.array(robot.coordinates)[robot.prismatic] for name in names]
         scale = np.where(turning, unit, 1.0)
         error = np.random.default_rng(0).normal(size=W.shape[:2])
         force = W @ model.prior + scale * 1e-3 * error
-        samples = loopid.FitSamples.of(model.parameters, names, W, force)
+        samples = loopid.identification.FitSamples.of(model.parameters, names, W, force)
         predicted.append(quiet_fit(samples, "ols").forces(W) / scale)
     np.testing.assert_allclose(predicted[1], predicted[0], rtol=1e-6, atol=1e-7)
 
 
 @pytest.mark.parametrize(("factor", "advice"), [(1e3, "0.001"), (1e-3, "1000")])
 def test_a_log_in_other_units_is_refused_with_the_factor(tmp_path, factor, advice):
-    robot = loopid.load_mechanism("3ups_rpu")
+    robot = loopid.load("3ups_rpu")
     motion = wander(robot, 1, seconds=6.0, rate=25.0)
     head, *rows = logged(robot, motion).splitlines()
     table = np.array([[float(cell) for cell in row.split(",")] for row in rows])

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from loopid.errors import OptionError
-from loopid.identification import FitFile
-from loopid.report import comparison_report
+from loopid.identification.saved import FitFile
+from loopid.report.compare import comparison_report
 
 
 @pytest.fixture(scope="module")

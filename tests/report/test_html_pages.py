@@ -162,10 +162,10 @@ def test_the_page_of_a_long_log_is_small_and_made_quickly(robot, request, tmp_pa
         study = request.getfixturevalue("study")
     else:
         (tmp_path / "arm.urdf").write_text(eight_motors())
-        arm = loopid.load_mechanism(tmp_path / "arm.urdf")
+        arm = loopid.load(tmp_path / "arm.urdf")
         terms, values = loopid.JointTerms.with_values(arm, "Fc=2,Fv=3")
         run = record(arm, wander(arm, 0, size=8 * (0.5,)), (terms, values))
-        model = loopid.find_force_model(arm, "gravity", terms)
+        model = loopid.force_model(arm, "gravity", terms)
         study = quietly(loopid.identify, model, [run])
     study = longer(study, 100_000)
     start = process_time()

@@ -11,8 +11,9 @@ from lxml.html import fromstring
 from rich.console import Console
 from ruamel.yaml import YAML
 
+import loopid
 from loopid.findings import SEVERITIES, Finding
-from loopid.identification import find_force_model, friction_curve, identify
+from loopid.identification import friction_curve, identify
 from loopid.identification.unseen import WHERE
 from loopid.plots import Chart, friction_chart
 from loopid.report import identification_report
@@ -275,7 +276,7 @@ def test_friction_is_drawn_with_what_it_explains(study, report):
 
 
 def test_a_robot_without_friction_has_no_picture_of_it(knee):
-    model = find_force_model(knee, joint_terms=None)
+    model = loopid.force_model(knee, joint_terms=None)
     run = modelled(model, wander(knee, 1), model.prior)
     assert friction_chart(quietly(identify, model, [run])).panels == ()
 
@@ -408,7 +409,7 @@ def test_an_identification_is_recorded_whole(study):
     record, found = identification_record(study), study
     model, count = found.force_model, len(found.fit.values)
     assert (record["mechanism"], record["model"]) == ("3ups_rpu", "gravity")
-    assert record["actuators"] == list(model.mechanism.actuated)
+    assert record["actuators"] == list(model.robot.actuated)
     assert record["expressions"] == list(model.base.expressions)
     assert len(record["expressions"]) == count == 23
     np.testing.assert_array_equal(record["robot_file"], model.prior)
@@ -446,7 +447,7 @@ def test_candidates_are_recorded_with_their_errors(study):
 def test_term_sets_are_recorded_and_the_one_that_is_enough_is_named(study):
     found, record = study.term_sets, identification_record(study)
     assert record["joint_terms"] == {
-        joint: ["Fc", "Fv"] for joint in study.force_model.mechanism.actuated
+        joint: ["Fc", "Fv"] for joint in study.force_model.robot.actuated
     }
     assert [entry["terms"] for entry in record["term_sets"]] == ["none", "Fv", "Fc,Fv", "Fc,Fv,Fo"]
     assert [entry["chosen"] for entry in record["term_sets"]] == [False, False, True, False]

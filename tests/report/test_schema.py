@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 import loopid
-from loopid.diagnosis import GainFit
+from loopid.diagnosis.gains import GainFit
 from loopid.errors import OptionError
-from loopid.identification import FitFile, Prediction
-from loopid.motion import MotionReview
-from loopid.paper import paper_report
+from loopid.identification import Prediction
+from loopid.identification.saved import FitFile
+from loopid.motion.joints import MotionReview
+from loopid.paper.page import paper_report
 from loopid.report import (
     base_report,
     check_report,
-    comparison_report,
     excitation_report,
     gains_report,
     identification_report,
@@ -24,6 +24,7 @@ from loopid.report import (
     motions_report,
     prediction_report,
 )
+from loopid.report.compare import comparison_report
 from loopid.report.schema import FORMS
 
 
@@ -50,18 +51,16 @@ REPORTS = {
 
 
 def base(robot, model):
-    observation = loopid.structural_observation(robot, model)
+    observation = loopid.regressors.structural_observation(robot, model)
     alone = observation.motors_alone
-    found = loopid.find_base_parameters(observation)
-    other = None if alone is None else loopid.find_base_parameters(alone)
+    found = loopid.base_parameters.find_base(observation)
+    other = None if alone is None else loopid.base_parameters.find_base(alone)
     return base_report(robot, model, found, other)
 
 
 def design(robot):
     options = loopid.DesignOptions(duration=4.0, starts=1, evaluations=2, solver="slsqp")
-    return loopid.design_excitation(
-        loopid.find_force_model(robot, joint_terms=None), options=options
-    )
+    return loopid.design_motion(loopid.force_model(robot, joint_terms=None), options=options)
 
 
 def prediction(study):

@@ -10,13 +10,15 @@ from hypothesis import given
 from hypothesis.strategies import floats
 from rich.console import Console
 
+import loopid
 from bank_robots import few_of
 from closure_robots import files
 from linkages import rssr
-from loopid import bundled_robots, find_base_parameters, load_mechanism, structural_observation
-from loopid.base_parameters import RankTolerances, expression
+from loopid import bundled_robots
+from loopid.base_parameters import RankTolerances, expression, find_base
 from loopid.errors import AccuracyWarning, ModelWarning
-from loopid.motion import JointRange, MotionReview
+from loopid.motion.joints import JointRange, MotionReview
+from loopid.regressors import structural_observation
 from loopid.report import check_report
 from loopid.report.structure import (
     base_record,
@@ -32,7 +34,7 @@ REVIEW = MotionReview((), 0.05, 2.5, 0.01, {"a": 0.3})
 
 @pytest.fixture(scope="module")
 def base(knee):
-    return find_base_parameters(structural_observation(knee))
+    return find_base(structural_observation(knee))
 
 
 def assert_strict(record):
@@ -45,7 +47,7 @@ def test_records_are_strict_json(knee, base):
 
 
 def test_a_search_without_a_certificate_says_how_much_is_proven(knee, base):
-    base = find_base_parameters(structural_observation(knee), "qr")
+    base = find_base(structural_observation(knee), "qr")
     records = {
         gap: base_record(knee, "gravity", replace(base, search=replace(base.search, gap=gap)))
         for gap in (inf, 1.16914, 3.3906)
@@ -88,7 +90,7 @@ def test_doubtful_combinations_are_listed_with_their_rounding(knee):
         pytest.warns(AccuracyWarning, match="doubtful"),
         pytest.warns(AccuracyWarning, match="rank is unclear: it lies between"),
     ):
-        base = find_base_parameters(observation, tolerances=RankTolerances(least=0.05))
+        base = find_base(observation, tolerances=RankTolerances(least=0.05))
     assert (base.search.certified, base.search.reason) == (False, "unclear rank")
     record = base_record(knee, "gravity", base)
     assert len(record["doubtful"]) == len(base.doubtful) == 15 - len(base)
@@ -115,11 +117,11 @@ def test_what_the_motors_alone_feel_stands_beside_all_that_is_felt(tmp_path):
     for name, text in zip(("robot.urdf", "robot.yaml"), files(*rssr("SPHERICAL")), strict=True):
         (tmp_path / name).write_text(text)
     with pytest.warns(ModelWarning):
-        robot = load_mechanism(tmp_path / "robot.yaml")
+        robot = loopid.load(tmp_path / "robot.yaml")
     assert len(robot.free) == 1
     observed = structural_observation(robot, "full")
     assert 2 * observed.motors_alone.rows == observed.rows
-    base, alone = map(find_base_parameters, (observed, observed.motors_alone))
+    base, alone = map(find_base, (observed, observed.motors_alone))
     assert len(alone) <= len(base)
     record = base_record(robot, "full", base, alone)
     assert_strict(record)

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from loopid.errors import OptionError
-from loopid.robot import LoopClosure
+from loopid.robot.closures import LoopClosure
 
 
 def test_a_left_handed_frame_is_refused_by_name(knee):

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from loopid.errors import DataError
-from loopid.robot import ROTATIONS, TRANSLATIONS, Platform
+from loopid.robot import Platform
+from loopid.robot.platform import ROTATIONS, TRANSLATIONS
 
 some_translations = st.lists(st.sampled_from(TRANSLATIONS), unique=True)
 some_turns = st.sampled_from([turns for n in range(4) for turns in permutations(ROTATIONS, n)])

@@ -9,8 +9,9 @@ import pytest
 import loopid
 from loopid.errors import DataError
 from loopid.inertia import from_moments, pseudo_inertia
-from loopid.kinematics import integrate
-from loopid.view import Scene, body_masses, fitted_masses
+from loopid.kinematics.poses import integrate
+from loopid.view import Scene
+from loopid.view.masses import body_masses, fitted_masses
 
 ROBOTS = ["3ups_rpu", "delta", "five_bar", "mjcf/cassie.xml"]
 PER_SECOND = 20  # poses that a hand on a slider asks for
@@ -26,7 +27,7 @@ def scene(request, load_once):
 
 def drags(scene, count, part=0.02):
     """Values of the sliders, one after the other a little way to and fro."""
-    rng, pose = np.random.default_rng(1), scene.at(scene.mechanism.reference)
+    rng, pose = np.random.default_rng(1), scene.at(scene.robot.reference)
     for k in range(count):
         each, values = scene.sliders[k % len(scene.sliders)], pose.values.copy()
         step = part * (each.high - each.low) * rng.uniform(-1.0, 1.0)
@@ -48,7 +49,7 @@ def test_loops_stay_closed_while_a_slider_is_dragged_and_quickly(scene):
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_places_are_pinocchios_and_cut_frames_meet(scene):
-    robot = scene.mechanism
+    robot = scene.robot
     pose = [pose for pose, _, _ in drags(scene, 8)][-1]
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, pose.configuration)
@@ -69,7 +70,7 @@ def test_places_are_pinocchios_and_cut_frames_meet(scene):
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_rods_are_rigid_but_for_slides_and_reach_every_joint(scene):
-    robot = scene.mechanism
+    robot = scene.robot
     here, there = scene.at(robot.reference), [pose for pose, _, _ in drags(scene, 12)][-1]
     long = [np.linalg.norm(np.diff(pose.rods, axis=1)[:, 0], axis=1) for pose in (here, there)]
     changed = np.abs(long[0] - long[1]) > 1e-9
@@ -84,7 +85,7 @@ def test_rods_are_rigid_but_for_slides_and_reach_every_joint(scene):
 
 def test_out_of_reach_a_robot_goes_as_far_as_it_gets(load_once):
     scene = Scene(load_once("five_bar"))
-    here = scene.at(scene.mechanism.reference)
+    here = scene.at(scene.robot.reference)
     goal = here.values + np.array([1.5, 0.0])
     there, arrived = scene.moved(here, goal)
     assert not arrived
@@ -108,7 +109,7 @@ def test_modes_are_other_closed_poses_of_the_same_motors(load_once):
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_an_ellipsoid_has_the_inertia_of_its_body(scene):
-    robot, drawn = scene.mechanism, 0
+    robot, drawn = scene.robot, 0
     for mass in body_masses(robot):
         own = robot.model.inertias[mass.joint].toDynamicParameters()
         np.testing.assert_allclose(mass.centre * mass.mass, own[1:4], atol=1e-12)

@@ -27,7 +27,7 @@ MJCF = """<mujoco><compiler angle="radian"/><asset>
 def test_shapes_are_where_mujoco_has_them_and_as_large(tmp_path):
     mujoco = pytest.importorskip("mujoco")
     (tmp_path / "robot.xml").write_text(MJCF)
-    robot = loopid.load_mechanism(tmp_path / "robot.xml")
+    robot = loopid.load(tmp_path / "robot.xml")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "robot.xml"))
     data, q = mujoco.MjData(model), np.array([0.4, -0.7])
     data.qpos = q
@@ -64,4 +64,4 @@ def test_a_urdf_without_its_meshes_is_drawn_as_rods(tmp_path, load_once):
     assert other != text
     (tmp_path / "five_bar.urdf").write_text(other)
     (tmp_path / "five_bar.yaml").write_text(given.read_text())
-    assert read_solids(loopid.load_mechanism(tmp_path / "five_bar.yaml")) == []
+    assert read_solids(loopid.load(tmp_path / "five_bar.yaml")) == []

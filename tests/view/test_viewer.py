@@ -36,8 +36,8 @@ def five_bar(load_once):
 @pytest.fixture(scope="module")
 def fit_file(five_bar, tmp_path_factory):
     with warnings.catch_warnings(action="ignore"):
-        model = loopid.find_force_model(five_bar, "full")
-        recording = loopid.prepare_recording(five_bar, loopid.read_log(LOG, five_bar))
+        model = loopid.force_model(five_bar, "full")
+        recording = loopid.prepare(five_bar, loopid.read_log(LOG, five_bar))
         found = loopid.identify(model, [recording])
     return found.fit.save(tmp_path_factory.mktemp("fit") / "fit.yaml")
 
@@ -92,7 +92,9 @@ def coloured(image, colour):
 def test_pictures_show_the_poses_and_whether_loops_are_closed(five_bar):
     from PIL import Image
 
-    motion = loopid.joint_motion(five_bar, loopid.read_motion_program("five_bar").motion(rate=5.0))
+    motion = loopid.motion.joint_motion(
+        five_bar, loopid.motion.read_motion_program("five_bar").motion(rate=5.0)
+    )
     with Viewer(five_bar, motion=motion) as viewer:
         closed, later, _ = (
             np.array(Image.open(io.BytesIO(png)), float)

@@ -72,8 +72,8 @@ class SubgroupAccount:
     Examples
     --------
     >>> import loopid
-    >>> observation = loopid.structural_observation(loopid.load_mechanism("four_bar"))
-    >>> found = loopid.find_base_parameters(observation, "subgroup").search.subgroups
+    >>> observation = loopid.regressors.structural_observation(loopid.load("four_bar"))
+    >>> found = loopid.base_parameters.find_base(observation, "subgroup").search.subgroups
     >>> found.group_size, len(found.groups), found.tried
     (5, 3, 15)
     """

@@ -90,8 +90,8 @@ class BaseParameters(Tabular):
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("3ups_rpu")
-    >>> base = loopid.find_base_parameters(loopid.structural_observation(robot))
+    >>> robot = loopid.load("3ups_rpu")
+    >>> base = loopid.base_parameters.find_base(loopid.regressors.structural_observation(robot))
     >>> base["platform.mx"].expression
     'platform.mx - 0.3 leg1_stem.m + 0.1928 leg2_stem.m'
     >>> base.matrix.shape == (len(base), len(base.parameters))
@@ -227,7 +227,7 @@ class BaseParameters(Tabular):
 
 
 @checked
-def find_base_parameters(
+def find_base(
     observation: Observation,
     search: str | SearchStrategy = "exact",
     *,
@@ -265,8 +265,8 @@ def find_base_parameters(
     Examples
     --------
     >>> import loopid
-    >>> observation = loopid.structural_observation(loopid.load_mechanism("3ups_rpu"))
-    >>> base = loopid.find_base_parameters(observation)
+    >>> observation = loopid.regressors.structural_observation(loopid.load("3ups_rpu"))
+    >>> base = loopid.base_parameters.find_base(observation)
     >>> len(base), base.search.certified, round(base.nullspace_condition_number, 4)
     (15, True, 2.237)
     """
@@ -324,7 +324,7 @@ def find_felt_parameters(
     Parameters
     ----------
     observation, search, criterion, tolerances, options
-        As in ``find_base_parameters``. The second search has the time that the first one left.
+        As in ``find_base``. The second search has the time that the first one left.
 
     Returns
     -------
@@ -336,17 +336,17 @@ def find_felt_parameters(
     Raises
     ------
     RankError, OptionError
-        As ``find_base_parameters``.
+        As ``find_base``.
 
     Examples
     --------
     >>> import loopid
-    >>> observation = loopid.structural_observation(loopid.load_mechanism("four_bar"))
+    >>> observation = loopid.regressors.structural_observation(loopid.load("four_bar"))
     >>> base, alone = loopid.base_parameters.find_felt_parameters(observation)
     >>> len(base), alone
     (4, None)
     """
-    find = partial(find_base_parameters, criterion=criterion, tolerances=tolerances)
+    find = partial(find_base, criterion=criterion, tolerances=tolerances)
     base, alone = find(observation, search, options=options), observation.motors_alone
     if alone is None or without_effect(alone):
         return base, None

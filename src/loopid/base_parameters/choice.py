@@ -62,9 +62,9 @@ class SearchOptions:
     Examples
     --------
     >>> import loopid
-    >>> observation = loopid.structural_observation(loopid.load_mechanism("four_bar"))
-    >>> minute = loopid.SearchOptions(time_limit=60.0)
-    >>> loopid.find_base_parameters(observation, options=minute).search.options.time_limit
+    >>> observation = loopid.regressors.structural_observation(loopid.load("four_bar"))
+    >>> minute = loopid.base_parameters.SearchOptions(time_limit=60.0)
+    >>> loopid.base_parameters.find_base(observation, options=minute).search.options.time_limit
     60.0
     """
 

@@ -141,9 +141,9 @@ class SubgroupSearch(SearchStrategy):
     Examples
     --------
     >>> import loopid
-    >>> observation = loopid.structural_observation(loopid.load_mechanism("four_bar"))
+    >>> observation = loopid.regressors.structural_observation(loopid.load("four_bar"))
     >>> search = loopid.base_parameters.SubgroupSearch(alpha=0.5)
-    >>> base = loopid.find_base_parameters(observation, search)
+    >>> base = loopid.base_parameters.find_base(observation, search)
     >>> base.search.found, base.search.certified
     (True, False)
     """

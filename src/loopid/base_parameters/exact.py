@@ -65,8 +65,9 @@ class ExactSearch(SearchStrategy):
     Examples
     --------
     >>> import loopid
-    >>> observation = loopid.structural_observation(loopid.load_mechanism("four_bar"))
-    >>> base = loopid.find_base_parameters(observation, loopid.ExactSearch(proof=True))
+    >>> observation = loopid.regressors.structural_observation(loopid.load("four_bar"))
+    >>> proven = loopid.base_parameters.ExactSearch(proof=True)
+    >>> base = loopid.base_parameters.find_base(observation, proven)
     >>> base.search.certified, base.search.gap
     (True, 1.0)
     """

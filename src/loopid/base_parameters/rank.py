@@ -65,9 +65,11 @@ class RankTolerances:
     Examples
     --------
     >>> import loopid
-    >>> observation = loopid.structural_observation(loopid.load_mechanism("five_bar"))
-    >>> coarse = loopid.RankTolerances(least=0.1)  # what forces hardly depend on does not count
-    >>> base = loopid.find_base_parameters(observation, tolerances=coarse)
+    >>> observation = loopid.regressors.structural_observation(loopid.load("five_bar"))
+    What forces hardly depend on does not count:
+
+    >>> coarse = loopid.base_parameters.RankTolerances(least=0.1)
+    >>> base = loopid.base_parameters.find_base(observation, tolerances=coarse)
     >>> len(base), len(base.doubtful), base.structure.tolerances.least
     (4, 2, 0.1)
     """

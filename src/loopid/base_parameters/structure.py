@@ -104,8 +104,8 @@ def analyse(observation: Observation, tolerances: RankTolerances = RankTolerance
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("four_bar")
-    >>> structure = loopid.base_parameters.analyse(loopid.structural_observation(robot))
+    >>> robot = loopid.load("four_bar")
+    >>> structure = loopid.base_parameters.analyse(loopid.regressors.structural_observation(robot))
     >>> structure.rank, len(structure.columns), structure.doubtful
     (4, 7, ())
     """

@@ -16,7 +16,7 @@ import typer
 # Advice in Python's words, between spaces: keyword=value, a list, text, a number or a flag; of a
 # motion with the function that designs it.
 ADVICE = re.compile(
-    r"""(?<![^\s(])(?P<caller>design_excitation with )?(?P<name>[a-z]\w*)="""
+    r"""(?<![^\s(])(?P<caller>design_motion with )?(?P<name>[a-z]\w*)="""
     r"""(?P<value>\[[^]]*\]|"[^"]*"|'[^']*'|-?\d+(?:\.\d+)?(?:e[-+]?\d+)?|True|False)"""
     r"""(?=[,;:.)]*(?:\s|$))"""
 )
@@ -26,7 +26,7 @@ def in_options(text: str, context: typer.Context) -> str:
     """Text whose advice to use a parameter of a command names the command's option.
 
     ``lock=["x", "y"]`` becomes ``--lock x --lock y`` where the command has that option, and
-    ``loopid base --lock x --lock y`` where only others have it; ``design_excitation with`` becomes
+    ``loopid base --lock x --lock y`` where only others have it; ``design_motion with`` becomes
     ``loopid excite`` with the robot. All other text stays as it is.
     """
     others = getattr(context.find_root().command, "commands", {}).values()

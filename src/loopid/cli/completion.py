@@ -38,13 +38,13 @@ def links(context: typer.Context, incomplete: str) -> list[str]:
 
 def _names(context: typer.Context, kind: str) -> list[Any]:
     """Names of a robot; none where it cannot be loaded."""
-    from loopid.loading.load import load_mechanism
+    from loopid.loading.robot_files import load
 
     # An option that waits for its value keeps the words before it from their parameters.
     robot = context.params.get("file") or next(iter(context.args), "")
     with suppress(LoopidError), warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return list(getattr(load_mechanism(robot), kind))
+        return list(getattr(load(robot), kind))
     return []
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from loopid.identification.log_mistakes import Suspicions
     from loopid.logs.recording import Recording
     from loopid.report.page import Report
-    from loopid.robot.mechanism import Mechanism
+    from loopid.robot.robot import Robot
 
 LOGS = Argument(
     ...,
@@ -46,7 +46,7 @@ ROWS = Option(None, metavar="M:N", help="Rows of each LOG to use, counted from 1
 
 @of_robot
 def identify(
-    robot: Mechanism,
+    robot: Robot,
     answer: Answer,
     logs: list[str] = LOGS,
     mapping: str | None = MAPPING,
@@ -129,7 +129,7 @@ def excite_command(
     from loopid.loading.files import bundled_directory
 
     model = found.force_model
-    robot, terms, excite = model.mechanism, model.joint_terms, found.verdict.excite
+    robot, terms, excite = model.robot, model.joint_terms, found.verdict.excite
     wanted = excite if len(excite) <= MOST_WANTED else ()
     options: dict[str, Any] = {"model": model.model, "terms": terms and terms.choice(robot)}
     options |= {**robot.options, "mapping": mapping, "after": list(logs), "for": wanted}
@@ -174,7 +174,7 @@ def predict(
 
 @of_robot
 def payload(
-    robot: Mechanism,
+    robot: Robot,
     answer: Answer,
     link: str = Argument(
         ...,
@@ -205,7 +205,7 @@ def payload(
     """Identify a payload, or the drives' gains by a known one."""
     from loopid.diagnosis.gains import KnownLoad, drive_gains
     from loopid.diagnosis.payload import identify_payload
-    from loopid.identification.force_model import find_force_model
+    from loopid.identification.force_models import force_model
     from loopid.identification.log_mistakes import suspicions_by_log
     from loopid.identification.model_choice import chosen_model
     from loopid.logs.reading import locked_as_logged
@@ -220,17 +220,15 @@ def payload(
         "loaded": recordings(robot, loaded_log, mapping, cutoff, rows),
     }
     logged = [*runs["unloaded"], *runs["loaded"]]
-    force_model = find_force_model(robot, chosen_model(robot, model, logged), terms)
+    fitted = force_model(robot, chosen_model(robot, model, logged), terms)
     if known_mass is None:
-        report = payload_report(identify_payload(force_model, link, **runs, estimator=estimator))
+        report = payload_report(identify_payload(fitted, link, **runs, estimator=estimator))
     else:
         load = KnownLoad(known_mass, None if centre is None else numbers(centre, "--centre", 3))
-        gains = drive_gains(force_model, link, load, **runs, estimator=estimator)
+        gains = drive_gains(fitted, link, load, **runs, estimator=estimator)
         _write_gains(write_mapping, gains, logged, mapping)
         report = gains_report(gains)
-    answer.show(
-        _vetoed(report, suspicions_by_log(robot, runs["unloaded"], force_model.joint_terms))
-    )
+    answer.show(_vetoed(report, suspicions_by_log(robot, runs["unloaded"], fitted.joint_terms)))
 
 
 def _require_gains(

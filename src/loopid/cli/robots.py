@@ -20,7 +20,7 @@ from loopid.progress import progress_bar
 if TYPE_CHECKING:
     from loopid.cli.shell import Answer
     from loopid.logs.recording import Recording
-    from loopid.robot.mechanism import Mechanism
+    from loopid.robot.robot import Robot
 
 FILE = Argument(
     ...,
@@ -66,11 +66,11 @@ def loaded(
     ),
     xacro: list[str] | None = XACRO,
 ) -> Any:
-    """The robot (``Mechanism``) that the options of a command ask for."""
-    from loopid.loading.load import load_mechanism
+    """The robot (``Robot``) that the options of a command ask for."""
+    from loopid.loading.robot_files import load
 
     with progress_bar("robot"):
-        return load_mechanism(
+        return load(
             file,
             lock=lock or (),
             floating_base=floating_base,
@@ -85,7 +85,7 @@ of_robot = with_options(robot=loaded, answer=answering)
 
 
 @of_robot
-def check(robot: Mechanism, answer: Answer) -> None:
+def check(robot: Robot, answer: Answer) -> None:
     """Show joints, loop closures, mobility and singularities."""
     from loopid.report.structure import check_report
 
@@ -95,7 +95,7 @@ def check(robot: Mechanism, answer: Answer) -> None:
 
 @of_robot
 def base(
-    robot: Mechanism,
+    robot: Robot,
     answer: Answer,
     model: str = MODEL,
     search: str = Option("exact", help="exact, subgroup, exhaustive or qr."),
@@ -151,7 +151,7 @@ def subgroups_of(search: str, **options: Any) -> Any:
 
 @of_robot
 def motions(
-    robot: Mechanism,
+    robot: Robot,
     answer: Answer,
     program: str | None = MOTIONS,
     rate: float = Option(20.0, help="Samples per second."),
@@ -171,7 +171,7 @@ def motions(
 
 @with_options(robot=loaded)
 def simulate(
-    robot: Mechanism,
+    robot: Robot,
     program: str | None = MOTIONS,
     motion: str | None = Option(None, metavar="NAME", help="Of the file; its first by default."),
     out: str | None = Option(None, metavar="CSV", help="The log; on the terminal without it."),
@@ -209,7 +209,7 @@ def simulate(
 
 @of_robot
 def excite(
-    robot: Mechanism,
+    robot: Robot,
     answer: Answer,
     model: str = Option(
         "auto",
@@ -273,10 +273,10 @@ def excite(
 
     Ctrl-C keeps the best motion so far.
     """
-    from loopid.excitation.design import design_excitation
+    from loopid.excitation.design import design_motion
     from loopid.excitation.limits import MotionLimits
     from loopid.excitation.problem import DesignOptions
-    from loopid.identification.force_model import find_force_model
+    from loopid.identification.force_models import force_model
     from loopid.identification.model_choice import chosen_model, require_model
     from loopid.logs.reading import locked_as_logged
     from loopid.regressors.joint_terms import JointTerms
@@ -310,12 +310,11 @@ def excite(
     require_model(model)
     robot = locked_as_logged(robot, after[0], mapping=mapping) if after else robot
     logged = recordings(robot, after, mapping)
-    force_model = find_force_model(
-        robot, chosen_model(robot, model, logged), JointTerms.of(robot, terms)
-    )
+    chosen = chosen_model(robot, model, logged)
+    fitted = force_model(robot, chosen, JointTerms.of(robot, terms))
     with progress_bar(criterion) as watch:
-        found = design_excitation(
-            force_model,
+        found = design_motion(
+            fitted,
             limits=limits,
             options=options,
             after=logged,
@@ -329,7 +328,7 @@ def excite(
 
 @with_options(robot=loaded)
 def view(
-    robot: Mechanism,
+    robot: Robot,
     files: list[str] | None = Argument(
         None, metavar="[LOG|MOTION|FIT]...", help="What to play, and saved fits: their masses."
     ),
@@ -441,7 +440,7 @@ def row_range(text: str | None) -> tuple[int, int | None] | None:
 
 
 def recordings(
-    robot: Mechanism,
+    robot: Robot,
     paths: Sequence[str] | None,
     mapping: str | None = None,
     cutoff: float | None = None,

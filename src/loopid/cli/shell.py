@@ -216,7 +216,7 @@ def with_options(**makers: Callable[..., Any]) -> Callable[..., Any]:
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
         names = {name: list(signature(make).parameters) for name, make in makers.items()}
-        known = dict.fromkeys(("Mechanism", "Answer"), Any)  # imported when they are made
+        known = dict.fromkeys(("Robot", "Answer"), Any)  # imported when they are made
         own = signature(command, eval_str=True, locals=known).parameters.values()
         more = (
             p

@@ -109,8 +109,8 @@ class WrenchObserver:
     --------
     >>> import numpy as np, loopid
     >>> from loopid.control import Signals, WrenchObserver
-    >>> knee = loopid.load_mechanism("3ups_rpu")
-    >>> robot = loopid.Dynamics(loopid.find_force_model(knee, "full"))
+    >>> knee = loopid.load("3ups_rpu")
+    >>> robot = loopid.Dynamics(loopid.force_model(knee, "full"))
     >>> at, still = np.array([0.72, 0.75, 0.76, 0.72]), np.zeros(4)
     >>> observer = WrenchObserver(robot, 0.01, noise=7.0)
     >>> for _ in range(100):

@@ -24,7 +24,7 @@ from loopid.parameters import KINDS, Parameter
 from loopid.records import record
 from loopid.regressors.dynamics import Dynamics
 from loopid.regressors.joint_laws import JointState, joint_term
-from loopid.robot.mechanism import shortened
+from loopid.robot.robot import shortened
 
 SAME, SWEEPS = 1e-12, 1000  # relative change of velocities that ends their iteration; at most
 # Kinds of friction that may hold a joint, or are viscous; of those before a number.
@@ -120,7 +120,7 @@ class ControlLoop:
     --------
     >>> import numpy as np, loopid
     >>> from loopid.control import PID, ControlLoop, Controller, Gravity
-    >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"), "full", "Fc,Fv")
+    >>> model = loopid.force_model(loopid.load("five_bar"), "full", "Fc,Fv")
     >>> robot, own = loopid.Dynamics(model), loopid.Dynamics(model)
     >>> loop = ControlLoop(robot, Controller(PID(50.0, 5.0), Gravity(own)))
     >>> home = np.tile(loop.position, (100, 1))

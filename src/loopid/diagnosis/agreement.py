@@ -106,10 +106,10 @@ def compare_fits(first: Fit, second: Fit) -> Agreement:
     Two logs of one five-bar, the second with other noise:
 
     >>> import loopid
-    >>> robot = loopid.load_mechanism("five_bar")
-    >>> model = loopid.find_force_model(robot, "full", "Fc,Fv")
-    >>> run = loopid.prepare_recording(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
-    >>> parts = loopid.split_recordings([run], 0.5)
+    >>> robot = loopid.load("five_bar")
+    >>> model = loopid.force_model(robot, "full", "Fc,Fv")
+    >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
+    >>> parts = loopid.identification.split_recordings([run], 0.5)
     >>> fits = [loopid.identification.quiet_fit(model.samples(part)) for (part,) in parts]
     >>> found = loopid.diagnosis.compare_fits(*fits)
     >>> len(found.expressions), found.usual > 0.7

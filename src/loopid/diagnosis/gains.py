@@ -28,7 +28,7 @@ from loopid.identification.estimator import (
     scaled_svd,
 )
 from loopid.identification.fitting import quiet_fit
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit
 from loopid.logs.mapping import LogMapping
@@ -209,11 +209,11 @@ def drive_gains(
         ...
     loopid.errors.OptionError: the known mass must be above 0 kg, not -2.0
     """
-    if force_model.mechanism.redundant:
+    if force_model.robot.redundant:
         raise OptionError(
             "gains take motors that do not depend on each other: "
-            f"{', '.join(force_model.mechanism.redundant)} follow from the others",
-            motors=force_model.mechanism.redundant,
+            f"{', '.join(force_model.robot.redundant)} follow from the others",
+            motors=force_model.robot.redundant,
         )
     name = chosen_estimator(estimator).name
     runs = LoadedRuns.of(force_model, link, unloaded, loaded, estimator=name)
@@ -259,7 +259,7 @@ def motor_scales(
         When a scale is not above 0.
     """
     chosen, names = chosen_estimator(estimator), np.array(runs.robot.actuators, dtype=object)
-    driven = ~np.isin(names, runs.force_model.mechanism.free)
+    driven = ~np.isin(names, runs.force_model.robot.free)
     everything = _Rows.of(runs, known)
     telling = everything.telling(driven, chosen)
     while telling.any():

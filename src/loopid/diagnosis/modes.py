@@ -12,7 +12,7 @@ from loopid.kinematics.freedoms import closed_at
 from loopid.kinematics.sampling import SamplingOptions
 from loopid.records import record
 from loopid.regressors.structural import LEAST_SAMPLES, structural_observation
-from loopid.robot.mechanism import AssemblyMode, Mechanism
+from loopid.robot.robot import AssemblyMode, Robot
 
 ROWS_PER_COLUMN = 1.5  # of observations that only tell a rank
 # Parts of the limits that poses are from: all, as for base parameters; less where these do not
@@ -36,7 +36,7 @@ class ModeComparison:
 
 
 @checked
-def compare_modes(mechanism: Mechanism) -> ModeComparison:
+def compare_modes(robot: Robot) -> ModeComparison:
     """Count the base parameters of the full model in each assembly mode of a robot.
 
     There are modes where the drawn pose is singular or open, and so leaves a choice. To choose
@@ -55,17 +55,15 @@ def compare_modes(mechanism: Mechanism) -> ModeComparison:
     Examples
     --------
     >>> import loopid
-    >>> loopid.diagnosis.compare_modes(loopid.load_mechanism("five_bar"))
+    >>> loopid.diagnosis.compare_modes(loopid.load("five_bar"))
     ModeComparison(modes=(), ranks=())
     """
-    found = ModeComparison(
-        mechanism.modes, tuple(_rank(mechanism, mode) for mode in mechanism.modes)
-    )
+    found = ModeComparison(robot.modes, tuple(_rank(robot, mode) for mode in robot.modes))
     if not found.alike:
         listed = ", ".join(f"{rank or '?'} in mode {k}" for k, rank in enumerate(found.ranks, 1))
         differ = "may differ" if None in found.ranks else "differ"
         warn(
-            f"{mechanism.source}: the drawn pose leaves {len(found.modes)} assembly modes, mode 1 "
+            f"{robot.source}: the drawn pose leaves {len(found.modes)} assembly modes, mode 1 "
             f"is used, and their numbers of base parameters {differ} (full model): {listed}; to "
             "choose another, put its 'reference' into the YAML",
             ModelWarning,
@@ -73,13 +71,13 @@ def compare_modes(mechanism: Mechanism) -> ModeComparison:
     return found
 
 
-def _rank(mechanism: Mechanism, mode: AssemblyMode) -> int | None:
+def _rank(robot: Robot, mode: AssemblyMode) -> int | None:
     """Number of base parameters of the full model in a mode; None where it is not clear."""
-    if len(mechanism.parameters()) > LARGEST:
+    if len(robot.parameters()) > LARGEST:
         return None
     with suppress(LoopidError):
         # Coordinates that are independent in one mode may hardly be so in another.
-        robot, _ = closed_at(mechanism, mode.reference)
+        robot, _ = closed_at(robot, mode.reference)
         count = ceil(ROWS_PER_COLUMN * len(robot.parameters()) / len(robot.independent))
         count = max(count, LEAST_SAMPLES)
         for spread in SPREADS:

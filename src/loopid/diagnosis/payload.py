@@ -10,7 +10,7 @@ from scipy.linalg import solve_triangular
 from scipy.special import fdtrc, stdtrit
 
 from loopid.arguments import FloatArray, checked, frozen
-from loopid.base_parameters.base import BaseParameters, find_base_parameters
+from loopid.base_parameters.base import BaseParameters, find_base
 from loopid.diagnosis.gains import motor_scales
 from loopid.diagnosis.loaded_runs import LoadedRuns
 from loopid.errors import ModelWarning, RankError, warn
@@ -29,7 +29,7 @@ from loopid.identification.estimator import (
     result_of,
 )
 from loopid.identification.fitting import working_fit
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.identification.jackknife import with_scatter
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit
@@ -263,10 +263,10 @@ def identify_payload(
     A load of 2 kg on the coupler of a five-bar, 0.1 m along its x and 0.05 m along its y axis:
 
     >>> import loopid, numpy as np
-    >>> robot = loopid.load_mechanism("five_bar")
-    >>> model = loopid.find_force_model(robot, "gravity", None)
-    >>> plan = loopid.read_motion_program("five_bar").motion("sweep", 20)
-    >>> motion = loopid.joint_motion(robot, plan)
+    >>> robot = loopid.load("five_bar")
+    >>> model = loopid.force_model(robot, "gravity", None)
+    >>> plan = loopid.motion.read_motion_program("five_bar").motion("sweep", 20)
+    >>> motion = loopid.motion.joint_motion(robot, plan)
     >>> load = np.zeros(robot.standard_parameters("full").size)
     >>> first = robot.parameters("full").labels.index("left_coupler.m")
     >>> load[first : first + 3] = 2.0, 0.2, 0.1
@@ -276,7 +276,7 @@ def identify_payload(
     ...     slow = loopid.motion.JointMotion(
     ...         motion.time, motion.configurations, 0 * motion.velocities,
     ...         0 * motion.accelerations, motion.singularity)
-    ...     force = loopid.simulate_measurement(robot, slow, loopid.Noise(gaussian=0.01),
+    ...     force = loopid.simulate(robot, slow, loopid.motion.Noise(gaussian=0.01),
     ...         seed=int(carried), standard_parameters=bodies).force
     ...     runs.append(loopid.logs.Recording.of_motion(slow, force, robot.actuated))
     >>> found = loopid.identify_payload(
@@ -306,11 +306,11 @@ def identify_payload(
 
 def _payload_parameters(runs: LoadedRuns) -> BaseParameters:
     """Which combinations of a payload's parameters the forces tell, in random states."""
-    regressor, robot = runs.random_load, runs.force_model.mechanism
+    regressor, robot = runs.random_load, runs.force_model.robot
     if not regressor.any():
         raise RankError(f"no force of a motor depends on a payload on {runs.link}")
     names = ParameterSet.of_links([PAYLOAD], runs.kinds)
-    return find_base_parameters(Observation.from_matrix(regressor, names, length=robot.length))
+    return find_base(Observation.from_matrix(regressor, names, length=robot.length))
 
 
 def _alone(base: BaseParameters) -> dict[str, int]:
@@ -353,7 +353,7 @@ def _with_the_file(runs: LoadedRuns, base: BaseParameters) -> tuple[LoadedRuns, 
 
 def _solid(runs: LoadedRuns, base: BaseParameters, result: Fit) -> tuple[FloatArray, Fit]:
     """Standard parameters of the payload as a solid body, and its fit given that it is one."""
-    first, robot, alone = len(result.values) - len(base), runs.force_model.mechanism, _alone(base)
+    first, robot, alone = len(result.values) - len(base), runs.force_model.robot, _alone(base)
     x, C = result.values[first:], result.covariance[first:, first:]
     mass = float(robot.standard_parameters("full")[::10].mean()) or 1.0
     if "m" in alone:
@@ -378,7 +378,7 @@ def _by_motor(
 ) -> MotorMasses | None:
     """The mass by each motor, about that of a fit; None where this is not clear from zero."""
     row = _alone(base).get("m")
-    if row is None or runs.force_model.mechanism.redundant:
+    if row is None or runs.force_model.robot.redundant:
         return None
     mass = float(result.values[row])
     if not result.intervals()[row, 0] > 0:

@@ -16,7 +16,7 @@ from loopid.errors import ModelWarning, RobotFileError, warn
 from loopid.loading.files import files_of
 from loopid.loading.urdf_tree import urdf_root
 from loopid.loading.xml_elements import Element, child, label, numbers, placement, required
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 # Pairs of links that stay this part of the robot's length apart in random poses are not looked at.
 FAR = 0.1
@@ -41,17 +41,17 @@ class Collisions:
         (N, nq), some of all over the workspace.
     """
 
-    def __init__(self, mechanism: Mechanism, poses: FloatArray) -> None:
-        self.mechanism, self.far = mechanism, FAR * mechanism.length
-        self.geometry = _geometry(mechanism)
-        pieces, tied = self.geometry.geometryObjects, _neighbours(mechanism)
+    def __init__(self, robot: Robot, poses: FloatArray) -> None:
+        self.robot, self.far = robot, FAR * robot.length
+        self.geometry = _geometry(robot)
+        pieces, tied = self.geometry.geometryObjects, _neighbours(robot)
         for i, first in enumerate(pieces):
             for j, second in enumerate(pieces[:i]):
                 joints = frozenset((int(first.parentJoint), int(second.parentJoint)))
                 if len(joints) == 2 and joints not in tied:
                     self.geometry.addCollisionPair(pin.CollisionPair(j, i))
         if self.pairs:
-            touching = self._distances(mechanism.reference[None])[0] <= 0
+            touching = self._distances(robot.reference[None])[0] <= 0
             near = self._distances(poses).min(axis=0) < self.far
             pairs = list(self.geometry.collisionPairs)
             self.geometry.removeAllCollisionPairs()
@@ -62,7 +62,7 @@ class Collisions:
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
         """Links that may touch each other."""
-        pieces, frames = self.geometry.geometryObjects, self.mechanism.model.frames
+        pieces, frames = self.geometry.geometryObjects, self.robot.model.frames
         found = (
             (
                 frames[pieces[pair.first].parentFrame].name,
@@ -77,7 +77,7 @@ class Collisions:
         return np.asarray(self._distances(q).min(axis=1), dtype=np.float64)
 
     def _distances(self, q: FloatArray) -> FloatArray:
-        model = self.mechanism.model
+        model = self.robot.model
         data, geometry = model.createData(), self.geometry.createData()
         found = np.empty((len(q), len(self.geometry.collisionPairs)))
         for k, configuration in enumerate(q):
@@ -86,22 +86,22 @@ class Collisions:
         return found
 
 
-def _geometry(mechanism: Mechanism) -> pin.GeometryModel:
+def _geometry(robot: Robot) -> pin.GeometryModel:
     """Collision geometry of the URDF, as convex hulls; none where there is none, or no mesh."""
-    tree = None if mechanism.path is None else files_of(mechanism).tree
+    tree = None if robot.path is None else files_of(robot).tree
     if tree is None or tree.suffix != ".urdf":
         return pin.GeometryModel()
     folders = [str(folder) for folder in tree.absolute().parents]
     urdf, unread = _sound_collisions(tree)
     if unread:
-        what = f"collision geometry of {mechanism.name} that cannot be read is left out"
+        what = f"collision geometry of {robot.name} that cannot be read is left out"
         warn(f"{what}: {'; '.join(unread)}", ModelWarning)
     try:
         geometry = pin.buildGeomFromUrdfString(
-            mechanism.model, urdf, pin.GeometryType.COLLISION, package_dirs=folders
+            robot.model, urdf, pin.GeometryType.COLLISION, package_dirs=folders
         )
     except (ValueError, RuntimeError) as error:
-        warn(f"collisions of {mechanism.name} are not looked at: {error}", ModelWarning)
+        warn(f"collisions of {robot.name} are not looked at: {error}", ModelWarning)
         return pin.GeometryModel()
     for piece in geometry.geometryObjects:
         if isinstance(piece.geometry, coal.BVHModelBase):
@@ -158,10 +158,10 @@ def convex_hull(mesh: coal.BVHModelBase) -> Any:
     return coal.Convex(corners, triangles)
 
 
-def _neighbours(mechanism: Mechanism) -> set[frozenset[int]]:
+def _neighbours(robot: Robot) -> set[frozenset[int]]:
     """Pairs of joints whose links are next to each other, in the tree or through a closure."""
-    model = mechanism.model
+    model = robot.model
     found = {frozenset((k, int(model.parents[k]))) for k in range(1, model.njoints)}
-    for closure in mechanism.closures:
+    for closure in robot.closures:
         found.add(frozenset(int(model.frames[k].parentJoint) for k in closure.frame_ids))
     return found

@@ -18,7 +18,7 @@ import scipy.linalg
 from loopid.arguments import FloatArray
 from loopid.errors import OptionError
 from loopid.identification.fitting import quiet_fit
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.identification.information import Excitation, excited_samples
 from loopid.identification.problem import FitSamples
 from loopid.logs.recording import Recording
@@ -232,8 +232,8 @@ class Known:
         Errors of filtered logs are autocorrelated: independent ones at the rate stand for them that
         have as much of an effect on a mean.
         """
-        mechanism = model.mechanism
-        deviations = dict(zip(mechanism.actuated, assumed.tolist(), strict=True))
+        robot = model.robot
+        deviations = dict(zip(robot.actuated, assumed.tolist(), strict=True))
         told = FitSamples.combined([model.samples(each) for each in after]) if after else None
         spacing = 0.0
         if told is not None:
@@ -241,7 +241,7 @@ class Known:
             excitation = Excitation.of(model, told.problem)
             found = quiet_fit(excited_samples(told, model.prior, excitation)).noise
             assert found is not None
-            for k, name in enumerate(mechanism.independent):
+            for k, name in enumerate(robot.independent):
                 each = found.samples[k] / found.effective_samples[k]
                 size = found.deviation[k] * np.sqrt(each * spacing * rate)
                 if name in deviations and size > 0:
@@ -249,10 +249,10 @@ class Known:
         deviations = _given(noise, deviations)
         information = np.zeros((basis.shape[1], basis.shape[1]))
         if told is not None:
-            for k, name in enumerate(mechanism.independent):
+            for k, name in enumerate(robot.independent):
                 rows = told.problem.factors[k, :, :-1] @ basis / deviations[name]
                 information += rate * spacing * rows.T @ rows
-        return cls(np.array([deviations[name] for name in mechanism.actuated]), information)
+        return cls(np.array([deviations[name] for name in robot.actuated]), information)
 
 
 def _given(

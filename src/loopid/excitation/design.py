@@ -24,19 +24,19 @@ from loopid.excitation.search import (
     search,
 )
 from loopid.excitation.shapes import SHAPES, PosesShape
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import project, singularity_measure
 from loopid.kinematics.sampling import DEFAULT_MARGIN, SamplingOptions, random_configurations
 from loopid.logs.log import Log
-from loopid.logs.preparing import prepare_recording
+from loopid.logs.preparing import prepare
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion, joint_motion
 from loopid.motion.trajectories import Motion, Waypoint
 from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
 from loopid.records import record
-from loopid.robot.mechanism import lock_options, shortened
+from loopid.robot.robot import lock_options, shortened
 from loopid.workers import one_blas_thread
 
 # Seconds of a motion, and sizes, where nothing else is said.
@@ -149,7 +149,7 @@ class ExcitationDesign:
 
     def __repr__(self) -> str:
         return (
-            f"<ExcitationDesign of {self.force_model.mechanism.name}: {self.motion.duration:g} s, "
+            f"<ExcitationDesign of {self.force_model.robot.name}: {self.motion.duration:g} s, "
             f"condition number {self.criteria.condition_number:.4g}, log det "
             f"{self.criteria.log_det:.4g}, {self.violations} violations>"
         )
@@ -200,7 +200,7 @@ class ExcitationDesign:
 
 
 @checked
-def design_excitation(
+def design_motion(
     model: ForceModel,
     *,
     limits: MotionLimits = MotionLimits(),
@@ -254,9 +254,9 @@ def design_excitation(
     Examples
     --------
     >>> import loopid
-    >>> model = loopid.find_force_model(loopid.load_mechanism("parallelogram"), joint_terms=None)
+    >>> model = loopid.force_model(loopid.load("parallelogram"), joint_terms=None)
     >>> options = loopid.DesignOptions(duration=6.0, starts=1, evaluations=10)
-    >>> loopid.design_excitation(model, options=options).violations
+    >>> loopid.design_motion(model, options=options).violations
     0
     """
     begun, model = monotonic(), model.plain  # what the evidence weighs is no aim of a motion
@@ -265,22 +265,22 @@ def design_excitation(
         warnings.simplefilter("ignore", AccuracyWarning)  # of motions that are tried
         unknown = Unknown.of(model, payload)
         poses = random_configurations(
-            model.mechanism, POSES, options.seed, options=SamplingOptions(margin=0.0)
+            model.robot, POSES, options.seed, options=SamplingOptions(margin=0.0)
         )
         criterion = unknown.criterion(options.criterion, parameters, model)
         on_platform = options.coordinates == "platform"
         size = options.size or SIZES.get(options.shape)
         if size is None:  # poses, twice as many forces as parameters
-            size = max(8, -(-2 * len(unknown.parameters) // len(model.mechanism.independent)))
+            size = max(8, -(-2 * len(unknown.parameters) // len(model.robot.independent)))
         problem = Problem(
             force_model=model,
-            coordinates=Coordinates(model.mechanism, on_platform),
+            coordinates=Coordinates(model.robot, on_platform),
             shape=SHAPES[options.shape](options.duration or DURATIONS[model.model], size),
             bounds=Bounds(
-                model.mechanism, _with_margin(limits, model, poses), poses, model.model == "gravity"
+                model.robot, _with_margin(limits, model, poses), poses, model.model == "gravity"
             ),
             criterion=criterion,
-            noise=np.ones(len(model.mechanism.actuated)),
+            noise=np.ones(len(model.robot.actuated)),
             basis=unknown.basis,
             prior=np.zeros((unknown.basis.shape[1],) * 2),
             options=options,
@@ -327,16 +327,16 @@ def _require_designable(
     model: ForceModel, options: DesignOptions, parameters: Sequence[str]
 ) -> None:
     """Refuse options that do not go with the model."""
-    mechanism = model.mechanism
-    if mechanism.free:
+    robot = model.robot
+    if robot.free:
         raise OptionError(
-            f"no motion of the motors tells what {', '.join(mechanism.free)} of {mechanism.name} "
-            f"do, which they leave free: load it with {lock_options(mechanism)}",
-            free=mechanism.free,
+            f"no motion of the motors tells what {', '.join(robot.free)} of {robot.name} "
+            f"do, which they leave free: load it with {lock_options(robot)}",
+            free=robot.free,
         )
-    if options.coordinates == "platform" and mechanism.platform is None:
+    if options.coordinates == "platform" and robot.platform is None:
         raise OptionError(
-            f"{mechanism.name} declares no platform coordinates: use coordinates='joints'",
+            f"{robot.name} declares no platform coordinates: use coordinates='joints'",
             given="platform",
             valid=("joints",),
         )
@@ -360,13 +360,13 @@ def _assumed_noise(problem: Problem, poses: Poses) -> FloatArray:
 
     Where the robot file knows no force of a motor, it is the share of the largest one, or of 1.
     """
-    mechanism = problem.force_model.mechanism
+    robot = problem.force_model.robot
     y, near = feasible_start(problem, poses, 0)
     x, v, a = problem.functions @ problem.variables(y)
     motion = problem.coordinates.follow(x, v, a, near)
-    sizes = np.zeros(len(mechanism.actuated))
+    sizes = np.zeros(len(robot.actuated))
     if motion is not None:
-        sizes = np.sqrt((file_forces(mechanism, motion) ** 2).mean(axis=0))
+        sizes = np.sqrt((file_forces(robot, motion) ** 2).mean(axis=0))
     largest = sizes.max()
     known = sizes > NO_FORCE * largest
     return problem.options.noise_share * np.where(known, sizes, largest or 1.0)
@@ -377,8 +377,8 @@ def _with_margin(limits: MotionLimits, model: ForceModel, poses: FloatArray) -> 
     if limits.singularity is not None:
         return limits
     least = DEFAULT_MARGIN
-    if model.mechanism.rows:
-        least = min(least, float(np.median(singularity_measure(model.mechanism, poses))) / 2)
+    if model.robot.rows:
+        least = min(least, float(np.median(singularity_measure(model.robot, poses))) / 2)
     return replace(limits, singularity=least)
 
 
@@ -394,7 +394,7 @@ def _warn_of_unexcited(
         near = sorted(checks, key=lambda check: -check.used)[:NAMED_BOUNDS]
         bounds = ", ".join(f"{check.name} ({check.used:.0%})" for check in near)
         warn(
-            f"the motion of {problem.force_model.mechanism.name} does not excite "
+            f"the motion of {problem.force_model.robot.name} does not excite "
             f"{shortened(labels)}: the bounds that it uses most are {bounds}; widen them, or lock "
             "what cannot move",
             DataWarning,
@@ -414,22 +414,22 @@ class Run(NamedTuple):
 
 def _run(problem: Problem, X: FloatArray) -> Run:
     """The run of the motion with variables X (m, c)."""
-    space, mechanism = problem.coordinates, problem.force_model.mechanism
+    space, robot = problem.coordinates, problem.force_model.robot
     motion = problem.shape.motion(space.names, X, problem.options.rate)
-    followed, factor = joint_motion(mechanism, motion), _root(problem.prior)
-    indices, parts = mechanism.velocity_indices(mechanism.actuated), []
+    followed, factor = joint_motion(robot, motion), _root(problem.prior)
+    indices, parts = robot.velocity_indices(robot.actuated), []
     for rows in row_blocks(len(motion), CHUNK):
         state = followed.configurations[rows], motion.velocity[rows], motion.acceleration[rows]
         whole = space.whole(*state)
-        forces = file_forces(mechanism, whole)
+        forces = file_forces(robot, whole)
         parts.append((whole.velocities[:, indices], whole.accelerations[:, indices], forces))
         told = problem.rows(whole).reshape(-1, len(factor))
         factor = triangular_factor(np.concatenate([factor, told]))
     v, a, forces = (np.concatenate(part) for part in zip(*parts, strict=True))
-    read = JointCoordinates(mechanism, mechanism.actuated)
+    read = JointCoordinates(robot, robot.actuated)
     x = read.read(followed.configurations.copy())
     x[:, read.circular] = np.unwrap(x[:, read.circular], axis=0)
-    motors = Motion(mechanism.actuated, motion.time, x, v, a)
+    motors = Motion(robot.actuated, motion.time, x, v, a)
     expected = _expected_fit(problem, motors, forces)
     return Run(motion, followed, motors, forces, Criteria.of(factor), expected)
 
@@ -443,20 +443,20 @@ def _expected_fit(problem: Problem, motors: Motion, forces: FloatArray) -> Expec
     that are independent in the log are not any more after the filter.
     """
     model, count, before = problem.force_model, len(motors), _root(problem.prior)
-    mechanism = model.mechanism
+    robot = model.robot
     # In poses, forces of motors that stand are taken too; so they are where none can move.
     standing = isinstance(problem.shape, PosesShape) or not np.ptp(motors.position, axis=0).any()
     idle_speed = 0.0 if standing else None
     log = Log.from_arrays(
-        motors.time, motors.position, forces, mechanism.actuated, idle_speed=idle_speed
+        motors.time, motors.position, forces, robot.actuated, idle_speed=idle_speed
     )
     # Its values are those of the robot, perhaps at rest.
-    run: Recording = prepare_recording(mechanism, replace(log, checked=True))
+    run: Recording = prepare(robot, replace(log, checked=True))
     history = run.history
     assert history is not None  # logs are filtered by default
     samples = model.samples(run)
-    G = project(mechanism, run.motion.configurations).G
-    shares = G[:, mechanism.velocity_indices(mechanism.actuated)] * problem.noise[:, None]
+    G = project(robot, run.motion.configurations).G
+    shares = G[:, robot.velocity_indices(robot.actuated)] * problem.noise[:, None]
     weights = 1.0 / np.sqrt((shares**2).sum(axis=1).mean(axis=0))
     X = samples.regressor @ problem.basis * (weights * samples.used)[:, :, None]
     # So many samples of the log for each one that is kept.

@@ -17,8 +17,8 @@ from loopid.kinematics.measured import platform_coordinates
 from loopid.kinematics.poses import frame_poses
 from loopid.kinematics.projection import NEAR_SINGULARITY, ClosedMotion, partition, project
 from loopid.records import record
-from loopid.robot.mechanism import Mechanism
 from loopid.robot.platform import ROTATIONS
+from loopid.robot.robot import Robot
 
 # Turns, characteristic lengths or weights beyond which a limit of the robot file is none.
 UNLIMITED = 1e3
@@ -137,7 +137,7 @@ class Quantities:
 
 
 class Bounds:
-    """All that a mechanism must keep, and its values in motion.
+    """All that a robot must keep, and its values in motion.
 
     Parameters
     ----------
@@ -158,24 +158,24 @@ class Bounds:
 
     def __init__(
         self,
-        mechanism: Mechanism,
+        robot: Robot,
         limits: MotionLimits,
         poses: FloatArray,
         slow: bool,
     ) -> None:
-        joints = _Joints(mechanism, limits, slow)
+        joints = _Joints(robot, limits, slow)
         speeds, (forces, all_forces) = joints.speeds(), joints.forces()
         self._moving = [speeds, joints.accelerations(forces_bounded=all_forces), forces]
-        self._posed = [joints.positions(), _workspace(mechanism, limits)]
+        self._posed = [joints.positions(), _workspace(robot, limits)]
         self._checked: list[Quantities] = []
         self.pairs: tuple[tuple[str, str], ...] = ()
-        if limits.collisions and (collisions := Collisions(mechanism, poses)).pairs:
+        if limits.collisions and (collisions := Collisions(robot, poses)).pairs:
             self.pairs = collisions.pairs
-            self._posed.append(_clearance(collisions, limits.clearance * mechanism.length))
-        if mechanism.closures:  # couplings alone have no singularities
+            self._posed.append(_clearance(collisions, limits.clearance * robot.length))
+        if robot.closures:  # couplings alone have no singularities
             least = 0.0 if limits.singularity is None else limits.singularity
-            self._posed.append(_singularity(mechanism, least, poses))
-            self._checked.append(_constraint_singularity(mechanism, least))
+            self._posed.append(_singularity(robot, least, poses))
+            self._checked.append(_constraint_singularity(robot, least))
         self.needs_forces = bool(forces.bounds)
         self.designed = sum(len(group.bounds) for group in [*self._moving, *self._posed])
         groups = [*self._moving, *self._posed, *self._checked]
@@ -216,41 +216,41 @@ def _values(groups: Sequence[Quantities], motion: ClosedMotion, forces: FloatArr
 class _Joints:
     """Bounds of joints, by what is given, else by the robot file, else by a fall."""
 
-    def __init__(self, mechanism: Mechanism, limits: MotionLimits, slow: bool) -> None:
-        self.mechanism, self.limits, self.slow = mechanism, limits, slow
-        joints = {name: mechanism.joint(name) for name in mechanism.joints}
+    def __init__(self, robot: Robot, limits: MotionLimits, slow: bool) -> None:
+        self.robot, self.limits, self.slow = robot, limits, slow
+        joints = {name: robot.joint(name) for name in robot.joints}
         for ranges in (limits.positions, limits.speeds, limits.accelerations, limits.forces):
             for name in ranges:
                 if name not in joints and (ranges is limits.positions or name != "all"):
                     raise OptionError.unknown("joint", name, joints)
         self.joints = {name: joint for name, joint in joints.items() if joint.nv == 1}
-        self.sliding = {n: j.idx_v in mechanism.prismatic for n, j in self.joints.items()}
-        self.following = mechanism.following - {*limits.positions}
-        gravity = float(np.linalg.norm(mechanism.model.gravity.linear)) or 1.0
-        self.rate = np.sqrt(gravity / mechanism.length)
-        self.weight = gravity * sum(each.mass for each in mechanism.model.inertias) or np.inf
+        self.sliding = {n: j.idx_v in robot.prismatic for n, j in self.joints.items()}
+        self.following = robot.following - {*limits.positions}
+        gravity = float(np.linalg.norm(robot.model.gravity.linear)) or 1.0
+        self.rate = np.sqrt(gravity / robot.length)
+        self.weight = gravity * sum(each.mass for each in robot.model.inertias) or np.inf
 
     def unit(self, name: str) -> str:
         return "m" if self.sliding[name] else "rad"
 
     def fall(self, name: str) -> float:
         """Speed of a fall over the robot's length."""
-        return float(self.rate * (self.mechanism.length if self.sliding[name] else 1.0))
+        return float(self.rate * (self.robot.length if self.sliding[name] else 1.0))
 
     def largest(self, given: Mapping[str, float], name: str, file: float) -> float:
         """The largest value of a joint that is given, else the share of the file's, if any."""
-        own = given.get(name, given.get("all") if name in self.mechanism.actuated else None)
+        own = given.get(name, given.get("all") if name in self.robot.actuated else None)
         if own is not None:
             return float(own)
         return self.limits.share * file if file > 0 else np.inf
 
     def speeds(self) -> Quantities:
         """Of all joints, by the file; of the independent ones also where the file bounds none."""
-        limits, given = self.mechanism.model.velocityLimit, self.limits.speeds
+        limits, given = self.robot.model.velocityLimit, self.limits.speeds
         bounds, columns = list[Bound](), list[int]()
         for name, joint in self.joints.items():
             speed, fall = self.largest(given, name, float(limits[joint.idx_v])), self.fall(name)
-            driven = name in self.mechanism.independent
+            driven = name in self.robot.independent
             if driven and self.slow and not given.keys() & {name, "all"}:
                 speed = min(speed, SLOW_SPEED * fall)
             elif driven and speed > UNLIMITED * fall:
@@ -262,13 +262,13 @@ class _Joints:
 
     def forces(self) -> tuple[Quantities, bool]:
         """Of the motors, and whether all of them are bounded."""
-        mechanism, bounds, columns = self.mechanism, list[Bound](), list[int]()
+        robot, bounds, columns = self.robot, list[Bound](), list[int]()
         bounded = True
-        for k, name in enumerate(mechanism.actuated):
+        for k, name in enumerate(robot.actuated):
             if name not in self.joints:
                 continue
-            effort = float(mechanism.model.effortLimit[self.joints[name].idx_v])
-            lever = 1.0 if self.sliding[name] else mechanism.length
+            effort = float(robot.model.effortLimit[self.joints[name].idx_v])
+            lever = 1.0 if self.sliding[name] else robot.length
             file = effort if effort < UNLIMITED * self.weight * lever else 0.0
             most = self.largest(self.limits.forces, name, file)
             bounded = bounded and bool(np.isfinite(most))
@@ -283,7 +283,7 @@ class _Joints:
         bounds, columns = list[Bound](), list[int]()
         for name, joint in self.joints.items():
             most = self.largest(self.limits.accelerations, name, 0.0)
-            driven = name in self.mechanism.independent
+            driven = name in self.robot.independent
             if driven and not np.isfinite(most) and (self.slow or not forces_bounded):
                 most = self.fall(name) * self.rate * (SLOW_ACCELERATION if self.slow else 1.0)
             if np.isfinite(most):
@@ -295,8 +295,8 @@ class _Joints:
         """As given, else the share of the file's ranges."""
         bounds, columns = list[Bound](), list[int]()
         for name, joint in self.joints.items():
-            most = UNLIMITED * (self.mechanism.length if self.sliding[name] else np.pi)
-            ends = self.mechanism.limits(name)
+            most = UNLIMITED * (self.robot.length if self.sliding[name] else np.pi)
+            ends = self.robot.limits(name)
             low, high = (x if abs(x) < most else np.sign(x) * np.inf for x in ends)
             if np.isfinite([low, high]).all():
                 middle, half = (low + high) / 2, self.limits.share * (high - low) / 2
@@ -309,9 +309,9 @@ class _Joints:
         return Quantities(bounds, lambda motion, _: motion.configurations[:, columns])
 
 
-def _workspace(mechanism: Mechanism, limits: MotionLimits) -> Quantities:
+def _workspace(robot: Robot, limits: MotionLimits) -> Quantities:
     """Ranges of platform coordinates."""
-    platform, bounds, columns = mechanism.platform, list[Bound](), list[int]()
+    platform, bounds, columns = robot.platform, list[Bound](), list[int]()
     coordinates = () if platform is None else platform.names
     for name, (low, high) in limits.workspace.items():
         if platform is None or name not in coordinates:
@@ -321,7 +321,7 @@ def _workspace(mechanism: Mechanism, limits: MotionLimits) -> Quantities:
         bounds.append(Bound("platform coordinate", name, unit, low, high))
         columns.append(at)
     return Quantities(
-        bounds, lambda motion, _: platform_coordinates(mechanism, motion.configurations)[:, columns]
+        bounds, lambda motion, _: platform_coordinates(robot, motion.configurations)[:, columns]
     )
 
 
@@ -331,15 +331,15 @@ def _clearance(collisions: Collisions, least: float) -> Quantities:
     return Quantities([bound], lambda motion, _: collisions.least(motion.configurations)[:, None])
 
 
-def _singularity(mechanism: Mechanism, least: float, poses: FloatArray) -> Quantities:
+def _singularity(robot: Robot, least: float, poses: FloatArray) -> Quantities:
     """The singularity measure, and that of what the motors move."""
-    sizes = np.linalg.svd(_twists(mechanism, poses, project(mechanism, poses).G), compute_uv=False)
+    sizes = np.linalg.svd(_twists(robot, poses, project(robot, poses).G), compute_uv=False)
     # Motors behind the loops move none of their frames.
     directions = int((sizes > MOVED * sizes[:, :1]).sum(axis=1).max())
 
     def values(motion: ClosedMotion, _: FloatArray) -> FloatArray:
         columns = motion.projection.dependent_columns
-        twists = _twists(mechanism, motion.configurations, motion.projection.G)
+        twists = _twists(robot, motion.configurations, motion.projection.G)
         return np.hstack([_ratio(columns, columns.shape[2]), _ratio(twists, directions)])
 
     steep, small = min(STEEP * least, 0.5) or None, min(NEAR_SINGULARITY, least)
@@ -350,26 +350,26 @@ def _singularity(mechanism: Mechanism, least: float, poses: FloatArray) -> Quant
     return Quantities(bounds, values)
 
 
-def _constraint_singularity(mechanism: Mechanism, least: float) -> Quantities:
+def _constraint_singularity(robot: Robot, least: float) -> Quantities:
     """The rank of the whole closure Jacobian."""
 
     def values(motion: ClosedMotion, _: FloatArray) -> FloatArray:
         G = motion.projection.G
-        whole = Constraint(mechanism, motion.configurations).scaled()[1]
+        whole = Constraint(robot, motion.configurations).scaled()[1]
         return _ratio(whole, G.shape[1] - G.shape[2])
 
     small = min(NEAR_SINGULARITY, least)
     return Quantities([Bound("constraint singularity measure", "", "", small, np.inf)], values)
 
 
-def _twists(mechanism: Mechanism, q: FloatArray, G: FloatArray) -> FloatArray:
+def _twists(robot: Robot, q: FloatArray, G: FloatArray) -> FloatArray:
     """Twists (N, k, dof) of the platform, or of the closed frames, that the motors make."""
-    platform, (ids, _) = mechanism.platform, mechanism.closure_frames
+    platform, (ids, _) = robot.platform, robot.closure_frames
     if platform is not None:
         ids = (platform.frame_id,)
-    frames = frame_poses(mechanism, q, ids)
-    twists = np.concatenate([frames.linear, mechanism.length * frames.angular], axis=2)
-    units = mechanism.coordinate_scales[partition(mechanism)[0]]
+    frames = frame_poses(robot, q, ids)
+    twists = np.concatenate([frames.linear, robot.length * frames.angular], axis=2)
+    units = robot.coordinate_scales[partition(robot)[0]]
     return np.asarray(twists.reshape(len(q), -1, G.shape[1]) @ G * units)
 
 

@@ -22,7 +22,7 @@ from loopid.errors import OptionError, SingularityError
 from loopid.excitation.criteria import CRITERIA, Criterion
 from loopid.excitation.limits import Bounds
 from loopid.excitation.shapes import SHAPES, Shape
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.kinematics.assembly import AssemblyOptions, try_assemble
 from loopid.kinematics.measured import platform_motion
 from loopid.kinematics.poses import integrate
@@ -31,7 +31,7 @@ from loopid.records import record
 from loopid.registry import Registry
 from loopid.regressors.joint_terms import OF_FILE, JointTerms
 from loopid.regressors.motion_regressors import motion_regressor
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 # Steps of the differences, in parts of a coordinate's unit: half the digits of a double would be
 # 1e-8, and closures are left open by the square of the step.
@@ -137,17 +137,17 @@ class DesignOptions:
 class Coordinates:
     """The c coordinates that a motion is designed in: joints, or those of the platform."""
 
-    def __init__(self, mechanism: Mechanism, on_platform: bool = False) -> None:
-        self.mechanism, platform = mechanism, mechanism.platform if on_platform else None
+    def __init__(self, robot: Robot, on_platform: bool = False) -> None:
+        self.robot, platform = robot, robot.platform if on_platform else None
         self.on_platform = platform is not None
-        self.names = tuple(mechanism.measured if platform is None else platform.names)
+        self.names = tuple(robot.measured if platform is None else platform.names)
         self.measured = "platform" if on_platform else self.names  # to ``assemble``
         if platform is not None:
             turning = [motion.startswith("r") for motion in platform.motions]
-            self.units = np.where(turning, 1.0, mechanism.length)
+            self.units = np.where(turning, 1.0, robot.length)
         else:
-            self.units = mechanism.coordinate_scales[mechanism.velocity_indices(self.names)]
-        self.independent = mechanism.velocity_indices(mechanism.independent)
+            self.units = robot.coordinate_scales[robot.velocity_indices(self.names)]
+        self.independent = robot.velocity_indices(robot.independent)
 
     def assemble(self, positions: FloatArray, start: FloatArray | None = None) -> FloatArray | None:
         """Configurations (N, nq), None where the loops do not close.
@@ -157,7 +157,7 @@ class Coordinates:
         follow = start is None
         options = AssemblyOptions(shortest_step=2.0**-12 if follow else SHORTEST_STEP)
         found = try_assemble(
-            *(self.mechanism, positions, self.measured),
+            *(self.robot, positions, self.measured),
             start=start,
             trajectory=follow,
             options=options,
@@ -176,11 +176,11 @@ class Coordinates:
 
     def whole(self, q: FloatArray, rates: FloatArray, seconds: FloatArray) -> ClosedMotion:
         """The motion of all joints from rates and accelerations (N, c)."""
-        mechanism = self.mechanism
+        robot = self.robot
         if not self.on_platform:
-            return closed_motion(mechanism, q, rates, seconds, independent=self.names)
-        v, a = platform_motion(mechanism, q, rates, seconds)
-        return closed_motion(mechanism, q, v[:, self.independent], a[:, self.independent])
+            return closed_motion(robot, q, rates, seconds, independent=self.names)
+        v, a = platform_motion(robot, q, rates, seconds)
+        return closed_motion(robot, q, v[:, self.independent], a[:, self.independent])
 
     def tangents(self, motion: ClosedMotion) -> FloatArray:
         """Velocities (N, nv, c) of all joints per unit of each coordinate."""
@@ -188,7 +188,7 @@ class Coordinates:
             return motion.projection.G
         q, c = motion.configurations, len(self.names)
         rates = np.tile(np.eye(c), (len(q), 1))
-        v, _ = platform_motion(self.mechanism, np.repeat(q, c, axis=0), rates, 0 * rates)
+        v, _ = platform_motion(self.robot, np.repeat(q, c, axis=0), rates, 0 * rates)
         return np.asarray(v.reshape(len(q), c, -1).transpose(0, 2, 1))
 
 
@@ -305,10 +305,10 @@ class Problem:
         terms = self.force_model.joint_terms
         if terms is None or terms.smoothing:
             return terms
-        mechanism = self.force_model.mechanism
-        gravity = float(np.linalg.norm(mechanism.model.gravity.linear)) or 1.0
-        scale = mechanism.coordinate_scales[mechanism.velocity_indices(terms.joints)].min()
-        typical = scale * np.sqrt(gravity / mechanism.length)
+        robot = self.force_model.robot
+        gravity = float(np.linalg.norm(robot.model.gravity.linear)) or 1.0
+        scale = robot.coordinate_scales[robot.velocity_indices(terms.joints)].min()
+        typical = scale * np.sqrt(gravity / robot.length)
         return replace(terms, smoothing=SMOOTHING * typical, dead_zone=0.0)
 
     def outcome(self, motion: ClosedMotion, poses: int) -> Outcome:
@@ -319,9 +319,7 @@ class Problem:
         """
         model, first = self.force_model.model, _first(motion, poses)
         part = first if self.is_static else motion
-        K = motion_regressor(
-            self.force_model.mechanism, part, model, joint_terms=self._smooth_terms
-        )
+        K = motion_regressor(self.force_model.robot, part, model, joint_terms=self._smooth_terms)
         forces = self.forces(motion, K if model == "full" else None)
         moving = self.bounds.in_motion(motion, forces)
         return Outcome(self.rows(part, K), moving, self.bounds.in_poses(first, all_bounds=False))
@@ -333,13 +331,11 @@ class Problem:
 
     def rows(self, motion: ClosedMotion, regressor: FloatArray | None = None) -> FloatArray:
         """Forces (N, dof, z) per unit of each unknown, in deviations of their noise."""
-        model, mechanism = self.force_model, self.force_model.mechanism
+        model, robot = self.force_model, self.force_model.robot
         if regressor is None:
-            regressor = motion_regressor(
-                mechanism, motion, model.model, joint_terms=model.joint_terms
-            )
+            regressor = motion_regressor(robot, motion, model.model, joint_terms=model.joint_terms)
         # The motors' share in each force, (N, motors, dof): the identity as a rule.
-        shares = motion.projection.G[:, mechanism.velocity_indices(mechanism.actuated)]
+        shares = motion.projection.G[:, robot.velocity_indices(robot.actuated)]
         deviation = np.sqrt(np.einsum("nmi,m->ni", shares**2, self.noise**2))
         return np.asarray(model.base.regressor(regressor) @ self.basis / deviation[:, :, None])
 
@@ -350,20 +346,20 @@ class Problem:
         """
         if not self.bounds.needs_forces:
             return np.zeros((len(motion.configurations), 0))
-        return file_forces(self.force_model.mechanism, motion, regressor)
+        return file_forces(self.force_model.robot, motion, regressor)
 
 
 def file_forces(
-    mechanism: Mechanism, motion: ClosedMotion, regressor: FloatArray | None = None
+    robot: Robot, motion: ClosedMotion, regressor: FloatArray | None = None
 ) -> FloatArray:
     """Forces of the motors (N, motors) by the robot file; a full regressor may be at hand."""
-    K = motion_regressor(mechanism, motion) if regressor is None else regressor
-    pi = mechanism.standard_parameters()
+    K = motion_regressor(robot, motion) if regressor is None else regressor
+    pi = robot.standard_parameters()
     forces = K[:, :, : len(pi)] @ pi
-    if (terms := JointTerms.of(mechanism, OF_FILE)) is not None:
-        forces += terms.columns(mechanism, motion) @ np.nan_to_num(terms.values(mechanism))
-    if mechanism.redundant:
-        motors = mechanism.velocity_indices(mechanism.actuated)
+    if (terms := JointTerms.of(robot, OF_FILE)) is not None:
+        forces += terms.columns(robot, motion) @ np.nan_to_num(terms.values(robot))
+    if robot.redundant:
+        motors = robot.velocity_indices(robot.actuated)
         shares = motion.projection.G[:, motors].transpose(0, 2, 1)
         forces = (np.linalg.pinv(shares) @ forces[:, :, None])[:, :, 0]
     return np.asarray(forces)
@@ -404,7 +400,7 @@ def _state_slopes(
     h = STEP * space.units
     # All moved samples in one batch: positions, rates, accelerations of each coordinate.
     tangents = space.tangents(motion)
-    moved = [integrate(space.mechanism, q, h[j] * tangents[:, :, j]) for j in range(c)]
+    moved = [integrate(space.robot, q, h[j] * tangents[:, :, j]) for j in range(c)]
     qs = np.concatenate([*moved, *(2 * c * [q])])
     vs = np.concatenate([*(c * [v]), *(v + h[j] * unit[j] for j in range(c)), *(c * [v])])
     as_ = np.concatenate([*(2 * c * [a]), *(a + space.units[j] * unit[j] for j in range(c))])

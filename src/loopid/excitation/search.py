@@ -104,7 +104,7 @@ def check_motion(problem: Problem, X: FloatArray) -> tuple[Check, ...]:
     motion = problem.coordinates.follow(*(problem.shape.functions(time) @ X))
     if motion is None:
         return ()
-    mechanism, checks, ends = problem.force_model.mechanism, list[Check](), [0, -1]
+    robot, checks, ends = problem.force_model.robot, list[Check](), [0, -1]
 
     def check(name: str, unit: str, times: FloatArray, values: FloatArray, *keep: float) -> None:
         lower, upper, scale = keep
@@ -115,10 +115,10 @@ def check_motion(problem: Problem, X: FloatArray) -> tuple[Check, ...]:
 
     for bound, column in zip(problem.bounds.all, problem.bounded(motion).T, strict=True):
         check(bound.text, bound.unit, time, column, bound.lower, bound.upper, bound.scale)
-    if mechanism.rows:
-        residual = largest_residual(mechanism, motion.configurations)
-        largest = largest_opening(mechanism)
-        check("closure residual", "m", time, residual, -np.inf, largest, mechanism.length)
+    if robot.rows:
+        residual = largest_residual(robot, motion.configurations)
+        largest = largest_opening(robot)
+        check("closure residual", "m", time, residual, -np.inf, largest, robot.length)
     speeds = np.abs(np.concatenate([motion.velocities[ends], motion.accelerations[ends]], axis=1))
     resting = speeds.max(axis=1, initial=0.0)
     check("speed at both ends", "", time[ends], resting, -np.inf, REST, 1.0)
@@ -143,8 +143,8 @@ def find_poses(problem: Problem, configurations: FloatArray) -> Poses:
     """
     space, inset = problem.coordinates, problem.options.inset
     generator = np.random.default_rng([problem.options.seed, 11])
-    measured = measured_coordinates(space.mechanism, space.measured)
-    x = measured.read(np.concatenate([space.mechanism.reference[None], configurations]))
+    measured = measured_coordinates(space.robot, space.measured)
+    x = measured.read(np.concatenate([space.robot.reference[None], configurations]))
     reach = np.maximum(np.ptp(x, axis=0) / 2, 1e-3 * space.units)
     # Random poses miss narrow ranges, which their nearest ends may keep.
     low, high = problem.bounds.ranges(space.names, 2 * inset)
@@ -175,10 +175,10 @@ def _slacks(problem: Problem, positions: FloatArray) -> tuple[FloatArray, FloatA
     """
     space, found = problem.coordinates, np.full((len(positions), len(problem.bounds.all)), -np.inf)
     options = AssemblyOptions(shortest_step=2.0**-6)
-    outcome = try_assemble(space.mechanism, positions, space.measured, options=options)
+    outcome = try_assemble(space.robot, positions, space.measured, options=options)
     q = outcome.configurations[outcome.assembled]
     # Singular poses have no velocities to tell.
-    regular = singularity_measure(space.mechanism, q) > 1e-6
+    regular = singularity_measure(space.robot, q) > 1e-6
     rows = np.flatnonzero(outcome.assembled)[regular]
     if len(rows):
         still = np.zeros((len(rows), len(space.names)))
@@ -192,7 +192,7 @@ def _impossible(
 ) -> AssemblyError:
     """Which bounds cannot be met: by no pose alone, else by the best one (k,) together."""
     name, bounds, inset = (
-        problem.force_model.mechanism.name,
+        problem.force_model.robot.name,
         problem.bounds.all,
         problem.options.inset,
     )

@@ -16,7 +16,7 @@ import numpy as np
 from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, MissingExtraError, OptionError
 from loopid.files import write_files
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.identification.plausibility import require_fit_for_use
 from loopid.identification.result import Fit
 from loopid.kinematics.assembly import USUAL
@@ -24,7 +24,7 @@ from loopid.kinematics.measured import measured_coordinates
 from loopid.kinematics.projection import NEAR_SINGULARITY, partition, project
 from loopid.kinematics.sampling import random_configurations
 from loopid.records import record
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")  # as CasADi has it
 LONGEST_NAME = 60  # of files and functions that are named after the robot
@@ -86,7 +86,7 @@ def c_source(
     ----------
     model : ForceModel
     name : str, optional
-        A C identifier; by default made of the mechanism's name.
+        A C identifier; by default made of the robot's name.
     values : FloatArray, optional
         Of the base parameters (n,), to be put into the source.
 
@@ -102,7 +102,7 @@ def c_source(
     Examples
     --------
     >>> import loopid, tempfile
-    >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"), joint_terms=None)
+    >>> model = loopid.force_model(loopid.load("five_bar"), joint_terms=None)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     [path.name for path in loopid.export.c_source(model).save(folder)]
     ['five_bar.h', 'five_bar.c', 'five_bar.casadi']
@@ -111,7 +111,7 @@ def c_source(
         raise MissingExtraError.of("casadi", "codegen")
     from loopid.export.symbolic import SymbolicRobot, c_of  # here, as it needs CasADi
 
-    chosen = _identifier(model.mechanism.name) if name is None else name
+    chosen = _identifier(model.robot.name) if name is None else name
     if not IDENTIFIER.fullmatch(chosen):
         raise OptionError(
             "the name of C functions must be letters and digits with single _ between them, not "
@@ -150,33 +150,33 @@ def _filled(template: str, fields: Mapping[str, str]) -> str:
 
 def _fields(model: ForceModel, name: str, functions: Mapping[str, Any]) -> dict[str, str]:
     """Names, numbers and tolerances that the templates are filled with."""
-    mechanism, linearise = model.mechanism, functions["linearise"]
-    joints = [(joint, mechanism.joint(joint).nq) for joint in mechanism.joints]
+    robot, linearise = model.robot, functions["linearise"]
+    joints = [(joint, robot.joint(joint).nq) for joint in robot.joints]
     # A joint's name where it has one position, else numbered from 0.
     positions = [j if nq == 1 else f"{j}[{k}]" for j, nq in joints for k in range(nq)]
-    reference, motors = mechanism.reference, mechanism.independent
-    indices, sliding = mechanism.velocity_indices(motors), mechanism.prismatic
+    reference, motors = robot.reference, robot.independent
+    indices, sliding = robot.velocity_indices(motors), robot.prismatic
     units = ["m" if k in sliding else "rad" for k in indices]
     return {
         "NAME": name,
         "GUARD": name.upper(),
-        "ROBOT": _string(mechanism.name),
+        "ROBOT": _string(robot.name),
         "MODEL": model.model,
         "VERSION": version("loopid"),
-        "MOTORS": _motor_lines(mechanism, units),
-        "WAYS": _way_lines(mechanism, units, functions),
-        "NQ": str(mechanism.model.nq),
+        "MOTORS": _motor_lines(robot, units),
+        "WAYS": _way_lines(robot, units, functions),
+        "NQ": str(robot.model.nq),
         "DOF": str(len(motors)),
         "PARAMETERS": str(len(model.parameters)),
         "SLIPS": str(max(1, len(model.slip_columns))),  # C has no empty arrays
         "COUPLED": str(max(1, linearise.numel_out(0))),  # C has no empty arrays
         "FACTORS": str(max(1, linearise.numel_out(1))),
         "REFERENCE_Q": _numbers(reference),
-        "REFERENCE_U": _numbers(motor_positions(mechanism, reference[None])[0]),
+        "REFERENCE_U": _numbers(motor_positions(robot, reference[None])[0]),
         "LONGEST_STEP": repr(USUAL.longest_step),
         "CONTRACTION": repr(USUAL.contraction),
         "SHORT": repr(USUAL.short),
-        "CLOSED": repr(_closed(mechanism)),
+        "CLOSED": repr(_closed(robot)),
         "NEAR_SINGULARITY": repr(NEAR_SINGULARITY),
         "SHORTEST_PART": repr(SHORTEST_PART),
         "POSES": str(POSES),
@@ -188,36 +188,35 @@ def _fields(model: ForceModel, name: str, functions: Mapping[str, Any]) -> dict[
     }
 
 
-def _closed(mechanism: Mechanism) -> float:
+def _closed(robot: Robot) -> float:
     """What is left of the closures' residual at most, in m."""
-    return float(max(CLOSED, 2 * mechanism.closure_residual * mechanism.rows**0.5))
+    return float(max(CLOSED, 2 * robot.closure_residual * robot.rows**0.5))
 
 
-def _motor_lines(mechanism: Mechanism, units: Sequence[str]) -> str:
+def _motor_lines(robot: Robot, units: Sequence[str]) -> str:
     """Motors for a comment, which no name may end."""
     plain = (
-        re.sub(r"[^\w.+-]", "_", name, flags=re.ASCII)[:LONGEST_NAME]
-        for name in mechanism.independent
+        re.sub(r"[^\w.+-]", "_", name, flags=re.ASCII)[:LONGEST_NAME] for name in robot.independent
     )
     lines = zip(range(len(units)), plain, units, strict=True)
     return "\n".join(f"     {k}: {name}, {unit}" for k, name, unit in lines)
 
 
-def _way_lines(mechanism: Mechanism, units: Sequence[str], functions: Mapping[str, Any]) -> str:
+def _way_lines(robot: Robot, units: Sequence[str], functions: Mapping[str, Any]) -> str:
     """The table of the longest ways."""
-    if not (mechanism.rows and mechanism.measured):
+    if not (robot.rows and robot.measured):
         return "     any way, as no loop moves"
-    lengths, lines = {"m": mechanism.length, "rad": 1.0}, []
-    for steps, way in enumerate(longest_ways(mechanism, functions), start=1):
+    lengths, lines = {"m": robot.length, "rad": 1.0}, []
+    for steps, way in enumerate(longest_ways(robot, functions), start=1):
         ways = " or ".join(f"{way * lengths[unit]:.2g} {unit}" for unit in sorted({*units}))
         lines.append(f"     {steps}: {ways}")
     return "\n".join(lines)
 
 
-def longest_ways(mechanism: Mechanism, functions: Mapping[str, Any]) -> FloatArray:
+def longest_ways(robot: Robot, functions: Mapping[str, Any]) -> FloatArray:
     """Ways (steps,) of the motors that as many Newton steps bear, in rad or lengths: see WAYS."""
-    q, towards = _worst_motions(mechanism)
-    before, longest = motor_positions(mechanism, q), np.zeros(NEWTON_STEPS)
+    q, towards = _worst_motions(robot)
+    before, longest = motor_positions(robot, q), np.zeros(NEWTON_STEPS)
     predict, linearise = (functions[name].map(len(q)) for name in ("predict", "linearise"))
     G, whole = linearise(q.T)[0], np.ones((1, len(q)))
     for way in WAYS:
@@ -230,7 +229,7 @@ def longest_ways(mechanism: Mechanism, functions: Mapping[str, Any]) -> FloatArr
             _, _, there, measures = linearise(there)
             residual, length = measures[0, :], measures[1, :]
             bearable.append(good and bool((length.full() <= bounds).all()))
-            reached.append(bool((residual.full() <= _closed(mechanism)).all()))
+            reached.append(bool((residual.full() <= _closed(robot)).all()))
         passed = np.logical_and.accumulate(bearable)[1:] & reached[1:]
         longest[passed] = way / 4
         if not passed.any():
@@ -238,14 +237,14 @@ def longest_ways(mechanism: Mechanism, functions: Mapping[str, Any]) -> FloatArr
     return longest
 
 
-def _worst_motions(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
+def _worst_motions(robot: Robot) -> tuple[FloatArray, FloatArray]:
     """Closed poses (N, nq), and units (N, dof) that the motors move by for the others to move most.
 
     The motor that moves most then does so by 1 rad or the characteristic length.
     """
-    q, (chosen, dependent) = random_configurations(mechanism, POSES), partition(mechanism)
-    motors = np.isin(mechanism.independent, mechanism.measured)
-    units, G = mechanism.coordinate_scales, project(mechanism, q).G[:, :, motors]
+    q, (chosen, dependent) = random_configurations(robot, POSES), partition(robot)
+    motors = np.isin(robot.independent, robot.measured)
+    units, G = robot.coordinate_scales, project(robot, q).G[:, :, motors]
     gains = G[:, dependent] / units[dependent, None] * units[chosen[motors]]
     _, sizes, directions = np.linalg.svd(gains)
     worst = np.argsort(-sizes[:, 0])[:WORST]
@@ -255,11 +254,11 @@ def _worst_motions(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
     return np.concatenate([q[worst]] * 2), np.concatenate([towards, -towards])
 
 
-def motor_positions(mechanism: Mechanism, q: FloatArray) -> FloatArray:
+def motor_positions(robot: Robot, q: FloatArray) -> FloatArray:
     """Positions (N, dof) of the independent coordinates; 0 of those that are a part of a joint."""
-    u = np.zeros((len(q), len(mechanism.independent)))
-    measured = [mechanism.independent.index(name) for name in mechanism.measured]
-    u[:, measured] = measured_coordinates(mechanism).read(q)
+    u = np.zeros((len(q), len(robot.independent)))
+    measured = [robot.independent.index(name) for name in robot.measured]
+    u[:, measured] = measured_coordinates(robot).read(q)
     return u
 
 

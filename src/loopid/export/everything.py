@@ -62,7 +62,7 @@ def export_fit(
     model, written = fit.require_model(), list[Path]()
     if yaml is not None:
         content(fit, yaml, anyway=anyway)
-        require_other_file(yaml, *robot_files(model.mechanism))
+        require_other_file(yaml, *robot_files(model.robot))
     if robot is not None:
         fit.require_bodies()
     code = None if c is None else c_source(model, name=name, values=fit.values)

@@ -17,12 +17,12 @@ from loopid.files import write_files
 from loopid.loading.closure import Closure
 from loopid.loading.description import Description
 from loopid.loading.files import YAML, find_files
-from loopid.loading.load import load_mechanism
+from loopid.loading.robot_files import load
 from loopid.logs.mapping import LogMapping
 from loopid.logs.reading import open_log
 from loopid.logs.signals import ColumnFinder
 from loopid.motion.files import ProgramDescription
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 MJCF = (".xml", ".mjcf")
 COLUMN = "COLUMN"  # in place of a name that only the user knows
@@ -59,7 +59,7 @@ def write_first_files(
     folder : str or Path
         Where to write.
     floating_base, xacro
-        As of ``load_mechanism``; the YAML says them.
+        As of ``load``; the YAML says them.
 
     Returns
     -------
@@ -120,7 +120,7 @@ def file_schema(kind: str) -> dict[str, Any]:
     return editor_schema(FORMS[kind], f"loopid {kind} file")
 
 
-def _robot_text(drawn: Mechanism, tree: str, options: Mapping[str, Any]) -> str:
+def _robot_text(drawn: Robot, tree: str, options: Mapping[str, Any]) -> str:
     """The YAML of a robot whose tree is in a file."""
     pairs, whole, refused = _closed(drawn, options)
     declared = [*(each.name for each in drawn.closures), *(each.name for each in drawn.couplings)]
@@ -153,9 +153,7 @@ def _robot_text(drawn: Mechanism, tree: str, options: Mapping[str, Any]) -> str:
     )
 
 
-def _closed(
-    drawn: Mechanism, options: Mapping[str, Any]
-) -> tuple[list[tuple[str, str]], Mechanism, str]:
+def _closed(drawn: Robot, options: Mapping[str, Any]) -> tuple[list[tuple[str, str]], Robot, str]:
     """Pairs of frames that the file shows as closures, the robot with them, or why it has none."""
     pairs = [pair for loops in drawn.undeclared for pair in loops.pairs]
     try:
@@ -164,14 +162,14 @@ def _closed(
         return pairs, drawn, str(error)
 
 
-def _loaded(path: Any, options: Mapping[str, Any], pairs: Any = ()) -> Mechanism:
+def _loaded(path: Any, options: Mapping[str, Any], pairs: Any = ()) -> Robot:
     """The robot with closures of pairs of frames; ``loopid check`` says what is odd about it."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return load_mechanism(path, closures=[Closure(*pair) for pair in pairs], **options)
+        return load(path, closures=[Closure(*pair) for pair in pairs], **options)
 
 
-def _mapping_text(robot: Mechanism, log: str | Path | None = None) -> str:
+def _mapping_text(robot: Robot, log: str | Path | None = None) -> str:
     """The mapping of a log of a robot: its columns, where they are found by name."""
     name = "A log" if log is None else Path(log).name
     found, said = ({}, []) if log is None else _found(robot, Path(log))
@@ -194,7 +192,7 @@ def _mapping_text(robot: Mechanism, log: str | Path | None = None) -> str:
     )
 
 
-def _found(robot: Mechanism, path: Path) -> tuple[dict[str, Any], list[str]]:
+def _found(robot: Robot, path: Path) -> tuple[dict[str, Any], list[str]]:
     """What the names of a log's columns say, and sentences about them."""
     if not path.exists():
         raise FileError(f"{path} does not exist", file=path)

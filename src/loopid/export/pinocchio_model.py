@@ -14,11 +14,11 @@ from loopid.identification.plausibility import require_fit_for_use
 from loopid.identification.result import Fit
 from loopid.loading.pinocchio_robot import MODEL_FIELDS
 from loopid.regressors.joint_laws import grouped
-from loopid.robot.mechanism import Mechanism, shortened
+from loopid.robot.robot import Robot, shortened
 
 
 @checked
-def to_pinocchio(robot: Mechanism) -> tuple[pin.Model, pin.StdVec_RigidConstraintModel]:
+def to_pinocchio(robot: Robot) -> tuple[pin.Model, pin.StdVec_RigidConstraintModel]:
     """Pinocchio's model of the open tree, and the constraints that close its loops.
 
     They are what ``constraintDynamics`` takes, and what is built on it. Rotor inertias, viscous and
@@ -38,7 +38,7 @@ def to_pinocchio(robot: Mechanism) -> tuple[pin.Model, pin.StdVec_RigidConstrain
     Examples
     --------
     >>> import loopid
-    >>> tree, loops = loopid.to_pinocchio(loopid.load_mechanism("five_bar"))
+    >>> tree, loops = loopid.export.to_pinocchio(loopid.load("five_bar"))
     >>> tree.nv, [loop.type.name for loop in loops]
     (4, ['CONTACT_3D'])
     """
@@ -54,7 +54,7 @@ def pinocchio_of(
     """
     require_fit_for_use(fit, anyway)
     model, values = fit.require_model(), fit.require_bodies()
-    count = len(model.mechanism.parameters(model.model))
+    count = len(model.robot.parameters(model.model))
     terms: dict[str, dict[str, float]] = {}
     for parameter, value in zip(list(model.base.parameters)[count:], values[count:], strict=True):
         terms.setdefault(parameter.link, {})[parameter.kind] = float(value)
@@ -63,12 +63,12 @@ def pinocchio_of(
             line = nearest_line(joint, kinds, fit.use)
             straight = {kind: value for kind, value in kinds.items() if not grouped(kind)}
             terms[joint] = straight | {"Fc": line.coulomb, "Fv": line.viscous}
-    robot = model.mechanism
+    robot = model.robot
     return _with_terms(robot, robot.tree(values[:count]), terms), robot.constraint_models
 
 
 def _with_terms(
-    robot: Mechanism, tree: pin.Model, terms: Mapping[str, Mapping[str, float]]
+    robot: Robot, tree: pin.Model, terms: Mapping[str, Mapping[str, float]]
 ) -> pin.Model:
     """The tree with joint terms in its fields."""
     others = []

@@ -28,7 +28,7 @@ from loopid.loading.files import files_of
 from loopid.parameters import KINDS, MODELS, ParameterSet
 from loopid.registry import editable_files
 from loopid.regressors.joint_laws import grouped, joint_term
-from loopid.robot.mechanism import Body, Mechanism, link_frames, shortened
+from loopid.robot.robot import Body, Robot, link_frames, shortened
 
 # Relative difference between a body as its links in the file make it and as it was loaded.
 AGREEMENT = 1e-9
@@ -44,7 +44,7 @@ Known = dict[str, dict[str, Any]]  # the same, None where a file leaves a value 
 
 @checked
 def updated_robot_file(
-    mechanism: Mechanism,
+    robot: Robot,
     standard_parameters: FloatArray,
     *,
     parameters: ParameterSet | None = None,
@@ -63,10 +63,10 @@ def updated_robot_file(
 
     Parameters
     ----------
-    mechanism : Mechanism
+    robot : Robot
         As loaded from the file.
     standard_parameters : FloatArray
-        (n,) of ``mechanism.parameters("full")``, or of ``mechanism.parameters("gravity")``: then
+        (n,) of ``robot.parameters("full")``, or of ``robot.parameters("gravity")``: then
         masses and centres of mass change, and inertias about the centres of mass stay.
     parameters : ParameterSet, optional
         Names (n,) of the standard parameters, where joint terms are among them. Without names,
@@ -80,7 +80,7 @@ def updated_robot_file(
     DataError
         Naming a link that would not be physically consistent.
     DataError, RobotFileError
-        When the parameters, or the file, are not those of the mechanism.
+        When the parameters, or the file, are not those of the robot.
 
     Warns
     -----
@@ -88,29 +88,29 @@ def updated_robot_file(
         Of joint terms that the new file does not have as the parameters say, and of how near the
         friction that it has is to the curve.
     """
-    files = files_of(mechanism)
+    files = files_of(robot)
     file = editable_files[files.tree.suffix](files.tree)
-    rows = _body_parameters(mechanism, standard_parameters, parameters)
+    rows = _body_parameters(robot, standard_parameters, parameters)
     new: dict[str, FloatArray] = {}
     links = {link: inertial.P for link, inertial in file.inertials.items()}
-    for body, row in zip(mechanism.bodies, rows, strict=True):
-        new |= _updated_links(mechanism, body, links, row)
+    for body, row in zip(robot.bodies, rows, strict=True):
+        new |= _updated_links(robot, body, links, row)
     content: bytes = file.edited(new, {})
     if parameters is None:
         return content
     meant, nearest = _with_lines(_joint_terms(parameters, standard_parameters), use)
     # Inertials come first: MuJoCo may derive damping from masses.
-    wanted, there = _writable(meant), _on_coordinates(mechanism, file.joint_terms(content))
+    wanted, there = _writable(meant), _on_coordinates(robot, file.joint_terms(content))
     if changed := {j: terms for j, terms in wanted.items() if list(_apart({j: terms}, there))}:
         content = file.edited(new, changed)
-        there = _on_coordinates(mechanism, file.joint_terms(content))
-    _warn_of_others(mechanism, meant, there, nearest)
+        there = _on_coordinates(robot, file.joint_terms(content))
+    _warn_of_others(robot, meant, there, nearest)
     return content
 
 
 @checked
 def export_robot_file(
-    mechanism: Mechanism,
+    robot: Robot,
     standard_parameters: FloatArray,
     path: str | Path,
     *,
@@ -122,7 +122,7 @@ def export_robot_file(
 
     Parameters
     ----------
-    mechanism, standard_parameters, parameters, use
+    robot, standard_parameters, parameters, use
         As in ``updated_robot_file``.
     path : path
         Ending as the robot's own file does. Paths of meshes and of a YAML's ``urdf`` key are not
@@ -142,13 +142,13 @@ def export_robot_file(
     Examples
     --------
     >>> import loopid, tempfile
-    >>> robot = loopid.load_mechanism("five_bar")
+    >>> robot = loopid.load("five_bar")
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     heavier = 2 * robot.standard_parameters("full")
     ...     loopid.export.export_robot_file(robot, heavier, f"{folder}/heavier.urdf").name
     'heavier.urdf'
     """
-    place, tree = Path(path), files_of(mechanism).tree
+    place, tree = Path(path), files_of(robot).tree
     if place.suffix != tree.suffix:
         raise OptionError.unknown("ending", place.suffix or str(path), [tree.suffix])
     if not overwrite and place.exists() and place.samefile(tree):
@@ -156,7 +156,7 @@ def export_robot_file(
             f"{path} is the robot's own file: name another, or replace it by overwrite=True",
             file=str(path),
         )
-    content = updated_robot_file(mechanism, standard_parameters, parameters=parameters, use=use)
+    content = updated_robot_file(robot, standard_parameters, parameters=parameters, use=use)
     write_file(place, content)
     return place
 
@@ -168,7 +168,7 @@ def robot_file_of(
     require_fit_for_use(fit, anyway)
     model = fit.require_model()
     return export_robot_file(
-        model.mechanism,
+        model.robot,
         fit.require_bodies(),
         path,
         overwrite=overwrite,
@@ -178,13 +178,13 @@ def robot_file_of(
 
 
 def _updated_links(
-    mechanism: Mechanism, body: Body, links: Mapping[str, FloatArray], row: FloatArray
+    robot: Robot, body: Body, links: Mapping[str, FloatArray], row: FloatArray
 ) -> dict[str, FloatArray]:
     """New pseudo-inertias (4, 4), each seen from its link, of the links of a body that change.
 
     ``links`` are those of the whole file; ``row`` (4 or 10,) are the parameters of the body.
     """
-    model, frames = mechanism.model, link_frames(mechanism.model)
+    model, frames = robot.model, link_frames(robot.model)
     own = {name: model.frames[frames[name]] for name in links if name in frames}
     placements = {
         name: np.array(frame.placement.homogeneous)
@@ -196,9 +196,9 @@ def _updated_links(
     difference = np.abs(np.sum(parts, axis=0) - loaded) if parts else np.inf
     if np.max(difference) > AGREEMENT * np.abs(loaded).max():
         raise RobotFileError(
-            f"{mechanism.source}: link {body.link} is not what it was when the robot was loaded: "
+            f"{robot.source}: link {body.link} is not what it was when the robot was loaded: "
             "load it again",
-            file=mechanism.source,
+            file=robot.source,
             link=body.link,
         )
     heaviest = int(np.argmax([P[3, 3] for P in parts]))
@@ -219,11 +219,11 @@ def _updated_links(
 
 
 def _body_parameters(
-    mechanism: Mechanism, standard_parameters: FloatArray, parameters: ParameterSet | None
+    robot: Robot, standard_parameters: FloatArray, parameters: ParameterSet | None
 ) -> FloatArray:
     """Parameters (bodies, 4 or 10), those of tied links repeated."""
     values = finite(standard_parameters, "standard parameters")
-    own = {model: mechanism.parameters(model).labels for model in reversed(MODELS)}
+    own = {model: robot.parameters(model).labels for model in reversed(MODELS)}
     if parameters is not None:
         if values.shape != (len(parameters),):
             raise DataError(
@@ -240,7 +240,7 @@ def _body_parameters(
         values = values[[places[label] for label in known[0]]]  # the full model where it is there
     for model, labels in own.items():
         if values.shape == (len(labels),):
-            T = mechanism.tie_matrix(len(MODELS[model]))
+            T = robot.tie_matrix(len(MODELS[model]))
             return np.asarray((T @ values).reshape(-1, len(MODELS[model])))
     counts = " or ".join(f"({len(labels)},)" for labels in own.values())
     raise DataError(
@@ -292,12 +292,12 @@ def _writable(meant: Terms) -> Terms:
     }
 
 
-def _on_coordinates(mechanism: Mechanism, terms: Mapping[str, Mapping[str, Any]]) -> Known:
+def _on_coordinates(robot: Robot, terms: Mapping[str, Mapping[str, Any]]) -> Known:
     """Terms of a file's joints on the coordinates that they are the terms of."""
     return {
         name: dict(values)
         for joint, values in terms.items()
-        for name in (mechanism.coordinates_of([joint]) if joint in mechanism.joints else [joint])
+        for name in (robot.coordinates_of([joint]) if joint in robot.joints else [joint])
     }
 
 
@@ -310,12 +310,10 @@ def _apart(meant: Terms, there: Known) -> Iterator[tuple[str, str]]:
                 yield joint, kind
 
 
-def _warn_of_others(
-    mechanism: Mechanism, meant: Terms, there: Known, nearest: Sequence[str]
-) -> None:
+def _warn_of_others(robot: Robot, meant: Terms, there: Known, nearest: Sequence[str]) -> None:
     """Warn of terms that a new file does not have as they were meant."""
-    files = files_of(mechanism)
-    given = _on_coordinates(mechanism, files.given.joint_terms)
+    files = files_of(robot)
+    given = _on_coordinates(robot, files.given.joint_terms)
     read = {j: there.get(j, {}) | given.get(j, {}) for j in (*there, *given)}
     said: dict[str, list[str]] = {}
     for joint, kind in _apart(meant, read):
@@ -327,7 +325,7 @@ def _warn_of_others(
         else:
             what = "in the fit, but without a place in the file (a YAML's joint_terms has one), are"
         said.setdefault(what, []).append(label)
-    for joint in mechanism.coordinates:
+    for joint in robot.coordinates:
         for kind in read.get(joint, {}):
             if kind not in meant.get(joint, {}) and read[joint][kind]:
                 what = "as before, and not in the fit, are"

@@ -20,7 +20,7 @@ import pinocchio as pin
 from loopid.arguments import FloatArray
 from loopid.errors import OptionError
 from loopid.export.elimination import eliminate, solve
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.kinematics.projection import partition
 from loopid.parameters import KINDS, Parameter
 from loopid.regressors.joint_laws import JointState, joint_term
@@ -42,22 +42,22 @@ class SymbolicRobot:
     """
 
     def __init__(self, model: ForceModel) -> None:
-        self.model, self.mechanism = model, model.mechanism
-        self.chosen, self.dependent = (part.tolist() for part in partition(self.mechanism))
-        self.scales = ca.DM(self.mechanism.coordinate_scales)
-        self.q = ca.SX.sym("q", self.mechanism.model.nq)
+        self.model, self.robot = model, model.robot
+        self.chosen, self.dependent = (part.tolist() for part in partition(self.robot))
+        self.scales = ca.DM(self.robot.coordinate_scales)
+        self.q = ca.SX.sym("q", self.robot.model.nq)
         self.before, self.u, self.du, self.ddu = (
             ca.SX.sym(name, len(self.chosen)) for name in ("before", "u", "du", "ddu")
         )
         self.G = ca.SX.sym("G", len(self.dependent), len(self.chosen))
         self.phi = ca.SX.sym("phi", len(model.parameters))
         self.slip = ca.SX.sym("slip", len(model.slip_columns))
-        chain = self._chain(*[ca.SX(self.mechanism.model.nv, 1)] * 2)
+        chain = self._chain(*[ca.SX(self.robot.model.nv, 1)] * 2)
         self.joints = [link.joint for link in chain]
         self.rates = ca.diagcat(*(joint.rates for joint in self.joints))
         self.residual = self._closure_residual(chain)
         # What carries both frames of a closure does not open it.
-        units = self.mechanism.moving * self.mechanism.coordinate_scales
+        units = self.robot.moving * self.robot.coordinate_scales
         self.jacobian = ca.sparsify(ca.jacobian(self.residual, self.q) @ self.rates * units)
         self.reflections = eliminate(self.jacobian[:, self.dependent])
         self.factors = ca.SX.sym("factors", sum(len(each.factors) for each in self.reflections))
@@ -106,19 +106,19 @@ class SymbolicRobot:
         joint, such as a quaternion's, stay.
         """
         way = list[Any]()
-        for k, name in enumerate(self.mechanism.independent):
+        for k, name in enumerate(self.robot.independent):
             difference: Any = self.u[k] - self.before[k]
-            if name in self.mechanism.held:
+            if name in self.robot.held:
                 difference = 0
-            elif self.mechanism.joint(name).nq == 2:
+            elif self.robot.joint(name).nq == 2:
                 difference = ca.atan2(ca.sin(difference), ca.cos(difference))
             way.append(difference)
         u = self.u - (1 - part) * ca.vertcat(*way)  # exactly u at the end
         step = self.G @ (part * ca.vertcat(*way))
         q = self._moved(step)
-        for k, name in enumerate(self.mechanism.independent):
-            if name in self.mechanism.measured:
-                joint = self.mechanism.joint(name)
+        for k, name in enumerate(self.robot.independent):
+            if name in self.robot.measured:
+                joint = self.robot.joint(name)
                 value = u[k] if joint.nq == 1 else ca.vertcat(ca.cos(u[k]), ca.sin(u[k]))
                 q[joint.idx_q : joint.idx_q + joint.nq] = value
         return [q, u, _norm(step / self.scales[self.dependent])]
@@ -161,7 +161,7 @@ class SymbolicRobot:
         """States of these elements after the way from one configuration to another."""
         end, states = ca.SX.sym("end", self.q.shape[0]), list[Any]()
         for k, parameter in enumerate(self._slipping):
-            joint = self.mechanism.joint(parameter.link)
+            joint = self.robot.joint(parameter.link)
             first, last = (q[joint.idx_q : joint.idx_q + joint.nq] for q in (self.q, end))
             if joint.nq == 1:
                 way = last - first
@@ -194,7 +194,7 @@ class SymbolicRobot:
         carried = ca.SX(tree)
         for k in self.model.joint_columns[self.model.load_values[self.model.joint_columns] != 0]:
             parameter, share = self.model.parameters[k], self.model.load_values[k]
-            index = int(self.mechanism.velocity_indices([parameter.link])[0])
+            index = int(self.robot.velocity_indices([parameter.link])[0])
             carried[index] += share * self._joint_term(parameter, self._state(parameter, v, a))
         load = carried[self.chosen] + self.G.T @ carried[self.dependent]
         if given is not None:
@@ -203,7 +203,7 @@ class SymbolicRobot:
         loads = dict(zip(columns.tolist(), rows.tolist(), strict=True))
         for k, parameter in enumerate(self.model.parameters):
             if parameter.kind not in KINDS and (loaded or k not in loads):
-                index = int(self.mechanism.velocity_indices([parameter.link])[0])
+                index = int(self.robot.velocity_indices([parameter.link])[0])
                 size = ca.fabs(load[loads[k]]) if k in loads else 1.0
                 state = self._state(parameter, v, a)._replace(torque=size)
                 if slip is not None and k in self.model.slip_columns:
@@ -227,15 +227,15 @@ class SymbolicRobot:
 
     def _tree_force(self, chain: Sequence[Link]) -> Any:
         """Forces (nv,) that move the bodies of the tree."""
-        mechanism, tree = self.mechanism, ca.SX(self.rates.shape[1], 1)
+        robot, tree = self.robot, ca.SX(self.rates.shape[1], 1)
         standard: dict[str, list[Any]] = {}  # where links are tied, several bodies have the same
-        for parameter in mechanism.parameters("gravity"):
+        for parameter in robot.parameters("gravity"):
             standard[parameter.link] = [ca.SX(1, 1)] * len(KINDS)
         for k, parameter in enumerate(self.model.parameters):
             if parameter.kind in KINDS:
                 standard[parameter.link][KINDS.index(parameter.kind)] = self.phi[k]
         wrenches, names = [[ca.SX(3, 1), ca.SX(3, 1)] for _ in chain], list(standard)
-        for body, place in zip(mechanism.bodies, mechanism.tie_indices, strict=True):
+        for body, place in zip(robot.bodies, robot.tie_indices, strict=True):
             k = _end(chain, body.joint_id)
             for part, own in enumerate(chain[k].wrench(standard[names[place]])):
                 wrenches[k][part] += own
@@ -248,16 +248,16 @@ class SymbolicRobot:
 
     def _state(self, parameter: Parameter, v: Any, a: Any) -> JointState:
         """State of the joint of a term at all rates and accelerations (nv,)."""
-        mechanism, position = self.mechanism, None  # of one of several coordinates
-        index = int(mechanism.velocity_indices([parameter.link])[0])
-        if parameter.link in mechanism.joints:
-            joint = mechanism.joint(parameter.link)
+        robot, position = self.robot, None  # of one of several coordinates
+        index = int(robot.velocity_indices([parameter.link])[0])
+        if parameter.link in robot.joints:
+            joint = robot.joint(parameter.link)
             own = self.q[joint.idx_q : joint.idx_q + joint.nq]
             position = own if joint.nq == 1 else ca.atan2(own[1], own[0])
         terms = self.model.joint_terms or JointTerms(())
         state = terms.state(JointState(position, v[index], a[index]), math=ca)
         if not state.smoothing:
-            state = state._replace(smoothing=SMOOTH * float(mechanism.coordinate_scales[index]))
+            state = state._replace(smoothing=SMOOTH * float(robot.coordinate_scales[index]))
         return state
 
     def _joint_term(self, parameter: Parameter, state: JointState) -> Any:
@@ -273,18 +273,18 @@ class SymbolicRobot:
 
     def _closure_residual(self, chain: Sequence[Link]) -> Any:
         """Residual (rows,) in m."""
-        mechanism, rows = self.mechanism, list[Any]()
-        for closure in mechanism.closures:
+        robot, rows = self.robot, list[Any]()
+        for closure in robot.closures:
             a, b = (self._pose(chain, frame) for frame in closure.frame_ids)
             for part in closure.equations:
                 rows += part.expressions(a, b, ca)
             if closure.indices is not None:
                 rows[-1] -= self.q[closure.indices[0]]
-        rows += [coupling.expression(self.q) for coupling in mechanism.couplings]
-        return ca.vertcat(ca.SX(0, 1), *rows) * ca.DM(mechanism.row_scales)
+        rows += [coupling.expression(self.q) for coupling in robot.couplings]
+        return ca.vertcat(ca.SX(0, 1), *rows) * ca.DM(robot.row_scales)
 
     def _pose(self, chain: Sequence[Link], index: int) -> SymbolicPose:
-        frame = self.mechanism.model.frames[index]
+        frame = self.robot.model.frames[index]
         carrier, (P, p) = chain[_end(chain, frame.parentJoint)], constant(frame.placement)
         return SymbolicPose(carrier.rotation @ P, carrier.origin + carrier.rotation @ p)
 
@@ -293,7 +293,7 @@ class SymbolicRobot:
 
         Joints that are several have some; the last is what they carry.
         """
-        model = self.mechanism.model
+        model = self.robot.model
         chain = [_ground(model.gravity.linear)]
         for index in range(1, model.njoints):
             joint, parent = model.joints[index], _end(chain, model.parents[index])

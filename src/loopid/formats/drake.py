@@ -10,7 +10,7 @@ from loopid.errors import RobotFileError, naming
 from loopid.loading.urdf import Dialect, linked, mounted
 from loopid.loading.urdf_tree import UrdfFile
 from loopid.loading.xml_elements import inner_tags, numbers, said
-from loopid.robot.mechanism import LeftOut
+from loopid.robot.robot import LeftOut
 
 BALL = "ball_constraint"
 PULLING = ("linear_bushing_rpy", "linear_spring_damper")

@@ -22,7 +22,7 @@ from loopid.loading.xml_elements import (
     placement,
     said,
 )
-from loopid.robot.mechanism import LeftOut, shortened
+from loopid.robot.robot import LeftOut, shortened
 
 DETACHABLE = re.compile("detachable_?-?joint", re.IGNORECASE)
 CLOSING_PLUGIN = re.compile("closed_?loop|attach_links")

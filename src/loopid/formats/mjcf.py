@@ -35,7 +35,7 @@ from loopid.formats.mjcf_scene import (
 )
 from loopid.loading.description import ClosureDescription, Description
 from loopid.loading.tree import NearCoupling, TreeSource, add_frame
-from loopid.robot.mechanism import shortened
+from loopid.robot.robot import shortened
 
 # Gain, bias and dynamics of an actuator whose force is its control times a constant.
 DIRECT = "fixed", "none", "none"

@@ -17,7 +17,7 @@ from loopid.arguments import BoolArray
 from loopid.errors import FileError, MissingExtraError, RobotFileError, naming
 from loopid.formats.mjcf_compiler import compile_guarded
 from loopid.loading.xml_elements import Element, label, read_xml
-from loopid.robot.mechanism import LeftOut
+from loopid.robot.robot import LeftOut
 
 try:
     import mujoco

@@ -37,7 +37,7 @@ from loopid.loading.xml_elements import (
     read_xml,
     required,
 )
-from loopid.robot.mechanism import LeftOut, shortened
+from loopid.robot.robot import LeftOut, shortened
 
 WORLD, MODEL = "world", "__model__"
 # What joints of a tree are in a URDF; balls are replaced afterwards.

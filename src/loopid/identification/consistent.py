@@ -44,7 +44,7 @@ from loopid.errors import DataError, ModelWarning, OptionError, warn
 from loopid.findings import Finding
 from loopid.identification.correlation import within_runs
 from loopid.identification.estimator import WorkingFit
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.identification.information import body_sizes, joint_sizes
 from loopid.identification.jackknife import with_scatter
 from loopid.identification.joint_priors import JointPriors
@@ -157,13 +157,14 @@ def consistent_fit(
     Examples
     --------
     >>> import loopid, numpy as np
-    >>> robot = loopid.load_mechanism("five_bar")
-    >>> model = loopid.find_force_model(robot, joint_terms=None)
+    >>> robot = loopid.load("five_bar")
+    >>> model = loopid.force_model(robot, joint_terms=None)
     >>> q, at_rest = loopid.random_configurations(robot, 50), np.zeros((50, 2))
     >>> W = model.base.regressor(model.standard_regressor(q, at_rest, at_rest))
     >>> force = 1.2 * W @ model.prior + 0.01 * np.random.default_rng(0).normal(size=(50, 2))
-    >>> samples = loopid.FitSamples.of(model.parameters, robot.independent, W, force)
-    >>> found = loopid.consistent_fit(model, samples, loopid.fit(samples).noise)
+    >>> samples = loopid.identification.FitSamples.of(model.parameters, robot.independent, W, force)
+    >>> noise = loopid.identification.fit(samples).noise
+    >>> found = loopid.identification.consistent_fit(model, samples, noise)
     >>> bool((found.standard_parameters[::4] > 0).all())  # masses
     True
     >>> bool(np.allclose(model.base.values(found.standard_parameters), found.values))
@@ -676,7 +677,7 @@ def _result(
     M, standard = force_model.base.matrix, program.standard(state)
     told = M @ program.changes(state)
     # Bodies without a mass are kept so, and not known to be.
-    sizes = MASSLESS * body_sizes(force_model.mechanism, force_model.model)
+    sizes = MASSLESS * body_sizes(force_model.robot, force_model.model)
     sizes[program.columns.ravel()] = 0.0
     kept = M[:, : len(sizes)] * sizes
     kept = kept[:, sizes > 0]
@@ -813,9 +814,9 @@ def _solid_bodies(force_model: ForceModel) -> tuple[FloatArray, BoolArray]:
 
     Those of massless bodies are zero; without any masses, all are balls of one kilogram.
     """
-    mechanism = force_model.mechanism
-    P = pseudo_inertia(mechanism.standard_parameters("full").reshape(-1, len(KINDS)))
-    unsound, reach = np.zeros(len(P), dtype=bool), LEAST_REACH * mechanism.length
+    robot = force_model.robot
+    P = pseudo_inertia(robot.standard_parameters("full").reshape(-1, len(KINDS)))
+    unsound, reach = np.zeros(len(P), dtype=bool), LEAST_REACH * robot.length
     if not force_model.has_masses:
         ball = np.append(np.full(3, reach**2 / 5), 1.0)
         return np.tile(np.diag(ball), (len(P), 1, 1)), unsound
@@ -829,7 +830,7 @@ def _solid_bodies(force_model: ForceModel) -> tuple[FloatArray, BoolArray]:
 
 def warn_of_bodies(force_model: ForceModel, found: Fit) -> None:
     """Tell of bodies of the file that are none, and of a model that lacks a force."""
-    name = force_model.mechanism.name
+    name = force_model.robot.name
     if not found.settled:
         UNSETTLED.warn()
     if not force_model.has_masses:

@@ -20,7 +20,7 @@ from loopid.arguments import FloatArray, IntArray, checked
 from loopid.errors import LoopidError
 from loopid.findings import Finding
 from loopid.identification.estimator import nearest_to_file
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import FitProblem
 from loopid.logs.preparing import at_cutoff, motion_band
 from loopid.logs.recording import FilterOptions, Recording
@@ -135,16 +135,16 @@ def choose_cutoff(
     Examples
     --------
     >>> import loopid, numpy as np
-    >>> robot = loopid.load_mechanism("five_bar")
-    >>> model = loopid.find_force_model(robot, "full", "Fc,Fv")
+    >>> robot = loopid.load("five_bar")
+    >>> model = loopid.force_model(robot, "full", "Fc,Fv")
     >>> log = loopid.read_log("urdf/logs/five_bar.csv", robot)
-    >>> choice = loopid.identification.choose_cutoff(model, [loopid.prepare_recording(robot, log)])
+    >>> choice = loopid.identification.choose_cutoff(model, [loopid.prepare(robot, log)])
     >>> 3 < choice.chosen <= 20
     True
     """
     open_ones = [run for run in recordings if run.open_cutoff]
     logs = [run.log for run in open_ones if run.log is not None]
-    band = max((motion_band(force_model.mechanism, log) for log in logs), default=0.0)
+    band = max((motion_band(force_model.robot, log) for log in logs), default=0.0)
     if not band:
         return None
     rate = min(log.rate(part) for log in logs for part in log.parts() if len(log.time[part]) > 1)
@@ -223,7 +223,7 @@ def _fitted(
     Values are those of the robot file where nothing is known.
     """
     try:
-        robot = force_model.mechanism
+        robot = force_model.robot
         runs = recordings if cutoff is None else at_cutoff(robot, recordings, cutoff)
         problem = FitProblem.combined(force_model.samples(run, n_jobs).problem for run in runs)
         freedom = np.asarray(problem.samples * (problem.freedom / problem.rows))

@@ -9,16 +9,16 @@ from typing import Any
 from loopid.errors import OptionError
 from loopid.logs.log import Log
 from loopid.logs.mapping import LogMapping, read_mapping
-from loopid.logs.preparing import prepare_recording
+from loopid.logs.preparing import prepare
 from loopid.logs.reading import read_log
 from loopid.logs.recording import Recording
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 FORMS = "a path, a table of pandas or Polars, a Log or a Recording"
 
 
 def recordings_of(
-    robot: Mechanism, data: Any, mapping: LogMapping | str | Path | None = None
+    robot: Robot, data: Any, mapping: LogMapping | str | Path | None = None
 ) -> tuple[Recording, ...]:
     """Recordings of data of any form.
 
@@ -43,7 +43,7 @@ def each_of(data: Any) -> Sequence[Any]:
     return data if isinstance(data, list | tuple) else [data]
 
 
-def _recording(robot: Mechanism, data: Any, mapping: LogMapping | str | Path | None) -> Recording:
+def _recording(robot: Robot, data: Any, mapping: LogMapping | str | Path | None) -> Recording:
     if isinstance(data, Recording):
         return data
     if isinstance(data, str | Path):
@@ -55,4 +55,4 @@ def _recording(robot: Mechanism, data: Any, mapping: LogMapping | str | Path | N
         raise OptionError(
             f"data must be {FORMS}, or a list of these, not {type(data).__name__}", given=data
         )
-    return prepare_recording(robot, data)
+    return prepare(robot, data)

@@ -37,7 +37,7 @@ from loopid.identification.correlation import (
 )
 from loopid.identification.cutoff import CutoffChoice, choose_cutoff
 from loopid.identification.estimator import WorkingFit, require_rows, result_of, scaled_svd
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.identification.jackknife import with_scatter
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit
@@ -47,7 +47,7 @@ from loopid.motion.filtering import LowPass
 from loopid.parameters import ParameterSet
 from loopid.records import record
 from loopid.regressors.maxwell_slip import ELEMENTS, slip_displacements, slip_states
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 from loopid.workers import one_blas_thread
 
 NORMAL = 1.96  # standard errors to the end of a 95 % interval
@@ -167,7 +167,7 @@ def find_delay(
     ----------
     force_model : ForceModel
     recordings : sequence of Recording
-        From ``prepare_recording``, of one robot and one way of logging.
+        From ``prepare``, of one robot and one way of logging.
     cutoff : float, optional
         The widest band in Hz that is looked at; by default that of ``choose_cutoff``.
 
@@ -181,10 +181,10 @@ def find_delay(
     Forces that are 20 ms late:
 
     >>> import loopid
-    >>> robot = loopid.load_mechanism("five_bar")
-    >>> model = loopid.find_force_model(robot, "full")
+    >>> robot = loopid.load("five_bar")
+    >>> model = loopid.force_model(robot, "full")
     >>> late = loopid.read_log("urdf/logs/five_bar.csv", robot).delayed(-0.02)
-    >>> found = loopid.find_delay(model, [loopid.prepare_recording(robot, late)])
+    >>> found = loopid.identification.find_delay(model, [loopid.prepare(robot, late)])
     >>> round(found.common, 2)
     0.02
     """
@@ -192,7 +192,7 @@ def find_delay(
     best, least = None, np.inf
     with one_blas_thread():
         for band in _bands(force_model, logged, cutoff):
-            found = _found(force_model, at_cutoff(force_model.mechanism, logged, band))
+            found = _found(force_model, at_cutoff(force_model.robot, logged, band))
             width = np.inf if found is None else float(np.ptp(found.interval))
             if least < width:
                 break
@@ -231,7 +231,7 @@ def without_delay(
     """The recordings with what is clear of a delay undone: their forces are moved."""
     if delay is None or not delay.clear:
         return tuple(recordings)
-    robot = force_model.mechanism
+    robot = force_model.robot
     return tuple(_moved(robot, one, delay.undone) for one in recordings)
 
 
@@ -254,7 +254,7 @@ def in_time(
     return moved, delay, choose_cutoff(force_model, moved[0], n_jobs=n_jobs)
 
 
-def _moved(robot: Mechanism, recording: Recording, shifts: FloatArray) -> Recording:
+def _moved(robot: Robot, recording: Recording, shifts: FloatArray) -> Recording:
     """The same motion with forces of times that are shifts (m,) later, in its log, too."""
     if recording.log is None:
         return recording
@@ -321,7 +321,7 @@ def _lowpass(recording: Recording) -> LowPass | None:
 class _Run:
     """A recording and its forces at any shift."""
 
-    def __init__(self, robot: Mechanism, recording: Recording) -> None:
+    def __init__(self, robot: Robot, recording: Recording) -> None:
         from scipy.interpolate import make_interp_spline  # slow to import
 
         log = recording.log
@@ -378,7 +378,7 @@ class _Forces:
     """All recordings: the regressor of their samples, and their forces at any shift."""
 
     def __init__(self, force_model: ForceModel, recordings: Sequence[Recording]) -> None:
-        robot = force_model.mechanism
+        robot = force_model.robot
         self.runs, self.joints = [_Run(robot, one) for one in recordings], robot.actuated
         self.step = min(step for run in self.runs for step in run.steps)
         longest = min(LONGEST, PART * max(length for run in self.runs for length in run.lengths))

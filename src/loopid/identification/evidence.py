@@ -31,7 +31,7 @@ from loopid.logs.recording import MaskOptions, Recording
 from loopid.records import record
 from loopid.regressors.joint_terms import JointTerms
 from loopid.regressors.motion_regressors import motion_regressor
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 # Standard deviation of joint terms, in forces by the robot file, and of the offset of any drive, or
 # of friction that differs with the direction, in its forces.
@@ -186,12 +186,12 @@ class Evidence:
 
     def __init__(
         self,
-        mechanism: Mechanism,
+        robot: Robot,
         recordings: Sequence[Recording],
         joint_terms: JointTerms | None,
         options: SuspicionOptions,
     ) -> None:
-        self.mechanism, self.joint_terms, self.options = mechanism, joint_terms, options
+        self.robot, self.joint_terms, self.options = robot, joint_terms, options
         self.names, d = recordings[0].actuators, len(recordings[0].actuators)
         logs = [one.log for one in recordings]
         self.log = logs[0]
@@ -200,14 +200,14 @@ class Evidence:
         self.q, self.rates, self.force, self.used, self.external = map(
             np.concatenate, zip(*parts, strict=True)
         )
-        coordinates = JointCoordinates(mechanism, self.names)
+        coordinates = JointCoordinates(robot, self.names)
         # Of joints that turn without end, too.
         self.position = np.unwrap(coordinates.read(self.q.copy()), axis=0)
         self.lengths = coordinates.known_scales
         self.span = np.ptp(self.position, axis=0) / self.lengths
         counts = np.maximum(self.used.sum(axis=0), 1)
         self.size = np.sqrt(np.where(self.used, self.force**2, 0.0).sum(axis=0) / counts)
-        counted = np.isin(self.names, mechanism.actuated) & (counts >= options.least_samples)
+        counted = np.isin(self.names, robot.actuated) & (counts >= options.least_samples)
         self.present = np.flatnonzero(counted & (self.size > 0)).tolist()
         ones, own = (1.0,) * d, tuple(range(d))
         self.recorded = Undone(ones, ones, ones, own, own, (0.0,) * d)
@@ -241,8 +241,8 @@ class Evidence:
 
     def _choose_columns(self) -> None:
         """Combinations of the regressor's columns: what the forces feel, and what is known."""
-        mechanism, bodies = self.mechanism, self.mechanism.standard_parameters("full")
-        named = () if self.joint_terms is None else self.joint_terms.parameters(mechanism)
+        robot, bodies = self.robot, self.robot.standard_parameters("full")
+        named = () if self.joint_terms is None else self.joint_terms.parameters(robot)
         others = [not (one.link in self.names and one.kind in OWN) for one in named]
         self.kept, p = np.array([True] * len(bodies) + others), len(bodies)
         K = np.add(*self._regressors(self.q, self.rates[:, :, 1:]))
@@ -250,7 +250,7 @@ class Evidence:
         per_force = 1 / np.where(self.expected > 0, self.expected, inf)
         joints = np.sqrt(((K[:, :, p:] * per_force[:, None]) ** 2).mean(axis=(0, 1)))
         flat = FLAT / np.where(joints > 0, joints, inf)
-        sizes = self.options.prior * body_sizes(mechanism, "full")
+        sizes = self.options.prior * body_sizes(robot, "full")
         table = (K[:, :, :p] * sizes * per_force[:, None]).reshape(-1, p)
         squares, turn = np.linalg.eigh(table.T @ table)
         felt = sizes[:, None] * turn[:, squares > 1e-6 * squares[-1]]
@@ -261,10 +261,10 @@ class Evidence:
 
     def _regressors(self, q: FloatArray, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
         """K (N, d, p) at rest, and what velocities and accelerations (N, d, 2) add."""
-        whole = closed_motion(self.mechanism, q, rates[:, :, 0], rates[:, :, 1])
+        whole = closed_motion(self.robot, q, rates[:, :, 0], rates[:, :, 1])
         still = np.zeros_like(whole.velocities)
         rest, both = (
-            motion_regressor(self.mechanism, one, joint_terms=self.joint_terms)[:, :, self.kept]
+            motion_regressor(self.robot, one, joint_terms=self.joint_terms)[:, :, self.kept]
             for one in (replace(whole, velocities=still, accelerations=still), whole)
         )
         return rest, both - rest
@@ -282,10 +282,10 @@ class Evidence:
         moved = (rates[..., 1:] / ratio[..., None]).reshape(*position.shape, 2)
         q, closed = np.tile(self.q, (len(new), 1)), np.ones(len(position), dtype=bool)
         if any(key[:3] != _pose(self.recorded)[:3] for key in new):
-            found = try_assemble(self.mechanism, position, options=CLOSING)
-            q = np.where(found.assembled[:, None], found.configurations, self.mechanism.reference)
-            regular = singularity_measure(self.mechanism, q) >= MaskOptions().singularity
-            q[~regular], closed = self.mechanism.reference, found.assembled & regular
+            found = try_assemble(self.robot, position, options=CLOSING)
+            q = np.where(found.assembled[:, None], found.configurations, self.robot.reference)
+            regular = singularity_measure(self.robot, q) >= MaskOptions().singularity
+            q[~regular], closed = self.robot.reference, found.assembled & regular
         rest, moving = (K @ self.columns for K in self._regressors(q, moved))
         rest[:, :, -1] -= np.tile(self.external, (len(new), 1))
         offsets = np.tile(np.diag(OFFSET * self.expected), (len(q), 1, 1))
@@ -434,7 +434,7 @@ class Evidence:
 
     def unit(self, motor: int) -> tuple[str, float]:
         """Of the positions of a motor, and the length in it that zeros are in."""
-        sliding = self.mechanism.joint(self.names[motor]).idx_v in self.mechanism.prismatic
+        sliding = self.robot.joint(self.names[motor]).idx_v in self.robot.prismatic
         return ("m" if sliding else "rad"), float(self.lengths[motor])
 
     def sizes(self, undone: Sequence[Undone]) -> FloatArray:

@@ -56,14 +56,14 @@ def fit(
     Gravity parameters of a five-bar linkage, from 200 random poses:
 
     >>> import loopid, numpy as np
-    >>> robot = loopid.load_mechanism("five_bar")
-    >>> model = loopid.find_force_model(robot, "gravity", None)
+    >>> robot = loopid.load("five_bar")
+    >>> model = loopid.force_model(robot, "gravity", None)
     >>> poses = loopid.random_configurations(robot, 200, seed=0)
-    >>> W = model.base.regressor(loopid.gravity_regressor(robot, poses))
+    >>> W = model.base.regressor(loopid.regressors.gravity_regressor(robot, poses))
     >>> truth, rng = model.prior, np.random.default_rng(0)
     >>> force = W @ truth + 0.01 * rng.normal(size=W.shape[:2])
     >>> samples = loopid.identification.FitSamples.of(model.parameters, robot.actuated, W, force)
-    >>> found = loopid.fit(samples)
+    >>> found = loopid.identification.fit(samples)
     >>> bool((abs(found.values - truth) < 4 * found.standard_errors).all())
     True
     """

@@ -32,7 +32,7 @@ from loopid.identification.consistent import (
 )
 from loopid.identification.correlation import residual_noise
 from loopid.identification.estimator import LEAST_EXCITATION, WorkingFit
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.identification.hysteresis import possible_hysteresis
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import (
@@ -97,9 +97,9 @@ def motor_use(
     joints, found = [], []
     velocity = np.abs(np.concatenate([run.motion.velocities for run in recordings]))
     loads = np.abs(force_model.loads(data.regressor))
-    for row, joint in enumerate(force_model.mechanism.independent):
+    for row, joint in enumerate(force_model.robot.independent):
         used = data.used[:, row] & (velocity[:, row] > 0)
-        if joint in force_model.mechanism.actuated and used.any():
+        if joint in force_model.robot.actuated and used.any():
             joints.append(joint)
             rates = np.percentile(velocity[used, row], [SLOWEST, 100.0]) * [MIXED, 1.0]
             most = np.abs(data.force[data.used[:, row], row]).max()
@@ -320,13 +320,14 @@ def friction_curve(
     Examples
     --------
     >>> import loopid, numpy as np
-    >>> names = loopid.ParameterSet.from_labels(["elbow.Fc", "elbow.Fv"])
+    >>> names = loopid.parameters.ParameterSet.from_labels(["elbow.Fc", "elbow.Fv"])
     >>> rng = np.random.default_rng(0)
     >>> rate = rng.normal(size=(500, 1))
     >>> W = np.stack([np.sign(rate), rate], axis=2)
     >>> force = W @ [2.0, 0.5] + 0.1 * rng.normal(size=(500, 1))
-    >>> fit = loopid.fit(loopid.identification.FitSamples.of(names, ["elbow"], W, force))
-    >>> curve = loopid.friction_curve(fit, "elbow", np.array([-1.0, 1.0]))
+    >>> samples = loopid.identification.FitSamples.of(names, ["elbow"], W, force)
+    >>> fit = loopid.identification.fit(samples)
+    >>> curve = loopid.identification.friction_curve(fit, "elbow", np.array([-1.0, 1.0]))
     >>> curve.values.round(1), bool((np.ptp(curve.band, axis=1) < 0.1).all())
     (array([-2.5,  2.5]), True)
     """
@@ -393,9 +394,9 @@ def friction_summary(fit: Fit) -> FrictionSummary:
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("five_bar")
-    >>> run = loopid.prepare_recording(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
-    >>> found = loopid.identify(loopid.find_force_model(robot, "full"), [run])
+    >>> robot = loopid.load("five_bar")
+    >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
+    >>> found = loopid.identify(loopid.force_model(robot, "full"), [run])
     >>> friction = loopid.identification.friction_summary(found.fit)
     >>> friction.joints, round(friction.coulomb[0].value, 2)
     (('left_crank_joint', 'right_crank_joint'), 0.1)

@@ -13,7 +13,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray, checked
 from loopid.errors import OptionError
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import LEAST_FREEDOM, Fit
 from loopid.logs.recording import Recording
@@ -137,11 +137,12 @@ def hysteresis_loop(
     Examples
     --------
     >>> import loopid, numpy as np
-    >>> names = loopid.ParameterSet.from_labels(["elbow.Fc", "elbow.Fh@0.002"])
+    >>> names = loopid.parameters.ParameterSet.from_labels(["elbow.Fc", "elbow.Fh@0.002"])
     >>> rng = np.random.default_rng(0)
     >>> W = rng.normal(size=(500, 1, 2))
     >>> force = W @ [2.0, 1.0] + 0.1 * rng.normal(size=(500, 1))
-    >>> fit = loopid.fit(loopid.identification.FitSamples.of(names, ["elbow"], W, force))
+    >>> samples = loopid.identification.FitSamples.of(names, ["elbow"], W, force)
+    >>> fit = loopid.identification.fit(samples)
     >>> loopid.identification.hysteresis_loop(fit, "elbow").finding
     ('friction of elbow builds up after reversals', 'over 2.5 mrad')
     """

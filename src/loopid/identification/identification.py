@@ -16,7 +16,7 @@ from loopid.findings import Finding, most_important_first
 from loopid.identification.consistent import CONSISTENT
 from loopid.identification.cutoff import CutoffChoice
 from loopid.identification.delay import Delay
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.identification.information import Identifiability
 from loopid.identification.leaving_out import repeated_share
 from loopid.identification.log_mistakes import Suspicions
@@ -48,7 +48,7 @@ ROBOT_FILE, ALL = "robot file", "all parameters"
 
 @record
 class Identification:
-    """What recordings say about a mechanism; candidates and parameters are found by name.
+    """What recordings say about a robot; candidates and parameters are found by name.
 
     Attributes
     ----------
@@ -226,7 +226,7 @@ class Identification:
     def __repr__(self) -> str:
         model, told = self.force_model, self.identifiability
         lines = [
-            f"Identification({model.mechanism.name}, {model.model} model by "
+            f"Identification({model.robot.name}, {model.model} model by "
             f"{self[ALL].fit.estimator}: {len(self.data)} samples fitted, {len(self.new)} to "
             "validate)",
             *(
@@ -273,10 +273,10 @@ def split_recordings(
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("five_bar")
+    >>> robot = loopid.load("five_bar")
     >>> log = loopid.read_log("urdf/logs/five_bar.csv", robot)
-    >>> run = loopid.prepare_recording(robot, log)
-    >>> training, validation = loopid.split_recordings([run], 0.75)
+    >>> run = loopid.prepare(robot, log)
+    >>> training, validation = loopid.identification.split_recordings([run], 0.75)
     >>> len(training[0]) + len(validation[0]) == len(run)
     True
     """

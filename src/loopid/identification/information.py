@@ -23,13 +23,13 @@ from loopid.errors import DataError, RankError, counted
 from loopid.findings import Finding
 from loopid.identification.estimator import LEAST_EXCITATION, Estimator, excited_rank
 from loopid.identification.fitting import quiet_fit
-from loopid.identification.force_model import ForceModel, samples_of
+from loopid.identification.force_models import ForceModel, samples_of
 from loopid.identification.problem import FitProblem, FitSamples
 from loopid.identification.result import Fit, fit_quality
 from loopid.logs.recording import Recording
 from loopid.parameters import KINDS, ParameterSet
 from loopid.records import record
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 from loopid.workers import one_blas_thread
 
 # Part of a parameter's size that must be unidentifiable for its value to rest on the robot file.
@@ -44,18 +44,18 @@ TIE = 1e-6
 LEAST_MASS, LEAST_REACH = 0.01, 0.01
 
 
-def body_sizes(mechanism: Mechanism, model: str) -> FloatArray:
+def body_sizes(robot: Robot, model: str) -> FloatArray:
     """Sizes (p,) of the standard parameters of the bodies by the robot file, all positive.
 
     m, m ℓ and m ℓ² for a body of mass m whose mass is ℓ from its link's origin in the root mean
     square: what uncertainties are compared with.
     """
-    values = mechanism.standard_parameters("full").reshape(-1, len(KINDS))
+    values = robot.standard_parameters("full").reshape(-1, len(KINDS))
     mass = np.abs(values[:, 0])
     mass = np.maximum(mass, LEAST_MASS * (mass.mean() or 1.0))
     traces = values[:, [KINDS.index(kind) for kind in ("Ixx", "Iyy", "Izz")]].sum(axis=1)
-    length = np.sqrt(np.maximum(traces / (2 * mass), (LEAST_REACH * mechanism.length) ** 2))
-    powers = mechanism.parameters(model).length_powers.reshape(len(values), -1)
+    length = np.sqrt(np.maximum(traces / (2 * mass), (LEAST_REACH * robot.length) ** 2))
+    powers = robot.parameters(model).length_powers.reshape(len(values), -1)
     return np.asarray((mass[:, None] * length[:, None] ** powers).ravel(), dtype=np.float64)
 
 
@@ -119,7 +119,7 @@ class Excitation:
     def of(cls, force_model: ForceModel, problem: FitProblem) -> Excitation:
         """Of a fit problem of some or all parameters of a force model."""
         base, columns = force_model.base, force_model.columns_of(problem.parameters)
-        sizes = body_sizes(force_model.mechanism, force_model.model)
+        sizes = body_sizes(force_model.robot, force_model.model)
         weights, R, K, joints = _weighed(force_model, problem)
         with one_blas_thread():
             scaled = base.matrix[columns] * np.concatenate([sizes, joints])
@@ -337,7 +337,7 @@ class Identifiability:
     def leads(self) -> tuple[str, ...]:
         """Names that lead what is unidentifiable or weak: parameters that a motion should excite.
 
-        ``design_excitation(model, parameters=leads, after=recordings)`` finds such a motion.
+        ``design_motion(model, parameters=leads, after=recordings)`` finds such a motion.
         """
         both = (*self.unidentifiable, *self.weak)
         return tuple(dict.fromkeys(next(iter(each.terms)) for each in both))
@@ -375,7 +375,7 @@ class Identifiability:
 
     @property
     def _advice(self) -> str:
-        return f"excite them: design_excitation with parameters={list(self.leads)}"
+        return f"excite them: design_motion with parameters={list(self.leads)}"
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -424,14 +424,14 @@ def identifiability(
     A five-bar of which only one crank moves:
 
     >>> import loopid, numpy as np
-    >>> robot = loopid.load_mechanism("five_bar")
+    >>> robot = loopid.load("five_bar")
     >>> middle, wave = np.array([1.9, 0.7]), np.array([[0.2], [0.0]])  # rad
-    >>> series = loopid.FourierSeries(robot.actuated, 0.5, middle, wave, 0 * wave)
-    >>> motion = loopid.joint_motion(robot, series.motion(2.0, 20.0))
-    >>> force = loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=0.01)).force
+    >>> series = loopid.motion.FourierSeries(robot.actuated, 0.5, middle, wave, 0 * wave)
+    >>> motion = loopid.motion.joint_motion(robot, series.motion(2.0, 20.0))
+    >>> force = loopid.simulate(robot, motion, loopid.motion.Noise(gaussian=0.01)).force
     >>> run = loopid.logs.Recording.of_motion(motion, force, robot.actuated)
-    >>> model = loopid.find_force_model(robot, "full", None)
-    >>> found = loopid.identifiability(model, [run])
+    >>> model = loopid.force_model(robot, "full", None)
+    >>> found = loopid.identification.identifiability(model, [run])
     >>> found.rank < found.structural_rank
     True
     """

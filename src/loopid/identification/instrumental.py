@@ -43,14 +43,14 @@ class InstrumentalVariables(Estimator):
     A measured regressor with errors, and that of the commanded motion as instruments:
 
     >>> import loopid, numpy as np
-    >>> names = loopid.ParameterSet.from_labels(["arm.m", "arm.mx"])
+    >>> names = loopid.parameters.ParameterSet.from_labels(["arm.m", "arm.mx"])
     >>> rng = np.random.default_rng(0)
     >>> W = rng.normal(size=(5000, 1, 2))
     >>> force = W @ [2.0, 0.5] + 0.1 * rng.normal(size=(5000, 1))
     >>> measured = W + 0.3 * rng.normal(size=W.shape)
     >>> samples = loopid.identification.FitSamples.of(names, ["motor"], measured, force)
     >>> samples = samples.with_instruments(W)
-    >>> loopid.fit(samples, loopid.identification.InstrumentalVariables()).values.round(1).tolist()
+    >>> loopid.identification.fit(samples, "iv").values.round(1).tolist()
     [2.0, 0.5]
     """
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray, IntArray
 from loopid.errors import DataError
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import FitProblem
 from loopid.parameters import KINDS, Parameter
 from loopid.records import record

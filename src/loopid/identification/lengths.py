@@ -13,13 +13,13 @@ import numpy as np
 import pinocchio as pin
 
 from loopid.arguments import FloatArray
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.kinematics.constraint import Constraint, scaled_jacobian, scaled_residual
 from loopid.kinematics.poses import integrate
 from loopid.kinematics.projection import Factorisation, closed_motion, partition
 from loopid.logs.recording import Recording
 from loopid.regressors.motion_regressors import motion_regressor
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 PART = 1e-4  # by which a length is changed, for its derivative
 LEAST = 1e-6  # of the forces, and of the robot's length: less is none
@@ -37,12 +37,12 @@ def length_forces(
     standard : FloatArray
         Parameters of the force model that begin with those of the bodies.
     """
-    robot = force_model.mechanism
+    robot = force_model.robot
     if robot.free:
         return {}
     bodies = standard[: len(force_model.base.parameters) - len(force_model.joint_values)]
 
-    def forces(other: Mechanism) -> FloatArray:
+    def forces(other: Robot) -> FloatArray:
         parts = [_forces(other, run, force_model.model) @ bodies for run in recordings]
         return np.concatenate(parts)
 
@@ -54,7 +54,7 @@ def length_forces(
     return found
 
 
-def _changed(robot: Mechanism) -> Iterator[tuple[str, Mechanism]]:
+def _changed(robot: Robot) -> Iterator[tuple[str, Robot]]:
     """The robot with each length that is not zero changed: to a joint, or a frame of a closure."""
     ends = sorted({frame for closure in robot.closures for frame in closure.frame_ids})
     joints = range(1, robot.model.njoints)
@@ -70,7 +70,7 @@ def _changed(robot: Mechanism) -> Iterator[tuple[str, Mechanism]]:
             yield name, replace(robot, model=model)
 
 
-def _forces(robot: Mechanism, run: Recording, model: str) -> FloatArray:
+def _forces(robot: Robot, run: Recording, model: str) -> FloatArray:
     """Regressor (N, dof, n) of a motion of motors, with the loops closed as they nearly are."""
     motion, q = run.motion, run.motion.configurations
     if robot.rows:

@@ -22,14 +22,14 @@ import numpy as np
 from loopid.arguments import FloatArray, checked
 from loopid.findings import Finding
 from loopid.identification.evidence import Evidence, Explanation, SuspicionOptions, Undone
-from loopid.identification.force_model import parted
+from loopid.identification.force_models import parted
 from loopid.identification.log_timing import held_values, late_by_seconds
 from loopid.identification.mistake_kinds import KINDS, Motors, called
 from loopid.logs.preparing import in_motion_band
 from loopid.logs.recording import Recording
 from loopid.records import record
 from loopid.regressors.joint_terms import JointTerms
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 from loopid.workers import one_blas_thread
 
 # Between the neighbours of the best size so many are tried, so many times; then so many steps of
@@ -77,7 +77,7 @@ class Suspicions:
 
 @checked
 def suspicions(
-    mechanism: Mechanism,
+    robot: Robot,
     recordings: Sequence[Recording],
     joint_terms: JointTerms | None = None,
     *,
@@ -87,7 +87,7 @@ def suspicions(
 
     Parameters
     ----------
-    mechanism : Mechanism
+    robot : Robot
     recordings : sequence of Recording
         Parts of one log, at least one.
     joint_terms : JointTerms, optional
@@ -102,15 +102,15 @@ def suspicions(
     log = recordings[0].log
     held = () if log is None else tuple(held_values(log, options))
     nothing = Suspicions(recordings[0].name, (), held)
-    if mechanism.free or not mechanism.standard_parameters("full").any():
+    if robot.free or not robot.standard_parameters("full").any():
         return nothing  # positions that were not measured, or nothing to compare with
     with one_blas_thread():
-        recordings = [in_motion_band(mechanism, one) for one in recordings]
-        late = late_by_seconds(mechanism, recordings, options)
+        recordings = [in_motion_band(robot, one) for one in recordings]
+        late = late_by_seconds(robot, recordings, options)
         if late is not None:  # all else would be judged with forces of other positions
             return replace(nothing, mistakes=(late, *held))
         # Terms of groups follow the past or how fast a joint is: undone mistakes do not scale them.
-        model = Evidence(mechanism, recordings, parted(joint_terms)[0], options)
+        model = Evidence(robot, recordings, parted(joint_terms)[0], options)
         if not model.present:
             return nothing
         found, undone = model.weighed(model.recorded), list[_Find]()
@@ -135,13 +135,13 @@ def suspicions(
 
 @checked
 def suspicions_by_log(
-    mechanism: Mechanism, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
+    robot: Robot, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
 ) -> tuple[Suspicions, ...]:
     """``suspicions`` of each log, its parts, which have one name, taken together."""
     logs: dict[str, list[Recording]] = {}
     for recording in recordings:
         logs.setdefault(recording.name, []).append(recording)
-    return tuple(suspicions(mechanism, parts, joint_terms) for parts in logs.values())
+    return tuple(suspicions(robot, parts, joint_terms) for parts in logs.values())
 
 
 class _Find(NamedTuple):

@@ -17,7 +17,7 @@ from loopid.logs.log import Log
 from loopid.logs.preparing import PROVISIONAL
 from loopid.logs.recording import Recording
 from loopid.regressors.motion_regressors import motion_regressor
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 RIDGE = 1e-9  # of columns of size 1, so that a column that is none does no harm
 
@@ -50,7 +50,7 @@ def held_values(log: Log, options: SuspicionOptions = SuspicionOptions()) -> Ite
 
 
 def late_by_seconds(
-    mechanism: Mechanism, recordings: Sequence[Recording], options: SuspicionOptions
+    robot: Robot, recordings: Sequence[Recording], options: SuspicionOptions
 ) -> Finding | None:
     """Forces that belong to positions of seconds before or after, by correlation.
 
@@ -59,7 +59,7 @@ def late_by_seconds(
     best counts where it explains them clearly better than any that a delay has.
     """
     one = max(recordings, key=len)
-    lags, errors = _errors_by_lag(mechanism, one, options)
+    lags, errors = _errors_by_lag(robot, one, options)
     near = np.abs(lags) <= options.delay
     if near.all() or not near.any():
         return None
@@ -85,7 +85,7 @@ def late_by_seconds(
 
 
 def _errors_by_lag(
-    mechanism: Mechanism, recording: Recording, options: SuspicionOptions
+    robot: Robot, recording: Recording, options: SuspicionOptions
 ) -> tuple[FloatArray, FloatArray]:
     """Shifts (L,) in s, and what is left of the forces at each, in parts of them."""
     motion, force = recording.motion, recording.motor_force
@@ -97,9 +97,9 @@ def _errors_by_lag(
     most = min(2 * count // 3, round(options.latest / step))
     lags, length = np.arange(-most, most + 1), 1 << (2 * count - 1).bit_length()
     whole = closed_motion(
-        mechanism, motion.configurations[part], motion.velocities[part], motion.accelerations[part]
+        robot, motion.configurations[part], motion.velocities[part], motion.accelerations[part]
     )
-    bodies = motion_regressor(mechanism, whole) @ mechanism.standard_parameters("full")
+    bodies = motion_regressor(robot, whole) @ robot.standard_parameters("full")
     own = directions(recording)[part], motion.velocities[part], motion.accelerations[part]
     total = np.zeros(len(lags))
     # Samples that are no more than one, of signals in twice the band of the motion: a parameter

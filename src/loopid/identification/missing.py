@@ -21,7 +21,7 @@ from loopid.arguments import FloatArray
 from loopid.findings import Finding
 from loopid.identification.correlation import Autoregression, burg_covariances, run_lengths
 from loopid.identification.estimator import WorkingFit
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.identification.jackknife import Jackknife
 from loopid.identification.leaving_out import stretches_of
 from loopid.identification.lengths import length_forces
@@ -275,7 +275,7 @@ def with_missing(fit: Fit, missing: Sequence[MissingForce]) -> Fit:
 
 def _states(force_model: ForceModel, recording: Recording, loads: FloatArray) -> States:
     """Of the motors with one coordinate; loads (N, dof) move the bodies."""
-    robot, motion, history = force_model.mechanism, recording.motion, recording.history
+    robot, motion, history = force_model.robot, recording.motion, recording.history
     known = np.arange(len(recording)) if history is None else history.rows
     count = len(recording) if history is None else len(history.velocity)
     rows = np.arange(count)
@@ -492,7 +492,7 @@ class _Search:
         if best is None:
             return None
         law, number, columns, x, bias = best
-        slides = self.force_model.mechanism.joint(motor).shortname().startswith("JointModelP")
+        slides = self.force_model.robot.joint(motor).shortname().startswith("JointModelP")
         return self.test.missing(
             *(motor, law.said, least, columns @ x, self.left.ratio(columns), bias, law.do),
             term=law.term,

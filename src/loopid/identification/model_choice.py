@@ -17,7 +17,7 @@ from loopid.errors import DataError, OptionError
 from loopid.findings import Finding
 from loopid.identification.delay import directions
 from loopid.identification.estimator import UNKNOWN, nearest_to_file
-from loopid.identification.force_model import AUTOMATIC
+from loopid.identification.force_models import AUTOMATIC
 from loopid.identification.information import body_sizes
 from loopid.identification.leaving_out import LeftOut
 from loopid.identification.prediction import error_ratio
@@ -27,7 +27,7 @@ from loopid.logs.recording import Recording
 from loopid.parameters import MODELS, ParameterSet
 from loopid.records import record
 from loopid.regressors.motion_regressors import motion_regressor
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 from loopid.workers import one_blas_thread
 
 USE_FULL = 'use model="full"'
@@ -102,7 +102,7 @@ def _percent(part: float) -> str:
 
 
 @checked
-def choose_model(mechanism: Mechanism, recordings: Sequence[Recording]) -> ModelChoice:
+def choose_model(robot: Robot, recordings: Sequence[Recording]) -> ModelChoice:
     """Choose the model that recordings ask for.
 
     The full one, unless the recordings could not tell the inertia of the robot file from none, and
@@ -111,7 +111,7 @@ def choose_model(mechanism: Mechanism, recordings: Sequence[Recording]) -> Model
 
     Parameters
     ----------
-    mechanism : Mechanism
+    robot : Robot
     recordings : sequence of Recording
         At least one.
 
@@ -123,8 +123,8 @@ def choose_model(mechanism: Mechanism, recordings: Sequence[Recording]) -> Model
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("five_bar")
-    >>> run = loopid.prepare_recording(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
+    >>> robot = loopid.load("five_bar")
+    >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
     >>> loopid.identification.choose_model(robot, [run]).model
     'full'
     """
@@ -133,8 +133,8 @@ def choose_model(mechanism: Mechanism, recordings: Sequence[Recording]) -> Model
     step = max(1, -(-sum(map(len, recordings)) // SAMPLES))
     runs = [run.select(slice(None, None, step)) for run in recordings]
     states = [(m.configurations, m.velocities, m.accelerations) for m in (r.motion for r in runs)]
-    motions = [closed_motion(mechanism, *state) for state in states]
-    fits = {model: _Fit(mechanism, runs, motions, model) for model in MODELS}
+    motions = [closed_motion(robot, *state) for state in states]
+    fits = {model: _Fit(robot, runs, motions, model) for model in MODELS}
     gravity, full = fits["gravity"], fits["full"]
     inertia = full.forces_of_file - gravity.forces_of_file
     with one_blas_thread():
@@ -156,11 +156,11 @@ def choose_model(mechanism: Mechanism, recordings: Sequence[Recording]) -> Model
     return replace(found, model="full") if better or (found.shown and not worse) else found
 
 
-def chosen_model(mechanism: Mechanism, model: str, recordings: Sequence[Recording]) -> str:
+def chosen_model(robot: Robot, model: str, recordings: Sequence[Recording]) -> str:
     """A model by its name; for ``"auto"`` the one that recordings ask for, gravity without any."""
     if model != AUTOMATIC:
         return require_model(model)
-    return choose_model(mechanism, recordings).model if recordings else UNLOGGED
+    return choose_model(robot, recordings).model if recordings else UNLOGGED
 
 
 def require_model(model: str) -> str:
@@ -182,30 +182,30 @@ class _Fit:
 
     def __init__(
         self,
-        mechanism: Mechanism,
+        robot: Robot,
         recordings: Sequence[Recording],
         motions: Sequence[ClosedMotion],
         model: str,
     ) -> None:
-        bodies = mechanism.standard_parameters(model)
-        driven = [k for k, name in enumerate(mechanism.independent) if name not in mechanism.free]
+        bodies = robot.standard_parameters(model)
+        driven = [k for k, name in enumerate(robot.independent) if name not in robot.free]
         kinds = DRIVES[model]
-        names = [f"{mechanism.independent[k]}.{kind}" for kind in kinds for k in driven]
+        names = [f"{robot.independent[k]}.{kind}" for kind in kinds for k in driven]
         parts = []
         for run, motion in zip(recordings, motions, strict=True):
             rates, ones = run.motion.velocities, np.ones_like(run.force)
             signals = directions(run), rates, ones, run.motion.accelerations
-            eye = np.eye(len(mechanism.independent))[:, driven]
+            eye = np.eye(len(robot.independent))[:, driven]
             own = [each[:, :, None] * eye for each in signals[: len(kinds)]]
-            W = np.concatenate([motion_regressor(mechanism, motion, model), *own], axis=2)
-            parameters = mechanism.parameters(model) + ParameterSet.from_labels(names)
+            W = np.concatenate([motion_regressor(robot, motion, model), *own], axis=2)
+            parameters = robot.parameters(model) + ParameterSet.from_labels(names)
             used = run.used & np.isin(np.arange(W.shape[1]), driven)
             parts.append(FitSamples.of(parameters, run.actuators, W, run.force, used=used))
         self.samples = FitSamples.combined(parts)
         self.file = np.append(bodies, np.zeros(len(names)))
         # Bodies are about as in the file, unless no mass is known. No friction is far larger than
         # the motor's force.
-        known = 1 / body_sizes(mechanism, model) if bodies.any() else np.zeros(len(bodies))
+        known = 1 / body_sizes(robot, model) if bodies.any() else np.zeros(len(bodies))
         problem = self.samples.problem
         effects = np.linalg.norm(problem.factors[:, :, len(bodies) : -1], axis=1)
         forces = np.sqrt(problem.force_squares())[:, None]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from loopid.findings import Finding
-from loopid.identification.force_model import parted
+from loopid.identification.force_models import parted
 from loopid.identification.friction import friction_findings
 from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
 from loopid.identification.verdict import insignificant
@@ -66,7 +66,7 @@ def notes_of(found: Identification) -> Iterator[Finding]:
     runs = (*found.training, *found.validation)
     filtered = "unfiltered" if cutoff is None else f"filtered at {cutoff:.3g} Hz"
     terms, _ = parted(found.force_model.joint_terms)
-    choice = NO_TERMS if terms is None else terms.choice(found.force_model.mechanism)
+    choice = NO_TERMS if terms is None else terms.choice(found.force_model.robot)
     unclear = insignificant(fit)
     idle = [float(1 - run.used.mean(axis=0).min()) for run in runs]
     notes = [

@@ -5,11 +5,11 @@ from __future__ import annotations
 from loopid.errors import OptionError
 from loopid.identification.consistent import ConsistentOptions
 from loopid.identification.estimator import ESTIMATORS, Estimator
-from loopid.identification.force_model import AUTOMATIC, chosen_terms
+from loopid.identification.force_models import AUTOMATIC, chosen_terms
 from loopid.identification.model_choice import require_model
 from loopid.records import record
 from loopid.regressors.joint_terms import JointTerms
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 from loopid.workers import require_processes
 
 # What is done about a combination of parameters that no force of the data depends on.
@@ -26,7 +26,7 @@ class FitOptions:
         Of a robot: ``"gravity"``, ``"full"``, or ``"auto"`` for the one that the data ask for
         (``choose_model``).
     terms : str
-        Joint terms of a robot, as of ``JointTerms.of``; by default those of ``find_force_model``.
+        Joint terms of a robot, as of ``JointTerms.of``; by default those of ``force_model``.
     compared : tuple of str
         Further choices of joint terms that are judged on new data (``compare_terms``).
     estimator : str or Estimator
@@ -80,8 +80,8 @@ class FitOptions:
             )
         require_processes(self.n_jobs, "n_jobs")
 
-    def require_terms(self, mechanism: Mechanism) -> None:
-        """Refuse joint terms that a mechanism cannot have, before any work is done.
+    def require_terms(self, robot: Robot) -> None:
+        """Refuse joint terms that a robot cannot have, before any work is done.
 
         Raises
         ------
@@ -89,9 +89,9 @@ class FitOptions:
             Naming the joint or the word.
         """
         model = require_model(self.model)
-        chosen_terms(mechanism, "full" if model == AUTOMATIC else model, self.terms)
+        chosen_terms(robot, "full" if model == AUTOMATIC else model, self.terms)
         for choice in self.compared:
-            JointTerms.of(mechanism, choice)
+            JointTerms.of(robot, choice)
 
     def require_references(self, count: int) -> None:
         """Refuse reference motions for another estimator than ``"iv"``, and that without any."""

@@ -25,7 +25,7 @@ from loopid.identification.data import each_of, recordings_of
 from loopid.identification.delay import in_time, with_delay_errors
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
-from loopid.identification.force_model import AUTOMATIC, ForceModel, find_force_model, samples_of
+from loopid.identification.force_models import AUTOMATIC, ForceModel, force_model, samples_of
 from loopid.identification.friction import motor_use, with_friction
 from loopid.identification.identification import ALL, ROBOT_FILE, Identification, split_recordings
 from loopid.identification.information import (
@@ -54,7 +54,7 @@ from loopid.motion.joints import JointMotion
 from loopid.parameters import ParameterSet
 from loopid.regressors.joint_laws import joint_term
 from loopid.regressors.motion_regressors import force_parts
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 from loopid.workers import one_blas_thread
 
 # Part of the forces that the robot file's bodies need, below which forces have another unit; and in
@@ -72,9 +72,9 @@ def warn_of_fitted(training: Sequence[Recording], validation: Sequence[Recording
             )
 
 
-def require_forces(mechanism: Mechanism, recordings: Sequence[Recording]) -> None:
+def require_forces(robot: Robot, recordings: Sequence[Recording]) -> None:
     """Refuse forces that are none: zero throughout, or far below what the robot's bodies need."""
-    driven = len(mechanism.independent) - len(mechanism.free)
+    driven = len(robot.independent) - len(robot.free)
     largest, used, needed = np.zeros(driven), np.zeros(driven, dtype=bool), 0.0
     names = ", ".join(run.name for run in recordings)
     for run in recordings:
@@ -83,9 +83,9 @@ def require_forces(mechanism: Mechanism, recordings: Sequence[Recording]) -> Non
         some = np.unique(np.linspace(0, len(run) - 1, LOOKED_AT).astype(int))
         motion = run.motion
         state = motion.configurations[some], motion.velocities[some], motion.accelerations[some]
-        parts = force_parts(mechanism, *state).total[:, :driven]
+        parts = force_parts(robot, *state).total[:, :driven]
         needed = max(needed, float(np.abs(parts).max(initial=0.0)))
-    zero = [mechanism.independent[k] for k in np.flatnonzero(used & (largest == 0))]
+    zero = [robot.independent[k] for k in np.flatnonzero(used & (largest == 0))]
     if zero:
         raise DataError(
             f"the force of {', '.join(zero)} is zero in all samples of {names}: it tells nothing, "
@@ -106,7 +106,7 @@ def require_forces(mechanism: Mechanism, recordings: Sequence[Recording]) -> Non
 @checked
 @one_blas_thread()
 def identify(
-    robot: Mechanism | ForceModel,
+    robot: Robot | ForceModel,
     data: Any,
     *,
     validation: Any = None,
@@ -119,7 +119,7 @@ def identify(
 
     Parameters
     ----------
-    robot : Mechanism or ForceModel
+    robot : Robot or ForceModel
         Of a robot the model that the data ask for is fitted (``FitOptions.model``), with the usual
         joint terms.
     data
@@ -156,7 +156,7 @@ def identify(
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("five_bar")
+    >>> robot = loopid.load("five_bar")
     >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")  # with 0.1 N m of friction
     >>> round(found.fit["left_crank_joint.Fc"].value, 2)
     0.1
@@ -164,8 +164,8 @@ def identify(
     options.require_references(len(references))
     others = () if validation is None else validation, friction
     robot, (recordings, judging, friction) = _read(robot, mapping, options, data, *others)
-    mechanism = robot if isinstance(robot, Mechanism) else robot.mechanism
-    require_forces(mechanism, recordings)
+    own = robot if isinstance(robot, Robot) else robot.robot
+    require_forces(own, recordings)
     choice, force_model = _model_of(robot, recordings, options)
     training, left_out = recordings, validation is None and options.fraction is None
     if validation is None and options.fraction is not None:
@@ -176,13 +176,13 @@ def identify(
         n_jobs=options.n_jobs,
     )
     runs = *training, *judging, *friction
-    suspected = suspicions_by_log(mechanism, runs, force_model.joint_terms)
+    suspected = suspicions_by_log(own, runs, force_model.joint_terms)
     for each in (found for one in suspected for found in one.mistakes):
         each.warn()  # before what a wrong log may end in
     if cutoff is not None:
         cutoff.warn()
         training, judging, friction = (
-            at_cutoff(mechanism, runs, cutoff.chosen) for runs in (training, judging, friction)
+            at_cutoff(own, runs, cutoff.chosen) for runs in (training, judging, friction)
         )
     force_model = choose_terms(force_model, friction or training, n_jobs=options.n_jobs)
     data = samples_of(force_model, training, references=references, n_jobs=options.n_jobs)
@@ -260,26 +260,26 @@ def identify(
 
 
 def _read(
-    robot: Mechanism | ForceModel,
+    robot: Robot | ForceModel,
     mapping: LogMapping | str | Path | None,
     options: FitOptions,
     *data: Any,
-) -> tuple[Mechanism | ForceModel, list[tuple[Recording, ...]]]:
+) -> tuple[Robot | ForceModel, list[tuple[Recording, ...]]]:
     """The recordings of several data, and the robot: a locked joint is where the first log has it.
 
     Options that the robot cannot have are refused before any work is done.
     """
-    if isinstance(robot, Mechanism):
+    if isinstance(robot, Robot):
         options.require_terms(robot)
         first = next(iter(each_of(data[0])), None)
         if isinstance(first, str | Path):
             robot = locked_as_logged(robot, first, mapping=mapping)
-    mechanism = robot if isinstance(robot, Mechanism) else robot.mechanism
-    return robot, [recordings_of(mechanism, each, mapping) for each in data]
+    own = robot if isinstance(robot, Robot) else robot.robot
+    return robot, [recordings_of(own, each, mapping) for each in data]
 
 
 def _model_of(
-    robot: Mechanism | ForceModel, recordings: Sequence[Recording], options: FitOptions
+    robot: Robot | ForceModel, recordings: Sequence[Recording], options: FitOptions
 ) -> tuple[ModelChoice | None, ForceModel]:
     """The model of a robot that recordings ask for; a gravity model that is given is looked at."""
     kind = options.model
@@ -287,17 +287,17 @@ def _model_of(
         if (kind, options.terms) != (AUTOMATIC, AUTOMATIC):
             raise OptionError(
                 "the force model that is given has a model and terms of its own: choose them by "
-                "find_force_model, or give the robot in its place"
+                "force_model, or give the robot in its place"
             )
         kind = robot.model
-    mechanism = robot if isinstance(robot, Mechanism) else robot.mechanism
-    choice = None if kind == "full" else choose_model(mechanism, recordings)
+    own = robot if isinstance(robot, Robot) else robot.robot
+    choice = None if kind == "full" else choose_model(own, recordings)
     if choice is not None and kind != AUTOMATIC:
         choice.finding.warn()
     if isinstance(robot, ForceModel):
         return choice, robot
     model = choice.model if choice is not None and kind == AUTOMATIC else kind
-    return choice, find_force_model(mechanism, model, options.terms)
+    return choice, force_model(own, model, options.terms)
 
 
 def _errors_by_region(fit: WorkingFit) -> FloatArray:

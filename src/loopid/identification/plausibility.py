@@ -13,7 +13,7 @@ import numpy as np
 
 from loopid.arguments import checked
 from loopid.errors import OptionError
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.identification.friction import friction_curve, frictional_joints
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit

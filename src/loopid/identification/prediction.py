@@ -11,7 +11,7 @@ from loopid.arguments import BoolArray, FloatArray, checked, finite
 from loopid.errors import DataError
 from loopid.files import csv_text
 from loopid.identification.data import recordings_of
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import CONSTANT_FORCE, Fit, Quality
 from loopid.logs.preparing import at_cutoff
@@ -105,18 +105,18 @@ class Prediction(Tabular):
 def predictions(fit: Fit, data: Any) -> tuple[Prediction, ...]:
     """Of data of any form; see ``Fit.predict``."""
     model = fit.require_model()
-    return tuple(_predicted(fit, model, each) for each in recordings_of(model.mechanism, data))
+    return tuple(_predicted(fit, model, each) for each in recordings_of(model.robot, data))
 
 
 def _predicted(fit: Fit, model: ForceModel, recording: Recording) -> Prediction:
-    if recording.actuators != model.mechanism.independent:
+    if recording.actuators != model.robot.independent:
         raise DataError(
             f"recording {recording.name} is of {', '.join(recording.actuators)}, but the fit of "
-            f"{', '.join(model.mechanism.independent)}",
+            f"{', '.join(model.robot.independent)}",
             recording=recording.name,
         )
     if fit.cutoff is not None:
-        (recording,) = at_cutoff(model.mechanism, [recording], fit.cutoff)
+        (recording,) = at_cutoff(model.robot, [recording], fit.cutoff)
     samples, reach = model.samples(recording), None
     if fit.unseen_rms is not None:
         reach = prediction_reach(samples.regressor, fit.covariance, fit.unseen_rms)

@@ -148,9 +148,9 @@ class FitSamples:
     Examples
     --------
     >>> import loopid, numpy as np
-    >>> names = loopid.ParameterSet.from_labels(["arm.m", "arm.mx"])
+    >>> names = loopid.parameters.ParameterSet.from_labels(["arm.m", "arm.mx"])
     >>> W = np.random.default_rng(0).normal(size=(50, 1, 2))
-    >>> samples = loopid.FitSamples.of(names, ["motor"], W, W @ [2.0, 0.5])
+    >>> samples = loopid.identification.FitSamples.of(names, ["motor"], W, W @ [2.0, 0.5])
     >>> len(samples), bool(abs(samples.residual([2.0, 0.5])).max() < 1e-12)
     (50, True)
     """

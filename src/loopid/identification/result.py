@@ -18,8 +18,8 @@ from loopid.records import Tabular, record
 from loopid.registry import fit_exports
 
 if TYPE_CHECKING:
-    from loopid.identification.force_model import ForceModel
-    from loopid.robot.mechanism import Mechanism
+    from loopid.identification.force_models import ForceModel
+    from loopid.robot.robot import Robot
 
 # Squared deviation of a force from its mean, relative to its square, that is but round-off.
 CONSTANT_FORCE = 1e-12
@@ -379,11 +379,12 @@ class Fit(OfArrays, Tabular):
     Examples
     --------
     >>> import loopid, numpy as np
-    >>> names = loopid.ParameterSet.from_labels(["arm.m", "arm.mx"])
+    >>> names = loopid.parameters.ParameterSet.from_labels(["arm.m", "arm.mx"])
     >>> rng = np.random.default_rng(0)
     >>> W = rng.normal(size=(500, 1, 2))
     >>> force = W @ [2.0, 0.5] + 0.1 * rng.normal(size=(500, 1))
-    >>> found = loopid.fit(loopid.identification.FitSamples.of(names, ["motor"], W, force))
+    >>> samples = loopid.identification.FitSamples.of(names, ["motor"], W, force)
+    >>> found = loopid.identification.fit(samples)
     >>> round(found["arm.m"].value, 1), found["arm.m"].unit
     (2.0, 'kg')
     >>> low, high = found.intervals(0.999).T
@@ -450,9 +451,9 @@ class Fit(OfArrays, Tabular):
         return self.model
 
     @property
-    def robot(self) -> Mechanism:
+    def robot(self) -> Robot:
         """The robot of the force model."""
-        return self.require_model().mechanism
+        return self.require_model().robot
 
     @property
     def standard_errors(self) -> FloatArray:
@@ -479,7 +480,7 @@ class Fit(OfArrays, Tabular):
         reach[[name in self.assumed for name in self.parameters.names]] = np.inf
         return np.stack([self.values - reach, self.values + reach], axis=1)
 
-    def model_for(self, robot: Mechanism | ForceModel, *, anyway: bool = False) -> ForceModel:
+    def model_for(self, robot: Robot | ForceModel, *, anyway: bool = False) -> ForceModel:
         """The force model of the values, for a robot or its force model; ``Dynamics`` takes it.
 
         Raises
@@ -603,7 +604,7 @@ class Fit(OfArrays, Tabular):
         Examples
         --------
         >>> import loopid
-        >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"), "full", None)
+        >>> model = loopid.force_model(loopid.load("five_bar"), "full", None)
         >>> model.fit_of(model.prior).predict("urdf/logs/five_bar.csv").moving.samples
         array([1, 2])
         """
@@ -648,7 +649,7 @@ class Fit(OfArrays, Tabular):
         Examples
         --------
         >>> import loopid, tempfile
-        >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"), joint_terms=None)
+        >>> model = loopid.force_model(loopid.load("five_bar"), joint_terms=None)
         >>> fit = model.fit_of(model.prior)
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     fit.save(f"{folder}/fit.json").name

@@ -87,13 +87,13 @@ class Bisquare(Estimator):
     Examples
     --------
     >>> import loopid, numpy as np
-    >>> names = loopid.ParameterSet.from_labels(["arm.m", "arm.mx"])
+    >>> names = loopid.parameters.ParameterSet.from_labels(["arm.m", "arm.mx"])
     >>> rng = np.random.default_rng(0)
     >>> W = rng.normal(size=(500, 1, 2))
     >>> force = W @ [2.0, 0.5] + 0.1 * rng.normal(size=(500, 1))
     >>> force[::20] += 50.0  # outliers
     >>> samples = loopid.identification.FitSamples.of(names, ["motor"], W, force)
-    >>> found = loopid.fit(samples, loopid.identification.Bisquare())
+    >>> found = loopid.identification.fit(samples, loopid.identification.Bisquare())
     >>> found.values.round(1).tolist(), bool(found.robustness.down_weighted[0] > 0.05)
     ([2.0, 0.5], True)
     """

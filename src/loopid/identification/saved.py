@@ -27,7 +27,7 @@ from loopid.base_parameters.structure import analyse
 from loopid.border import refusal
 from loopid.errors import DataError, FileError, OptionError
 from loopid.files import require_other_file, why_no_file, write_file
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.identification.plausibility import require_sane
 from loopid.identification.result import (
     FileDeviation,
@@ -43,12 +43,12 @@ from loopid.kinematics.constraint import constraint_residual
 from loopid.kinematics.sampling import random_configurations
 from loopid.loading.closure import Closure, Coupling
 from loopid.loading.files import bundled_directory, files_of
-from loopid.loading.load import load_mechanism
+from loopid.loading.robot_files import load
 from loopid.parameters import Parameter, ParameterSet
 from loopid.regressors.joint_terms import JointTerms
 from loopid.regressors.motion_regressors import motion_parameters
 from loopid.regressors.structural import structural_observation
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 from loopid.yaml_files import LARGE, load_yaml
 
 ENDINGS = (".yaml", ".yml", ".json")
@@ -81,7 +81,7 @@ class _Section(BaseModel):
 
 
 class _Options(_Section):
-    """Arguments of ``load_mechanism`` beside the path."""
+    """Arguments of ``load`` beside the path."""
 
     closures: tuple[Closure | Coupling, ...] = ()
     motors: tuple[str, ...] | None = None
@@ -213,7 +213,7 @@ class FitFile(_Section):
         """What is written of a fit, which knows its model."""
         model = fit.require_model()
         _require_own_bodies(fit, model)
-        robot, base, bodies = model.mechanism, model.base, fit.standard_parameters
+        robot, base, bodies = model.robot, model.base, fit.standard_parameters
         known: list[dict[str, Any]] = [
             {"value": x.value, "standard_error": x.standard_error, "told": x.told}
             for x in fit.standard.values()
@@ -314,7 +314,7 @@ class FitFile(_Section):
             found.append(replace(own, expression=base.expression))
         return ParameterSet(tuple(found))
 
-    def load_robot(self, file: str | Path | None = None) -> Mechanism:
+    def load_robot(self, file: str | Path | None = None) -> Robot:
         """The robot, loaded as it was then: from a file, or from where it was.
 
         Raises
@@ -330,7 +330,7 @@ class FitFile(_Section):
                 robot=own.name,
             )
         try:
-            return load_mechanism(own.path if file is None else file, **dict(own.options))
+            return load(own.path if file is None else file, **dict(own.options))
         except FileError:
             if file is not None:
                 raise
@@ -340,24 +340,24 @@ class FitFile(_Section):
                 file=own.path,
             ) from None
 
-    def model_of(self, mechanism: Mechanism) -> ForceModel:
-        """The force model of a mechanism with the base parameters of the file.
+    def model_of(self, robot: Robot) -> ForceModel:
+        """The force model of a robot with the base parameters of the file.
 
         Nothing is searched. The file's combinations are checked against the structural observation
-        of the mechanism. Names of coordinates, rows and parameters must agree, and gravity; the
+        of the robot. Names of coordinates, rows and parameters must agree, and gravity; the
         states must close the loops, and give the forces of the file, to ``SAME_ROBOT``. Inertials
         may differ, as in robot files that were exported.
 
         Raises
         ------
         DataError
-            When the mechanism is another one, naming both and the first thing that differs.
+            When the robot is another one, naming both and the first thing that differs.
         """
-        difference = next(_differences(self, mechanism), None)
+        difference = next(_differences(self, robot), None)
         if difference is not None:
-            raise self._refusal(mechanism, difference)
+            raise self._refusal(robot, difference)
         kind, terms = self.force_model.model, self.force_model.joint_terms
-        observation = structural_observation(mechanism, kind, joint_terms=terms)
+        observation = structural_observation(robot, kind, joint_terms=terms)
         structure, labels = analyse(observation), self.standard.labels
         M = np.array([[each.terms.get(x, 0.0) for x in labels] for each in self.base_parameters])
         base = np.array([labels.index(next(iter(each.terms))) for each in self.base_parameters])
@@ -371,14 +371,14 @@ class FitFile(_Section):
             regrouping=frozen(M[:, dependent]),
             search=SearchResult("saved", "nullspace", chosen, math.nan, False, 1, 0),
         )
-        model = ForceModel(mechanism, kind, terms, found)
+        model = ForceModel(robot, kind, terms, found)
         self._require_forces(self.fit(model))
         R, sizes = observation.factor, np.linalg.norm(observation.factor, axis=0)
         errors = np.linalg.norm(R - R[:, base] @ M, axis=0)
         allowed = SAME_ROBOT * (sizes + sizes[base] @ np.abs(M)) + NO_EFFECT * sizes.max()
         if (errors > allowed).any():
             worst = labels[int(np.argmax(errors / allowed))]
-            raise self._refusal(mechanism, f"{worst} has other coefficients there")
+            raise self._refusal(robot, f"{worst} has other coefficients there")
         return model
 
     def _require_forces(self, fit: Fit) -> None:
@@ -391,26 +391,26 @@ class FitFile(_Section):
             terms = model.joint_terms
             why = " (bodies that load joints count)" if terms is not None and terms.loaded else ""
             said = f"the force along {row} differs by {apart[k]:.3g} there{why}"
-            raise self._refusal(model.mechanism, said)
+            raise self._refusal(model.robot, said)
 
-    def _refusal(self, mechanism: Mechanism, difference: str) -> DataError:
-        hashes = _hashes(mechanism).items()
+    def _refusal(self, robot: Robot, difference: str) -> DataError:
+        hashes = _hashes(robot).items()
         other = [name for name, hashed in hashes if self.robot.files.get(name) != hashed]
         files = f" ({', '.join(other)}: not the files of the fit)" if other else ""
         return DataError(
-            f"this is a fit of {self.robot.name}, not of {mechanism.source}{files}: {difference}"
+            f"this is a fit of {self.robot.name}, not of {robot.source}{files}: {difference}"
         )
 
 
 @checked
-def load_fit(path: str | Path, robot: Mechanism | str | Path | None = None) -> Fit:
+def load_fit(path: str | Path, robot: Robot | str | Path | None = None) -> Fit:
     """Read a fit that ``Fit.save`` wrote, the same to the bit, with its force model.
 
     Parameters
     ----------
     path : path
         Ending in .yaml, .yml or .json.
-    robot : Mechanism or path, optional
+    robot : Robot or path, optional
         The robot, or its file; by default from where it was, loaded as it was.
 
     Raises
@@ -425,7 +425,7 @@ def load_fit(path: str | Path, robot: Mechanism | str | Path | None = None) -> F
     Examples
     --------
     >>> import loopid, tempfile
-    >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"), joint_terms=None)
+    >>> model = loopid.force_model(loopid.load("five_bar"), joint_terms=None)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = model.fit_of(1.1 * model.prior).save(f"{folder}/fit.yaml")
     ...     fit = loopid.load_fit(path)
@@ -433,15 +433,15 @@ def load_fit(path: str | Path, robot: Mechanism | str | Path | None = None) -> F
     ('five_bar', True)
     """
     file = FitFile.read(path)
-    own = robot if isinstance(robot, Mechanism) else file.load_robot(robot)
+    own = robot if isinstance(robot, Robot) else file.load_robot(robot)
     return file.fit(file.model_of(own))
 
 
-def on_robot(fit: Fit, robot: Mechanism | ForceModel, *, anyway: bool = False) -> ForceModel:
+def on_robot(fit: Fit, robot: Robot | ForceModel, *, anyway: bool = False) -> ForceModel:
     """The force model of a fit, of a robot that is the fit's or has other inertials alone."""
     if fit.model is None and isinstance(robot, ForceModel):
         fit = robot.fit_of(fit)
-    own = robot if isinstance(robot, Mechanism) else robot.mechanism
+    own = robot if isinstance(robot, Robot) else robot.robot
     require_sane(fit, anyway)
     if fit.robot != own:
         fit = FitFile.of(fit).model_of(own).fit_of(fit)
@@ -523,8 +523,8 @@ def _plain(value: Any) -> Any:
 
 def _states(model: ForceModel, values: FloatArray) -> Iterator[dict[str, FloatArray]]:
     """Random states, the same for the same robot, and the forces there."""
-    q = random_configurations(model.mechanism, STATES, seed=0)
-    shape = 2, STATES, len(model.mechanism.independent)
+    q = random_configurations(model.robot, STATES, seed=0)
+    shape = 2, STATES, len(model.robot.independent)
     v, a = np.random.default_rng(0).standard_normal(shape)
     for state in zip(q, v, a, _forces(model, values, q, v, a), strict=True):
         yield dict(zip(_State.model_fields, state, strict=True))
@@ -541,50 +541,48 @@ def _forces(
     return np.asarray(model.loaded(W) @ values)
 
 
-def _differences(file: FitFile, mechanism: Mechanism) -> Iterator[str]:
-    """What makes a mechanism another robot: only the first counts, the next build on it."""
+def _differences(file: FitFile, robot: Robot) -> Iterator[str]:
+    """What makes a robot another robot: only the first counts, the next build on it."""
     kind, terms = file.force_model.model, file.force_model.joint_terms
-    known = {*mechanism.joints, *mechanism.coordinates}
+    known = {*robot.joints, *robot.coordinates}
     missing = set(() if terms is None else terms.joints) - known
     if missing:
         yield f"that has no joint {min(missing)}"
     for what, there, here in (
-        ("coordinate", mechanism.coordinates, file.robot.coordinates),
-        ("row", mechanism.independent, file.force_model.rows),
-        ("parameter", motion_parameters(mechanism, kind, terms).labels, file.standard.labels),
+        ("coordinate", robot.coordinates, file.robot.coordinates),
+        ("row", robot.independent, file.force_model.rows),
+        ("parameter", motion_parameters(robot, kind, terms).labels, file.standard.labels),
     ):
         for one, other in zip_longest(there, here):
             if one != other:
                 yield f"{what} {other or 'none'} is where that has {one or 'none'}"
-    gravity = mechanism.model.gravity.linear.tolist()
+    gravity = robot.model.gravity.linear.tolist()
     if not np.allclose(gravity, file.force_model.gravity, rtol=SAME_ROBOT):
         yield f"gravity is {gravity} m/s² there, not {list(file.force_model.gravity)}"
-    residual = np.abs(constraint_residual(mechanism, _columns(file.check)[0])).max(
-        axis=0, initial=0.0
-    )
-    most = SAME_ROBOT * mechanism.length + 2 * mechanism.closure_residual
+    residual = np.abs(constraint_residual(robot, _columns(file.check)[0])).max(axis=0, initial=0.0)
+    most = SAME_ROBOT * robot.length + 2 * robot.closure_residual
     if residual.max(initial=0.0) > most:
         k = int(residual.argmax())
-        yield f"closure {mechanism.row_names[k]} has a residual of {residual[k]:.3g} there"
+        yield f"closure {robot.row_names[k]} has a residual of {residual[k]:.3g} there"
 
 
-def _place(mechanism: Mechanism) -> str:
-    """Where a mechanism is loaded from again: a path, or the name of a bundled robot."""
-    if mechanism.path is None:
+def _place(robot: Robot) -> str:
+    """Where a robot is loaded from again: a path, or the name of a bundled robot."""
+    if robot.path is None:
         return ""
-    name = mechanism.path.stem
-    bundled = mechanism.path == bundled_directory() / f"{name}.yaml"
-    return name if bundled else str(mechanism.path)
+    name = robot.path.stem
+    bundled = robot.path == bundled_directory() / f"{name}.yaml"
+    return name if bundled else str(robot.path)
 
 
-def _hashes(mechanism: Mechanism) -> dict[str, str]:
+def _hashes(robot: Robot) -> dict[str, str]:
     """SHA-256 of the files of a robot, by name."""
-    return {f.name: sha256(f.read_bytes()).hexdigest() for f in robot_files(mechanism)}
+    return {f.name: sha256(f.read_bytes()).hexdigest() for f in robot_files(robot)}
 
 
-def robot_files(mechanism: Mechanism) -> tuple[Path, ...]:
-    """The file that a mechanism was loaded from, and that of its tree, which may be the same."""
-    if mechanism.path is None:
+def robot_files(robot: Robot) -> tuple[Path, ...]:
+    """The file that a robot was loaded from, and that of its tree, which may be the same."""
+    if robot.path is None:
         return ()
-    files = files_of(mechanism)
+    files = files_of(robot)
     return files.named, files.tree

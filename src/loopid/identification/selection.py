@@ -202,7 +202,7 @@ def eliminate_parameters(
     Three columns, of which the last has no effect:
 
     >>> import loopid, numpy as np
-    >>> names = loopid.ParameterSet.from_labels(["arm.m", "arm.mx", "arm.my"])
+    >>> names = loopid.parameters.ParameterSet.from_labels(["arm.m", "arm.mx", "arm.my"])
     >>> def log(seed):
     ...     rng = np.random.default_rng(seed)
     ...     W = rng.normal(size=(500, 1, 3))

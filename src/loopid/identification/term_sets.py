@@ -9,7 +9,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray, checked
 from loopid.errors import DataError
-from loopid.identification.force_model import ForceModel, parted, samples_of
+from loopid.identification.force_models import ForceModel, parted, samples_of
 from loopid.identification.identification import Identification, split_recordings
 from loopid.identification.information import body_sizes
 from loopid.identification.selection import PredictionError, prediction_errors
@@ -18,7 +18,7 @@ from loopid.parameters import KINDS
 from loopid.records import record
 from loopid.regressors.joint_laws import grouped
 from loopid.regressors.joint_terms import NO_TERMS, JointTerms, together
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 # Singular values of the columns, relative to the largest, below which they count as zero.
 NO_EFFECT = 1e-10
@@ -128,16 +128,17 @@ def compare_terms(found: Identification, *, choices: Sequence[str] = ()) -> Term
     A five-bar that has viscous friction only:
 
     >>> import loopid, numpy as np
-    >>> robot = loopid.load_mechanism("five_bar")
+    >>> from loopid.motion import FourierSeries, Noise
+    >>> robot = loopid.load("five_bar")
     >>> friction, values = loopid.JointTerms.with_values(robot, "Fv=1")
     >>> sine, cosine = 0.1 * np.random.default_rng(0).normal(size=(2, 2, 4))
-    >>> series = loopid.FourierSeries(robot.actuated, 0.02, np.array([1.7, 0.7]), sine, cosine)
-    >>> motion = loopid.joint_motion(robot, series.motion(100.0, 5.0))
-    >>> log = loopid.simulate_measurement(
-    ...     robot, motion, loopid.Noise(gaussian=0.01), joint_terms=friction, joint_values=values
+    >>> series = FourierSeries(robot.actuated, 0.02, np.array([1.7, 0.7]), sine, cosine)
+    >>> motion = loopid.motion.joint_motion(robot, series.motion(100.0, 5.0))
+    >>> log = loopid.simulate(
+    ...     robot, motion, Noise(gaussian=0.01), joint_terms=friction, joint_values=values
     ... )
     >>> run = loopid.logs.Recording.of_motion(motion, log.force, robot.actuated)
-    >>> found = loopid.identify(loopid.find_force_model(robot, "gravity", "Fc,Fv"), [run])
+    >>> found = loopid.identify(loopid.force_model(robot, "gravity", "Fc,Fv"), [run])
     >>> told = loopid.identification.compare_terms(found)
     >>> [each.choice for each in told.sets], told.enough[1].choice
     (['none', 'Fv', 'Fc,Fv', 'Fc,Fv,Fo'], 'Fv')
@@ -149,9 +150,9 @@ def compare_terms(found: Identification, *, choices: Sequence[str] = ()) -> Term
     if not validation:
         training, validation = split_recordings(training)
     prior_deviation, n_jobs = found.prior_deviation, found.options.n_jobs
-    mechanism, (own, _) = force_model.mechanism, parted(force_model.joint_terms)
-    asked = [JointTerms.of(mechanism, choice) for choice in choices]
-    sets = _each_once([*_sets(mechanism, own), *({} if t is None else t.of_joints for t in asked)])
+    robot, (own, _) = force_model.robot, parted(force_model.joint_terms)
+    asked = [JointTerms.of(robot, choice) for choice in choices]
+    sets = _each_once([*_sets(robot, own), *({} if t is None else t.of_joints for t in asked)])
     whole = force_model.with_columns(together(*sets))
     # Beside friction whose size the evidence decides, as it was found.
     known = dict(zip(force_model.parameters.labels, found.fit.values.tolist(), strict=True))
@@ -167,9 +168,7 @@ def compare_terms(found: Identification, *, choices: Sequence[str] = ()) -> Term
     fits = [_fits(whole, factor, kinds, prior_deviation) for kinds in sets]
     errors = [prediction_errors(unseen, [fit[k][1] for fit in fits], scale) for k in (0, 1)]
     judged = [
-        TermSet(
-            _choice(mechanism, kinds), _pairs(kinds), (fit[0][0], fit[1][0]), (with_file, fitted)
-        )
+        TermSet(_choice(robot, kinds), _pairs(kinds), (fit[0][0], fit[1][0]), (with_file, fitted))
         for kinds, fit, with_file, fitted in zip(sets, fits, *errors, strict=True)
     ]
     chosen = [each.kinds for each in judged].index(_pairs(own.of_joints if own else {}))
@@ -181,10 +180,10 @@ def compare_terms(found: Identification, *, choices: Sequence[str] = ()) -> Term
 Kinds: TypeAlias = Mapping[str, tuple[str, ...]]  # of each joint
 
 
-def _sets(mechanism: Mechanism, own: JointTerms | None) -> list[Kinds]:
+def _sets(robot: Robot, own: JointTerms | None) -> list[Kinds]:
     """No terms, more and more friction of the motors, constant forces, all that was chosen."""
     chosen = {} if own is None else own.of_joints
-    motors = [name for name in mechanism.actuated if mechanism.joint(name).nv == 1]
+    motors = [name for name in robot.actuated if robot.joint(name).nv == 1]
 
     def part(joints: Iterable[str], *beginnings: str) -> Kinds:
         return {
@@ -200,9 +199,9 @@ def _sets(mechanism: Mechanism, own: JointTerms | None) -> list[Kinds]:
     return [{}, viscous, friction, moving, shifted, chosen, together(shifted, chosen)]
 
 
-def _choice(mechanism: Mechanism, kinds: Kinds) -> str:
+def _choice(robot: Robot, kinds: Kinds) -> str:
     terms = JointTerms.of_kinds(kinds)
-    return NO_TERMS if terms is None else terms.choice(mechanism)
+    return NO_TERMS if terms is None else terms.choice(robot)
 
 
 def _each_once(sets: Iterable[Kinds]) -> list[Kinds]:
@@ -232,7 +231,7 @@ def _fits(
     A, force = factor[:n, :n] @ base.matrix, factor[:n, n] - factor[:n, :n] @ base.values(start)
     units = np.linalg.norm(A, axis=0)
     units = np.divide(1.0, units, out=np.ones(len(units)), where=units > 0)
-    units[bodies] = (prior_deviation or 1.0) * body_sizes(model.mechanism, model.model)
+    units[bodies] = (prior_deviation or 1.0) * body_sizes(model.robot, model.model)
     prior = np.diag(bodies.astype(float))[bodies] if prior_deviation else np.zeros((0, len(units)))
     rows, right = np.vstack([A * units, prior]), np.append(force, np.zeros(len(prior)))
     found = []

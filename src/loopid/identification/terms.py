@@ -20,7 +20,7 @@ from loopid.arguments import FloatArray, Share, checked
 from loopid.errors import DataError, RankError
 from loopid.identification.estimator import LEAST_EXCITATION, scaled_svd
 from loopid.identification.fitting import quiet_fit
-from loopid.identification.force_model import ForceModel, samples_of
+from loopid.identification.force_models import ForceModel, samples_of
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import LEAST_FREEDOM
 from loopid.logs.recording import Recording
@@ -94,7 +94,7 @@ def choose_terms(
 
 def _offsets(force_model: ForceModel) -> Iterator[Parameter]:
     """Offsets of motors that the robot file does not give, and that lead a base parameter."""
-    given = terms_of_file(force_model.mechanism)
+    given = terms_of_file(force_model.robot)
     for name in force_model.parameters:
         if name.kind == OFFSET and OFFSET not in given.get(name.link, {}):
             yield name

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, IntArray
-from loopid.identification.force_model import ForceModel
+from loopid.identification.force_models import ForceModel
 from loopid.identification.friction import friction_columns, friction_curve
 from loopid.identification.leaving_out import stretches_of
 from loopid.identification.prediction import Candidate

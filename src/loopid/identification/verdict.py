@@ -55,7 +55,7 @@ class Verdict:
     significant, parameters : int
         Parameters of the recommended fit, and how many of them clearly differ from zero.
     excite : tuple of str
-        Parameters that a further motion should excite: ``design_excitation(model,
+        Parameters that a further motion should excite: ``design_motion(model,
         parameters=verdict.excite, after=recordings)``; none where another motion would not help.
     improvement : str
         What would improve the fit most.

@@ -25,7 +25,7 @@ from loopid.kinematics.measured import Linearisation, MeasuredCoordinates, measu
 from loopid.kinematics.poses import blocks, integrate
 from loopid.kinematics.projection import Solver
 from loopid.records import record
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 from loopid.workers import one_blas_thread
 
 CLOSURE_TOLERANCE = 1e-10  # of the characteristic length; what a configuration must reach
@@ -66,9 +66,9 @@ class AssemblyOptions:
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("five_bar")
+    >>> robot = loopid.load("five_bar")
     >>> closer = loopid.kinematics.AssemblyOptions(tolerance=1e-12)
-    >>> loopid.assemble(robot, [[1.2, 1.9]], options=closer).shape
+    >>> loopid.kinematics.assemble(robot, [[1.2, 1.9]], options=closer).shape
     (1, 4)
     """
 
@@ -125,7 +125,7 @@ class Assembly:
 
 @checked
 def assemble(
-    mechanism: Mechanism,
+    robot: Robot,
     values: FloatArray,
     coordinates: Sequence[str] | str | None = None,
     *,
@@ -167,20 +167,20 @@ def assemble(
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("3ups_rpu")
-    >>> q = loopid.assemble(robot, [[0.0, 0.7, 0.1, 0.0]], "platform")
+    >>> robot = loopid.load("3ups_rpu")
+    >>> q = loopid.kinematics.assemble(robot, [[0.0, 0.7, 0.1, 0.0]], "platform")
     >>> loopid.kinematics.platform_coordinates(robot, q).round(6).tolist()
     [[0.0, 0.7, 0.1, 0.0]]
     """
     outcome = try_assemble(
-        mechanism, values, coordinates, start=start, trajectory=trajectory, options=options
+        robot, values, coordinates, start=start, trajectory=trajectory, options=options
     )
     return required(outcome).copy()
 
 
 @checked
 def try_assemble(
-    mechanism: Mechanism,
+    robot: Robot,
     values: FloatArray,
     coordinates: Sequence[str] | str | None = None,
     *,
@@ -193,11 +193,11 @@ def try_assemble(
     Along a trajectory the next one is then reached from the last one that was assembled. Otherwise
     there may be a start for each sample, (N, nq).
     """
-    measured = measured_coordinates(mechanism, coordinates)
+    measured = measured_coordinates(robot, coordinates)
     targets = samples(values, measured.width, "measured coordinates")
-    q = rectangular(mechanism.reference if start is None else start, "start")
+    q = rectangular(robot.reference if start is None else start, "start")
     one_each = not trajectory and np.ndim(q) == 2 and len(q) == len(targets)
-    q = samples(q, mechanism.model.nq, "start", len(targets) if one_each else 1)
+    q = samples(q, robot.model.nq, "start", len(targets) if one_each else 1)
     if trajectory:
         with one_blas_thread():
             return follow_trajectory(measured, q[0], targets, options)
@@ -253,7 +253,7 @@ def _followed(
     residual, small = _closed(measured, q, targets, options)
     assembled = arrived & small
     q[~assembled] = np.nan
-    return Assembly(q, residual, assembled, largest_opening(measured.mechanism, options.tolerance))
+    return Assembly(q, residual, assembled, largest_opening(measured.robot, options.tolerance))
 
 
 class _Path(NamedTuple):
@@ -304,17 +304,17 @@ def _predicted(
     pull = at.known @ way[:, :, None]
     steps = -Solver.of(at.unknown, options.regular).solve(pull)[:, :, 0]
     steps[np.abs(steps).max(axis=1, initial=0.0) > options.near] = 0.0
-    return integrate(measured.mechanism, start, measured.tangent(steps))
+    return integrate(measured.robot, start, measured.tangent(steps))
 
 
-def largest_opening(mechanism: Mechanism, tolerance: float = CLOSURE_TOLERANCE) -> float:
+def largest_opening(robot: Robot, tolerance: float = CLOSURE_TOLERANCE) -> float:
     """What the loops of a robot may stay open by, in m."""
-    return max(tolerance * mechanism.length, 2.0 * mechanism.closure_residual)
+    return max(tolerance * robot.length, 2.0 * robot.closure_residual)
 
 
-def _no_samples(mechanism: Mechanism, options: AssemblyOptions) -> Assembly:
-    none, tolerance = np.empty(0), largest_opening(mechanism, options.tolerance)
-    return Assembly(np.empty((0, mechanism.model.nq)), none, none.astype(bool), tolerance)
+def _no_samples(robot: Robot, options: AssemblyOptions) -> Assembly:
+    none, tolerance = np.empty(0), largest_opening(robot, options.tolerance)
+    return Assembly(np.empty((0, robot.model.nq)), none, none.astype(bool), tolerance)
 
 
 def _closed(
@@ -322,7 +322,7 @@ def _closed(
 ) -> tuple[FloatArray, BoolArray]:
     """Largest residuals (N,) in m, and where they are small enough."""
     residual = np.abs(measured.residual(q, targets)).max(axis=1, initial=0.0)
-    least = largest_opening(measured.mechanism, options.tolerance)
+    least = largest_opening(measured.robot, options.tolerance)
     return residual, np.asarray(residual <= least, dtype=bool)
 
 
@@ -358,7 +358,7 @@ def correct(
             pull = np.concatenate([pull, at.known], axis=2)
         solution = Solver.of(at.unknown, options.regular).solve(pull)
         step, slope = -solution[:, :, 0], -solution[:, :, 1:]
-        q[k] = integrate(measured.mechanism, q[k], measured.tangent(step))
+        q[k] = integrate(measured.robot, q[k], measured.tangent(step))
         if len(at.unknown) == count:
             jacobian, tangent = at.unknown, slope
         else:
@@ -392,7 +392,7 @@ def follow_trajectory(
     options: AssemblyOptions = USUAL,
 ) -> Assembly:
     """Follow the straight line to each sample (N, c) from the last one that was reached."""
-    none = _no_samples(measured.mechanism, options)
+    none = _no_samples(measured.robot, options)
     parts, first, window, alone = [none], 0, options.window, 1
     while first < len(targets):
         part = _together(measured, start, targets[first : first + window], options)
@@ -426,9 +426,9 @@ def _together(
     length = np.abs(steps).max(axis=1, initial=0.0)
     near = _leading_true(length <= options.longest_step)
     if not near:
-        return _no_samples(measured.mechanism, options)
+        return _no_samples(measured.robot, options)
     targets, steps, length = targets[:near], steps[:near], length[:near]
-    guess = integrate(measured.mechanism, np.tile(start, (near, 1)), measured.tangent(steps))
+    guess = integrate(measured.robot, np.tile(start, (near, 1)), measured.tangent(steps))
     found = correct(measured, guess, targets, options.short, options)
     q = found.configurations
     residual, small = _closed(measured, q, targets, options)
@@ -437,7 +437,7 @@ def _together(
     good &= same_side(np.repeat(home.jacobian, near, axis=0), found.jacobian)
     count = _leading_true(good)
     return replace(
-        _no_samples(measured.mechanism, options),
+        _no_samples(measured.robot, options),
         configurations=q[:count],
         residual=residual[:count],
         assembled=good[:count],

@@ -31,7 +31,7 @@ from loopid.kinematics.projection import (
     velocity_map,
 )
 from loopid.records import record
-from loopid.robot.mechanism import AssemblyMode, Loop, Mechanism
+from loopid.robot.robot import AssemblyMode, Loop, Robot
 
 FOLDED = 0.02  # singularity measure of a drawn pose at which modes count as meeting
 DIGITS = 4  # to which distances differ: round-off does not choose
@@ -66,9 +66,9 @@ CLOSED = 1e-7  # residual of poses nearby that counts as closed, in characterist
 class _Points:
     """Configurations (N, nq) with their scaled residual and Jacobian, found once each."""
 
-    def __init__(self, mechanism: Mechanism, q: FloatArray) -> None:
-        self.mechanism, self.q = mechanism, q.copy()
-        self.residual, self.jacobian = Constraint(mechanism, q).scaled()
+    def __init__(self, robot: Robot, q: FloatArray) -> None:
+        self.robot, self.q = robot, q.copy()
+        self.residual, self.jacobian = Constraint(robot, q).scaled()
 
     @property
     def largest(self) -> FloatArray:
@@ -83,7 +83,7 @@ class _Points:
 
 
 def close_loops(
-    mechanism: Mechanism,
+    robot: Robot,
     configurations: FloatArray,
     movable: IntArray | None = None,
     *,
@@ -94,21 +94,21 @@ def close_loops(
     From starts (N, nq) to configurations (N, nq), inside the limits where that closes them, and the
     largest closure residual (N,) that is left, in m.
     """
-    free = np.arange(mechanism.model.nv) if movable is None else movable
-    points = _Points(mechanism, configurations)
+    free = np.arange(robot.model.nv) if movable is None else movable
+    points = _Points(robot, configurations)
     _descend(points, free, np.zeros_like(points.residual), options)
     return _polished(points, free, options)
 
 
 def close_by_continuation(
-    mechanism: Mechanism,
+    robot: Robot,
     configurations: FloatArray,
     movable: IntArray,
     *,
     options: ClosingOptions = CLOSING,
 ) -> tuple[FloatArray, FloatArray]:
     """As ``close_loops``, shrinking the residual in equal parts so as to stay near the start."""
-    points = _Points(mechanism, configurations)
+    points = _Points(robot, configurations)
     first = points.residual.copy()
     for left in np.linspace(1.0, 0.0, options.continuation_steps + 1)[1:]:
         _descend(points, movable, left * first, options)
@@ -116,7 +116,7 @@ def close_by_continuation(
 
 
 def displaced(
-    mechanism: Mechanism,
+    robot: Robot,
     configurations: FloatArray,
     steps: FloatArray,
     *,
@@ -128,47 +128,47 @@ def displaced(
     joint: u̇ is integrated along G, and Newton steps of the others keep the loops closed. Gives
     configurations (N, nq) and the residual (N,) left, in m: large where the way met a singularity.
     """
-    chosen, dependent = partition(mechanism)
-    longest = float(np.abs(steps / mechanism.coordinate_scales[chosen]).max(initial=0.0))
+    chosen, dependent = partition(robot)
+    longest = float(np.abs(steps / robot.coordinate_scales[chosen]).max(initial=0.0))
     parts = int(np.ceil(longest / options.longest_step))
-    q, residual = configurations, largest_residual(mechanism, configurations)
+    q, residual = configurations, largest_residual(robot, configurations)
     for _ in range(parts):
-        G, _ = velocity_map(mechanism, Constraint(mechanism, q).scaled()[1], chosen, dependent)
-        q = integrate(mechanism, q, np.einsum("nij,nj->ni", G, steps / parts))
-        q, residual = _polished(_Points(mechanism, q), dependent, options)
+        G, _ = velocity_map(robot, Constraint(robot, q).scaled()[1], chosen, dependent)
+        q = integrate(robot, q, np.einsum("nij,nj->ni", G, steps / parts))
+        q, residual = _polished(_Points(robot, q), dependent, options)
     return q, residual
 
 
-def nearby_configurations(mechanism: Mechanism, configuration: FloatArray) -> FloatArray:
+def nearby_configurations(robot: Robot, configuration: FloatArray) -> FloatArray:
     """A closed configuration (nq,), then ends of walks from it that stay closed (n, nq)."""
-    if mechanism.rows == 0:
+    if robot.rows == 0:
         return configuration[None]  # a tree moves alike everywhere
-    nv, generator = mechanism.model.nv, random_generator(0, stream=3)
-    places = mechanism.draw_places(np.arange(nv))
+    nv, generator = robot.model.nv, random_generator(0, stream=3)
+    places = robot.draw_places(np.arange(nv))
     q = np.repeat(configuration[None], WALKS, axis=0)
     for _ in range(WALK_STEPS):
-        _, jacobian = Constraint(mechanism, q).scaled()
+        _, jacobian = Constraint(robot, q).scaled()
         steps = generator.normal(size=(WALKS, nv))[:, places]
         for k in range(WALKS):
-            basis = null_space(jacobian[k], mechanism.closure_rank_tolerance)
+            basis = null_space(jacobian[k], robot.closure_rank_tolerance)
             direction = basis @ (basis.T @ steps[k])
             steps[k] = STEP * direction / max(np.abs(direction).max(initial=0.0), 1e-300)
-        start = integrate(mechanism, q, steps * mechanism.coordinate_scales)
-        q, residual = close_loops(mechanism, start)
-    near = max(CLOSED * mechanism.length, 2.0 * mechanism.closure_residual)
+        start = integrate(robot, q, steps * robot.coordinate_scales)
+        q, residual = close_loops(robot, start)
+    near = max(CLOSED * robot.length, 2.0 * robot.closure_residual)
     return np.concatenate([configuration[None], q[residual <= near]])
 
 
 def _descend(at: _Points, movable: IntArray, goal: FloatArray, options: ClosingOptions) -> None:
     """Levenberg-Marquardt steps towards a residual, inside the limits."""
-    mechanism, length = at.mechanism, at.mechanism.length
+    robot, length = at.robot, at.robot.length
     damping = np.full(len(at.q), options.first_damping * length)
     error = np.linalg.norm(at.residual - goal, axis=1)
     for _ in range(options.steps if len(movable) else 0):
         k = np.flatnonzero((error > options.done * length) & (damping < options.stuck * length))
         if not len(k):
             break
-        there = _Points(mechanism, _tried(at, k, movable, goal[k], damping[k], options))
+        there = _Points(robot, _tried(at, k, movable, goal[k], damping[k], options))
         error_there = np.linalg.norm(there.residual - goal[k], axis=1)
         damping[k] *= np.where(error_there < options.worthwhile * error[k], 0.3, 4.0)
         damping = np.maximum(damping, options.least_damping * length)
@@ -183,11 +183,9 @@ def _polished(
     """Plain Gauss-Newton steps to round-off, kept where they shrink the residual."""
     k = np.arange(len(at.q))
     for _ in range(options.polish_steps if len(movable) else 0):
-        factors = Factorisation.of(
-            at.jacobian[k][:, :, movable], at.mechanism.closure_rank_tolerance
-        )
+        factors = Factorisation.of(at.jacobian[k][:, :, movable], at.robot.closure_rank_tolerance)
         step = -factors.solve(at.residual[k][:, :, None])[:, :, 0]
-        there = _Points(at.mechanism, _moved(at, k, movable, step, options))
+        there = _Points(at.robot, _moved(at, k, movable, step, options))
         better = there.largest < at.largest[k]
         at.replace(k, there, better)
         k = k[better & (np.abs(step).max(axis=1, initial=0.0) > options.short)]
@@ -205,23 +203,23 @@ def _tried(
     options: ClosingOptions,
 ) -> FloatArray:
     """Configurations after a damped step, in which joints that their limits stop take no part."""
-    mechanism, q = at.mechanism, at.q[rows]
-    moves = np.zeros(mechanism.model.nq, dtype=bool)
-    moves[mechanism.first_positions[movable]] = True
-    lower, upper = mechanism.position_limits
+    robot, q = at.robot, at.q[rows]
+    moves = np.zeros(robot.model.nq, dtype=bool)
+    moves[robot.first_positions[movable]] = True
+    lower, upper = robot.position_limits
     lower, upper = np.where(moves, lower, -np.inf), np.where(moves, upper, np.inf)
     columns, open_by = at.jacobian[rows][:, :, movable], at.residual[rows] - goal
 
     def moved(columns: FloatArray) -> FloatArray:
         # Normal equations would lift round-off, and let processors find other poses.
-        factors = Factorisation.of(columns, mechanism.closure_rank_tolerance)
+        factors = Factorisation.of(columns, robot.closure_rank_tolerance)
         step = -factors.solve(open_by[:, :, None], damping)[:, :, 0]
         return _moved(at, rows, movable, step, options)
 
     ahead = moved(columns)
     beyond = ((q <= lower) & (ahead < lower)) | ((q >= upper) & (ahead > upper))
     if beyond.any():
-        ahead = moved(columns * ~beyond[:, None, mechanism.first_positions[movable]])
+        ahead = moved(columns * ~beyond[:, None, robot.first_positions[movable]])
     return np.clip(ahead, lower, upper)
 
 
@@ -229,11 +227,11 @@ def _moved(
     at: _Points, rows: IntArray, movable: IntArray, step: FloatArray, options: ClosingOptions
 ) -> FloatArray:
     """Configurations of some rows moved by scaled steps (N, u) of limited length."""
-    mechanism, longest = at.mechanism, np.abs(step).max(axis=1, initial=0.0)
+    robot, longest = at.robot, np.abs(step).max(axis=1, initial=0.0)
     step = step * np.minimum(1.0, options.longest_step / np.maximum(longest, 1e-300))[:, None]
-    tangent = np.zeros((len(rows), mechanism.model.nv))
-    tangent[:, movable] = step * mechanism.coordinate_scales[movable]
-    return integrate(mechanism, at.q[rows], tangent)
+    tangent = np.zeros((len(rows), robot.model.nv))
+    tangent[:, movable] = step * robot.coordinate_scales[movable]
+    return integrate(robot, at.q[rows], tangent)
 
 
 # Assembly modes.
@@ -282,24 +280,24 @@ class _Solution:
 
 
 def assembly_modes(
-    mechanism: Mechanism, drawn: FloatArray, *, options: ModeOptions = MODES
+    robot: Robot, drawn: FloatArray, *, options: ModeOptions = MODES
 ) -> tuple[AssemblyMode, ...]:
-    """Assembly modes of a mechanism around a drawn pose (nq,), closed or not; the best first.
+    """Assembly modes of a robot around a drawn pose (nq,), closed or not; the best first.
 
-    The mechanism is closed at its reference: the drawn pose, or one near it. Modes that lead to a
+    The robot is closed at its reference: the drawn pose, or one near it. Modes that lead to a
     singular drawn pose come first, among them those in which most links stay parallel; then those
     of least motion. There are none where no regular pose inside the limits is found.
     """
-    motors = JointCoordinates(mechanism, mechanism.measured)
-    home = mechanism.reference[None]
-    folded = bool(singularity_measure(mechanism, home)[0] < FOLDED)
-    loops = [_LoopPoses(motors, loop, drawn) for loop in mechanism.loops]
+    motors = JointCoordinates(robot, robot.measured)
+    home = robot.reference[None]
+    folded = bool(singularity_measure(robot, home)[0] < FOLDED)
+    loops = [_LoopPoses(motors, loop, drawn) for loop in robot.loops]
     origin = motors.read(home)
     for step in _motor_steps(motors, origin[0], options) if folded else [np.zeros(motors.width)]:
         starts = motors.write(
             np.concatenate([home, _scattered(motors, drawn, options)]), origin + step
         )
-        q = _unwound(mechanism, close_loops(mechanism, starts, motors.unknown)[0], drawn)
+        q = _unwound(robot, close_loops(robot, starts, motors.unknown)[0], drawn)
         found = [loop.solutions(q, options) for loop in loops]
         if all(found):
             break
@@ -316,7 +314,7 @@ def assembly_modes(
         parts = [solutions[k] for solutions, k in zip(ranked, choice, strict=True)]
         for loop, part in zip(loops, parts, strict=True):
             base = loop.put(base, part.q)
-        (q,), _ = close_loops(mechanism, base[None], motors.unknown)
+        (q,), _ = close_loops(robot, base[None], motors.unknown)
         distance = float(np.linalg.norm([part.distance for part in parts]))
         continues, parallel = all(p.continues for p in parts), sum(p.parallel for p in parts)
         modes.append(AssemblyMode(q, distance, continues, parallel))
@@ -337,43 +335,43 @@ def _motor_steps(
     motors: JointCoordinates, origin: FloatArray, options: ModeOptions
 ) -> Iterator[FloatArray]:
     """Steps (m,) of the motors: first towards the farther limits, then in any direction."""
-    mechanism, generator = motors.mechanism, random_generator(0, stream=4)
-    limits = np.array([mechanism.limits(name) for name in mechanism.measured]).reshape(-1, 2)
+    robot, generator = motors.robot, random_generator(0, stream=4)
+    limits = np.array([robot.limits(name) for name in robot.measured]).reshape(-1, 2)
     down, up = origin - limits[:, 0], limits[:, 1] - origin
-    places = mechanism.draw_places(motors.known)
+    places = robot.draw_places(motors.known)
     for attempt in range(options.steps):
         size = generator.uniform(options.least_step, options.largest_step, motors.width)[places]
         upwards = generator.uniform(size=motors.width)[places] < 0.5 if attempt else up >= down
         size = np.minimum(
-            size * mechanism.coordinate_scales[motors.known], 0.5 * np.where(upwards, up, down)
+            size * robot.coordinate_scales[motors.known], 0.5 * np.where(upwards, up, down)
         )
         yield np.where(upwards, 1.0, -1.0) * np.maximum(size, 0.0)
 
 
 def _scattered(motors: JointCoordinates, drawn: FloatArray, options: ModeOptions) -> FloatArray:
     """The drawn pose (N, nq) with passive joints ever further away, up to half a turn."""
-    many = len(motors.mechanism.loops) > options.many_loops
+    many = len(motors.robot.loops) > options.many_loops
     count = options.starts_of_many if many else options.starts
     radius = np.pi * np.linspace(0.0, 1.0, count)[:, None]
     steps = random_generator(0, stream=5).uniform(-1.0, 1.0, (count, len(motors.unknown)))
-    steps = steps[:, motors.mechanism.draw_places(motors.unknown)]
+    steps = steps[:, motors.robot.draw_places(motors.unknown)]
     starts = np.repeat(drawn[None], count, axis=0)
-    return integrate(motors.mechanism, starts, motors.tangent(radius * steps))
+    return integrate(motors.robot, starts, motors.tangent(radius * steps))
 
 
-def _unwound(mechanism: Mechanism, q: FloatArray, drawn: FloatArray) -> FloatArray:
+def _unwound(robot: Robot, q: FloatArray, drawn: FloatArray) -> FloatArray:
     """Configurations (N, nq) without whole turns of joints away from a drawn one (nq,)."""
-    coupled = {name for coupling in mechanism.couplings for name in coupling.joints}
-    joints = [mechanism.joint(name) for name in mechanism.joints if name not in coupled]
+    coupled = {name for coupling in robot.couplings for name in coupling.joints}
+    joints = [robot.joint(name) for name in robot.joints if name not in coupled]
     turning = [
         joint.idx_q
         for joint in joints
-        if joint.nq == joint.nv == 1 and joint.idx_v not in mechanism.prismatic
+        if joint.nq == joint.nv == 1 and joint.idx_v not in robot.prismatic
     ]
     nearest = q.copy()
     turns = np.round((q[:, turning] - drawn[turning]) / (2 * np.pi))
     nearest[:, turning] -= 2 * np.pi * turns
-    return np.where(mechanism.outside(nearest), q, nearest)
+    return np.where(robot.outside(nearest), q, nearest)
 
 
 def _told_apart(
@@ -391,7 +389,7 @@ def _told_apart(
     near = np.where(path.assembled[:, None], path.configurations, away)
     marked: list[list[_Solution]] = [[] for _ in loops]
     for k, (loop, one) in enumerate(own):
-        points = loop.points(np.stack([motors.mechanism.reference, away[k], near[k]]))
+        points = loop.points(np.stack([motors.robot.reference, away[k], near[k]]))
         first, left = (float(np.abs(points[i] - points[0]).max(initial=0.0)) for i in (1, 2))
         # Where the first ones do not lead back, the others were not tried on their own.
         continues = left <= left_at_most * first or not path.assembled[0]
@@ -403,26 +401,26 @@ class _LoopPoses:
     """One loop at configurations: whether it is closed, where its links are, how they turn."""
 
     def __init__(self, motors: JointCoordinates, loop: Loop, drawn: FloatArray) -> None:
-        mechanism = self.mechanism = motors.mechanism
+        robot = self.robot = motors.robot
         self.rows, self.drawn = loop.rows, drawn
         self.passive = np.intersect1d(loop.columns, motors.unknown)
         self.driving = np.setdiff1d(loop.columns, motors.unknown)
-        joints = {mechanism.joint_ids[k] for k in loop.columns}
+        joints = {robot.joint_ids[k] for k in loop.columns}
         # Links are seen from the one that carries the loop: the last that is not part of it.
-        paths = [set(mechanism.model.supports[joint]) - joints for joint in joints]
+        paths = [set(robot.model.supports[joint]) - joints for joint in joints]
         root = max(set.intersection(*paths), default=0) if paths else 0
         # Of each link the frame at its joint, which does not show how a rod spins.
         frames = sorted(
-            enumerate(mechanism.model.frames),
+            enumerate(robot.model.frames),
             key=lambda pair: -float(np.linalg.norm(pair[1].placement.translation)),
         )
         on = {frame.parentJoint: k for k, frame in frames}
-        ranked = sorted(joints, key=lambda k: mechanism.joint_ranks[mechanism.joints[k - 1]])
+        ranked = sorted(joints, key=lambda k: robot.joint_ranks[robot.joints[k - 1]])
         links = [on[joint] for joint in (root, *ranked) if joint in on]
         ends = [frame for closure in loop.closures for frame in closure.frame_ids]
         self.frames = links + ends
-        self.own = np.zeros(mechanism.model.nq, dtype=bool)  # positions of its passive joints
-        for joint in (mechanism.model.joints[mechanism.joint_ids[k]] for k in self.passive):
+        self.own = np.zeros(robot.model.nq, dtype=bool)  # positions of its passive joints
+        for joint in (robot.model.joints[robot.joint_ids[k]] for k in self.passive):
             self.own[joint.idx_q : joint.idx_q + joint.nq] = True
 
     def put(self, q: FloatArray, other: FloatArray) -> FloatArray:
@@ -431,22 +429,22 @@ class _LoopPoses:
 
     def points(self, q: FloatArray) -> FloatArray:
         """Origins of the links and ends (N, F, 3) in characteristic lengths, from the first."""
-        return self._points(frame_poses(self.mechanism, q, self.frames, jacobians=False))
+        return self._points(frame_poses(self.robot, q, self.frames, jacobians=False))
 
     def _points(self, frames: FramePoses) -> FloatArray:
         away = frames.origin - frames.origin[:, :1]
-        return np.asarray(away @ frames.rotation[:, 0] / self.mechanism.length)
+        return np.asarray(away @ frames.rotation[:, 0] / self.robot.length)
 
     def solutions(self, q: FloatArray, options: ModeOptions) -> list[_Solution]:
         """Different poses among those (N, nq) that close the loop, regular and inside limits."""
-        mechanism = self.mechanism
-        residual, jacobian = Constraint(mechanism, q).scaled()
+        robot = self.robot
+        residual, jacobian = Constraint(robot, q).scaled()
         jacobian = jacobian[:, self.rows]
         open_by = np.abs(residual[:, self.rows]).max(axis=1, initial=0.0)
-        good = open_by <= largest_opening(mechanism)
+        good = open_by <= largest_opening(robot)
         good &= least_over_largest(jacobian[:, :, self.passive]) >= NEAR_SINGULARITY
-        good &= ~mechanism.outside(q)[:, self.own].any(axis=1)
-        frames = frame_poses(mechanism, q, self.frames)
+        good &= ~robot.outside(q)[:, self.own].any(axis=1)
+        frames = frame_poses(robot, q, self.frames)
         points, found = self._points(frames), list[_Solution]()
         for k in np.flatnonzero(good):
             if all(np.abs(points[k] - other.points).max() > options.same for other in found):
@@ -457,15 +455,15 @@ class _LoopPoses:
 
     def _distance(self, q: FloatArray) -> float:
         """How far the passive joints are from where they are drawn."""
-        steps = difference(self.mechanism, self.drawn[None], q[None])[0]
-        steps /= self.mechanism.coordinate_scales
+        steps = difference(self.robot, self.drawn[None], q[None])[0]
+        steps /= self.robot.coordinate_scales
         return float(np.linalg.norm(steps[self.passive]))
 
     def _turning(self, jacobian: FloatArray, angular: FloatArray) -> FloatArray:
         """Rates (F, 3 k) of turning against the first link, per unit of what drives the loop."""
         driven = Factorisation.of(jacobian[None][:, :, self.passive])
         rates = -driven.solve(jacobian[None][:, :, self.driving])[0]
-        scales, relative = self.mechanism.coordinate_scales, angular - angular[:1]
+        scales, relative = self.robot.coordinate_scales, angular - angular[:1]
         turning = relative[:, :, self.driving] * scales[self.driving]
         turning = turning + (relative[:, :, self.passive] * scales[self.passive]) @ rates
         return np.asarray(turning.reshape(len(turning), -1))

@@ -5,7 +5,7 @@ d²r/dt² at zero acceleration, so that A a + drift = d²r/dt² [Featherstone200
 the loop closures come first, then one row a coupling of joints.
 
 In common units every entry of A is a length: rows of angles, and columns of prismatic joints too,
-are multiplied by the mechanism's characteristic length. Ranks, singularity measures and step
+are multiplied by the robot's characteristic length. Ranks, singularity measures and step
 lengths then mean the same for a robot described in mm and one described in m.
 """
 
@@ -18,26 +18,26 @@ import numpy as np
 from loopid.arguments import BoolArray, FloatArray, checked, samples
 from loopid.kinematics.poses import FramePoses, blocks, frame_motions, frame_poses, prepared
 from loopid.robot.closures import Equations, FramePair, PairRates
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 ROUND_OFF = 1e-13  # of the characteristic length
 
 
 class Constraint:
-    """All closures and couplings of a mechanism at configurations (N, nq)."""
+    """All closures and couplings of a robot at configurations (N, nq)."""
 
     def __init__(
         self,
-        mechanism: Mechanism,
+        robot: Robot,
         q: FloatArray,
         jacobians: bool = True,
         poses: FramePoses | None = None,
     ) -> None:
-        self.mechanism, self.q, self.prepared = mechanism, q, prepared(mechanism)
+        self.robot, self.q, self.prepared = robot, q, prepared(robot)
         if poses is None:
             ids = self.prepared.closure_frames
             # Without loops there is nothing to ask for.
-            poses = frame_poses(mechanism, q if ids else q[:0], ids, jacobians=jacobians)
+            poses = frame_poses(robot, q if ids else q[:0], ids, jacobians=jacobians)
         self.poses = poses
         p, R = self.poses.origin, self.poses.rotation
         distance = p[:, 1::2] - p[:, ::2]
@@ -53,7 +53,7 @@ class Constraint:
     def repeated(self, count: int) -> Constraint:
         """The same, each configuration so many times."""
         q = np.repeat(self.q, count, axis=0)
-        return Constraint(self.mechanism, q, poses=self.poses.repeated(count))
+        return Constraint(self.robot, q, poses=self.poses.repeated(count))
 
     def residual(self) -> FloatArray:
         """(N, rows), m or rad."""
@@ -61,7 +61,7 @@ class Constraint:
         self._fill(residual, lambda part, k: part.residual(self.pairs[k]))
         cable_rows, lengths, _ = self.prepared.cables
         residual[:, cable_rows, 0] -= self.q[:, lengths]
-        for row, coupling in enumerate(self.mechanism.couplings, self.prepared.closure_rows):
+        for row, coupling in enumerate(self.robot.couplings, self.prepared.closure_rows):
             residual[:, row, 0] = coupling.residual(self.q)
         return residual[:, :, 0]
 
@@ -73,7 +73,7 @@ class Constraint:
             self._fill(A, lambda part, k: part.rate(self.pairs[k], rates[k]))
         cable_rows, _, lengths = self.prepared.cables
         A[:, cable_rows, lengths] -= 1.0
-        for row, coupling in enumerate(self.mechanism.couplings, self.prepared.closure_rows):
+        for row, coupling in enumerate(self.robot.couplings, self.prepared.closure_rows):
             A[:, row, list(coupling.v_indices)] = coupling.jacobian(self.q)
         return A
 
@@ -81,7 +81,7 @@ class Constraint:
         """(N, rows), d²r/dt² at velocities (N, nv) and zero acceleration."""
         drift = np.zeros((len(self.q), self.prepared.rows, 1))
         if self.pairs:
-            at = frame_motions(self.mechanism, self.q, v, self.poses)
+            at = frame_motions(self.robot, self.q, v, self.poses)
             first = self._pair_rates(at.velocity[..., None], lambda: at.turn[..., None])
             second = self._pair_rates(at.acceleration[..., None], lambda: at.turning[..., None])
 
@@ -89,7 +89,7 @@ class Constraint:
                 return part.rate(self.pairs[k], second[k]) + part.curvature(self.pairs[k], first[k])
 
             self._fill(drift, derivative)
-        for row, coupling in enumerate(self.mechanism.couplings, self.prepared.closure_rows):
+        for row, coupling in enumerate(self.robot.couplings, self.prepared.closure_rows):
             drift[:, row, 0] = coupling.drift(self.q, v)
         return drift[:, :, 0]
 
@@ -106,8 +106,8 @@ class Constraint:
 
     def scaled(self) -> tuple[FloatArray, FloatArray]:
         """Residual (N, rows) in m and A (N, rows, nv) in m per unit step."""
-        scaled = self.mechanism.row_scales * self.residual()
-        return scaled, scaled_jacobian(self.mechanism, self.jacobian())
+        scaled = self.robot.row_scales * self.residual()
+        return scaled, scaled_jacobian(self.robot, self.jacobian())
 
     def _pair_rates(self, linear: FloatArray, angular: Callable[[], FloatArray]) -> list[PairRates]:
         """Rates of each group of closures from those of all frames (N, F, 3, k)."""
@@ -134,22 +134,22 @@ class Constraint:
 
 
 @checked
-def constraint_residual(mechanism: Mechanism, configurations: FloatArray) -> FloatArray:
+def constraint_residual(robot: Robot, configurations: FloatArray) -> FloatArray:
     """Residual (N, rows) of all closures: m or rad."""
-    q = samples(configurations, mechanism.model.nq, "configurations")
-    return _in_blocks(q, lambda k: Constraint(mechanism, q[k], jacobians=False).residual())
+    q = samples(configurations, robot.model.nq, "configurations")
+    return _in_blocks(q, lambda k: Constraint(robot, q[k], jacobians=False).residual())
 
 
 @checked
-def constraint_jacobian(mechanism: Mechanism, configurations: FloatArray) -> FloatArray:
+def constraint_jacobian(robot: Robot, configurations: FloatArray) -> FloatArray:
     """Jacobian A (N, rows, nv): the exact derivative of the residual."""
-    q = samples(configurations, mechanism.model.nq, "configurations")
-    return _in_blocks(q, lambda k: Constraint(mechanism, q[k]).jacobian())
+    q = samples(configurations, robot.model.nq, "configurations")
+    return _in_blocks(q, lambda k: Constraint(robot, q[k]).jacobian())
 
 
 @checked
 def constraint_drift(
-    mechanism: Mechanism, configurations: FloatArray, velocities: FloatArray
+    robot: Robot, configurations: FloatArray, velocities: FloatArray
 ) -> FloatArray:
     """Drift (N, rows), the term of the residual's second derivative without acceleration.
 
@@ -160,36 +160,36 @@ def constraint_drift(
     velocities : FloatArray
         (N, nv), rad/s or m/s.
     """
-    q = samples(configurations, mechanism.model.nq, "configurations")
-    v = samples(velocities, mechanism.model.nv, "velocities", len(q))
-    return _in_blocks(q, lambda k: Constraint(mechanism, q[k]).drift(v[k]))
+    q = samples(configurations, robot.model.nq, "configurations")
+    v = samples(velocities, robot.model.nv, "velocities", len(q))
+    return _in_blocks(q, lambda k: Constraint(robot, q[k]).drift(v[k]))
 
 
 def _in_blocks(q: FloatArray, value: Callable[[slice], FloatArray]) -> FloatArray:
     return np.concatenate([value(rows) for rows in blocks(len(q))])
 
 
-def scaled_residual(mechanism: Mechanism, q: FloatArray) -> FloatArray:
+def scaled_residual(robot: Robot, q: FloatArray) -> FloatArray:
     """Closure residual (N, rows) in m."""
-    return mechanism.row_scales * Constraint(mechanism, q, jacobians=False).residual()
+    return robot.row_scales * Constraint(robot, q, jacobians=False).residual()
 
 
-def largest_residual(mechanism: Mechanism, configurations: FloatArray) -> FloatArray:
+def largest_residual(robot: Robot, configurations: FloatArray) -> FloatArray:
     """Largest closure residual (N,) in m."""
-    residual = scaled_residual(mechanism, configurations)
+    residual = scaled_residual(robot, configurations)
     return np.asarray(np.abs(residual).max(axis=1, initial=0.0), dtype=np.float64)
 
 
-def scaled_jacobian(mechanism: Mechanism, jacobian: FloatArray) -> FloatArray:
+def scaled_jacobian(robot: Robot, jacobian: FloatArray) -> FloatArray:
     """Constraint Jacobians (N, rows, nv) in m per unit step, as they are where loops are closed.
 
     What carries both frames of a closure moves them alike. Where a loop is open, it turns the
     residual without changing its size: steps that close the loop need not know.
     """
-    scaled = jacobian * prepared(mechanism).in_common_units
+    scaled = jacobian * prepared(robot).in_common_units
     # Equations that hold in any motion leave nothing but round-off, which has no rank.
     largest = np.abs(scaled).max(axis=(1, 2), initial=0.0)
-    least = ROUND_OFF * mechanism.length
+    least = ROUND_OFF * robot.length
     if largest.min(initial=np.inf) < least:
         scaled[largest < least] = 0.0
     return np.asarray(scaled)

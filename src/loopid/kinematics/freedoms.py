@@ -18,7 +18,7 @@ from loopid.kinematics.constraint import Constraint, largest_residual
 from loopid.kinematics.projection import Factorisation, null_space
 from loopid.kinematics.rounding import rounding_that_closes
 from loopid.records import record
-from loopid.robot.mechanism import RANK_TOLERANCE, Mechanism
+from loopid.robot.robot import RANK_TOLERANCE, Robot
 
 MOVES = 1e-6  # least part of a coordinate in a motion of unit length
 # Motors are taken in their order as long as this much of each is its own.
@@ -52,7 +52,7 @@ class Mobility:
 
 @checked
 def mobility(
-    mechanism: Mechanism,
+    robot: Robot,
     configuration: FloatArray | None = None,
     around: FloatArray | None = None,
 ) -> Mobility:
@@ -71,77 +71,77 @@ def mobility(
     Examples
     --------
     >>> import loopid
-    >>> found = loopid.kinematics.mobility(loopid.load_mechanism("3ups_rpu"))
+    >>> found = loopid.kinematics.mobility(loopid.load("3ups_rpu"))
     >>> found.rows, found.rank, found.degrees_of_freedom, found.singular
     (9, 9, 4, False)
     """
-    q = mechanism.reference if configuration is None else configuration
-    q = samples(q, mechanism.model.nq, "configuration", 1)[0]
+    q = robot.reference if configuration is None else configuration
+    q = samples(q, robot.model.nq, "configuration", 1)[0]
     if around is None:
-        around = nearby_configurations(mechanism, q)
-    if not len(samples(around, mechanism.model.nq, "around")):
+        around = nearby_configurations(robot, q)
+    if not len(samples(around, robot.model.nq, "around")):
         raise DataError("around must hold at least one configuration, not none")
-    residual, jacobian = Constraint(mechanism, q[None]).scaled()
-    tolerance = mechanism.closure_rank_tolerance
+    residual, jacobian = Constraint(robot, q[None]).scaled()
+    tolerance = robot.closure_rank_tolerance
     factors = Factorisation.of(jacobian, tolerance)
     rank, values = int(factors.rank[0]), np.append(factors.values[0], 0.0)
     gap = float(values[rank - 1] / values[rank]) if rank and values[rank] else float("inf")
-    jacobians = Constraint(mechanism, around).scaled()[1]
+    jacobians = Constraint(robot, around).scaled()[1]
     ranks = Factorisation.of(jacobians, tolerance).rank
     generic_rank = int(ranks.max())
-    motors = mechanism.velocity_indices(mechanism.actuated)
-    moving = np.zeros(mechanism.model.nv, dtype=bool)
+    motors = robot.velocity_indices(robot.actuated)
+    moving = np.zeros(robot.model.nv, dtype=bool)
     # Everywhere: a crank drawn at its dead centre stands still there only.
     for A in jacobians[ranks == generic_rank]:
         moving |= (np.abs(null_space(A, tolerance)) > MOVES).any(axis=1)
     held = [k for k in motors if not moving[k]]
     return Mobility(
-        rows=mechanism.rows,
+        rows=robot.rows,
         rank=rank,
-        degrees_of_freedom=mechanism.model.nv - rank,
-        generic_degrees_of_freedom=mechanism.model.nv - generic_rank,
+        degrees_of_freedom=robot.model.nv - rank,
+        generic_degrees_of_freedom=robot.model.nv - generic_rank,
         rank_gap=gap,
         least=float(factors.values[0, rank - 1] / factors.values[0, 0]) if rank else 1.0,
         residual=float(np.abs(residual).max(initial=0.0)),
-        undetermined=_undetermined(mechanism, jacobian[0]),
-        held=tuple(mechanism.coordinates[k] for k in held),
+        undetermined=_undetermined(robot, jacobian[0]),
+        held=tuple(robot.coordinates[k] for k in held),
         tolerance=tolerance,
     )
 
 
-def _undetermined(mechanism: Mechanism, jacobian: FloatArray) -> tuple[str, ...]:
+def _undetermined(robot: Robot, jacobian: FloatArray) -> tuple[str, ...]:
     """Passive coordinates that take part in the null space of the passive columns."""
-    motors = mechanism.velocity_indices(mechanism.actuated)
-    passive = np.setdiff1d(np.arange(mechanism.model.nv), motors)
-    motions = null_space(jacobian[:, passive], mechanism.closure_rank_tolerance)
+    motors = robot.velocity_indices(robot.actuated)
+    passive = np.setdiff1d(np.arange(robot.model.nv), motors)
+    motions = null_space(jacobian[:, passive], robot.closure_rank_tolerance)
     moving = passive[(np.abs(motions) > MOVES).any(axis=1)]
-    return tuple(mechanism.coordinates[k] for k in moving)
+    return tuple(robot.coordinates[k] for k in moving)
 
 
-def closed_at(mechanism: Mechanism, q: FloatArray) -> tuple[Mechanism, FloatArray]:
-    """The mechanism with a closed configuration (nq,) as reference, and others (n, nq) around it.
+def closed_at(robot: Robot, q: FloatArray) -> tuple[Robot, FloatArray]:
+    """The robot with a closed configuration (nq,) as reference, and others (n, nq) around it.
 
     Which coordinates are independent is chosen there. A MobilityError says that nothing can move,
     and by which rounding of the file's numbers it could.
     """
-    residual = max(float(largest_residual(mechanism, q[None])[0]), mechanism.closure_residual)
-    left = residual if residual > CLOSURE_TOLERANCE * mechanism.length else 0.0
-    mechanism = replace(mechanism, closure_residual=left)
-    around = nearby_configurations(mechanism, q)
+    residual = max(float(largest_residual(robot, q[None])[0]), robot.closure_residual)
+    left = residual if residual > CLOSURE_TOLERANCE * robot.length else 0.0
+    robot = replace(robot, closure_residual=left)
+    around = nearby_configurations(robot, q)
     try:
-        chosen = independent_coordinates(mechanism, around)
+        chosen = independent_coordinates(robot, around)
     except MobilityError as error:
         hint, facts = "leave a closure out, or choose a kind with fewer rows", {}
-        tilt = TILT * mobility(mechanism, around=around).least
+        tilt = TILT * mobility(robot, around=around).least
         if tilt < LARGEST_TILT:
             facts = {"rounding": rounding_that_closes(tilt, 1.0)}
             hint += f"; if axes are meant to be parallel, rounding={facts['rounding']:g} says so"
         raise MobilityError(
-            f"{mechanism.source}: {error}: {hint}", file=mechanism.source, **facts
+            f"{robot.source}: {error}: {hint}", file=robot.source, **facts
         ) from error
-    driven = mechanism.coordinates_of(mechanism.actuated)
+    driven = robot.coordinates_of(robot.actuated)
     closed = replace(
-        mechanism,
+        robot,
         reference=q,
         free=tuple(name for name in chosen if name not in driven),
         redundant=tuple(name for name in driven if name not in chosen),
@@ -149,24 +149,24 @@ def closed_at(mechanism: Mechanism, q: FloatArray) -> tuple[Mechanism, FloatArra
     return closed, around
 
 
-def independent_coordinates(mechanism: Mechanism, configurations: FloatArray) -> tuple[str, ...]:
+def independent_coordinates(robot: Robot, configurations: FloatArray) -> tuple[str, ...]:
     """Choose independent coordinates, actuated ones first, from closed configurations (N, nq).
 
     A MobilityError says that nothing can move.
     """
-    _, jacobians = Constraint(mechanism, configurations).scaled()
-    spaces = [null_space(A, mechanism.closure_rank_tolerance) for A in jacobians]
+    _, jacobians = Constraint(robot, configurations).scaled()
+    spaces = [null_space(A, robot.closure_rank_tolerance) for A in jacobians]
     # At a singular configuration more is possible than around it.
     freedom = min(space.shape[1] for space in spaces)
     if freedom == 0:
-        raise MobilityError(f"{mechanism.name} has no degree of freedom: nothing can move")
+        raise MobilityError(f"{robot.name} has no degree of freedom: nothing can move")
     generic = np.stack([space for space in spaces if space.shape[1] == freedom])
-    motors = mechanism.velocity_indices(mechanism.actuated)
-    order = np.argsort(mechanism.precedence)  # which of equals is chosen
+    motors = robot.velocity_indices(robot.actuated)
+    order = np.argsort(robot.precedence)  # which of equals is chosen
     chosen = _independent_motors(generic, order[np.isin(order, motors)])
     passive = order[~np.isin(order, motors)]
     chosen = _completed(generic, chosen, passive, generic.shape[2])
-    return tuple(mechanism.coordinates[k] for k in chosen)
+    return tuple(robot.coordinates[k] for k in chosen)
 
 
 def _independent_motors(spaces: FloatArray, motors: IntArray) -> list[int]:

@@ -14,7 +14,7 @@ from loopid.kinematics.constraint import Constraint, scaled_jacobian, scaled_res
 from loopid.kinematics.poses import integrate
 from loopid.kinematics.projection import ClosedMotion, Projection, partition
 from loopid.records import record
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 CORRECTIONS = 3  # Newton steps, each leaves the square of what there was
 
@@ -39,9 +39,9 @@ class LoopDirections:
     regularity: FloatArray
 
     @classmethod
-    def of(cls, mechanism: Mechanism, A: FloatArray) -> LoopDirections:
+    def of(cls, robot: Robot, A: FloatArray) -> LoopDirections:
         """Directions of closure Jacobians (k, rows, nv) in common units."""
-        rank = mechanism.model.nv - len(mechanism.independent)
+        rank = robot.model.nv - len(robot.independent)
         left, values, right = np.linalg.svd(A)
         right = right.swapaxes(1, 2)
         values = values[:, :rank]
@@ -52,14 +52,14 @@ class LoopDirections:
         if rank:
             regularity = values[:, -1] / np.maximum(values[:, 0], least)
         basis = right[:, :, rank:]
-        if mechanism.free:
-            free = basis[:, mechanism.velocity_indices(mechanism.free)]
+        if robot.free:
+            free = basis[:, robot.velocity_indices(robot.free)]
             basis = basis @ np.linalg.svd(free)[2].swapaxes(1, 2)[:, :, ::-1]
         return cls(basis, inverse, regularity)
 
 
 def loop_motion(
-    mechanism: Mechanism, q: FloatArray, drawn: FloatArray, rate: float
+    robot: Robot, q: FloatArray, drawn: FloatArray, rate: float
 ) -> tuple[ClosedMotion, LoopDirections]:
     """Motion through poses (k, nq), as near to drawn rates as the loops allow.
 
@@ -76,33 +76,33 @@ def loop_motion(
         Its projection has N, in m and rad, in place of G.
     directions : LoopDirections
     """
-    constraint, scales = Constraint(mechanism, q), mechanism.coordinate_scales
-    A = scaled_jacobian(mechanism, constraint.jacobian())
-    directions = LoopDirections.of(mechanism, A)
+    constraint, scales = Constraint(robot, q), robot.coordinate_scales
+    A = scaled_jacobian(robot, constraint.jacobian())
+    directions = LoopDirections.of(robot, A)
     N = directions.basis
     v, a = (N @ (N.swapaxes(1, 2) @ each[:, :, None]) for each in drawn)
     v, gamma = rate * scales * v[:, :, 0], np.zeros(q.shape[:1] + scales.shape)
     if v.any():
-        drift = mechanism.row_scales * constraint.drift(v)
+        drift = robot.row_scales * constraint.drift(v)
         gamma = -(directions.inverse @ drift[:, :, None])[:, :, 0]
         size = np.linalg.norm(gamma, axis=1, keepdims=True)
         slower = rate**2 / np.maximum(size, rate**2)
         v, gamma = v * np.sqrt(slower), gamma * slower * scales
     a = rate**2 * scales * a[:, :, 0] + gamma
-    chosen, dependent = partition(mechanism)
+    chosen, dependent = partition(robot)
     projection = Projection(N * scales[:, None], chosen, A[:, :, dependent])
     return ClosedMotion(q, v, a, gamma, projection), directions
 
 
-def closed_nearby(mechanism: Mechanism, other: Mechanism, q: FloatArray) -> FloatArray:
-    """Poses (k, nq) of a robot of slightly other geometry, next to those of a mechanism.
+def closed_nearby(robot: Robot, other: Robot, q: FloatArray) -> FloatArray:
+    """Poses (k, nq) of a robot of slightly other geometry, next to those of a robot.
 
     Equations that are redundant for the one and contradict each other for the other are satisfied
     in the least-squares sense, with the rank that they have for the one.
     """
-    A = scaled_jacobian(mechanism, Constraint(mechanism, q).jacobian())
-    inverse = LoopDirections.of(mechanism, A).inverse
+    A = scaled_jacobian(robot, Constraint(robot, q).jacobian())
+    inverse = LoopDirections.of(robot, A).inverse
     for _ in range(CORRECTIONS):
         step = -(inverse @ scaled_residual(other, q)[:, :, None])[:, :, 0]
-        q = integrate(other, q, step * mechanism.coordinate_scales)
+        q = integrate(other, q, step * robot.coordinate_scales)
     return q

@@ -25,8 +25,8 @@ from loopid.kinematics.poses import (
 )
 from loopid.kinematics.projection import Factorisation, partition
 from loopid.robot.closures import relative_quaternion
-from loopid.robot.mechanism import Mechanism
 from loopid.robot.platform import Platform
+from loopid.robot.robot import Robot
 
 
 class Linearisation(NamedTuple):
@@ -43,13 +43,13 @@ class MeasuredCoordinates(ABC):
     Steps of the unknown coordinates are in rad or characteristic lengths.
     """
 
-    def __init__(self, mechanism: Mechanism, unknown: IntArray, width: int) -> None:
-        self.mechanism = mechanism
+    def __init__(self, robot: Robot, unknown: IntArray, width: int) -> None:
+        self.robot = robot
         self.unknown = unknown
         self.width = width
-        self.scales = mechanism.coordinate_scales[unknown]
+        self.scales = robot.coordinate_scales[unknown]
         # Whether parts of joints stay as they are, which then depends on the way to a sample.
-        self.holds = bool(mechanism.held)
+        self.holds = bool(robot.held)
 
     @abstractmethod
     def read(self, q: FloatArray) -> FloatArray:
@@ -73,13 +73,13 @@ class MeasuredCoordinates(ABC):
 
     def tangent(self, steps: FloatArray) -> FloatArray:
         """Tangent vectors (N, nv) of steps (N, u) of the unknown coordinates."""
-        tangent = np.zeros((len(steps), self.mechanism.model.nv))
+        tangent = np.zeros((len(steps), self.robot.model.nv))
         tangent[:, self.unknown] = steps * self.scales
         return tangent
 
     def steps(self, origin: FloatArray, target: FloatArray) -> FloatArray:
         """Steps (N, u) of the unknown coordinates between configurations (N, nq)."""
-        return difference(self.mechanism, origin, target)[:, self.unknown] / self.scales
+        return difference(self.robot, origin, target)[:, self.unknown] / self.scales
 
 
 class JointCoordinates(MeasuredCoordinates):
@@ -89,15 +89,15 @@ class JointCoordinates(MeasuredCoordinates):
     could be given: it stays as it is at the start.
     """
 
-    def __init__(self, mechanism: Mechanism, joints: Sequence[str]) -> None:
-        self.known, _ = partition(mechanism, joints)
+    def __init__(self, robot: Robot, joints: Sequence[str]) -> None:
+        self.known, _ = partition(robot, joints)
         if len(self.known) != len(joints):
             raise OptionError("only joints with one coordinate can be measured", given=joints)
-        held = mechanism.velocity_indices(mechanism.held)
-        unknown = np.setdiff1d(np.arange(mechanism.model.nv), np.append(self.known, held))
-        super().__init__(mechanism, unknown, len(joints))
-        self.known_scales = mechanism.coordinate_scales[self.known]
-        models = [mechanism.joint(name) for name in joints]
+        held = robot.velocity_indices(robot.held)
+        unknown = np.setdiff1d(np.arange(robot.model.nv), np.append(self.known, held))
+        super().__init__(robot, unknown, len(joints))
+        self.known_scales = robot.coordinate_scales[self.known]
+        models = [robot.joint(name) for name in joints]
         self.first = np.array([joint.idx_q for joint in models], dtype=np.int64)
         # A continuous joint is stored as the cosine and sine of its angle.
         self.circular = np.array([joint.nq == 2 for joint in models], dtype=bool)
@@ -124,55 +124,53 @@ class JointCoordinates(MeasuredCoordinates):
         return way
 
     def linearise(self, q: FloatArray, values: FloatArray) -> Linearisation:
-        residual, jacobian = Constraint(self.mechanism, q).scaled()
+        residual, jacobian = Constraint(self.robot, q).scaled()
         known = jacobian.take(self.known, axis=2) / self.known_scales
         return Linearisation(residual, jacobian.take(self.unknown, axis=2), known)
 
     def residual(self, q: FloatArray, values: FloatArray) -> FloatArray:
-        return scaled_residual(self.mechanism, q)
+        return scaled_residual(self.robot, q)
 
 
 class PlatformCoordinates(MeasuredCoordinates):
     """A measured platform pose: all joints are unknown, the pose adds six equations."""
 
-    def __init__(self, mechanism: Mechanism) -> None:
-        self.platform = declared_platform(mechanism)
-        super().__init__(mechanism, np.arange(mechanism.model.nv), len(self.platform.motions))
+    def __init__(self, robot: Robot) -> None:
+        self.platform = declared_platform(robot)
+        super().__init__(robot, np.arange(robot.model.nv), len(self.platform.motions))
 
     def read(self, q: FloatArray) -> FloatArray:
-        return coordinates_at(self.mechanism, q)
+        return coordinates_at(self.robot, q)
 
     def write(self, q: FloatArray, values: FloatArray) -> FloatArray:
         return q.copy()
 
     def linearise(self, q: FloatArray, values: FloatArray) -> Linearisation:
-        residual, closures = Constraint(self.mechanism, q).scaled()
-        frame = frame_poses(self.mechanism, q, [self.platform.frame_id])
-        twist = np.repeat([1.0, self.mechanism.length], 3)[:, None]
+        residual, closures = Constraint(self.robot, q).scaled()
+        frame = frame_poses(self.robot, q, [self.platform.frame_id])
+        twist = np.repeat([1.0, self.robot.length], 3)[:, None]
         known = np.zeros((len(q), residual.shape[1] + 6, self.width))
         known[:, -6:] = -twist * self.platform.twist_map(values)
         return Linearisation(
             np.concatenate([residual, self._off_pose(frame, values)], 1),
-            np.concatenate([closures, twist * frame.twists * self.mechanism.coordinate_scales], 1),
+            np.concatenate([closures, twist * frame.twists * self.robot.coordinate_scales], 1),
             known,
         )
 
     def residual(self, q: FloatArray, values: FloatArray) -> FloatArray:
-        frame = frame_poses(self.mechanism, q, [self.platform.frame_id], jacobians=False)
-        return np.concatenate(
-            [scaled_residual(self.mechanism, q), self._off_pose(frame, values)], 1
-        )
+        frame = frame_poses(self.robot, q, [self.platform.frame_id], jacobians=False)
+        return np.concatenate([scaled_residual(self.robot, q), self._off_pose(frame, values)], 1)
 
     def _off_pose(self, frame: FramePoses, values: FloatArray) -> FloatArray:
         """What separates the frame from its target (N, 6), in m, along the fixed axes."""
         rotation, origin = self.platform.placements(values)
         inverses = np.swapaxes(frame.rotation[:, 0], 1, 2), np.swapaxes(rotation, 1, 2)
-        turn = 2 * self.mechanism.length * relative_quaternion(*inverses)[0]
+        turn = 2 * self.robot.length * relative_quaternion(*inverses)[0]
         return np.concatenate([frame.origin[:, 0] - origin, turn], 1)
 
 
 def measured_coordinates(
-    mechanism: Mechanism, coordinates: Sequence[str] | str | None = None
+    robot: Robot, coordinates: Sequence[str] | str | None = None
 ) -> MeasuredCoordinates:
     """Choose the measured coordinates: joints, ``"platform"``, or the independent joints.
 
@@ -184,53 +182,49 @@ def measured_coordinates(
         When they are too few or too many to determine the motion at the reference.
     """
     key = coordinates if isinstance(coordinates, str | None) else tuple(coordinates)
-    known = prepared(mechanism).measured
+    known = prepared(robot).measured
     if key not in known:
-        known[key] = _determining(mechanism, key)
+        known[key] = _determining(robot, key)
     found: MeasuredCoordinates = known[key]
     return found
 
 
-def _determining(
-    mechanism: Mechanism, coordinates: tuple[str, ...] | str | None
-) -> MeasuredCoordinates:
+def _determining(robot: Robot, coordinates: tuple[str, ...] | str | None) -> MeasuredCoordinates:
     measured: MeasuredCoordinates
     if coordinates == "platform":
-        measured = PlatformCoordinates(mechanism)
+        measured = PlatformCoordinates(robot)
     else:
-        names = mechanism.measured if coordinates is None else coordinates
-        measured = JointCoordinates(mechanism, (names,) if isinstance(names, str) else names)
-    q, unknown = mechanism.reference[None], len(measured.unknown)
+        names = robot.measured if coordinates is None else coordinates
+        measured = JointCoordinates(robot, (names,) if isinstance(names, str) else names)
+    q, unknown = robot.reference[None], len(measured.unknown)
     found = int(Factorisation.of(measured.linearise(q, measured.read(q)).unknown).rank[0])
     if found < unknown:
         raise MobilityError(
             f"the measured coordinates determine {found} of the {unknown} other coordinates of "
-            f"{mechanism.name} at its reference: give more, or others, or a reference "
+            f"{robot.name} at its reference: give more, or others, or a reference "
             "that is not singular",
             determined=found,
             unknown=unknown,
         )
-    jacobian, tolerance = Constraint(mechanism, q).scaled()[1], mechanism.closure_rank_tolerance
+    jacobian, tolerance = Constraint(robot, q).scaled()[1], robot.closure_rank_tolerance
     if int(Factorisation.of(jacobian, tolerance).rank[0]) > found:
         raise MobilityError(
-            f"the {measured.width} measured coordinates of {mechanism.name} are not "
+            f"the {measured.width} measured coordinates of {robot.name} are not "
             "independent of each other: leave some out",
             measured=measured.width,
         )
     return measured
 
 
-def declared_platform(mechanism: Mechanism) -> Platform:
+def declared_platform(robot: Robot) -> Platform:
     """The platform of the robot file; an OptionError when it declares none."""
-    if mechanism.platform is None:
-        raise OptionError(
-            f"{mechanism.name} declares no platform coordinates", robot=mechanism.name
-        )
-    return mechanism.platform
+    if robot.platform is None:
+        raise OptionError(f"{robot.name} declares no platform coordinates", robot=robot.name)
+    return robot.platform
 
 
 @checked
-def platform_coordinates(mechanism: Mechanism, configurations: FloatArray) -> FloatArray:
+def platform_coordinates(robot: Robot, configurations: FloatArray) -> FloatArray:
     """Platform coordinates (N, c) that the robot file declares, at configurations (N, nq).
 
     Raises
@@ -241,28 +235,28 @@ def platform_coordinates(mechanism: Mechanism, configurations: FloatArray) -> Fl
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("3ups_rpu")
+    >>> robot = loopid.load("3ups_rpu")
     >>> loopid.kinematics.platform_coordinates(robot, robot.reference).shape
     (1, 4)
     """
-    return coordinates_at(mechanism, samples(configurations, mechanism.model.nq, "configurations"))
+    return coordinates_at(robot, samples(configurations, robot.model.nq, "configurations"))
 
 
-def coordinates_at(mechanism: Mechanism, q: FloatArray) -> FloatArray:
+def coordinates_at(robot: Robot, q: FloatArray) -> FloatArray:
     """As ``platform_coordinates``, at configurations that are checked."""
-    platform = declared_platform(mechanism)
-    frame = frame_poses(mechanism, q, [platform.frame_id], jacobians=False)
+    platform = declared_platform(robot)
+    frame = frame_poses(robot, q, [platform.frame_id], jacobians=False)
     return platform.coordinates(frame.rotation[:, 0], frame.origin[:, 0])
 
 
-def platform_jacobian(mechanism: Mechanism, q: FloatArray, G: FloatArray) -> FloatArray:
+def platform_jacobian(robot: Robot, q: FloatArray, G: FloatArray) -> FloatArray:
     """Rates (N, c, dof) of the platform coordinates per unit of each independent coordinate.
 
     At closed configurations (N, nq) with the projection G (N, nv, dof).
     """
-    platform = declared_platform(mechanism)
-    frame = frame_poses(mechanism, q, [platform.frame_id])
-    units = np.repeat([1.0, mechanism.length], 3)[:, None]
+    platform = declared_platform(robot)
+    frame = frame_poses(robot, q, [platform.frame_id])
+    units = np.repeat([1.0, robot.length], 3)[:, None]
     E = platform.twist_map(platform.coordinates(frame.rotation[:, 0], frame.origin[:, 0]))
     lengths = np.where([motion.startswith("r") for motion in platform.motions], 1.0, units[-1])
     factors = Factorisation.of(units * E * lengths)
@@ -271,7 +265,7 @@ def platform_jacobian(mechanism: Mechanism, q: FloatArray, G: FloatArray) -> Flo
 
 @checked
 def platform_motion(
-    mechanism: Mechanism,
+    robot: Robot,
     configurations: FloatArray,
     rates: FloatArray,
     accelerations: FloatArray,
@@ -280,23 +274,23 @@ def platform_motion(
 
     At closed configurations (N, nq).
     """
-    platform = declared_platform(mechanism)
-    q = samples(configurations, mechanism.model.nq, "configurations")
+    platform = declared_platform(robot)
+    q = samples(configurations, robot.model.nq, "configurations")
     xd = samples(rates, len(platform.motions), "platform rates", len(q))
     xdd = samples(accelerations, len(platform.motions), "platform accelerations", len(q))
-    parts = [_platform_motion(mechanism, platform, q[k], xd[k], xdd[k]) for k in blocks(len(q))]
+    parts = [_platform_motion(robot, platform, q[k], xd[k], xdd[k]) for k in blocks(len(q))]
     v, a = zip(*parts, strict=True)
     return np.concatenate(v), np.concatenate(a)
 
 
 def _platform_motion(
-    mechanism: Mechanism, platform: Platform, q: FloatArray, xd: FloatArray, xdd: FloatArray
+    robot: Robot, platform: Platform, q: FloatArray, xd: FloatArray, xdd: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    constraint = Constraint(mechanism, q)
-    frame = frame_poses(mechanism, q, [platform.frame_id])
+    constraint = Constraint(robot, q)
+    frame = frame_poses(robot, q, [platform.frame_id])
     x = platform.coordinates(frame.rotation[:, 0], frame.origin[:, 0])
-    scales, units = mechanism.coordinate_scales, np.repeat([1.0, mechanism.length], 3)
-    rows = np.append(mechanism.row_scales, units)
+    scales, units = robot.coordinate_scales, np.repeat([1.0, robot.length], 3)
+    rows = np.append(robot.row_scales, units)
     jacobian = np.concatenate([constraint.jacobian(), frame.twists], axis=1)
     factors = Factorisation.of(rows[:, None] * jacobian * scales)
 
@@ -305,8 +299,8 @@ def _platform_motion(
         return np.asarray(scales * factors.solve(wanted[:, :, None])[:, :, 0])
 
     E = platform.twist_map(x)
-    v = solve(np.zeros((len(q), mechanism.rows)), np.einsum("nij,nj->ni", E, xd))
-    moving = frame_motions(mechanism, q, v, frame)
+    v = solve(np.zeros((len(q), robot.rows)), np.einsum("nij,nj->ni", E, xd))
+    moving = frame_motions(robot, q, v, frame)
     felt = np.concatenate([moving.acceleration[:, 0], moving.turning[:, 0]], axis=1)
     twist_rate = np.einsum("nij,nj->ni", E, xdd) + platform.twist_drift(x, xd)
     return v, solve(-constraint.drift(v), twist_rate - felt)

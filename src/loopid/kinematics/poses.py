@@ -20,7 +20,7 @@ import pinocchio as pin
 from loopid.arguments import FloatArray, IntArray
 from loopid.parameters import model_kinds
 from loopid.robot.closures import Equations, LoopClosure
-from loopid.robot.mechanism import Mechanism, scratch_data
+from loopid.robot.robot import Robot, scratch_data
 
 # Samples at a time: enough to spread the cost of calling NumPy, few enough for a small memory.
 BLOCK = 1024
@@ -66,8 +66,8 @@ class Prepared:
     It is made once a robot and kept with it; see ``prepared``.
     """
 
-    def __init__(self, mechanism: Mechanism) -> None:
-        self.model = mechanism.model
+    def __init__(self, robot: Robot) -> None:
+        self.model = robot.model
         self.memory = _Memory(self.model)
         models = list(enumerate(self.model.joints))[1:]
         # Index and coordinates of the joints that ``data.dJ`` is not all of.
@@ -76,14 +76,14 @@ class Prepared:
             for k, joint in models
             if joint.shortname() in VARYING_SUBSPACE
         ]
-        self.closure_frames, _ = mechanism.closure_frames
-        self.rows, self.closure_rows = mechanism.rows, len(mechanism.row_closures)
-        self.groups = list(_groups(mechanism))
+        self.closure_frames, _ = robot.closure_frames
+        self.rows, self.closure_rows = robot.rows, len(robot.row_closures)
+        self.groups = list(_groups(robot))
         # Row of each cable, and where its length is in configurations and in velocities.
-        cables = [(row, *ends) for row, ends in mechanism.cable_rows.items()]
+        cables = [(row, *ends) for row, ends in robot.cable_rows.items()]
         self.cables = np.array(cables, dtype=np.int64).reshape(-1, 3).T
-        self.units = mechanism.row_scales[:, None] * mechanism.coordinate_scales
-        self.in_common_units = self.units * mechanism.moving
+        self.units = robot.row_scales[:, None] * robot.coordinate_scales
+        self.in_common_units = self.units * robot.moving
         # Coordinates that are chosen as independent, and the others, by their names.
         self.partitions: dict[tuple[str, ...] | None, tuple[IntArray, IntArray]] = {}
         self.few_enough: set[int] = set()  # numbers of independent coordinates
@@ -113,10 +113,10 @@ class Group(NamedTuple):
     turns: bool  # whether any of these depends on how the frames turn
 
 
-def _groups(mechanism: Mechanism) -> Iterator[Group]:
+def _groups(robot: Robot) -> Iterator[Group]:
     """Closures whose equations have no numbers of their own, such as axes, can be in one group."""
     first, row = 0, 0
-    for key, closures in groupby(mechanism.closures, _without_numbers):
+    for key, closures in groupby(robot.closures, _without_numbers):
         alike = list(closures)
         for group in [alike] if key else [[closure] for closure in alike]:
             last, rows = first + len(group), slice(row, row + len(group) * group[0].rows)
@@ -134,12 +134,12 @@ def _without_numbers(closure: LoopClosure) -> tuple[type, ...]:
     return () if any(vars(part) for part in own) else tuple(type(part) for part in own)
 
 
-def prepared(mechanism: Mechanism) -> Prepared:
+def prepared(robot: Robot) -> Prepared:
     """What is prepared for a robot, made when it is first asked for."""
-    kept = vars(mechanism)
+    kept = vars(robot)
     found: Prepared | None = kept.get("_prepared")
     if found is None:
-        found = kept["_prepared"] = Prepared(mechanism)
+        found = kept["_prepared"] = Prepared(robot)
     return found
 
 
@@ -189,13 +189,13 @@ class FrameMotions:
 
 
 def frame_poses(
-    mechanism: Mechanism, q: FloatArray, frame_ids: Sequence[int], *, jacobians: bool = True
+    robot: Robot, q: FloatArray, frame_ids: Sequence[int], *, jacobians: bool = True
 ) -> FramePoses:
     """Place frames, by their indices in the model, at configurations (N, nq)."""
-    own = prepared(mechanism)
+    own = prepared(robot)
     model, memory = own.model, own.memory
     data = memory.data
-    origins, rotations, supports = _frames(mechanism, memory, tuple(frame_ids))
+    origins, rotations, supports = _frames(robot, memory, tuple(frame_ids))
     origin, rotation = np.empty((len(q), len(origins), 3)), np.empty((len(q), len(origins), 3, 3))
     jacobian, J = np.empty((len(q), 6 if jacobians else 0, model.nv)), data.J
     ask = pin.computeJointJacobians if jacobians else pin.forwardKinematics
@@ -208,22 +208,20 @@ def frame_poses(
     return FramePoses(origin, rotation, supports, jacobian)
 
 
-def _frames(mechanism: Mechanism, memory: _Memory, frame_ids: tuple[int, ...]) -> Frames:
+def _frames(robot: Robot, memory: _Memory, frame_ids: tuple[int, ...]) -> Frames:
     if frame_ids not in memory.frames:
         placed = [memory.data.oMf[k] for k in frame_ids]
         memory.frames[frame_ids] = Frames(
             [place.translation for place in placed],
             [place.rotation for place in placed],
-            mechanism.supports(frame_ids).astype(np.float64),
+            robot.supports(frame_ids).astype(np.float64),
         )
     return memory.frames[frame_ids]
 
 
-def frame_motions(
-    mechanism: Mechanism, q: FloatArray, v: FloatArray, poses: FramePoses
-) -> FrameMotions:
+def frame_motions(robot: Robot, q: FloatArray, v: FloatArray, poses: FramePoses) -> FrameMotions:
     """How frames move at velocities (N, nv) and zero joint acceleration."""
-    own = prepared(mechanism)
+    own = prepared(robot)
     model, data = own.model, own.memory.data
     # What each coordinate adds to the twists of bodies at the fixed origin, and to their rates.
     parts, dJ = np.empty((2, len(q), 6, model.nv)), data.dJ
@@ -250,7 +248,7 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def torque_regressors(
-    mechanism: Mechanism,
+    robot: Robot,
     q: FloatArray,
     v: FloatArray | None = None,
     a: FloatArray | None = None,
@@ -263,12 +261,12 @@ def torque_regressors(
     Returns
     -------
     FloatArray
-        (N, nv or dof, n), columns of ``mechanism.parameters(model)``.
+        (N, nv or dof, n), columns of ``robot.parameters(model)``.
     """
-    own = prepared(mechanism)
+    own = prepared(robot)
     tree, data = own.model, own.memory.data
     v, a = (np.zeros((len(q), tree.nv)) if rate is None else rate for rate in (v, a))
-    columns, ties = _columns(mechanism, own, model)
+    columns, ties = _columns(robot, own, model)
     G = np.broadcast_to(np.eye(tree.nv), (len(q), tree.nv, tree.nv)) if G is None else G
     to_rows = np.ascontiguousarray(G.transpose(0, 2, 1))
     K = np.empty((len(q), to_rows.shape[1], len(columns)))
@@ -283,11 +281,11 @@ def torque_regressors(
     return K if ties is None else K @ ties
 
 
-def _columns(mechanism: Mechanism, own: Prepared, model: str) -> tuple[IntArray, FloatArray | None]:
+def _columns(robot: Robot, own: Prepared, model: str) -> tuple[IntArray, FloatArray | None]:
     """With "gravity" m, mx, my and mz of each body; and what ties those of links alike."""
     if model not in own.columns:
-        ties = mechanism.tie_matrix(len(model_kinds(model))) if mechanism.tied else None
-        own.columns[model] = mechanism.columns(model), ties
+        ties = robot.tie_matrix(len(model_kinds(model))) if robot.tied else None
+        own.columns[model] = robot.columns(model), ties
     return own.columns[model]
 
 
@@ -343,9 +341,9 @@ def tree_reactions(
     return tau, np.einsum("njab,njb->nja", turn, force), turn
 
 
-def integrate(mechanism: Mechanism, configurations: FloatArray, steps: FloatArray) -> FloatArray:
+def integrate(robot: Robot, configurations: FloatArray, steps: FloatArray) -> FloatArray:
     """Configurations (N, nq) moved by tangent steps (N, nv)."""
-    model = mechanism.model
+    model = robot.model
     if model.nq == model.nv:
         return np.asarray(configurations + steps, dtype=np.float64)
     moved = np.empty_like(configurations)
@@ -354,9 +352,9 @@ def integrate(mechanism: Mechanism, configurations: FloatArray, steps: FloatArra
     return moved
 
 
-def difference(mechanism: Mechanism, origin: FloatArray, target: FloatArray) -> FloatArray:
+def difference(robot: Robot, origin: FloatArray, target: FloatArray) -> FloatArray:
     """Tangent steps (N, nv) between configurations (N, nq), which ``integrate`` would take."""
-    model = mechanism.model
+    model = robot.model
     if model.nq == model.nv:
         return np.asarray(target - origin, dtype=np.float64)
     steps = np.empty((len(origin), model.nv))

@@ -23,7 +23,7 @@ from loopid.errors import AccuracyWarning, MobilityError, SingularityError, coun
 from loopid.kinematics.constraint import Constraint, constraint_jacobian, scaled_jacobian
 from loopid.kinematics.poses import blocks, prepared
 from loopid.records import record
-from loopid.robot.mechanism import RANK_TOLERANCE, Mechanism
+from loopid.robot.robot import RANK_TOLERANCE, Robot
 
 # Below this singularity measure forces in the loops exceed the motors' some thousandfold.
 NEAR_SINGULARITY = 1e-3
@@ -248,7 +248,7 @@ class ClosedMotion:
 
 @checked
 def project(
-    mechanism: Mechanism,
+    robot: Robot,
     configurations: FloatArray,
     *,
     independent: Sequence[str] | None = None,
@@ -277,20 +277,20 @@ def project(
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("3ups_rpu")
+    >>> robot = loopid.load("3ups_rpu")
     >>> loopid.kinematics.project(robot, robot.reference).G.shape
     (1, 13, 4)
     """
-    q = samples(configurations, mechanism.model.nq, "configurations")
-    parts = partition(mechanism, independent)
-    found = [(each.G, each.solver.matrices) for _, each in tangent_spaces(mechanism, q, parts)]
+    q = samples(configurations, robot.model.nq, "configurations")
+    parts = partition(robot, independent)
+    found = [(each.G, each.solver.matrices) for _, each in tangent_spaces(robot, q, parts)]
     G, columns = map(_joined, zip(*found, strict=True))
     return Projection(G, parts[0], columns)
 
 
 @checked
 def closed_motion(
-    mechanism: Mechanism,
+    robot: Robot,
     configurations: FloatArray,
     velocities: FloatArray,
     accelerations: FloatArray,
@@ -316,56 +316,52 @@ def closed_motion(
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("3ups_rpu")
+    >>> robot = loopid.load("3ups_rpu")
     >>> rates, still = [[0.1, 0, 0, 0]], [[0, 0, 0, 0]]
     >>> motion = loopid.kinematics.closed_motion(robot, robot.reference, rates, still)
     >>> motion.velocities.shape
     (1, 13)
     """
-    q = samples(configurations, mechanism.model.nq, "configurations")
-    parts = partition(mechanism, independent)
+    q = samples(configurations, robot.model.nq, "configurations")
+    parts = partition(robot, independent)
     rates = samples(velocities, len(parts[0]), "velocities", len(q))
     second = samples(accelerations, len(parts[0]), "accelerations", len(q))
-    return completed(mechanism, q, parts, rates, second)
+    return completed(robot, q, parts, rates, second)
 
 
 @checked
-def singularity_measure(mechanism: Mechanism, configurations: FloatArray) -> FloatArray:
+def singularity_measure(robot: Robot, configurations: FloatArray) -> FloatArray:
     """The measure (N,) of ``Projection.singularity``, without refusing singular configurations."""
-    _, dependent = partition(mechanism)
-    jacobian = scaled_jacobian(mechanism, constraint_jacobian(mechanism, configurations))
+    _, dependent = partition(robot)
+    jacobian = scaled_jacobian(robot, constraint_jacobian(robot, configurations))
     return least_over_largest(jacobian[:, :, dependent])
 
 
-def partition(
-    mechanism: Mechanism, independent: Sequence[str] | None = None
-) -> tuple[IntArray, IntArray]:
-    """Velocity indices of the independent coordinates, the mechanism's by default, and the rest."""
-    known = prepared(mechanism).partitions
+def partition(robot: Robot, independent: Sequence[str] | None = None) -> tuple[IntArray, IntArray]:
+    """Velocity indices of the independent coordinates, the robot's by default, and the rest."""
+    known = prepared(robot).partitions
     key = None if independent is None else tuple(independent)
     if key not in known:
-        names = mechanism.independent if key is None else key
-        chosen = mechanism.velocity_indices(names)
+        names = robot.independent if key is None else key
+        chosen = robot.velocity_indices(names)
         if len(set(chosen)) != len(chosen):
             raise MobilityError(
                 f"a joint is named twice among {', '.join(names)}", given=tuple(names)
             )
-        dependent = np.setdiff1d(np.arange(mechanism.model.nv), chosen)
+        dependent = np.setdiff1d(np.arange(robot.model.nv), chosen)
         chosen.setflags(write=False)
         dependent.setflags(write=False)
         known[key] = chosen, dependent
     return known[key]
 
 
-def velocity_maps(
-    mechanism: Mechanism, q: FloatArray, parts: tuple[IntArray, IntArray]
-) -> FloatArray:
+def velocity_maps(robot: Robot, q: FloatArray, parts: tuple[IntArray, IntArray]) -> FloatArray:
     """G (N, nv, dof) of ``project`` alone."""
-    return _joined([each.G for _, each in tangent_spaces(mechanism, q, parts)])
+    return _joined([each.G for _, each in tangent_spaces(robot, q, parts)])
 
 
 def completed(
-    mechanism: Mechanism,
+    robot: Robot,
     q: FloatArray,
     parts: tuple[IntArray, IntArray],
     rates: FloatArray,
@@ -373,7 +369,7 @@ def completed(
 ) -> ClosedMotion:
     """As ``closed_motion``, of arrays and indices that are checked."""
     found = []
-    for rows, each in tangent_spaces(mechanism, q, parts):
+    for rows, each in tangent_spaces(robot, q, parts):
         v = (each.G @ rates[rows, :, None])[:, :, 0]
         found.append((each.G, each.solver.matrices, v, each.gamma(v[:, None])[:, 0]))
     G, columns, v, gamma = map(_joined, zip(*found, strict=True))
@@ -394,28 +390,28 @@ class TangentSpaces:
     @classmethod
     def of(cls, constraint: Constraint, parts: tuple[IntArray, IntArray]) -> TangentSpaces:
         """At the configurations of a constraint; ``solver.ill_conditioned`` are in doubt."""
-        A = scaled_jacobian(constraint.mechanism, constraint.jacobian())
-        return cls(constraint, parts[1], *velocity_map(constraint.mechanism, A, *parts))
+        A = scaled_jacobian(constraint.robot, constraint.jacobian())
+        return cls(constraint, parts[1], *velocity_map(constraint.robot, A, *parts))
 
     def gamma(self, v: FloatArray) -> FloatArray:
         """γ (N, k, nv) at k velocities (N, k, nv) of each: A γ = -Ȧ v."""
-        mechanism, (count, k, nv) = self.constraint.mechanism, v.shape
+        robot, (count, k, nv) = self.constraint.robot, v.shape
         at = self.constraint if k == 1 else self.constraint.repeated(k)
-        drift = mechanism.row_scales * at.drift(v.reshape(-1, nv))
+        drift = robot.row_scales * at.drift(v.reshape(-1, nv))
         steps = self.solver.solve(drift.reshape(count, k, drift.shape[1]).swapaxes(1, 2))
         gamma = np.zeros_like(v)
-        scales = mechanism.coordinate_scales.take(self.dependent)
+        scales = robot.coordinate_scales.take(self.dependent)
         gamma[:, :, self.dependent] = -scales * steps.swapaxes(1, 2)
         return gamma
 
 
 def tangent_spaces(
-    mechanism: Mechanism, q: FloatArray, parts: tuple[IntArray, IntArray]
+    robot: Robot, q: FloatArray, parts: tuple[IntArray, IntArray]
 ) -> Iterator[tuple[slice, TangentSpaces]]:
     """All samples, block by block, none of which may be singular."""
     doubts = list[_Doubt]()
     for rows in blocks(len(q)):
-        found = TangentSpaces.of(Constraint(mechanism, q[rows]), parts)
+        found = TangentSpaces.of(Constraint(robot, q[rows]), parts)
         if rows.start == 0:
             _refuse_too_many(found.constraint, parts)
         solver = found.solver
@@ -434,10 +430,10 @@ def _joined(arrays: Sequence[FloatArray]) -> FloatArray:
 
 
 def velocity_map(
-    mechanism: Mechanism, jacobian: FloatArray, chosen: IntArray, dependent: IntArray
+    robot: Robot, jacobian: FloatArray, chosen: IntArray, dependent: IntArray
 ) -> tuple[FloatArray, Solver]:
     """G (N, nv, dof) = [I; -A_d⁺ A_u] of Jacobians in common units, and the solver with A_d."""
-    scales = mechanism.coordinate_scales
+    scales = robot.coordinate_scales
     solver = Solver.of(jacobian.take(dependent, axis=2), NEAR_SINGULARITY)
     dependent_rows = solver.solve(jacobian.take(chosen, axis=2))
     dependent_rows *= scales.take(dependent)[:, None] / -scales.take(chosen)
@@ -483,21 +479,21 @@ def _refuse_too_many(constraint: Constraint, parts: tuple[IntArray, IntArray]) -
 
     What was few enough once is not asked again: a rank that falls later is a singularity.
     """
-    mechanism, count = constraint.mechanism, len(parts[0])
-    few = prepared(mechanism).few_enough
+    robot, count = constraint.robot, len(parts[0])
+    few = prepared(robot).few_enough
     # No more equations than dependent coordinates have no larger rank.
-    if count in few or mechanism.rows <= len(parts[1]):
+    if count in few or robot.rows <= len(parts[1]):
         return
-    jacobian = scaled_jacobian(mechanism, constraint.jacobian()[:1])
-    rank = Factorisation.of(jacobian, mechanism.closure_rank_tolerance).rank
-    freedom = mechanism.model.nv - int(rank.max(initial=0))
+    jacobian = scaled_jacobian(robot, constraint.jacobian()[:1])
+    rank = Factorisation.of(jacobian, robot.closure_rank_tolerance).rank
+    freedom = robot.model.nv - int(rank.max(initial=0))
     if count > freedom:
         hint = ""
-        if count == len(mechanism.independent):  # as many as at the reference
+        if count == len(robot.independent):  # as many as at the reference
             hint = ", which has more at its reference: that is singular, so give another one"
         raise MobilityError(
             f"{count} independent joints are too many for {counted(freedom, 'degree')} of freedom "
-            f"of {mechanism.name}{hint}",
+            f"of {robot.name}{hint}",
             given=count,
             freedom=freedom,
         )

@@ -18,13 +18,13 @@ from loopid.errors import OptionError
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.poses import blocks, tree_reactions
 from loopid.kinematics.projection import NEAR_SINGULARITY, ClosedMotion, Solver, partition
-from loopid.robot.mechanism import Mechanism, motion_subspace
+from loopid.robot.robot import Robot, motion_subspace
 
 UNDETERMINED = 1e-6  # part of a reaction along which closures may press without any effect
 
 
 def bearing_forces(
-    mechanism: Mechanism,
+    robot: Robot,
     motion: ClosedMotion,
     joints: Sequence[int],
     *,
@@ -38,7 +38,7 @@ def bearing_forces(
     Parameters
     ----------
     standard_parameters : FloatArray, optional
-        (n,) of ``mechanism.parameters()``; by default the bodies of the robot file.
+        (n,) of ``robot.parameters()``; by default the bodies of the robot file.
 
     Returns
     -------
@@ -51,18 +51,18 @@ def bearing_forces(
     OptionError
         When the robot has redundant motors: how they work against each other is not known.
     """
-    if mechanism.redundant:
+    if robot.redundant:
         raise OptionError(
-            f"what the joints of {mechanism.name} carry is not known, as its motors "
-            f"{', '.join(mechanism.redundant)} are redundant: leave out load-dependent friction",
-            motors=mechanism.redundant,
+            f"what the joints of {robot.name} carry is not known, as its motors "
+            f"{', '.join(robot.redundant)} are redundant: leave out load-dependent friction",
+            motors=robot.redundant,
         )
-    tree = mechanism.model
+    tree = robot.model
     if standard_parameters is not None:
-        tree = mechanism.tree(standard_parameters)
-    _, dependent = partition(mechanism)
-    units = mechanism.coordinate_scales[dependent]
-    supports = mechanism.closure_frames[1]
+        tree = robot.tree(standard_parameters)
+    _, dependent = partition(robot)
+    units = robot.coordinate_scales[dependent]
+    supports = robot.closure_frames[1]
     moved = supports[:, [tree.joints[j].idx_v for j in joints]]
     # Directions (3, k) along which each slides, in its own frame.
     subspaces = [motion_subspace(tree, j) for j in joints]
@@ -74,7 +74,7 @@ def bearing_forces(
         tau, force, turn = tree_reactions(
             tree, q, motion.velocities[rows], motion.accelerations[rows], joints
         )
-        A = mechanism.row_scales[:, None] * Constraint(mechanism, q).translation_rates(moved)
+        A = robot.row_scales[:, None] * Constraint(robot, q).translation_rates(moved)
         columns = motion.projection.dependent_columns[rows]
         X = Solver.of(columns, NEAR_SINGULARITY).solve(A)
         force -= np.einsum("ndk,nd->nk", X, units * tau[:, dependent]).reshape(force.shape)

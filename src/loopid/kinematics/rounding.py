@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from loopid.arguments import FloatArray, IntArray
 from loopid.records import record
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 # Lengths and angles with fewer decimals are round by design; those with more have all the digits
 # there are.
@@ -38,16 +38,16 @@ class Accuracy:
     source: str  # where that is known from
 
 
-def geometry_accuracy(mechanism: Mechanism) -> Accuracy:
+def geometry_accuracy(robot: Robot) -> Accuracy:
     """What the robot file says of its rounding, or what its numbers and closures show."""
-    if mechanism.rounding is not None:
-        length = max(mechanism.rounding, mechanism.closure_residual)
-        return Accuracy(length, length / mechanism.length, "the rounding that is given or needed")
+    if robot.rounding is not None:
+        length = max(robot.rounding, robot.closure_residual)
+        return Accuracy(length, length / robot.length, "the rounding that is given or needed")
     numbers: tuple[list[float], list[float]] = ([], [])
-    for place in _placements(mechanism.model):
+    for place in _placements(robot.model):
         numbers[0].extend(place.translation)
         numbers[1].extend(x for x in pin.rpy.matrixToRpy(place.rotation) if not _square(x))
-    numbers[0].extend(closure.length for closure in mechanism.closures)
+    numbers[0].extend(closure.length for closure in robot.closures)
     angles = np.array(numbers[1])
     length, said = _rounded_to(np.array(numbers[0]), LEAST_DECIMALS, "m")
     angle, more = _rounded_to(angles, LEAST_OF_ANGLES, "rad")
@@ -56,8 +56,8 @@ def geometry_accuracy(mechanism: Mechanism) -> Accuracy:
     if (tilt := float(missed[missed < NEARLY_SQUARE].max(initial=0.0))) > angle:
         angle, more = tilt, [f"{tilt:.0e} rad from a multiple of 90°"]
     said += more
-    if mechanism.closure_residual > length:
-        length, said = mechanism.closure_residual, ["what the closures leave open"]
+    if robot.closure_residual > length:
+        length, said = robot.closure_residual, ["what the closures leave open"]
     return Accuracy(length, angle, ", ".join(said))
 
 
@@ -101,11 +101,9 @@ def _rounded_to(values: FloatArray, least: int, unit: str) -> tuple[float, list[
     return 0.5 * 10.0**-usual, [f"{usual} decimals of {unit}"]
 
 
-def within_accuracy(
-    mechanism: Mechanism, accuracy: Accuracy, generator: np.random.Generator
-) -> Mechanism:
+def within_accuracy(robot: Robot, accuracy: Accuracy, generator: np.random.Generator) -> Robot:
     """The robot with other geometry that rounds to the same file."""
-    model, places = mechanism.model.copy(), _placements(mechanism.model)
+    model, places = robot.model.copy(), _placements(robot.model)
     for k, (frame, place) in enumerate(zip(list(model.frames)[1:], places, strict=True), start=1):
         shift, turn = generator.uniform(-1, 1, (2, 3))
         rpy = pin.rpy.matrixToRpy(place.rotation)
@@ -114,14 +112,14 @@ def within_accuracy(
         moved = model.frames[frame.parentFrame].placement * pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
         if frame.type == pin.FrameType.JOINT:
             model.jointPlacements[frame.parentJoint] = moved
-        elif k in mechanism.closure_frames[0]:
+        elif k in robot.closure_frames[0]:
             model.frames[k].placement = moved
-    longer = accuracy.length * generator.uniform(-1, 1, len(mechanism.closures))
+    longer = accuracy.length * generator.uniform(-1, 1, len(robot.closures))
     closures = tuple(
         replace(closure, length=closure.length + more) if closure.length else closure
-        for closure, more in zip(mechanism.closures, longer, strict=True)
+        for closure, more in zip(robot.closures, longer, strict=True)
     )
-    return replace(mechanism, model=model, closures=closures)
+    return replace(robot, model=model, closures=closures)
 
 
 # How far its loops may stay open.

@@ -15,7 +15,7 @@ from loopid.kinematics.measured import MeasuredCoordinates, measured_coordinates
 from loopid.kinematics.poses import prepared
 from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularity_measure
 from loopid.records import record
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 DEFAULT_MARGIN = 0.02
 MOST_KEPT = 512  # samples that are kept with a robot: most work draws the same ones again
@@ -76,7 +76,7 @@ class SamplingOptions:
 
 @checked
 def random_configurations(
-    mechanism: Mechanism,
+    robot: Robot,
     count: int,
     seed: int = 0,
     *,
@@ -109,27 +109,27 @@ def random_configurations(
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("five_bar")
+    >>> robot = loopid.load("five_bar")
     >>> loopid.random_configurations(robot, 10, seed=1).shape
     (10, 4)
     """
     require_count(count, "count")
-    return np.concatenate(list(configuration_batches(mechanism, count, seed, options=options)))
+    return np.concatenate(list(configuration_batches(robot, count, seed, options=options)))
 
 
 def configuration_batches(
-    mechanism: Mechanism, count: int, seed: int = 0, *, options: SamplingOptions | None = None
+    robot: Robot, count: int, seed: int = 0, *, options: SamplingOptions | None = None
 ) -> Iterator[FloatArray]:
     """Yield the rows of ``random_configurations`` a few at a time."""
     options = SamplingOptions() if options is None else options
     require_count(count, "samples")
     if options.margin is None:
-        options = replace(options, margin=mechanism.margin)
-    drawn = prepared(mechanism).drawn
+        options = replace(options, margin=robot.margin)
+    drawn = prepared(robot).drawn
     kept = drawn.get((seed, options), ())
     enough = sum(map(len, kept)) >= count
     batches, found = list[FloatArray](), 0
-    for batch in kept if enough else _drawn(mechanism, seed, options):
+    for batch in kept if enough else _drawn(robot, seed, options):
         if count <= MOST_KEPT:
             batches.append(frozen(batch))
         yield batch[: count - found]
@@ -140,28 +140,28 @@ def configuration_batches(
         drawn[seed, options] = tuple(batches)
 
 
-def _drawn(mechanism: Mechanism, seed: int, options: SamplingOptions) -> Iterator[FloatArray]:
+def _drawn(robot: Robot, seed: int, options: SamplingOptions) -> Iterator[FloatArray]:
     """Yield closed configurations without end."""
-    generator, mechanism = random_generator(seed), _with_regular_reference(mechanism)
-    measured = measured_coordinates(mechanism, None)
+    generator, robot = random_generator(seed), _with_regular_reference(robot)
+    measured = measured_coordinates(robot, None)
     home, lower, upper = _ranges(measured)
-    places = mechanism.draw_places(mechanism.velocity_indices(mechanism.measured))
+    places = robot.draw_places(robot.velocity_indices(robot.measured))
     steps = max(options.paths.most_steps * options.spread, options.least_steps)
     paths = replace(options.paths, most_steps=steps)
-    spread = min(options.spread, options.many_loops / max(len(mechanism.loops), 1))
-    least = _least_margin(mechanism, options)
-    batch, drawn, found, broken = options.batch, 0, 0, np.zeros(mechanism.model.nq)
+    spread = min(options.spread, options.many_loops / max(len(robot.loops), 1))
+    least = _least_margin(robot, options)
+    batch, drawn, found, broken = options.batch, 0, 0, np.zeros(robot.model.nq)
     while True:
         if drawn > options.attempts * (found + batch):
-            raise _too_few(mechanism, found, drawn, least, broken)
+            raise _too_few(robot, found, drawn, least, broken)
         part = generator.uniform(size=(batch, len(home)))[:, places]
         values = home + spread * (lower + part * (upper - lower) - home)
-        outcome = follow_paths(measured, mechanism.reference[None], values, paths)
+        outcome = follow_paths(measured, robot.reference[None], values, paths)
         q = outcome.configurations[outcome.assembled]
-        outside = mechanism.outside(q)
+        outside = robot.outside(q)
         q, broken = q[~outside.any(axis=1)], broken + outside.sum(axis=0)
-        q = _completed(mechanism, q, generator)
-        regular = q[singularity_measure(mechanism, q) >= least]
+        q = _completed(robot, q, generator)
+        regular = q[singularity_measure(robot, q) >= least]
         if len(q) < options.few * batch:  # draw nearer
             spread = max(options.narrower * spread, options.least_spread)
         if len(regular) < options.few * len(q) and options.margin is None:  # accept less
@@ -171,45 +171,43 @@ def _drawn(mechanism: Mechanism, seed: int, options: SamplingOptions) -> Iterato
             yield regular
 
 
-def _least_margin(mechanism: Mechanism, options: SamplingOptions) -> float:
+def _least_margin(robot: Robot, options: SamplingOptions) -> float:
     """The margin to begin with: where the reference hardly keeps it, poses around it do not."""
     if options.margin is not None:
         return options.margin
-    own = float(singularity_measure(mechanism, mechanism.reference[None])[0])
+    own = float(singularity_measure(robot, robot.reference[None])[0])
     return max(options.least_margin, min(options.usual_margin, 0.5 * own))
 
 
 def _ranges(measured: MeasuredCoordinates) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Reference values of the measured joints, and the limits between which they are drawn."""
-    mechanism = measured.mechanism
-    home = measured.read(mechanism.reference[None])[0]
-    chosen = mechanism.velocity_indices(mechanism.measured)
-    width = mechanism.coordinate_ranges[chosen]
-    limits = np.array([mechanism.limits(name) for name in mechanism.measured]).reshape(-1, 2)
+    robot = measured.robot
+    home = measured.read(robot.reference[None])[0]
+    chosen = robot.velocity_indices(robot.measured)
+    width = robot.coordinate_ranges[chosen]
+    limits = np.array([robot.limits(name) for name in robot.measured]).reshape(-1, 2)
     limited = np.abs(limits) < UNLIMITED * width[:, None]
     lower = np.where(limited[:, 0], limits[:, 0], home - width)
     upper = np.where(limited[:, 1], limits[:, 1], home + width)
     return home, lower, upper
 
 
-def _with_regular_reference(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with another reference, close by, where its own one is singular."""
-    if singularity_measure(mechanism, mechanism.reference[None])[0] >= NEAR_SINGULARITY:
-        return mechanism
-    around = nearby_configurations(mechanism, mechanism.reference)
-    best = int(singularity_measure(mechanism, around).argmax())
-    return replace(mechanism, reference=around[best])
+def _with_regular_reference(robot: Robot) -> Robot:
+    """The robot with another reference, close by, where its own one is singular."""
+    if singularity_measure(robot, robot.reference[None])[0] >= NEAR_SINGULARITY:
+        return robot
+    around = nearby_configurations(robot, robot.reference)
+    best = int(singularity_measure(robot, around).argmax())
+    return replace(robot, reference=around[best])
 
 
 def _too_few(
-    mechanism: Mechanism, found: int, drawn: int, margin: float, broken: FloatArray
+    robot: Robot, found: int, drawn: int, margin: float, broken: FloatArray
 ) -> AssemblyError:
-    worst = next(
-        (n for n in mechanism.joints if mechanism.joint(n).idx_q == int(broken.argmax())), ""
-    )
+    worst = next((n for n in robot.joints if robot.joint(n).idx_q == int(broken.argmax())), "")
     limits = f" ({worst} broke them {int(broken.max())} times)" if broken.any() else ""
     return AssemblyError(
-        f"only {found} of {drawn} random draws of {mechanism.name} close with a singularity "
+        f"only {found} of {drawn} random draws of {robot.name} close with a singularity "
         f"measure of at least {margin:g}: lower the margin or check the limits{limits}",
         found=found,
         drawn=drawn,
@@ -217,23 +215,23 @@ def _too_few(
     )
 
 
-def _completed(mechanism: Mechanism, q: FloatArray, generator: np.random.Generator) -> FloatArray:
+def _completed(robot: Robot, q: FloatArray, generator: np.random.Generator) -> FloatArray:
     """Closed configurations inside the limits, with the parts that are held at random."""
-    if not mechanism.held:
+    if not robot.held:
         return q
-    chosen, _ = partition(mechanism)
-    parts = np.isin(mechanism.independent, mechanism.held)
-    units = np.where(np.isin(chosen, mechanism.prismatic), PART_LENGTH * mechanism.length, np.pi)
+    chosen, _ = partition(robot)
+    parts = np.isin(robot.independent, robot.held)
+    units = np.where(np.isin(chosen, robot.prismatic), PART_LENGTH * robot.length, np.pi)
     steps = generator.uniform(-1.0, 1.0, size=(len(q), len(chosen)))
-    steps = steps[:, mechanism.draw_places(chosen)] * units * parts
-    q, residual = displaced(mechanism, q, steps)
-    closed = residual <= largest_opening(mechanism)
-    return q[closed & ~mechanism.outside(q).any(axis=1)]
+    steps = steps[:, robot.draw_places(chosen)] * units * parts
+    q, residual = displaced(robot, q, steps)
+    closed = residual <= largest_opening(robot)
+    return q[closed & ~robot.outside(q).any(axis=1)]
 
 
 @checked
 def random_motions(
-    mechanism: Mechanism, count: int, seed: int | np.random.Generator = 0
+    robot: Robot, count: int, seed: int | np.random.Generator = 0
 ) -> tuple[FloatArray, FloatArray]:
     """Draw independent velocities and accelerations (count, dof) each.
 
@@ -243,10 +241,10 @@ def random_motions(
     if count != 0:
         require_count(count, "count")
     generator = seed if isinstance(seed, np.random.Generator) else random_generator(seed)
-    independent, _ = partition(mechanism)
-    unit = mechanism.coordinate_scales[independent]
-    gravity = float(np.linalg.norm(mechanism.model.gravity.linear)) or 1.0
-    rate = np.sqrt(gravity / mechanism.length)
+    independent, _ = partition(robot)
+    unit = robot.coordinate_scales[independent]
+    gravity = float(np.linalg.norm(robot.model.gravity.linear)) or 1.0
+    rate = np.sqrt(gravity / robot.length)
     drawn = generator.uniform(-1.0, 1.0, size=(2, count, len(unit)))
-    velocity, acceleration = drawn.take(mechanism.draw_places(independent), axis=2)
+    velocity, acceleration = drawn.take(robot.draw_places(independent), axis=2)
     return velocity * unit * rate, acceleration * unit * rate**2

@@ -17,7 +17,7 @@ from loopid.loading.model_closures import find_closures, find_couplings, frame_n
 from loopid.loading.reference import close_reference, with_lengths
 from loopid.loading.tree import TreeSource, build_tree, written_reference
 from loopid.loading.undeclared import undeclared_loops
-from loopid.robot.mechanism import RANK_TOLERANCE, Body, LinkGroup, Mechanism, Platform, link_frames
+from loopid.robot.robot import RANK_TOLERANCE, Body, LinkGroup, Platform, Robot, link_frames
 
 # Pinocchio stores derivatives of their third power: 2 GB.
 MOST_COORDINATES = 300
@@ -32,7 +32,7 @@ def build_robot(
     tied: bool = False,
     rounding: float | None = None,
     options: Mapping[str, Any] | None = None,
-) -> Mechanism:
+) -> Robot:
     """The robot of a tree, with its loops closed at the reference; what is odd is warned of.
 
     ``given`` has the last word over what the tree's own file says. ``path`` is the file that was
@@ -67,16 +67,16 @@ def build_robot(
         {part for name in held for part in (name, *tree.replaced.get(name, ()))},
         description.rounding if rounding is None else rounding,
     )
-    mechanism = replace(closed, undeclared=undeclared_loops(closed, around, tree))
-    warn_of_findings(mechanism, around, tree)
-    return mechanism
+    robot = replace(closed, undeclared=undeclared_loops(closed, around, tree))
+    warn_of_findings(robot, around, tree)
+    return robot
 
 
-def _open_robot(path: Path | None, tree: TreeSource, description: Description) -> Mechanism:
+def _open_robot(path: Path | None, tree: TreeSource, description: Description) -> Robot:
     """The robot at the reference that the file writes, where its loops may be open."""
     model, bodies, where = tree.model, _bodies(tree), path or tree.name
     _require_printable_names(tree, description)
-    drawn = Mechanism(
+    drawn = Robot(
         name=tree.name,
         path=path,
         model=model,
@@ -170,7 +170,7 @@ def _identical(
 
 
 def _joint_values(
-    mechanism: Mechanism, whole: pin.Model, tree: TreeSource, description: Description
+    robot: Robot, whole: pin.Model, tree: TreeSource, description: Description
 ) -> dict[str, dict[str, float]]:
     """What the files give of terms, by coordinate; joints that are locked or replaced have none.
 
@@ -180,16 +180,16 @@ def _joint_values(
     described = {*description.joint_terms}
     for name, values in description.joint_terms.items():
         given = {kind: nan if x is None else x for kind, x in values.items() if x != 0}
-        if name in mechanism.joints:
-            found |= dict.fromkeys(mechanism.coordinates_of([name]) if given else (), given)
-        elif name in mechanism.coordinates:
+        if name in robot.joints:
+            found |= dict.fromkeys(robot.coordinates_of([name]) if given else (), given)
+        elif name in robot.coordinates:
             found |= {name: given} if given else {}
         elif not (name in tree.locked or whole.existJointName(name)):
-            known = mechanism.coordinates
+            known = robot.coordinates
             raise RobotFileError.unknown("joint", name, known, " in joint_terms")
         elif given and name not in tree.locked and not {*tree.replaced.get(name, ())} & described:
             warn(
-                f"{mechanism.source}: other joints have taken the place of {name}, so its "
+                f"{robot.source}: other joints have taken the place of {name}, so its "
                 f"{', '.join(given)} are left out: give theirs in joint_terms",
                 ModelWarning,
             )

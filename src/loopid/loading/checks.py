@@ -15,73 +15,73 @@ from loopid.loading.reference import why_singular
 from loopid.loading.tree import TreeSource
 from loopid.parameters import KINDS
 from loopid.records import record
-from loopid.robot.mechanism import Mechanism, shortened
+from loopid.robot.robot import Robot, shortened
 
 UNCLEAR = 1e-4  # of the largest singular value of the closure Jacobian
 STILL = 1e-3  # rad or characteristic lengths that no random walk leaves
 
 
-def warn_of_findings(mechanism: Mechanism, around: FloatArray, tree: TreeSource) -> None:
+def warn_of_findings(robot: Robot, around: FloatArray, tree: TreeSource) -> None:
     """Warn of features that are left out, motors, singularities and inertias.
 
     ``around`` (n, nq) are closed configurations around the reference.
     """
-    path = mechanism.source
+    path = robot.source
     for note in tree.notes:
         warn(f"{tree.file}: {note}", ModelWarning)
     forces = "; ".join(left.what for left in tree.left_out if left.is_force)
     if forces:
         warn(f"{tree.file}: in the file, not in the model: {forces}", ModelWarning)
-    if not mechanism.motors_known and (mechanism.redundant or tree.notes):
-        follow = ", ".join(mechanism.redundant)
-        place = "motors=[...]" if mechanism.path is None else "'name_mot' in a YAML beside it"
+    if not robot.motors_known and (robot.redundant or tree.notes):
+        follow = ", ".join(robot.redundant)
+        place = "motors=[...]" if robot.path is None else "'name_mot' in a YAML beside it"
         though = f", though {follow} follow from the others" if follow else ""
         warn(
             f"{path} does not say which joints have motors: all count as "
             f"actuated{though}; list the motors as {place}",
             ModelWarning,
         )
-    for sign in mechanism.undeclared:
+    for sign in robot.undeclared:
         warn(f"{path}: {sign}", ModelWarning)
-    for sentence in why_free(mechanism, around, tree.near_couplings):
+    for sentence in why_free(robot, around, tree.near_couplings):
         warn(f"{path}: {sentence}", ModelWarning)
-    if mechanism.rows:
-        _warn_of_closures(mechanism, around)
+    if robot.rows:
+        _warn_of_closures(robot, around)
     # Structure does not depend on the inertias in the file, forces do: warn, do not refuse.
-    impossible = [defect for defect in inertia_defects(mechanism) if defect.impossible]
+    impossible = [defect for defect in inertia_defects(robot) if defect.impossible]
     if impossible:
         links = shortened([defect.link for defect in impossible])
         warn(f"{path}: no body has the inertias of {links}: {impossible[0]}", ModelWarning)
-    if odd := odd_masses(mechanism):
+    if odd := odd_masses(robot):
         warn(f"{path}: {'; '.join(odd)}", ModelWarning)
-    for unequal in unequal_links(mechanism):
+    for unequal in unequal_links(robot):
         warn(f"{path}: {unequal}", ModelWarning)
 
 
-def _warn_of_closures(mechanism: Mechanism, around: FloatArray) -> None:
+def _warn_of_closures(robot: Robot, around: FloatArray) -> None:
     """Warn of a singular reference, and where the rank of the closures is not clear."""
-    reason = why_singular(mechanism, around)
+    reason = why_singular(robot, around)
     if reason:
-        warn(f"{mechanism.source}: the reference is singular {reason}", AccuracyWarning)
-    walks = difference(mechanism, np.repeat(around[:1], len(around), axis=0), around)
-    if np.abs(walks / mechanism.coordinate_scales).max() < STILL:
+        warn(f"{robot.source}: the reference is singular {reason}", AccuracyWarning)
+    walks = difference(robot, np.repeat(around[:1], len(around), axis=0), around)
+    if np.abs(walks / robot.coordinate_scales).max() < STILL:
         warn(
-            f"{mechanism.source}: no other closed pose was found near the reference: what seems "
+            f"{robot.source}: no other closed pose was found near the reference: what seems "
             "free to move there leads nowhere, as where a closure has the wrong axis",
             ModelWarning,
         )
-    found = mobility(mechanism, around=around)
+    found = mobility(robot, around=around)
     if found.held:
         warn(
-            f"{mechanism.source}: the loops do not let the motors {shortened(found.held)} move: "
+            f"{robot.source}: the loops do not let the motors {shortened(found.held)} move: "
             "look where the frames of their closures are",
             ModelWarning,
         )
     if found.least < UNCLEAR:
         # Equations that nearly follow from others look independent where numbers are rounded.
-        rounding = rounding_that_closes(found.least * mechanism.length, mechanism.length)
+        rounding = rounding_that_closes(found.least * robot.length, robot.length)
         warn(
-            f"{mechanism.source}: the rank of the closures is not clear: a singular value of "
+            f"{robot.source}: the rank of the closures is not clear: a singular value of "
             f"{found.least:.1e} of the largest is counted (unclear below {UNCLEAR:g}): where "
             f"numbers are rounded, rounding={rounding:g} lets it count as zero",
             AccuracyWarning,
@@ -108,12 +108,12 @@ class InertiaDefect:
 
 
 @checked
-def inertia_defects(mechanism: Mechanism) -> tuple[InertiaDefect, ...]:
+def inertia_defects(robot: Robot) -> tuple[InertiaDefect, ...]:
     """Bodies whose inertia, as the robot file gives it, no solid body has [Wensing2018].
 
     Parameters
     ----------
-    mechanism : Mechanism
+    robot : Robot
 
     Returns
     -------
@@ -123,13 +123,13 @@ def inertia_defects(mechanism: Mechanism) -> tuple[InertiaDefect, ...]:
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("five_bar")
+    >>> robot = loopid.load("five_bar")
     >>> loopid.loading.inertia_defects(robot)
     ()
     """
     found = []
-    for body in mechanism.bodies:
-        P = pseudo_inertia(mechanism.model.inertias[body.joint_id].toDynamicParameters())
+    for body in robot.bodies:
+        P = pseudo_inertia(robot.model.inertias[body.joint_id].toDynamicParameters())
         if reason := body_defect(P, tolerance=ROUNDED):
             impossible = bool(body_defect(P, flat_allowed=True, tolerance=ROUNDED) and P.any())
             found.append(InertiaDefect(body.link, impossible, reason))
@@ -137,12 +137,12 @@ def inertia_defects(mechanism: Mechanism) -> tuple[InertiaDefect, ...]:
 
 
 @checked
-def odd_masses(mechanism: Mechanism) -> tuple[str, ...]:
+def odd_masses(robot: Robot) -> tuple[str, ...]:
     """Say which masses look like placeholders, and which joints move nothing that has a mass.
 
     Parameters
     ----------
-    mechanism : Mechanism
+    robot : Robot
 
     Returns
     -------
@@ -152,11 +152,11 @@ def odd_masses(mechanism: Mechanism) -> tuple[str, ...]:
     Examples
     --------
     >>> import loopid
-    >>> loopid.loading.odd_masses(loopid.load_mechanism("five_bar"))
+    >>> loopid.loading.odd_masses(loopid.load("five_bar"))
     ()
     """
-    model, found = mechanism.model, []
-    masses = {body.link: float(model.inertias[body.joint_id].mass) for body in mechanism.bodies}
+    model, found = robot.model, []
+    masses = {body.link: float(model.inertias[body.joint_id].mass) for body in robot.bodies}
     least = max(PLACEHOLDER * max(masses.values(), default=0.0), LEAST_MASS)
     light = [f"{link} ({mass:.3g} kg)" for link, mass in masses.items() if 0 < mass < least]
     if light:
@@ -166,14 +166,14 @@ def odd_masses(mechanism: Mechanism) -> tuple[str, ...]:
         )
     heavy = {
         body.joint_id
-        for body in mechanism.bodies
+        for body in robot.bodies
         if model.inertias[body.joint_id].toDynamicParameters().any()
     }
-    closing = np.any(mechanism.supports(mechanism.closure_frames[0]), axis=0).ravel()
-    closing |= mechanism.moving.any(axis=0)
+    closing = np.any(robot.supports(robot.closure_frames[0]), axis=0).ravel()
+    closing |= robot.moving.any(axis=0)
     idle = [
         joint
-        for k, joint in enumerate(mechanism.joints, start=1)
+        for k, joint in enumerate(robot.joints, start=1)
         if not heavy.intersection(model.subtrees[k]) and not closing[model.joints[k].idx_v]
     ]
     if idle:
@@ -182,15 +182,15 @@ def odd_masses(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 @checked
-def unequal_links(mechanism: Mechanism) -> tuple[str, ...]:
+def unequal_links(robot: Robot) -> tuple[str, ...]:
     """Say which groups of links declared identical have inertials that differ, and by how much.
 
     In kg, kg m and kg m², relative to the largest of the same unit in the group.
     """
-    joints = {body.link: body.joint_id for body in mechanism.bodies}
+    joints = {body.link: body.joint_id for body in robot.bodies}
     found = []
-    for group in mechanism.identical:
-        inertias = [mechanism.model.inertias[joints[link]] for link in group.links]
+    for group in robot.identical:
+        inertias = [robot.model.inertias[joints[link]] for link in group.links]
         values = np.array([inertia.toDynamicParameters() for inertia in inertias])
         size = np.abs(values)
         # Relative to the largest of the same unit.

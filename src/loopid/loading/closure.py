@@ -96,7 +96,7 @@ class Coupling:
     A follower that turns twice as far as its leader:
 
     >>> import loopid
-    >>> loopid.Coupling({"follower": 1.0, "leader": -2.0}).offset
+    >>> loopid.loading.Coupling({"follower": 1.0, "leader": -2.0}).offset
     0.0
     """
 

@@ -11,7 +11,7 @@ from loopid.errors import FileError, RobotFileError
 from loopid.files import require_name, why_no_file
 from loopid.loading.description import Description
 from loopid.registry import robot_formats
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 from loopid.yaml_files import read_yaml
 
 YAML = (".yaml", ".yml")
@@ -44,7 +44,7 @@ def bundled_directory() -> Path:
 
 
 def bundled_robots() -> tuple[str, ...]:
-    """Names of the bundled robots, to be given to ``load_mechanism``.
+    """Names of the bundled robots, to be given to ``load``.
 
     Returns
     -------
@@ -92,13 +92,11 @@ def _tree(file: Path, given: Description) -> Path:
     )
 
 
-def files_of(mechanism: Mechanism) -> RobotFiles:
+def files_of(robot: Robot) -> RobotFiles:
     """The files that a robot was loaded from; a FileError where it was made in Python."""
-    if mechanism.path is None:
-        raise FileError(
-            f"{mechanism.name} was made in Python: no file describes it", robot=mechanism.name
-        )
-    return find_files(mechanism.path)
+    if robot.path is None:
+        raise FileError(f"{robot.name} was made in Python: no file describes it", robot=robot.name)
+    return find_files(robot.path)
 
 
 def find_motion_file(path: str | Path) -> Path:

@@ -12,7 +12,7 @@ from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.poses import frame_poses
 from loopid.kinematics.projection import Factorisation, null_space
 from loopid.loading.tree import NearCoupling
-from loopid.robot.mechanism import Mechanism, link_frames, lock_options, shortened
+from loopid.robot.robot import Robot, link_frames, lock_options, shortened
 
 SPRING = "Ks"
 # Part of the fastest coordinate, or body, of a motion that is none: files are rounded.
@@ -20,32 +20,30 @@ STANDS = 1e-3
 ALONG = 0.02  # rad between the axis of a joint and the line of a spin: they are drawn so
 
 
-def why_free(
-    mechanism: Mechanism, around: FloatArray, near_couplings: Sequence[NearCoupling]
-) -> list[str]:
+def why_free(robot: Robot, around: FloatArray, near_couplings: Sequence[NearCoupling]) -> list[str]:
     """Sentences about what the motors leave free but for floating bases, one for each cause.
 
     ``around`` (n, nq) are closed configurations.
     """
-    floating = mechanism.coordinates_of(mechanism.floating)
-    free = [name for name in mechanism.free if name not in floating]
+    floating = robot.coordinates_of(robot.floating)
+    free = [name for name in robot.free if name not in floating]
     if not free:
         return []
-    q, motions = _motions(mechanism, around, free)
+    q, motions = _motions(robot, around, free)
     causes, springs = dict[str, list[str]](), dict[str, None]()
     for name, motion in zip(free, motions, strict=True):
         stirred = np.abs(motion) > STANDS * np.abs(motion).max(initial=0.0)
-        moving = [mechanism.coordinates[k] for k in np.flatnonzero(stirred)]
-        sprung = [k for k in moving if mechanism.joint_values.get(k, {}).get(SPRING)]
+        moving = [robot.coordinates[k] for k in np.flatnonzero(stirred)]
+        sprung = [k for k in moving if robot.joint_values.get(k, {}).get(SPRING)]
         cause = _kept_by(moving, near_couplings) or (SPRUNG if sprung else "")
-        cause = cause or (SPUN if _is_spin(mechanism, q, motion) else UNKNOWN)
+        cause = cause or (SPUN if _is_spin(robot, q, motion) else UNKNOWN)
         causes.setdefault(cause, []).append(name)
         springs |= dict.fromkeys(sprung if cause == SPRUNG else ())
-    file = mechanism.path is not None
+    file = robot.path is not None
     facts = {
         "closures": "'closures' of a YAML beside the file" if file else "closures=[Closure(...)]",
         "springs": shortened([*springs]),
-        "lock": lock_options(mechanism, causes.get(SPUN, ())),
+        "lock": lock_options(robot, causes.get(SPUN, ())),
     }
     return [
         f"the motors leave {shortened(names)} free{cause.format(**facts)}"
@@ -79,42 +77,42 @@ def _kept_by(moving: Sequence[str], near_couplings: Sequence[NearCoupling]) -> s
 
 
 def _motions(
-    mechanism: Mechanism, around: FloatArray, free: Sequence[str]
+    robot: Robot, around: FloatArray, free: Sequence[str]
 ) -> tuple[FloatArray, FloatArray]:
     """A regular configuration (nq,), and motions (k, nv) of one free coordinate each.
 
     In common units, with all other independent coordinates at rest.
     """
     jacobians, tolerance = (
-        Constraint(mechanism, around).scaled()[1],
-        mechanism.closure_rank_tolerance,
+        Constraint(robot, around).scaled()[1],
+        robot.closure_rank_tolerance,
     )
-    regular = int(Factorisation.of(jacobians, tolerance).rank.argmax()) if mechanism.rows else 0
+    regular = int(Factorisation.of(jacobians, tolerance).rank.argmax()) if robot.rows else 0
     # The last of these, as the reference itself may be special.
-    motions = np.zeros((len(free), mechanism.model.nv))
+    motions = np.zeros((len(free), robot.model.nv))
     for motion, name in zip(motions, free, strict=True):
-        others = mechanism.velocity_indices(k for k in mechanism.independent if k != name)
-        rest = np.setdiff1d(np.arange(mechanism.model.nv), others)
+        others = robot.velocity_indices(k for k in robot.independent if k != name)
+        rest = np.setdiff1d(np.arange(robot.model.nv), others)
         space = null_space(jacobians[regular][:, rest], tolerance)
-        own = space[list(rest).index(int(mechanism.velocity_indices([name])[0]))]
+        own = space[list(rest).index(int(robot.velocity_indices([name])[0]))]
         motion[rest] = space @ own
     return around[regular], motions
 
 
-def _is_spin(mechanism: Mechanism, q: FloatArray, motion: FloatArray) -> bool:
+def _is_spin(robot: Robot, q: FloatArray, motion: FloatArray) -> bool:
     """Whether all that a motion (nv,) moves turns as one about a line, with a hold at either end.
 
     A rod that spins between two balls does, and a pin between two hinges; so do halves of a rod
     that a closure welds. Nothing else hangs on it, and its centre of mass is on the line: otherwise
     gravity turns it. Joints turn about that line only: locked, they hold nothing but the spin.
     """
-    frames, model = link_frames(mechanism.model), mechanism.model
-    poses = frame_poses(mechanism, q[None], [frames[link] for link in mechanism.links])
-    rates = poses.joint_jacobian[0] * motion * mechanism.coordinate_scales
-    twists = (rates @ poses.supports.T).T / np.array([mechanism.length] * 3 + [1.0] * 3)
+    frames, model = link_frames(robot.model), robot.model
+    poses = frame_poses(robot, q[None], [frames[link] for link in robot.links])
+    rates = poses.joint_jacobian[0] * motion * robot.coordinate_scales
+    twists = (rates @ poses.supports.T).T / np.array([robot.length] * 3 + [1.0] * 3)
     sizes = np.linalg.norm(twists, axis=1)
     moved = sizes > STANDS * sizes.max(initial=0.0)
-    if not moved.any() or _holds(mechanism, motion, moved) != 2:
+    if not moved.any() or _holds(robot, motion, moved) != 2:
         return False
     linear, angular = twists[moved][0].reshape(2, 3)
     turn = np.linalg.norm(angular)
@@ -125,27 +123,27 @@ def _is_spin(mechanism: Mechanism, q: FloatArray, motion: FloatArray) -> bool:
     along = np.abs(across).max() <= ALONG * turn * np.linalg.norm(axes, axis=0).max()
     weight, moment = 0.0, np.zeros(3)
     for k in np.flatnonzero(moved):
-        frame = model.frames[frames[mechanism.links[k]]]
+        frame = model.frames[frames[robot.links[k]]]
         inertia = model.inertias[frame.parentJoint]
         lever = frame.placement.actInv(inertia.lever)
         weight += inertia.mass
         moment += inertia.mass * (poses.origin[0, k] + poses.rotation[0, k] @ lever)
     # Speed of the centre of mass over that of the turn: its distance from the line.
-    centre = moment / (weight * mechanism.length) if weight > 0 else np.zeros(3)
+    centre = moment / (weight * robot.length) if weight > 0 else np.zeros(3)
     swings = weight > 0 and np.linalg.norm(linear + np.cross(angular, centre)) > STANDS * turn
     return bool(alike and about_a_line and along and not swings)
 
 
-def _holds(mechanism: Mechanism, motion: FloatArray, moved: BoolArray) -> int:
+def _holds(robot: Robot, motion: FloatArray, moved: BoolArray) -> int:
     """How many joints and closures join the bodies that a motion (nv,) moves to others."""
-    joints = [body.joint_id for body in mechanism.bodies]
+    joints = [body.joint_id for body in robot.bodies]
     moving = dict(zip(joints, moved, strict=True)) | {0: False}
     count = 0
     for joint in joints:
-        carrier = mechanism.model.parents[joint]
+        carrier = robot.model.parents[joint]
         while carrier not in moving:
-            carrier = mechanism.model.parents[carrier]
+            carrier = robot.model.parents[carrier]
         count += moving[carrier] != moving[joint]
-    _, supports = mechanism.closure_frames
+    _, supports = robot.closure_frames
     held = (supports & (np.abs(motion) > STANDS * np.abs(motion).max())).any(axis=1)
     return int(count + (held[::2] != held[1::2]).sum())

@@ -12,7 +12,7 @@ from numpy.polynomial import Polynomial
 from loopid.errors import ModelWarning, RobotFileError, warn
 from loopid.loading.description import ClosureDescription, Vector
 from loopid.robot.closures import CLOSURE_KINDS, JointCoupling, LoopClosure
-from loopid.robot.mechanism import link_frames
+from loopid.robot.robot import link_frames
 
 ROUND_OFF = 1e-10  # of linear couplings, relative to their largest coefficients
 

@@ -16,7 +16,7 @@ from loopid.loading.description import Description
 from loopid.loading.model_closures import frame_named
 from loopid.loading.tree import Reference, TreeSource, read_joint
 from loopid.robot.closures import CLOSURE_KINDS
-from loopid.robot.mechanism import LeftOut, Mechanism, coordinate_names, link_frames
+from loopid.robot.robot import LeftOut, Robot, coordinate_names, link_frames
 
 # Where Pinocchio's model has joint terms, by their kinds.
 MODEL_FIELDS = {"Ia": "armature", "Fv": "damping", "Fc": "friction"}
@@ -35,7 +35,7 @@ def from_pinocchio(
     reference: Mapping[str, Reference] | FloatArray | None = None,
     lock: Sequence[str] = (),
     rounding: float | None = None,
-) -> Mechanism:
+) -> Robot:
     """A robot from a model of its open tree and the constraints that close its loops.
 
     The model is copied. Its armature, damping and friction become joint terms of the robot, which
@@ -59,11 +59,11 @@ def from_pinocchio(
         Joints to lock at the reference, or at a value, as in ``"hip=0.5"``.
     rounding : float, optional
         To what numbers of the geometry are rounded, in m and rad, as those of a model from a URDF;
-        by default as ``load_mechanism``.
+        by default as ``load``.
 
     Returns
     -------
-    Mechanism
+    Robot
         Without a file: its ``path`` is None.
 
     Raises
@@ -79,7 +79,7 @@ def from_pinocchio(
     Examples
     --------
     >>> import loopid
-    >>> tree, loops = loopid.to_pinocchio(loopid.load_mechanism("five_bar"))
+    >>> tree, loops = loopid.export.to_pinocchio(loopid.load("five_bar"))
     >>> motors = ["left_crank_joint", "right_crank_joint"]
     >>> robot = loopid.from_pinocchio(tree, loops, motors=motors)
     >>> robot.independent, robot.rows

@@ -37,7 +37,7 @@ from loopid.kinematics.rounding import (
 )
 from loopid.loading.tree import write_joint
 from loopid.robot.closures import LoopClosure, Point, Slide
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 STARTS = 64  # for joints that the file leaves out, tried together in parts
 PART = 16
@@ -52,25 +52,25 @@ WIDER = 3.0  # times what loops stay open by around the reference, farther away
 NEAR = 0.2
 SHIFT_DIGITS = 12  # decimals of a shift that is to close a loop
 CLEAR = 3.0  # times such a step is the least singularity measure, up to that of a folded pose
-# A mechanism closed at its reference, and closed configurations around it (n, nq).
-ClosedReference = tuple[Mechanism, FloatArray]
+# A robot closed at its reference, and closed configurations around it (n, nq).
+ClosedReference = tuple[Robot, FloatArray]
 
 
-def with_lengths(mechanism: Mechanism, cables: Collection[str]) -> FloatArray:
+def with_lengths(robot: Robot, cables: Collection[str]) -> FloatArray:
     """The reference (nq,) with the lengths that cables have there."""
-    q, columns = mechanism.reference[None], mechanism.velocity_indices(cables)
-    constraint = Constraint(mechanism, q)
+    q, columns = robot.reference[None], robot.velocity_indices(cables)
+    constraint = Constraint(robot, q)
     # They are linear in the equations, and there is one for each of them.
     A, r = constraint.jacobian()[0][:, columns], constraint.residual()[0]
-    steps = np.zeros((1, mechanism.model.nv))
+    steps = np.zeros((1, robot.model.nv))
     steps[0, columns] = -np.linalg.lstsq(A, r)[0]
-    return np.asarray(integrate(mechanism, q, steps)[0])
+    return np.asarray(integrate(robot, q, steps)[0])
 
 
 def close_reference(
-    mechanism: Mechanism, given: Collection[str], rounding: float | None
+    robot: Robot, given: Collection[str], rounding: float | None
 ) -> ClosedReference:
-    """Close the loops of a mechanism at its reference.
+    """Close the loops of a robot at its reference.
 
     Motors with a given value stay. From what the file writes, passive joints move first, then also
     motors that it leaves out; then several seeded starts of all joints left out are tried. Where
@@ -80,50 +80,50 @@ def close_reference(
     rounding leaves: the one that is given, else six digits. That is warned of; a RobotFileError
     names the closure that stays open most, a MobilityError says that nothing can move.
     """
-    usual = min(SIX_DIGITS, FIVE_DIGITS * mechanism.length) if rounding is None else rounding
-    near, closed = largest_gap(usual, mechanism.length), CLOSURE_TOLERANCE * mechanism.length
+    usual = min(SIX_DIGITS, FIVE_DIGITS * robot.length) if rounding is None else rounding
+    near, closed = largest_gap(usual, robot.length), CLOSURE_TOLERANCE * robot.length
     chosen, reason = None, None
     if rounding is None:
         try:
-            chosen = _closed_reference(mechanism, given, closed, near)
+            chosen = _closed_reference(robot, given, closed, near)
         except MobilityError as error:
             reason = error
     if chosen is None or _hardly_held(*chosen, near):
-        tolerance = max(mechanism.closure_rank_tolerance, near / mechanism.length)
-        loose = replace(mechanism, closure_rank_tolerance=tolerance)
+        tolerance = max(robot.closure_rank_tolerance, near / robot.length)
+        loose = replace(robot, closure_rank_tolerance=tolerance)
         try:
             found = _closed_reference(loose, given, max(near, closed), 0.0)
         except MobilityError as error:
             raise reason or error from None
         if found is None:
             raise _open_loops(loose, loose.reference, given)
-        chosen = _loose(mechanism, found[0], usual)
-    if not given and (excluded := _excluded(mechanism)):
+        chosen = _loose(robot, found[0], usual)
+    if not given and (excluded := _excluded(robot)):
         warn(
-            f"{mechanism.source}: the limits of {', '.join(excluded)} exclude the drawn pose (zero)"
+            f"{robot.source}: the limits of {', '.join(excluded)} exclude the drawn pose (zero)"
             ": the loops were closed from the middle of the limits; give the pose as 'reference'",
             ModelWarning,
         )
     outside = _outside(chosen[0])
     if outside:
-        warn(f"{mechanism.source}: the reference is {outside}", ModelWarning)
+        warn(f"{robot.source}: the reference is {outside}", ModelWarning)
     return chosen
 
 
-def _hardly_held(mechanism: Mechanism, around: FloatArray, near: float) -> bool:
+def _hardly_held(robot: Robot, around: FloatArray, near: float) -> bool:
     """Whether equations that only rounded numbers make independent hold the robot."""
-    accuracy = geometry_accuracy(mechanism)
-    if mechanism.rows == 0 or not (accuracy.length or accuracy.angle):
+    accuracy = geometry_accuracy(robot)
+    if robot.rows == 0 or not (accuracy.length or accuracy.angle):
         return False
     ranks = [
-        Factorisation.of(Constraint(mechanism, around).scaled()[1], tolerance).rank.max()
-        for tolerance in (mechanism.closure_rank_tolerance, near / mechanism.length)
+        Factorisation.of(Constraint(robot, around).scaled()[1], tolerance).rank.max()
+        for tolerance in (robot.closure_rank_tolerance, near / robot.length)
     ]
     return bool(ranks[1] < ranks[0])
 
 
-def _loose(file: Mechanism, loose: Mechanism, rounding: float) -> ClosedReference:
-    """The mechanism whose loops stay open by what its rounded numbers leave."""
+def _loose(file: Robot, loose: Robot, rounding: float) -> ClosedReference:
+    """The robot whose loops stay open by what its rounded numbers leave."""
     near = replace(loose, closure_residual=largest_gap(rounding, loose.length))
     open_by = float(largest_residual(loose, nearby_configurations(near, near.reference)).max())
     closed, around = closed_at(replace(loose, closure_residual=WIDER * open_by), loose.reference)
@@ -138,73 +138,73 @@ def _loose(file: Mechanism, loose: Mechanism, rounding: float) -> ClosedReferenc
 
 
 def _closed_reference(
-    mechanism: Mechanism, given: Collection[str], tolerance: float, near: float
+    robot: Robot, given: Collection[str], tolerance: float, near: float
 ) -> ClosedReference | None:
     """The closed configuration that is meant; None where loops hardly miss to close."""
     closed: list[ClosedReference] = []
-    chosen, best = None, (mechanism.reference, np.inf)
-    for q, gap in _attempts(mechanism, given):
+    chosen, best = None, (robot.reference, np.inf)
+    for q, gap in _attempts(robot, given):
         best = min(best, (q, gap), key=lambda attempt: attempt[1])
         if gap > tolerance:
             if gap <= near:
                 return None
             continue
-        found, first = closed_at(mechanism, q), not closed
+        found, first = closed_at(robot, q), not closed
         closed.append(found)
         suits = not _outside(found[0]) and _measure(found) >= NEAR_SINGULARITY
-        moved = _moved(found[0], mechanism.reference)
+        moved = _moved(found[0], robot.reference)
         if first and _is_drawn(found, moved, given):
             chosen = found
         elif first or suits:
-            chosen = _in_a_mode(found, mechanism.reference, drawn_is_closed=first and moved <= NEAR)
+            chosen = _in_a_mode(found, robot.reference, drawn_is_closed=first and moved <= NEAR)
         if chosen or suits or len(closed) == ENOUGH:
             break
     if not closed:
-        raise _open_loops(mechanism, best[0], given)
+        raise _open_loops(robot, best[0], given)
     # The one that suits, else the most regular inside the limits, else the first one.
     inside = [each for each in closed if not _outside(each[0])]
     return chosen or (max(inside, key=_measure) if inside else closed[0])
 
 
-def _excluded(mechanism: Mechanism) -> list[str]:
+def _excluded(robot: Robot) -> list[str]:
     """Joints of loops that stand in the middle of limits which their zero is outside of."""
     found = []
-    for name in mechanism.joints:
-        joint, (low, high) = mechanism.joint(name), mechanism.limits(name)
-        middle = joint.nq == 1 and mechanism.reference[joint.idx_q] == 0.5 * (low + high)
-        if middle and not low <= 0 <= high and mechanism.moving[:, joint.idx_v].any():
+    for name in robot.joints:
+        joint, (low, high) = robot.joint(name), robot.limits(name)
+        middle = joint.nq == 1 and robot.reference[joint.idx_q] == 0.5 * (low + high)
+        if middle and not low <= 0 <= high and robot.moving[:, joint.idx_v].any():
             found.append(name)
     return found
 
 
-def _moved(mechanism: Mechanism, drawn: FloatArray) -> float:
+def _moved(robot: Robot, drawn: FloatArray) -> float:
     """The largest step from a drawn configuration (nq,) to the reference."""
-    steps = difference(mechanism, drawn[None], mechanism.reference[None])
-    return float(np.abs(steps / mechanism.coordinate_scales).max(initial=0.0))
+    steps = difference(robot, drawn[None], robot.reference[None])
+    return float(np.abs(steps / robot.coordinate_scales).max(initial=0.0))
 
 
 def _is_drawn(closed: ClosedReference, moved: float, given: Collection[str]) -> bool:
     """Whether a configuration that is closed by a step is the one drawn: nothing to choose."""
-    mechanism, measure = closed[0], _measure(closed)
-    if mechanism.rows == 0:
+    robot, measure = closed[0], _measure(closed)
+    if robot.rows == 0:
         return True
     # Other modes are as far away as the singularity where they meet, or farther.
     clear = measure >= max(NEAR_SINGULARITY, min(FOLDED, CLEAR * moved))
-    inside = set(mechanism.joints) <= {*given} or not _outside(mechanism)
+    inside = set(robot.joints) <= {*given} or not _outside(robot)
     return moved <= NEAR and clear and inside
 
 
-def why_singular(mechanism: Mechanism, around: FloatArray) -> str:
+def why_singular(robot: Robot, around: FloatArray) -> str:
     """In which way the reference is singular, with closed configurations (n, nq) around it."""
-    found = mobility(mechanism, around=around)
-    measure = float(singularity_measure(mechanism, mechanism.reference[None])[0])
+    found = mobility(robot, around=around)
+    measure = float(singularity_measure(robot, robot.reference[None])[0])
     if found.singular:
         reason = (
             f"{counted(found.degrees_of_freedom, 'degree')} of freedom there, "
             f"{found.generic_degrees_of_freedom} around it"
         )
     elif measure < NEAR_SINGULARITY:
-        loose = ", ".join(name for name in found.undetermined if name not in mechanism.free)
+        loose = ", ".join(name for name in found.undetermined if name not in robot.free)
         reason = f"{loose or 'passive joints'} can move there while the motors stand still"
     else:
         return ""
@@ -214,15 +214,15 @@ def why_singular(mechanism: Mechanism, around: FloatArray) -> str:
 def _in_a_mode(
     closed: ClosedReference, drawn: FloatArray, drawn_is_closed: bool
 ) -> ClosedReference | None:
-    """The mechanism in the best of its assembly modes, warned of where the drawn pose is singular.
+    """The robot in the best of its assembly modes, warned of where the drawn pose is singular.
 
     None where none is inside the limits.
     """
     modes = assembly_modes(closed[0], drawn)
     if not modes:
         return None
-    mechanism, around = closed_at(closed[0], modes[0].reference)
-    if _outside(mechanism):
+    robot, around = closed_at(closed[0], modes[0].reference)
+    if _outside(robot):
         return None
     if drawn_is_closed and (singular := why_singular(*closed)):
         text = f"the drawn pose is singular {singular}; the reference is a regular pose a step of "
@@ -233,48 +233,46 @@ def _in_a_mode(
                 "counts what can be known in each, and another is chosen by its 'reference' in the "
                 "YAML"
             )
-        warn(f"{mechanism.source}: {text}", AccuracyWarning)
-    return replace(mechanism, modes=modes), around
+        warn(f"{robot.source}: {text}", AccuracyWarning)
+    return replace(robot, modes=modes), around
 
 
-def _attempts(mechanism: Mechanism, given: Collection[str]) -> Iterator[tuple[FloatArray, float]]:
+def _attempts(robot: Robot, given: Collection[str]) -> Iterator[tuple[FloatArray, float]]:
     """Configurations and what their loops stay open by (m), from the most to the least wanted."""
-    start = mechanism.reference[None]
-    left_out = sorted({*mechanism.joints} - {*given}, key=mechanism.joint_ranks.__getitem__)
-    either = {*mechanism.passive, *left_out}
-    passive = mechanism.velocity_indices(mechanism.passive)
-    movable = mechanism.velocity_indices([name for name in mechanism.joints if name in either])
+    start = robot.reference[None]
+    left_out = sorted({*robot.joints} - {*given}, key=robot.joint_ranks.__getitem__)
+    either = {*robot.passive, *left_out}
+    passive = robot.velocity_indices(robot.passive)
+    movable = robot.velocity_indices([name for name in robot.joints if name in either])
     # Motors that a start puts anywhere may stay there, or help.
     ways = [passive, movable] if len(movable) > len(passive) else [passive]
     for joints in ways:
-        yield from zip(*close_loops(mechanism, start, joints), strict=True)
-        if mechanism.rows == 0:
+        yield from zip(*close_loops(robot, start, joints), strict=True)
+        if robot.rows == 0:
             return
-        yield from zip(*close_by_continuation(mechanism, start, joints), strict=True)
+        yield from zip(*close_by_continuation(robot, start, joints), strict=True)
     generator = random_generator(0)
     for _ in range(STARTS // PART if left_out else 0):
-        starts = np.stack([_scattered(mechanism, left_out, generator) for _ in range(PART)])
+        starts = np.stack([_scattered(robot, left_out, generator) for _ in range(PART)])
         for joints in ways:
-            yield from zip(*close_loops(mechanism, starts, joints), strict=True)
+            yield from zip(*close_loops(robot, starts, joints), strict=True)
 
 
-def _scattered(
-    mechanism: Mechanism, joints: list[str], generator: np.random.Generator
-) -> FloatArray:
+def _scattered(robot: Robot, joints: list[str], generator: np.random.Generator) -> FloatArray:
     """The reference with joints anywhere within their limits, or within a turn."""
-    q = mechanism.reference.copy()
+    q = robot.reference.copy()
     for name in joints:
-        joint = mechanism.joint(name)
-        if name in mechanism.floating:
+        joint = robot.joint(name)
+        if name in robot.floating:
             continue
         if joint.nv > 1:
-            turn = np.zeros(mechanism.model.nv)
-            turn[mechanism.velocity_indices([name])] = generator.uniform(-1, 1, joint.nv)
-            turn[mechanism.prismatic] = 0.0
-            q = integrate(mechanism, q[None], np.pi * turn[None])[0]
+            turn = np.zeros(robot.model.nv)
+            turn[robot.velocity_indices([name])] = generator.uniform(-1, 1, joint.nv)
+            turn[robot.prismatic] = 0.0
+            q = integrate(robot, q[None], np.pi * turn[None])[0]
             continue
-        width = float(mechanism.coordinate_ranges[joint.idx_v])
-        lower, upper = mechanism.limits(name)
+        width = float(robot.coordinate_ranges[joint.idx_v])
+        lower, upper = robot.limits(name)
         low, high = max(lower, -width), min(upper, width)
         if low <= high:
             write_joint(joint, q, generator.uniform(low, high))
@@ -285,57 +283,57 @@ def _measure(closed: ClosedReference) -> float:
     return float(singularity_measure(closed[0], closed[0].reference[None])[0])
 
 
-def _outside(mechanism: Mechanism) -> str:
+def _outside(robot: Robot) -> str:
     """The first joint outside its limits, in words; nothing where there is none."""
-    (low, high), q = mechanism.position_limits, mechanism.reference
-    slack = LIMIT_TOLERANCE * mechanism.position_units
+    (low, high), q = robot.position_limits, robot.reference
+    slack = LIMIT_TOLERANCE * robot.position_units
     outside = np.flatnonzero((q < low - slack) | (q > high + slack))
     if not len(outside):
         return ""
     k = int(outside[0])
-    name = mechanism.joints[list(mechanism.model.idx_qs)[1:].index(k)]
+    name = robot.joints[list(robot.model.idx_qs)[1:].index(k)]
     return (
         f"outside the limits of joint {name}: {q[k]:.4g} is not in {low[k]:.4g} ... {high[k]:.4g}"
     )
 
 
-def _open_loops(mechanism: Mechanism, q: FloatArray, given: Collection[str]) -> RobotFileError:
+def _open_loops(robot: Robot, q: FloatArray, given: Collection[str]) -> RobotFileError:
     """Which closure stays open most, by how much, and by which rounding it would close."""
-    residual = np.abs(Constraint(mechanism, q[None]).scaled()[0][0])
-    gap, name = float(residual.max()), mechanism.row_names[int(residual.argmax())]
-    facts = {"file": mechanism.source, "closure": name, "gap": gap}
-    facts["tolerance"] = tolerance = CLOSURE_TOLERANCE * mechanism.length
+    residual = np.abs(Constraint(robot, q[None]).scaled()[0][0])
+    gap, name = float(residual.max()), robot.row_names[int(residual.argmax())]
+    facts = {"file": robot.source, "closure": name, "gap": gap}
+    facts["tolerance"] = tolerance = CLOSURE_TOLERANCE * robot.length
     origin = "the reference cannot be closed" if given else "no closed configuration was found"
     hint = "" if given else ", give one as 'reference'"
-    if any(closure.kind == "6d" for closure in mechanism.closures):
+    if any(closure.kind == "6d" for closure in robot.closures):
         hint += " (a 6d closure aligns all axes of its frames: a pin is a hinge, a ball 3d)"
-    if apart := _never_meeting(mechanism):
+    if apart := _never_meeting(robot):
         hint = f": {apart}"
-    elif gap < LIKELY_ROUNDING * mechanism.length:
-        facts["rounding"] = needed = rounding_that_closes(gap, mechanism.length)
+    elif gap < LIKELY_ROUNDING * robot.length:
+        facts["rounding"] = needed = rounding_that_closes(gap, robot.length)
         hint = f": it closes with rounding={needed:g}, if the numbers of the file are rounded so"
     return RobotFileError(
-        f"{mechanism.source}: {origin}: closure {name} stays open by {gap:.1e} m (tolerance "
+        f"{robot.source}: {origin}: closure {name} stays open by {gap:.1e} m (tolerance "
         f"{tolerance:.1g} m){hint}",
         **facts,
     )
 
 
-def _never_meeting(mechanism: Mechanism) -> str:
+def _never_meeting(robot: Robot) -> str:
     """Which closure has frames that no joint can bring together, and what closes it all the same.
 
-    Links of a plane mechanism are often drawn in layers along the axis of its joints.
+    Links of a plane robot are often drawn in layers along the axis of its joints.
     """
     generator = random_generator(0)
-    q = np.stack([_scattered(mechanism, [*mechanism.joints], generator) for _ in range(PART)])
-    constraint, ids = Constraint(mechanism, q, jacobians=False), mechanism.closure_frames[0]
+    q = np.stack([_scattered(robot, [*robot.joints], generator) for _ in range(PART)])
+    constraint, ids = Constraint(robot, q, jacobians=False), robot.closure_frames[0]
     residual, first = constraint.residual(), 0
-    poses = frame_poses(mechanism, q, ids, jacobians=False)
-    for k, closure in enumerate(mechanism.closures):
+    poses = frame_poses(robot, q, ids, jacobians=False)
+    for k, closure in enumerate(robot.closures):
         rows, first = slice(first, first + closure.rows), first + closure.rows
         distance = poses.origin[:, 2 * k + 1] - poses.origin[:, 2 * k]
         seen = np.einsum("nji,nj->ni", poses.rotation[:, 2 * k], distance)  # along a's axes
-        gap = _constant_part(seen, closure, LIKELY_ROUNDING * mechanism.length)
+        gap = _constant_part(seen, closure, LIKELY_ROUNDING * robot.length)
         if gap is None:
             continue
         shift = [float(x) + 0.0 for x in gap.round(SHIFT_DIGITS)]

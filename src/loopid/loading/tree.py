@@ -13,7 +13,7 @@ from loopid.arguments import FloatArray
 from loopid.errors import OptionError, RobotFileError
 from loopid.loading.description import ClosureDescription, Description
 from loopid.loading.model_closures import frame_named, joint_named
-from loopid.robot.mechanism import LeftOut, motion_subspace
+from loopid.robot.robot import LeftOut, motion_subspace
 
 HINGES = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}
 LARGEST = 1e100  # as for the numbers of a URDF

@@ -13,7 +13,7 @@ import pinocchio as pin
 from loopid.arguments import BoolArray, FloatArray, random_generator
 from loopid.kinematics.poses import frame_poses, integrate
 from loopid.loading.tree import TreeSource
-from loopid.robot.mechanism import Mechanism, UndeclaredLoops
+from loopid.robot.robot import Robot, UndeclaredLoops
 
 # Last words of two names that are alike but for them.
 ENDINGS = [{"a", "b"}, {"1", "2"}, {"0", "1"}, {"parent", "child"}, {"predecessor", "successor"},
@@ -26,7 +26,7 @@ FAR = 0.5  # rad, or characteristic lengths, that joints move to these
 
 
 def undeclared_loops(
-    mechanism: Mechanism, around: FloatArray, tree: TreeSource
+    robot: Robot, around: FloatArray, tree: TreeSource
 ) -> tuple[UndeclaredLoops, ...]:
     """Signs of loops, each with what to write where it is one.
 
@@ -34,9 +34,9 @@ def undeclared_loops(
     on two branches that are named alike or meet in the reference pose, links named alike that meet
     there, joints named alike as ends of a loop, and what the reader of the file has seen.
     """
-    signs = [] if mechanism.rows else [UndeclaredLoops(sign) for sign in tree.signs]
-    if pairs := _pairs(mechanism, around, tree):
-        if mechanism.path is None:
+    signs = [] if robot.rows else [UndeclaredLoops(sign) for sign in tree.signs]
+    if pairs := _pairs(robot, around, tree):
+        if robot.path is None:
             advice = f"closures=[{', '.join(f'Closure{pair}' for pair in pairs)}]"
         else:
             closures = ", ".join(f"{{type: 3d, frames: {json.dumps(pair)}}}" for pair in pairs)
@@ -48,12 +48,10 @@ def undeclared_loops(
     return tuple(signs)
 
 
-def _pairs(
-    mechanism: Mechanism, around: FloatArray, tree: TreeSource
-) -> dict[tuple[str, str], str]:
+def _pairs(robot: Robot, around: FloatArray, tree: TreeSource) -> dict[tuple[str, str], str]:
     """Pairs of links that may close a loop, and what shows it."""
-    model = mechanism.model
-    used = {name for closure in mechanism.closures for name in (closure.frame_a, closure.frame_b)}
+    model = robot.model
+    used = {name for closure in robot.closures for name in (closure.frame_a, closure.frame_b)}
     carriers = {frame.parentFrame for frame in model.frames}
     links: dict[str, tuple[int, bool]] = {}  # index, and whether it may be an end of a loop
     for k, frame in enumerate(model.frames):
@@ -62,8 +60,8 @@ def _pairs(
         if frame.name not in used and (link or (says_so and frame.name not in links)):
             links[frame.name] = k, bare or says_so
     bodies = {name: model.frames[k].parentJoint for name, (k, _) in links.items()}
-    poses = around if mechanism.rows else _random_poses(mechanism)
-    meeting = _meeting(mechanism, poses, [k for k, _ in links.values()])
+    poses = around if robot.rows else _random_poses(robot)
+    meeting = _meeting(robot, poses, [k for k, _ in links.values()])
     found = {}
     for (one, first), (other, second) in combinations(enumerate(links), 2):
         ends = links[first][1] and links[second][1]  # frames that carry nothing
@@ -91,17 +89,17 @@ def _split(name: str) -> tuple[str, str]:
     return (name[: found.start()], found[0].lower()) if found else (name, "")
 
 
-def _random_poses(mechanism: Mechanism) -> FloatArray:
+def _random_poses(robot: Robot) -> FloatArray:
     """Poses (n, nq) of an open tree."""
-    generator, nv = random_generator(0), mechanism.model.nv
-    steps = generator.uniform(-FAR, FAR, (POSES, nv)) * mechanism.coordinate_scales
-    return integrate(mechanism, np.repeat(mechanism.reference[None], POSES, axis=0), steps)
+    generator, nv = random_generator(0), robot.model.nv
+    steps = generator.uniform(-FAR, FAR, (POSES, nv)) * robot.coordinate_scales
+    return integrate(robot, np.repeat(robot.reference[None], POSES, axis=0), steps)
 
 
-def _meeting(mechanism: Mechanism, poses: FloatArray, frames: list[int]) -> BoolArray:
+def _meeting(robot: Robot, poses: FloatArray, frames: list[int]) -> BoolArray:
     """Which frames (F, F) are in one place at the reference, and not in all poses (n, nq)."""
-    q = np.concatenate([mechanism.reference[None], poses])
-    origins = frame_poses(mechanism, q, frames, jacobians=False).origin
+    q = np.concatenate([robot.reference[None], poses])
+    origins = frame_poses(robot, q, frames, jacobians=False).origin
     apart = np.linalg.norm(origins[:, :, None] - origins[:, None], axis=3)
-    near = apart <= MEET * mechanism.length
+    near = apart <= MEET * robot.length
     return np.asarray(near[0] & ~near[1:].all(axis=0))

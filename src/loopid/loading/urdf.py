@@ -37,7 +37,7 @@ from loopid.loading.xml_elements import (
     single,
 )
 from loopid.registry import urdf_dialects
-from loopid.robot.mechanism import LeftOut, shortened
+from loopid.robot.robot import LeftOut, shortened
 
 if TYPE_CHECKING:
     from yourdfpy.urdf import Joint

@@ -28,7 +28,7 @@ from loopid.loading.xml_elements import (
     required,
     single,
 )
-from loopid.robot.mechanism import shortened
+from loopid.robot.robot import shortened
 
 if TYPE_CHECKING:
     from yourdfpy.urdf import Joint, Robot

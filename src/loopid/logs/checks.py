@@ -13,7 +13,7 @@ from loopid.errors import DataWarning, LogError, OptionError, warn
 from loopid.logs.grid import LEAST_ROWS, Dropped, LogTolerances, Stream, continued, rows_text
 from loopid.logs.log import Log
 from loopid.logs.signals import POSE, QUANTITIES, Channel
-from loopid.robot.mechanism import Mechanism, link_frames, lock_options
+from loopid.robot.robot import Robot, link_frames, lock_options
 
 # Factors that would make a unit of another one.
 OTHER_TIMES = (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)
@@ -24,7 +24,7 @@ EXCESS = 1e-3  # relative, over a limit of speed or force: the round-off of how 
 COMPARED_OVER = 0.5  # s over which measured rates are compared with changes of the position
 
 
-def check_log(robot: Mechanism, log: Log, tolerances: LogTolerances = LogTolerances()) -> Log:
+def check_log(robot: Robot, log: Log, tolerances: LogTolerances = LogTolerances()) -> Log:
     """The log without impossible samples; warns of what looks wrong, as ``read_log`` does.
 
     One that was compared with its robot before stays as it is.
@@ -37,7 +37,7 @@ def check_log(robot: Mechanism, log: Log, tolerances: LogTolerances = LogToleran
     Examples
     --------
     >>> import numpy as np, loopid
-    >>> robot = loopid.load_mechanism("four_bar")
+    >>> robot = loopid.load("four_bar")
     >>> still = np.zeros((100, 1))
     >>> log = loopid.Log.from_arrays(np.arange(100) / 100, still, still, robot.actuated)
     >>> loopid.logs.check_log(robot, log)
@@ -68,7 +68,7 @@ def check_log(robot: Mechanism, log: Log, tolerances: LogTolerances = LogToleran
     return log
 
 
-def check_stream(robot: Mechanism, stream: Stream, allowed: LogTolerances) -> Stream:
+def check_stream(robot: Robot, stream: Stream, allowed: LogTolerances) -> Stream:
     """The stream without impossible rows, and with turns counted on; warns of what looks wrong."""
     _require_usual_step(stream, allowed)
     _require_units(robot, stream)
@@ -101,7 +101,7 @@ def _require_usual_step(stream: Stream, allowed: LogTolerances) -> None:
         )
 
 
-def _require_units(robot: Mechanism, stream: Stream) -> None:
+def _require_units(robot: Robot, stream: Stream) -> None:
     """Refuse columns whose header has a unit of slides where the joint turns, or of hinges."""
     for what in (one for one in stream.channels if one.quantity in QUANTITIES):
         straight = robot.velocity_indices([what.joint])[0] in robot.prismatic
@@ -116,7 +116,7 @@ def _require_units(robot: Mechanism, stream: Stream) -> None:
             )
 
 
-def _inside_limits(robot: Mechanism, stream: Stream, allowed: LogTolerances) -> Stream:
+def _inside_limits(robot: Robot, stream: Stream, allowed: LogTolerances) -> Stream:
     """The stream without rows where a position is far outside the limits of its joint."""
     lost = np.zeros(len(stream.rows), dtype=bool)
     for joint, values in stream.signals("position"):
@@ -166,7 +166,7 @@ def _without_glitches(stream: Stream, allowed: LogTolerances) -> Stream:
     return stream.without(bad, reason, allowed.bad_rows)
 
 
-def _unwrapped(robot: Mechanism, stream: Stream) -> Stream:
+def _unwrapped(robot: Robot, stream: Stream) -> Stream:
     """The stream with turns counted on that are reset after a turn; quaternions keep their sign."""
     values = stream.values.copy()
     for k in stream.places("position"):
@@ -264,7 +264,7 @@ def _both_changes(log: Log, k: int, rates: FloatArray, order: int) -> tuple[Floa
 # ---- what tells where a robot is ----------------------------------------------------------------
 
 
-def require_known_motion(robot: Mechanism, free: Collection[str] = ()) -> None:
+def require_known_motion(robot: Robot, free: Collection[str] = ()) -> None:
     """Refuse robots whose configuration does not follow from the motors and these free joints."""
     known = measurable(robot)
     for name in free:
@@ -290,7 +290,7 @@ def require_known_motion(robot: Mechanism, free: Collection[str] = ()) -> None:
         )
 
 
-def measurable(robot: Mechanism) -> tuple[str, ...]:
+def measurable(robot: Robot) -> tuple[str, ...]:
     """Free joints that sensors can tell: with one coordinate, or floating bases outside loops."""
     found = []
     for name in robot.joints:
@@ -302,7 +302,7 @@ def measurable(robot: Mechanism) -> tuple[str, ...]:
     return tuple(found)
 
 
-def frame_index(robot: Mechanism, name: str) -> int:
+def frame_index(robot: Robot, name: str) -> int:
     """Index of a frame in Pinocchio's model; an OptionError for one that is not there, or fixed."""
     model = robot.model
     names = [frame.name for frame in model.frames]

@@ -77,9 +77,9 @@ class ExternalWrench:
     Examples
     --------
     >>> import numpy as np, loopid
-    >>> robot = loopid.load_mechanism("five_bar")
+    >>> robot = loopid.load("five_bar")
     >>> weight = loopid.ExternalWrench("right_coupler", [[0, 0, -10.0, 0, 0, 0]], axes="world")
-    >>> forces = loopid.wrench_forces(robot, robot.reference, [weight])
+    >>> forces = loopid.logs.wrench_forces(robot, robot.reference, [weight])
     >>> forces.shape
     (1, 2)
     """
@@ -134,7 +134,7 @@ class Log(Tabular):
         By ``joint.quantity``, whether its unit was one of slides, as m, or of hinges, as deg;
         without those whose unit nothing said.
     checked : bool
-        Whether its values were compared with its robot: ``prepare_recording`` does it otherwise.
+        Whether its values were compared with its robot: ``prepare`` does it otherwise.
     free : mapping
         Joints that no motor moves to where sensors tell that they are: (N, 1) in m or rad, of a
         floating base (N, 7), the position of its frame and a quaternion with w last.

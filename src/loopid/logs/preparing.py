@@ -1,6 +1,6 @@
 """From a log to a recording: filtered, differentiated, assembled, and masked.
 
-Each step is a function that can be called alone; ``prepare_recording`` calls them one by one.
+Each step is a function that can be called alone; ``prepare`` calls them one by one.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from loopid.logs.recording import FilterOptions, MaskOptions, RateHistory, Recor
 from loopid.motion.filtering import LowPass, differentiate
 from loopid.motion.joints import JointMotion
 from loopid.progress import Progress
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 LEAST_SAMPLES = 3  # what it takes to differentiate
 BLOCK = 8192  # samples assembled together: fewer repeat the coarse steps, more take memory
@@ -59,8 +59,8 @@ EQUAL, PILE, NEARLY = 1e-6, 4, 0.5
 
 
 @checked
-def prepare_recording(
-    robot: Mechanism,
+def prepare(
+    robot: Robot,
     log: Log,
     *,
     filter: FilterOptions = FilterOptions(),  # noqa: A002
@@ -72,7 +72,7 @@ def prepare_recording(
 
     Parameters
     ----------
-    robot : Mechanism
+    robot : Robot
         Whose motors the log is of.
     log : Log
     filter : FilterOptions
@@ -110,9 +110,9 @@ def prepare_recording(
     --------
     >>> import loopid
     >>> from loopid.loading import bundled_directory
-    >>> robot = loopid.load_mechanism("five_bar")
+    >>> robot = loopid.load("five_bar")
     >>> log = loopid.read_log(bundled_directory() / "logs" / "five_bar.csv", robot)
-    >>> loopid.prepare_recording(robot, log)
+    >>> loopid.prepare(robot, log)
     <Recording 'five_bar': 735 samples, filtered at 5.36 Hz, forces used: ...>
     """
     require_known_motion(robot, log.free)
@@ -178,7 +178,7 @@ def prepare_recording(
 
 @checked
 def prepare_again(
-    robot: Mechanism,
+    robot: Robot,
     recordings: Sequence[Recording],
     **changed: Any,
 ) -> tuple[Recording, ...]:
@@ -191,16 +191,16 @@ def prepare_again(
     Parameters
     ----------
     recordings : sequence of Recording
-        From ``prepare_recording``, or parts of one.
+        From ``prepare``, or parts of one.
     changed
         Fields of ``FilterOptions`` in place of those that each was prepared with.
 
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("five_bar")
+    >>> robot = loopid.load("five_bar")
     >>> log = loopid.read_log(robot.path.parent / "logs" / "five_bar.csv", robot)
-    >>> parts = loopid.prepare_recording(robot, log).split(0.5)
+    >>> parts = loopid.prepare(robot, log).split(0.5)
     >>> [run.cutoff for run in loopid.logs.prepare_again(robot, parts, cutoff=4.0)]
     [4.0, 4.0]
     """
@@ -217,7 +217,7 @@ def prepare_again(
             known = run.history.whole[1] if run.history else run.motion
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                whole[key] = prepare_recording(
+                whole[key] = prepare(
                     robot, run.log, filter=options[0], masks=options[1], known=known
                 )
         found.append(whole[key].within(run))
@@ -225,7 +225,7 @@ def prepare_again(
 
 
 def at_cutoff(
-    robot: Mechanism, recordings: Sequence[Recording], cutoff: float
+    robot: Robot, recordings: Sequence[Recording], cutoff: float
 ) -> tuple[Recording, ...]:
     """Recordings with a cut-off (Hz) where their filters leave it open; the others as they are."""
     runs = [run for run in recordings if run.open_cutoff]
@@ -233,7 +233,7 @@ def at_cutoff(
     return tuple(next(again) if run.open_cutoff else run for run in recordings)
 
 
-def in_motion_band(robot: Mechanism, recording: Recording) -> Recording:
+def in_motion_band(robot: Robot, recording: Recording) -> Recording:
     """The recording at the cut-off that hangs on its motion alone; as it is without a log.
 
     Noise of positions, which looks like anything, grows fast with the cut-off, and most of what a
@@ -248,7 +248,7 @@ def in_motion_band(robot: Mechanism, recording: Recording) -> Recording:
 
 @checked
 def read_recordings(
-    robot: Mechanism,
+    robot: Robot,
     paths: Sequence[str | Path],
     mapping: LogMapping | str | Path | None = None,
     *,
@@ -257,10 +257,10 @@ def read_recordings(
     masks: MaskOptions = MaskOptions(),
     progress: Progress | None = None,
 ) -> tuple[Recording, ...]:
-    """Read logs and make them ready; see ``read_log`` and ``prepare_recording``."""
+    """Read logs and make them ready; see ``read_log`` and ``prepare``."""
     logs = (read_log(path, robot, mapping=mapping, rows=rows) for path in paths)
     options: dict[str, Any] = {"filter": filter, "masks": masks, "progress": progress}
-    return tuple(prepare_recording(robot, log, **options) for log in logs)
+    return tuple(prepare(robot, log, **options) for log in logs)
 
 
 # ---- encoders that freeze ----------------------------------------------------------------------
@@ -370,7 +370,7 @@ def kept_rows(
     return np.concatenate(rows), ends
 
 
-def measured_motion(robot: Mechanism, log: Log, signals: Signals) -> FreeMotion:
+def measured_motion(robot: Robot, log: Log, signals: Signals) -> FreeMotion:
     """Motors and free joints along a log."""
     told, motors = free_motion(robot, log, signals.free), robot.velocity_indices(log.joints)
     q = JointCoordinates(robot, log.joints).write(told.configurations, signals.position)
@@ -390,7 +390,7 @@ class FreeMotion(NamedTuple):
     accelerations: FloatArray
 
 
-def free_motion(robot: Mechanism, log: Log, free: Mapping[str, FloatArray]) -> FreeMotion:
+def free_motion(robot: Robot, log: Log, free: Mapping[str, FloatArray]) -> FreeMotion:
     """Joints (N, k) of a log that no motor moves, filtered, and their derivatives."""
     q = np.tile(robot.reference, (len(log), 1))
     if not free:
@@ -403,7 +403,7 @@ def free_motion(robot: Mechanism, log: Log, free: Mapping[str, FloatArray]) -> F
     return FreeMotion(q, v, log.by_part(differentiate, v))
 
 
-def _write(robot: Mechanism, name: str, q: FloatArray, values: FloatArray) -> None:
+def _write(robot: Robot, name: str, q: FloatArray, values: FloatArray) -> None:
     """Put values (N, k) of a joint into configurations (N, nq), in place."""
     joint = robot.joint(name)
     samples(values, 1 if joint.nv == 1 else joint.nq, name)
@@ -428,7 +428,7 @@ class Assembled(NamedTuple):
 
 
 def assemble_samples(
-    robot: Mechanism,
+    robot: Robot,
     log: Log,
     measured: FloatArray,
     rows: IntArray,
@@ -490,7 +490,7 @@ def assemble_samples(
     return Assembled(np.concatenate(configurations)[regular], measure[regular], good, dropped)
 
 
-def compare_encoders(robot: Mechanism, log: Log, logged: FloatArray, closed: FloatArray) -> None:
+def compare_encoders(robot: Robot, log: Log, logged: FloatArray, closed: FloatArray) -> None:
     """Warn of redundant motors that are not where the loops put them.
 
     Their positions were not needed to close the loops: configurations (K, nq) as logged, and after
@@ -520,7 +520,7 @@ def compare_encoders(robot: Mechanism, log: Log, logged: FloatArray, closed: Flo
 
 
 def _assembled(
-    robot: Mechanism,
+    robot: Robot,
     time: FloatArray,
     measured: FloatArray,
     known: JointMotion | None,
@@ -536,7 +536,7 @@ def _assembled(
 
 
 def motion_of(
-    robot: Mechanism,
+    robot: Robot,
     log: Log,
     told: FreeMotion,
     rows: IntArray,
@@ -554,7 +554,7 @@ def motion_of(
     return JointMotion(log.time[rows], q, v, a, found.singularity)
 
 
-def _with_exchanged(robot: Mechanism, position: FloatArray) -> str:
+def _with_exchanged(robot: Robot, position: FloatArray) -> str:
     """Which two motors' positions must be exchanged for all samples to close; empty if none."""
     position, names = position[spread_rows(len(position), TRIED)], robot.measured
     for i, j in combinations(range(len(names)), 2):
@@ -581,7 +581,7 @@ def _where(time: FloatArray, flags: BoolArray) -> str:
 
 
 def standing(
-    robot: Mechanism,
+    robot: Robot,
     log: Log,
     velocity: FloatArray,
     rows: IntArray,
@@ -606,7 +606,7 @@ def standing(
     return idle[rows]
 
 
-def idle_speeds(robot: Mechanism, velocity: FloatArray, masks: MaskOptions) -> FloatArray:
+def idle_speeds(robot: Robot, velocity: FloatArray, masks: MaskOptions) -> FloatArray:
     """Speeds (m,) at or below which motors with velocities (N, m) count as standing."""
     usual = np.percentile(np.abs(velocity), 99, axis=0)
     straight = np.isin(robot.velocity_indices(robot.actuated), robot.prismatic)
@@ -616,7 +616,7 @@ def idle_speeds(robot: Mechanism, velocity: FloatArray, masks: MaskOptions) -> F
     return np.maximum(masks.idle * usual, masks.dither * fastest)
 
 
-def saturation_of(robot: Mechanism, log: Log, masks: MaskOptions) -> FloatArray:
+def saturation_of(robot: Robot, log: Log, masks: MaskOptions) -> FloatArray:
     """Forces (m,) from which drives saturate; infinite for those that do not.
 
     Commands beyond an effort limit of the robot file are not the forces that act. A limit that many
@@ -681,7 +681,7 @@ def _flagged(log: Log, how: str, flags: BoolArray, time: FloatArray) -> list[Dro
 
 
 def on_independent(
-    robot: Mechanism, motion: JointMotion, force: FloatArray, used: BoolArray
+    robot: Robot, motion: JointMotion, force: FloatArray, used: BoolArray
 ) -> tuple[FloatArray, BoolArray]:
     """Gᵀ Sᵀ τ (N, dof) of forces (N, m) of all motors: what redundant motors add to the others.
 
@@ -709,7 +709,7 @@ PROVISIONAL, LEAST_PERIOD = 6.0, 5.0
 LEAST_COUNT, SHORT_CUTOFF = 64, 0.05
 
 
-def motion_band(robot: Mechanism, log: Log) -> float:
+def motion_band(robot: Robot, log: Log) -> float:
     """Frequency in Hz below which nearly all of the motors' velocities are; 0 if not to be told.
 
     By the longest stretch, for sliding and turning motors each on their own; the wider counts.
@@ -732,7 +732,7 @@ def motion_band(robot: Mechanism, log: Log) -> float:
     return band
 
 
-def provisional_cutoff(robot: Mechanism, log: Log) -> float:
+def provisional_cutoff(robot: Robot, log: Log) -> float:
     """A cut-off in Hz that loses little of the motion; ``choose_cutoff`` finds the best."""
     rate, band = max(map(log.rate, log.parts())), motion_band(robot, log)
     if not band:

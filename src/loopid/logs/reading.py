@@ -24,7 +24,7 @@ from loopid.logs.mapping import LogMapping, read_mapping
 from loopid.logs.signals import ColumnFinder
 from loopid.logs.table import LogFormat, numbers_in, stream_name
 from loopid.registry import log_formats
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 # How far a locked joint may be from its lock, in rad or m.
 LOCKED = 2e-3
@@ -33,7 +33,7 @@ LOCKED = 2e-3
 @checked
 def read_log(
     path: str | Path,
-    robot: Mechanism,
+    robot: Robot,
     *,
     mapping: LogMapping | str | Path | None = None,
     rows: tuple[int, int | None] | None = None,
@@ -48,7 +48,7 @@ def read_log(
         stream; with the extra ``logs`` also HDF5, or a bag of ROS 1 or 2 (.bag, .mcap, .db3, or
         the folder of one) with messages of type ``sensor_msgs/JointState``. More formats may be
         registered in ``loopid.registry.log_formats``.
-    robot : Mechanism
+    robot : Robot
     mapping : LogMapping or path, optional
         Which columns are what, and their units; by default as their names say, in SI units.
     rows : tuple of int, optional
@@ -83,7 +83,7 @@ def read_log(
     --------
     >>> import loopid
     >>> from loopid.loading import bundled_directory
-    >>> robot = loopid.load_mechanism("five_bar")
+    >>> robot = loopid.load("five_bar")
     >>> loopid.read_log(bundled_directory() / "logs" / "five_bar.csv", robot)
     <Log 'five_bar': 2241 samples of left_crank_joint, right_crank_joint over 22.40 s in 1 stretch>
     """
@@ -202,13 +202,13 @@ def _elsewhere(
 
 @checked
 def locked_as_logged(
-    robot: Mechanism, path: str | Path, *, mapping: LogMapping | str | Path | None = None
-) -> Mechanism:
+    robot: Robot, path: str | Path, *, mapping: LogMapping | str | Path | None = None
+) -> Robot:
     """The robot, its locked joints where a log has them.
 
     Parameters
     ----------
-    robot : Mechanism
+    robot : Robot
         Of a file; others stay as they are, and ``read_log`` says which ``lock`` would do.
     path, mapping
         As of ``read_log``.
@@ -223,7 +223,7 @@ def locked_as_logged(
     ModelWarning
         Of joints that are locked elsewhere for the log.
     """
-    from loopid.loading.load import load_mechanism  # logs are read without it
+    from loopid.loading.robot_files import load  # logs are read without it
 
     if not any(value is not None for value in robot.locked.values()):
         return robot
@@ -238,7 +238,7 @@ def locked_as_logged(
     given = robot.options["lock"]
     lock = [each for each in given if (each.rpartition("=")[0] or each) not in found]
     lock += [f"{joint}={value:.6g}" for joint, value in found.items()]
-    return load_mechanism(robot.path, **{**robot.options, "lock": lock})
+    return load(robot.path, **{**robot.options, "lock": lock})
 
 
 def open_log(path: Path, mapping: LogMapping) -> LogFormat:

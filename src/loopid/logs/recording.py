@@ -29,7 +29,7 @@ from loopid.motion.filtering import LowPass
 from loopid.motion.joints import JointMotion
 from loopid.parameters import html_table
 from loopid.records import Tabular, columns_of, record
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 # A low-pass filter of second order leaves 1 % of what a single sample or the end of a stretch does
 # to a signal after so many periods of its cut-off.
@@ -97,7 +97,7 @@ class MaskOptions:
     Examples
     --------
     >>> import loopid
-    >>> loopid.MaskOptions(singularity=0.02).singularity
+    >>> loopid.logs.MaskOptions(singularity=0.02).singularity
     0.02
     """
 
@@ -132,27 +132,25 @@ class RateHistory:
     # Which were assembled (K,), and their motion; a part of a recording has those of all
     whole: tuple[IntArray, JointMotion]
 
-    def of_joint(self, mechanism: Mechanism, joint: str) -> FloatArray:
+    def of_joint(self, robot: Robot, joint: str) -> FloatArray:
         """Rate (M,) of a motor, or of another joint, between assembled samples on a line."""
         if joint in self.joints:
             return self.velocity[:, self.joints.index(joint)]
-        (index,) = mechanism.velocity_indices([joint])
-        return self.of_motion(mechanism, lambda motion: motion.velocities[:, index])
+        (index,) = robot.velocity_indices([joint])
+        return self.of_motion(robot, lambda motion: motion.velocities[:, index])
 
     def ways(self, rate: FloatArray) -> list[FloatArray]:
         """Positions along each stretch at a rate (M,), from wherever they start."""
         parts = zip(self.parts, self.rates, strict=True)
         return [np.cumsum(rate[part]) / frequency for part, frequency in parts]
 
-    def of_motion(
-        self, mechanism: Mechanism, signal: Callable[[ClosedMotion], FloatArray]
-    ) -> FloatArray:
+    def of_motion(self, robot: Robot, signal: Callable[[ClosedMotion], FloatArray]) -> FloatArray:
         """A signal (M,) of the whole motion, between assembled samples on a line."""
         samples, motion = self.whole
         parts = []
         for rows in row_blocks(len(samples)):
             state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
-            parts.append(signal(closed_motion(mechanism, *state)))
+            parts.append(signal(closed_motion(robot, *state)))
         return np.interp(np.arange(len(self.velocity)), samples, np.concatenate(parts))
 
     def lowpassed(self, signal: FloatArray) -> FloatArray:
@@ -268,7 +266,7 @@ class Recording(Tabular):
         """Force of the motors alone (N, dof)."""
         return self.force if self.external is None else self.force - self.external
 
-    def with_wrenches(self, robot: Mechanism, wrenches: Sequence[ExternalWrench]) -> Recording:
+    def with_wrenches(self, robot: Robot, wrenches: Sequence[ExternalWrench]) -> Recording:
         """The recording with wrenches (N, 6) that the surroundings exert, beside those it has.
 
         They add Gᵀ Jᵀ w to the forces, also to those of coordinates that no motor moves.
@@ -354,7 +352,7 @@ class Recording(Tabular):
 
 @checked
 def wrench_forces(
-    robot: Mechanism, configurations: FloatArray, wrenches: Sequence[ExternalWrench]
+    robot: Robot, configurations: FloatArray, wrenches: Sequence[ExternalWrench]
 ) -> FloatArray:
     """Gᵀ Jᵀ w: what wrenches of the surroundings do on the independent coordinates.
 
@@ -385,9 +383,9 @@ def wrench_forces(
     A weight of 10 N on the coupler of a four-bar, in axes of the world:
 
     >>> import loopid, numpy as np
-    >>> robot = loopid.load_mechanism("four_bar")
+    >>> robot = loopid.load("four_bar")
     >>> down = loopid.ExternalWrench("coupler", np.array([[0, 0, -10, 0, 0, 0.0]]), axes="world")
-    >>> loopid.wrench_forces(robot, robot.reference[None], [down]).shape
+    >>> loopid.logs.wrench_forces(robot, robot.reference[None], [down]).shape
     (1, 1)
     """
     q = samples(configurations, robot.model.nq, "configurations")

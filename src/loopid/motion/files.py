@@ -363,7 +363,7 @@ def read_motion_program(path: str | Path) -> MotionProgram:
     Examples
     --------
     >>> import loopid
-    >>> program = loopid.read_motion_program("3ups_rpu")
+    >>> program = loopid.motion.read_motion_program("3ups_rpu")
     >>> list(program.motions)
     ['1', '2', '3', '4', '5', '6', '7', '8', '9']
     >>> round(program.motions["5"].seconds, 1)

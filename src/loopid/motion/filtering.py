@@ -39,7 +39,7 @@ class LowPass:
     >>> import loopid
     >>> time = np.arange(0, 4, 0.01)
     >>> slow, fast = np.sin(2 * np.pi * 0.5 * time), np.sin(2 * np.pi * 25 * time)
-    >>> filtered = loopid.LowPass(5.0).apply(slow + fast, rate=100)
+    >>> filtered = loopid.motion.LowPass(5.0).apply(slow + fast, rate=100)
     >>> bool(abs(filtered - slow)[50:-50].max() < 0.01)
     True
     """

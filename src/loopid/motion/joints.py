@@ -18,12 +18,12 @@ from loopid.motion.files import MotionProgram
 from loopid.motion.trajectories import Motion
 from loopid.parameters import html_table
 from loopid.records import record
-from loopid.robot.mechanism import Mechanism, lock_options
+from loopid.robot.robot import Robot, lock_options
 
 
 @record(checked=True)
 class JointMotion:
-    """Configurations of a mechanism over time, and the motion of its independent coordinates.
+    """Configurations of a robot over time, and the motion of its independent coordinates.
 
     All arrays are read-only.
     """
@@ -62,9 +62,7 @@ class JointMotion:
 
 
 @checked
-def joint_motion(
-    mechanism: Mechanism, motion: Motion, start: FloatArray | None = None
-) -> JointMotion:
+def joint_motion(robot: Robot, motion: Motion, start: FloatArray | None = None) -> JointMotion:
     """Follow a motion of the platform coordinates or of independent joints.
 
     Parameters
@@ -89,36 +87,36 @@ def joint_motion(
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("four_bar")
-    >>> series = loopid.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
-    >>> followed = loopid.joint_motion(robot, series.motion(rate=20))
+    >>> robot = loopid.load("four_bar")
+    >>> series = loopid.motion.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
+    >>> followed = loopid.motion.joint_motion(robot, series.motion(rate=20))
     >>> followed.configurations.shape == (41, robot.model.nq)
     True
     """
-    independent = mechanism.velocity_indices(mechanism.independent)
-    platform = mechanism.platform
+    independent = robot.velocity_indices(robot.independent)
+    platform = robot.platform
     if platform is not None and motion.names == platform.names:
-        q = assemble(mechanism, motion.position, "platform", start=start, trajectory=True)
-        v, a = platform_motion(mechanism, q, motion.velocity, motion.acceleration)
-    elif set(motion.names) <= set(mechanism.joints):
-        free = [name for name in mechanism.free if name not in mechanism.joints]
+        q = assemble(robot, motion.position, "platform", start=start, trajectory=True)
+        v, a = platform_motion(robot, q, motion.velocity, motion.acceleration)
+    elif set(motion.names) <= set(robot.joints):
+        free = [name for name in robot.free if name not in robot.joints]
         if free:
             raise OptionError(
-                f"a motion of joints does not tell what {', '.join(free)} of {mechanism.name} do, "
-                f"which the motors leave free: lock them ({lock_options(mechanism)})"
+                f"a motion of joints does not tell what {', '.join(free)} of {robot.name} do, "
+                f"which the motors leave free: lock them ({lock_options(robot)})"
             )
-        q = assemble(mechanism, motion.position, motion.names, start=start, trajectory=True)
+        q = assemble(robot, motion.position, motion.names, start=start, trajectory=True)
         whole = closed_motion(
-            mechanism, q, motion.velocity, motion.acceleration, independent=motion.names
+            robot, q, motion.velocity, motion.acceleration, independent=motion.names
         )
         v, a = whole.velocities, whole.accelerations
     else:
         of_platform = () if platform is None else platform.names
         raise OptionError(
             f"a motion of {', '.join(motion.names)} fits neither the platform coordinates "
-            f"({', '.join(of_platform) or 'none'}) nor joints ({', '.join(mechanism.joints)})"
+            f"({', '.join(of_platform) or 'none'}) nor joints ({', '.join(robot.joints)})"
         )
-    measure = singularity_measure(mechanism, q)
+    measure = singularity_measure(robot, q)
     return JointMotion(motion.time, q, v[:, independent], a[:, independent], measure)
 
 
@@ -142,7 +140,7 @@ class JointRange:
 class MotionReview:
     """Findings about a motion."""
 
-    ranges: tuple[JointRange, ...]  # in the order of the mechanism's joints
+    ranges: tuple[JointRange, ...]  # in the order of the robot's joints
     singularity: float  # least singularity measure on the way
     singular_time: float  # when it is least, in s
     margin: float  # what the measure was asked to keep
@@ -179,7 +177,7 @@ class MotionReview:
 
 @checked
 def review_motion(
-    mechanism: Mechanism, motion: JointMotion, margin: NotNegative = DEFAULT_MARGIN
+    robot: Robot, motion: JointMotion, margin: NotNegative = DEFAULT_MARGIN
 ) -> MotionReview:
     """Check a motion against joint limits and a singularity margin.
 
@@ -191,19 +189,19 @@ def review_motion(
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("four_bar")
-    >>> series = loopid.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
-    >>> review = loopid.review_motion(robot, loopid.joint_motion(robot, series.motion(rate=20)))
-    >>> review.problems
+    >>> robot = loopid.load("four_bar")
+    >>> series = loopid.motion.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
+    >>> motion = loopid.motion.joint_motion(robot, series.motion(rate=20))
+    >>> loopid.motion.review_motion(robot, motion).problems
     ()
     """
     ranges = []
-    for name in mechanism.joints:
-        joint = mechanism.joint(name)
+    for name in robot.joints:
+        joint = robot.joint(name)
         if joint.nq == 1:
             values = motion.configurations[:, joint.idx_q]
             ends = float(values.min()), float(values.max())
-            ranges.append(JointRange(name, *ends, *mechanism.limits(name)))
+            ranges.append(JointRange(name, *ends, *robot.limits(name)))
     worst = int(motion.singularity.argmin())
     fastest = np.abs(motion.velocities).max(axis=0)
     return MotionReview(
@@ -211,13 +209,13 @@ def review_motion(
         singularity=float(motion.singularity[worst]),
         singular_time=float(motion.time[worst]),
         margin=margin,
-        speeds=dict(zip(mechanism.independent, map(float, fastest), strict=True)),
+        speeds=dict(zip(robot.independent, map(float, fastest), strict=True)),
     )
 
 
 @checked
 def review_program(
-    mechanism: Mechanism,
+    robot: Robot,
     program: MotionProgram,
     rate: float | None = None,
     *,
@@ -240,8 +238,8 @@ def review_program(
     """
     reviews: dict[str, MotionReview] = {}
     for name in program.motions:
-        motion = joint_motion(mechanism, program.motion(name, rate))
-        reviews[name] = review_motion(mechanism, motion, margin)
+        motion = joint_motion(robot, program.motion(name, rate))
+        reviews[name] = review_motion(robot, motion, margin)
         if progress is not None:
             progress(len(reviews), len(program.motions))
     return reviews

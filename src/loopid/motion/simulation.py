@@ -27,7 +27,7 @@ from loopid.regressors.dynamics import Dynamics
 from loopid.regressors.joint_terms import JointTerms, load_places, with_loads
 from loopid.regressors.maxwell_slip import slips_at
 from loopid.regressors.motion_regressors import motion_regressor
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 # Samples whose regressor of all standard parameters is in memory at a time.
 CHUNK = 2048
@@ -53,7 +53,7 @@ class Noise:
     Examples
     --------
     >>> import loopid
-    >>> loopid.Noise(gaussian=2.0, encoder_step=20e-6)
+    >>> loopid.motion.Noise(gaussian=2.0, encoder_step=20e-6)
     Noise(uniform=0.0, gaussian=2.0, encoder_step=2e-05)
     """
 
@@ -64,7 +64,7 @@ class Noise:
 
 @record
 class Measurement:
-    """Simulated signals of all m motors, in the order of ``mechanism.actuated``.
+    """Simulated signals of all m motors, in the order of ``robot.actuated``.
 
     Attributes
     ----------
@@ -89,8 +89,8 @@ class Measurement:
 
 
 @checked
-def simulate_measurement(
-    mechanism: Mechanism,
+def simulate(
+    robot: Robot,
     motion: JointMotion,
     noise: Noise | None = None,
     *,
@@ -112,7 +112,7 @@ def simulate_measurement(
     seed : int
         Same seed, same errors.
     standard_parameters : FloatArray, optional
-        (n,) of ``mechanism.parameters()``; by default those of the robot file.
+        (n,) of ``robot.parameters()``; by default those of the robot file.
     joint_terms, joint_values : JointTerms and FloatArray, optional
         Drives and friction, and their parameters (k,).
 
@@ -126,28 +126,28 @@ def simulate_measurement(
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("four_bar")
-    >>> series = loopid.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
-    >>> motion = loopid.joint_motion(robot, series.motion(rate=20))
-    >>> loopid.simulate_measurement(robot, motion, loopid.Noise(gaussian=0.1))
+    >>> robot = loopid.load("four_bar")
+    >>> series = loopid.motion.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
+    >>> motion = loopid.motion.joint_motion(robot, series.motion(rate=20))
+    >>> loopid.simulate(robot, motion, loopid.motion.Noise(gaussian=0.1))
     <Measurement of 1 motors: 41 samples over 2 s>
     """
-    values = [Dynamics(mechanism, standard_parameters).values]
+    values = [Dynamics(robot, standard_parameters).values]
     if joint_terms is not None or joint_values is not None:
         if joint_terms is None or joint_values is None:
             raise OptionError("joint_terms and joint_values go together: give both or neither")
-        names = joint_terms.parameters(mechanism)
+        names = joint_terms.parameters(robot)
         values.append(finite(joint_values, "joint values"))
         if values[-1].shape != (len(names),):
             raise DataError(
                 f"joint values must have shape ({len(names)},), one each for "
                 f"{', '.join(names.labels)}, not {values[-1].shape}"
             )
-    force = _motor_forces(mechanism, motion, joint_terms, np.concatenate(values))
+    force = _motor_forces(robot, motion, joint_terms, np.concatenate(values))
     noise, generator = noise or Noise(), random_generator(seed)
     error = generator.uniform(-noise.uniform, noise.uniform, force.shape)
     error += generator.normal(scale=noise.gaussian, size=force.shape)
-    encoders = JointCoordinates(mechanism, mechanism.actuated)
+    encoders = JointCoordinates(robot, robot.actuated)
     position = encoders.read(motion.configurations.copy())
     if noise.encoder_step:
         position = noise.encoder_step * np.round(position / noise.encoder_step)
@@ -155,7 +155,7 @@ def simulate_measurement(
 
 
 @checked
-def scaled_bodies(mechanism: Mechanism, deviation: NotNegative, seed: int = 0) -> FloatArray:
+def scaled_bodies(robot: Robot, deviation: NotNegative, seed: int = 0) -> FloatArray:
     """Standard parameters (n,) of a robot whose bodies differ from the robot file's.
 
     All ten parameters of a body are multiplied by one factor, log-normal, so that it stays
@@ -171,14 +171,14 @@ def scaled_bodies(mechanism: Mechanism, deviation: NotNegative, seed: int = 0) -
     OptionError
         When the deviation is negative or not finite.
     """
-    values = mechanism.standard_parameters("full")
+    values = robot.standard_parameters("full")
     factors = np.exp(random_generator(seed).normal(scale=deviation, size=len(values) // len(KINDS)))
     return frozen(values * np.repeat(factors, len(KINDS)))
 
 
 @checked
 def simulate_log(
-    mechanism: Mechanism,
+    robot: Robot,
     motion: Motion,
     noise: Noise | None = None,
     *,
@@ -195,74 +195,74 @@ def simulate_log(
     cad_error : float
         How far its bodies are off the robot file's; see ``scaled_bodies``.
     """
-    chosen, values = JointTerms.with_values(mechanism, terms)
-    measured = simulate_measurement(
-        mechanism,
-        joint_motion(mechanism, motion),
+    chosen, values = JointTerms.with_values(robot, terms)
+    measured = simulate(
+        robot,
+        joint_motion(robot, motion),
         noise,
         seed=seed,
-        standard_parameters=scaled_bodies(mechanism, cad_error, seed),
+        standard_parameters=scaled_bodies(robot, cad_error, seed),
         joint_terms=chosen,
         joint_values=values,
     )
-    return log_text(mechanism, measured)
+    return log_text(robot, measured)
 
 
-def log_text(mechanism: Mechanism, measured: Measurement) -> str:
+def log_text(robot: Robot, measured: Measurement) -> str:
     """A measurement as the text of a CSV log that ``read_log`` reads without a mapping."""
-    motors = mechanism.actuated
+    motors = robot.actuated
     names = [f"{motor}.{what}" for what in ("position", "force") for motor in motors]
     return csv_text(["time", *names], measured.time, measured.position, measured.force)
 
 
 def _motor_forces(
-    mechanism: Mechanism, motion: JointMotion, terms: JointTerms | None, values: FloatArray
+    robot: Robot, motion: JointMotion, terms: JointTerms | None, values: FloatArray
 ) -> FloatArray:
     """Forces of the motors (N, m) that give a motion with all parameters (n,)."""
-    dof, motors = len(mechanism.independent), mechanism.velocity_indices(mechanism.actuated)
-    driven, parts = dof - len(mechanism.free), []
+    dof, motors = len(robot.independent), robot.velocity_indices(robot.actuated)
+    driven, parts = dof - len(robot.free), []
     fastest = float(np.abs(motion.velocities).max(initial=0.0))
-    slips = {} if terms is None else terms.slips(mechanism, motion.configurations)
+    slips = {} if terms is None else terms.slips(robot, motion.configurations)
     for rows in row_blocks(len(motion.time), CHUNK):
         state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
-        whole = _at_rest(mechanism, closed_motion(mechanism, *state), fastest)
-        bodies = values[: len(mechanism.parameters())]
+        whole = _at_rest(robot, closed_motion(robot, *state), fastest)
+        bodies = values[: len(robot.parameters())]
         K = motion_regressor(
-            mechanism,
+            robot,
             whole,
             joint_terms=terms,
             standard_parameters=bodies,
             slips=slips_at(slips, rows),
         )
         if terms is not None:
-            every = mechanism.parameters() + terms.parameters(mechanism)
-            places = load_places(every, mechanism.independent)
+            every = robot.parameters() + terms.parameters(robot)
+            places = load_places(every, robot.independent)
             loads = K[:, :, : len(bodies)] @ bodies
             K = with_loads(K, places, loads)
         needed = K @ values
         force, left = needed[:, :driven], needed[:, driven:]
-        if mechanism.redundant:
+        if robot.redundant:
             shares = whole.projection.G[:, motors, :driven].transpose(0, 2, 1)
             force = np.einsum("nmi,ni->nm", np.linalg.pinv(shares), force)
         parts.append((force, left, (np.abs(K) @ np.abs(values)).max(axis=1, initial=0.0)))
     force, left, sizes = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     wrong = (np.abs(left) > UNBALANCED * sizes.max(initial=0.0)).any(axis=0)
     if wrong.any():
-        names = [name for name, flag in zip(mechanism.free, wrong, strict=True) if flag]
+        names = [name for name, flag in zip(robot.free, wrong, strict=True) if flag]
         raise DataError(
-            f"the motors of {mechanism.name} leave {', '.join(names)} free, and the motion asks "
+            f"the motors of {robot.name} leave {', '.join(names)} free, and the motion asks "
             "for forces there: take accelerations from Dynamics.forward"
         )
     return np.asarray(force, dtype=np.float64)
 
 
-def _at_rest(mechanism: Mechanism, motion: ClosedMotion, fastest: float) -> ClosedMotion:
+def _at_rest(robot: Robot, motion: ClosedMotion, fastest: float) -> ClosedMotion:
     """The motion with rates that are round-off beside the fastest one at zero.
 
     The sign of a rounding error is no friction: in a joint that stands the motor carries the load,
     and nothing is left for stiction to hold.
     """
-    rates = motion.velocities / mechanism.coordinate_scales
+    rates = motion.velocities / robot.coordinate_scales
     scale = max(fastest, float(np.abs(rates).max(initial=0.0)))
     return replace(
         motion, velocities=np.where(np.abs(rates) > STANDS * scale, motion.velocities, 0.0)

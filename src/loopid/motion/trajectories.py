@@ -342,7 +342,8 @@ class FourierSeries:
     Examples
     --------
     >>> import loopid
-    >>> series = loopid.FourierSeries(("crank_joint",), 0.5, [1.0], [[0.2, 0.1]], [[0.0, 0.1]])
+    >>> crank, sine, cosine = ("crank_joint",), [[0.2, 0.1]], [[0.0, 0.1]]
+    >>> series = loopid.motion.FourierSeries(crank, 0.5, [1.0], sine, cosine)
     >>> series.motion(rate=50)
     <Motion of crank_joint: 101 samples, 2 s>
     """

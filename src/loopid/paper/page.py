@@ -65,11 +65,11 @@ def paper_report(found: PaperReproduction) -> Report:
         title="The 3UPS+RPU knee-rehabilitation robot, reproduced",
         verdict=_verdict(found),
         card=_card(found),
-        pictures=lambda: (robot_chart(found.base.mechanism), share_charts(found.shares)[1]),
+        pictures=lambda: (robot_chart(found.base.robot), share_charts(found.shares)[1]),
         under="Base parameters, their search, and identification; simulated where no log is given",
         record={
             "geometry": found.geometry,
-            "base": base_record(found.base.mechanism, "gravity", found.base.base),
+            "base": base_record(found.base.robot, "gravity", found.base.base),
             "rows": list(found.base.rows),
             "subgroups": subgroups,
             "subgroup_rows": found.base.subgroup_rows,
@@ -151,9 +151,9 @@ def _worst_errors(actual: ActualFit) -> dict[str, float]:
 def story_table(found: PaperReproduction) -> Table:
     """The main job in a screen: a line a step, each with its figure."""
     comparison, symbolic, actual = found.base, found.symbolic, found.actual
-    mechanism, base = comparison.mechanism, comparison.base
+    robot, base = comparison.robot, comparison.base
     structure, search = base.structure, base.search
-    nv, dof, count = mechanism.model.nv, len(mechanism.independent), len(base.parameters)
+    nv, dof, count = robot.model.nv, len(robot.independent), len(base.parameters)
     off = max(abs(found.geometry[name] - value) for name, value in TABLE_I.items())
     proof = "proven best" if search.certified else "not proven best"
     gap, printed = comparison.subgroups["gap"], comparison.subgroups["pseudocode"]
@@ -163,7 +163,7 @@ def story_table(found: PaperReproduction) -> Table:
     by_symbols, by_pinocchio = symbolic.symbolic_seconds, symbolic.pinocchio_seconds
     steps = {
         "robot": (
-            f"{nv} joints, {len(mechanism.closures)} closures, {dof} motors; Table I to {off:.0e}"
+            f"{nv} joints, {len(robot.closures)} closures, {dof} motors; Table I to {off:.0e}"
         ),
         "regressor": f"Y of the open tree by Pinocchio, {nv} x {count} gravity columns a pose",
         "projection": (
@@ -206,7 +206,7 @@ def _sections(found: PaperReproduction, subgroups: dict[str, Any]) -> tuple[Sect
     comparison, simulated, actual = found.base, found.simulated, found.actual
     experiment, symbolic = found.experiment, found.symbolic
     seconds = {name: float(m.time[-1]) for name, m in experiment.motions.items()}
-    motions = motions_record(experiment.mechanism.name, experiment.reviews, seconds)
+    motions = motions_record(experiment.robot.name, experiment.reviews, seconds)
     account = subgroups["gap"]["subgroups"]
     searches: tuple[Part, ...] = (
         f"W stacks {comparison.poses} random closed poses; its columns stand limb by limb. With "

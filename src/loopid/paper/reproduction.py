@@ -25,21 +25,21 @@ from loopid.arguments import (
 from loopid.errors import DataWarning
 from loopid.identification.consistent import consistent_fit
 from loopid.identification.fitting import fit_in_steps, quiet_fit
-from loopid.identification.force_model import ForceModel, find_force_model, samples_of
+from loopid.identification.force_models import ForceModel, force_model, samples_of
 from loopid.identification.identification import split_recordings
 from loopid.identification.prediction import prediction_reach
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit, fit_quality
 from loopid.identification.selection import influence, truncated_values
-from loopid.loading.load import load_mechanism
+from loopid.loading.robot_files import load
 from loopid.logs.log import Log
-from loopid.logs.preparing import prepare_recording
+from loopid.logs.preparing import prepare
 from loopid.logs.reading import read_log
 from loopid.logs.recording import FilterOptions, Recording
 from loopid.motion import joint_motion
 from loopid.motion.files import read_motion_program
 from loopid.motion.joints import JointMotion, MotionReview, review_motion
-from loopid.motion.simulation import Noise, simulate_measurement
+from loopid.motion.simulation import Noise, simulate
 from loopid.observation import triangular_factor
 from loopid.paper.structure import (
     TABLE_II,
@@ -54,7 +54,7 @@ from loopid.progress import Progress
 from loopid.records import record
 from loopid.regressors.joint_terms import JointTerms
 from loopid.regressors.motion_regressors import ForceParts, force_parts
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 # What the paper prints.
 
@@ -112,9 +112,9 @@ class Experiment:
     samples: dict[str, FitSamples]  # regressors (N, 4, 23), and exact forces without friction
 
     @property
-    def mechanism(self) -> Mechanism:
+    def robot(self) -> Robot:
         """The 3UPS+RPU."""
-        return self.force_model.mechanism
+        return self.force_model.robot
 
     @property
     def truth(self) -> FloatArray:
@@ -155,28 +155,28 @@ def with_noise(samples: FitSamples, seed: int, *part: int) -> FitSamples:
 
 
 def run_experiment(
-    mechanism: Mechanism,
+    robot: Robot,
     rate: float,
     progress: Progress | None = None,
     names: Sequence[str] = (),
 ) -> Experiment:
     """Move the robot through the nine trajectories, or some, at a sample rate (Hz)."""
-    friction = JointTerms(mechanism.actuated, ("Fc", "Fv"), dead_zone=STANDING)
-    force_model = find_force_model(mechanism, "gravity", friction)
-    order = np.array([*rows_of_table_ii(force_model.base), *force_model.joint_columns])
-    program = read_motion_program(mechanism.name)
+    friction = JointTerms(robot.actuated, ("Fc", "Fv"), dead_zone=STANDING)
+    model = force_model(robot, "gravity", friction)
+    order = np.array([*rows_of_table_ii(model.base), *model.joint_columns])
+    program = read_motion_program(robot.name)
     motions, reviews, parts, samples = {}, {}, {}, {}
     names = names or tuple(program.motions)
     for done, name in enumerate(names, start=1):
-        motion = joint_motion(mechanism, program.motion(name, rate))
+        motion = joint_motion(robot, program.motion(name, rate))
         state = motion.configurations, motion.velocities, motion.accelerations
-        motions[name], reviews[name] = motion, review_motion(mechanism, motion)
-        parts[name] = force_parts(mechanism, *state)
-        recording = Recording.of_motion(motion, parts[name].total, mechanism.actuated, name=name)
-        samples[name] = force_model.samples(recording).select(order)
+        motions[name], reviews[name] = motion, review_motion(robot, motion)
+        parts[name] = force_parts(robot, *state)
+        recording = Recording.of_motion(motion, parts[name].total, robot.actuated, name=name)
+        samples[name] = model.samples(recording).select(order)
         if progress is not None:
             progress(done, len(names))
-    return Experiment(force_model, order, rate, motions, reviews, parts, samples)
+    return Experiment(model, order, rate, motions, reviews, parts, samples)
 
 
 @record
@@ -214,16 +214,16 @@ def simulate_stand_in(
 
     The logs go through the same filter, assembly and masks as those of a real robot.
     """
-    mechanism, terms = experiment.mechanism, experiment.force_model.joint_terms
-    standard = mechanism.standard_parameters()
+    robot, terms = experiment.robot, experiment.force_model.joint_terms
+    standard = robot.standard_parameters()
     generator = random_generator(derived_seed(seed, MASSES))
     truth = standard * generator.normal(1.0, SPREAD, len(standard))
     noise = Noise(uniform=FORCE_NOISE, encoder_step=ENCODER_STEP)
     recordings = []
     for k, (name, motion) in enumerate(experiment.motions.items()):
         errors = derived_seed(seed, STAND_IN, k)
-        measured = simulate_measurement(
-            mechanism,
+        measured = simulate(
+            robot,
             motion,
             noise,
             seed=errors,
@@ -232,9 +232,9 @@ def simulate_stand_in(
             joint_values=FRICTION,
         )
         signals = measured.time, measured.position, measured.force
-        log = replace(Log.from_arrays(*signals, mechanism.actuated, name=name), checked=True)
+        log = replace(Log.from_arrays(*signals, robot.actuated, name=name), checked=True)
         filtered = FilterOptions(cutoff=CUTOFF * experiment.rate)
-        recordings.append(prepare_recording(mechanism, log, filter=filtered))
+        recordings.append(prepare(robot, log, filter=filtered))
         if progress is not None:
             progress(k + 1, len(experiment.motions))
     return recordings, truth
@@ -373,7 +373,7 @@ def fit_actual(
     }
     shown, truth = model.samples(recordings[0]).select(experiment.order), None
     if standard is not None:
-        values = dict(zip(experiment.mechanism.parameters().labels, standard, strict=True))
+        values = dict(zip(experiment.robot.parameters().labels, standard, strict=True))
         labels = model.base.parameters.labels  # friction takes no part in the base parameters
         given = np.array([values.get(label, 0.0) for label in labels])
         truth = model.base.values(given)[experiment.order[BODIES]]
@@ -454,13 +454,13 @@ def reproduce_paper(
         When SymPy, which derives the symbolic model, is not installed.
     """
     stage = stage or (lambda title: nullcontext(lambda done, total: None))
-    mechanism = load_mechanism("3ups_rpu")
+    robot = load("3ups_rpu")
     # First, so that a seed or a log that cannot be used is refused at once.
     derived_seed(seed)
-    recordings = [prepare_recording(mechanism, read_log(log, mechanism)) for log in logs]
-    symbolic, base = compare_symbolic(mechanism, seed), compare_base_parameters(mechanism)
+    recordings = [prepare(robot, read_log(log, robot)) for log in logs]
+    symbolic, base = compare_symbolic(robot, seed), compare_base_parameters(robot)
     with stage("nine trajectories") as report:
-        experiment = run_experiment(mechanism, rate, report)
+        experiment = run_experiment(robot, rate, report)
     simulated = fit_simulated(experiment, seed)
     two_steps = identify_in_two_steps(experiment, seed)
     with stage("robot") as report:
@@ -469,7 +469,7 @@ def reproduce_paper(
             recordings, truth = simulate_stand_in(experiment, seed, report)
         actual = fit_actual(experiment, recordings, truth)
     return PaperReproduction(
-        geometry=measured_geometry(mechanism),
+        geometry=measured_geometry(robot),
         base=base,
         symbolic=symbolic,
         experiment=experiment,

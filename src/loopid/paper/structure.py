@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from loopid.arguments import FloatArray, IntArray
-from loopid.base_parameters.base import BaseParameters, base_of_choice, find_base_parameters
+from loopid.base_parameters.base import BaseParameters, base_of_choice, find_base
 from loopid.base_parameters.choice import ChoiceProblem, SearchResult
 from loopid.base_parameters.enumerated import VARIANTS, SubgroupSearch
 from loopid.errors import OptionError
@@ -19,7 +19,7 @@ from loopid.records import record
 from loopid.regressors.motion_regressors import gravity_regressor
 from loopid.regressors.structural import structural_observation
 from loopid.report.page import Formula
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 if TYPE_CHECKING:
     from loopid.paper.symbolic import Geometry
@@ -83,9 +83,9 @@ FIELDS = {"d_s": "ds"}  # of the symbolic geometry, where Table I has another na
 SIDES = {2: ("D", 1.0), 3: ("I", -1.0)}
 
 
-def measured_geometry(mechanism: Mechanism) -> dict[str, float]:
+def measured_geometry(robot: Robot) -> dict[str, float]:
     """Radii in m and angles in degrees of the joints' centres in the model, named as in Table I."""
-    model, found = mechanism.model, {}
+    model, found = robot.model, {}
     for limb in (1, 2, 3):
         base = model.jointPlacements[model.getJointId(f"leg{limb}_universal_1")]
         platform = model.frames[model.getFrameId(f"platform_B{limb}")].placement
@@ -103,7 +103,7 @@ def measured_geometry(mechanism: Mechanism) -> dict[str, float]:
 class BaseComparison:
     """Base parameters of the 3UPS+RPU beside Table II."""
 
-    mechanism: Mechanism
+    robot: Robot
     poses: int  # random closed poses that W stacks
     base: BaseParameters  # by exact search
     rows: tuple[int | None, ...]  # for each row of Table II the base parameter that equals it
@@ -123,17 +123,17 @@ class BaseComparison:
     @property
     def values(self) -> FloatArray:
         """(15,), values of the base parameters from the robot file."""
-        return self.base.values(self.mechanism.standard_parameters("gravity"))
+        return self.base.values(self.robot.standard_parameters("gravity"))
 
 
-def compare_base_parameters(mechanism: Mechanism) -> BaseComparison:
+def compare_base_parameters(robot: Robot) -> BaseComparison:
     """Search the base parameters of the 3UPS+RPU in all ways, and match them with Table II.
 
     The subgroup search takes the columns of W as they stand in the paper's Φ_G, limb by limb; by
     the pseudocode it may find nothing.
     """
-    observation = structural_observation(mechanism)
-    base = find_base_parameters(observation)
+    observation = structural_observation(robot)
+    base = find_base(observation)
     problem = ChoiceProblem(base.structure)
     subgroups = {name: SubgroupSearch(variant=name).search(problem) for name in VARIANTS}
     counts = dict.fromkeys(VARIANTS, 0)
@@ -141,8 +141,8 @@ def compare_base_parameters(mechanism: Mechanism) -> BaseComparison:
         if search.found:
             rows = matching_rows(base_of_choice(base.parameters, base.structure, search), (1, -1))
             counts[name] = len(rows) - rows.count(None)
-    poses = observation.rows // len(mechanism.independent)
-    return BaseComparison(mechanism, poses, base, matching_rows(base), subgroups, counts)
+    poses = observation.rows // len(robot.independent)
+    return BaseComparison(robot, poses, base, matching_rows(base), subgroups, counts)
 
 
 def matching_rows(base: BaseParameters, signs: Sequence[int] = (1,)) -> tuple[int | None, ...]:
@@ -196,7 +196,7 @@ class SymbolicComparison:
     transfers: tuple[Transfer, ...]  # Table III
 
 
-def compare_symbolic(mechanism: Mechanism, seed: int = 0) -> SymbolicComparison:
+def compare_symbolic(robot: Robot, seed: int = 0) -> SymbolicComparison:
     """Compare both gravity regressors at random closed poses.
 
     Raises
@@ -208,12 +208,12 @@ def compare_symbolic(mechanism: Mechanism, seed: int = 0) -> SymbolicComparison:
 
     printed = {FIELDS.get(name, name): value for name, value in TABLE_I.items()}
     geometry = symbolic.Geometry.from_degrees(**printed)
-    q = random_configurations(mechanism, POSES, seed=seed)
-    pose = platform_coordinates(mechanism, q)
+    q = random_configurations(robot, POSES, seed=seed)
+    pose = platform_coordinates(robot, q)
     symbolic.gravity_regressor(geometry, pose[:1])  # derives and compiles once
     expected, by_sympy = _timed(lambda: symbolic.gravity_regressor(geometry, pose))
-    found, by_pinocchio = _timed(lambda: gravity_regressor(mechanism, q))
-    names = mechanism.parameters("gravity").labels
+    found, by_pinocchio = _timed(lambda: gravity_regressor(robot, q))
+    names = robot.parameters("gravity").labels
     found = found[:, :, [names.index(label) for label in symbolic.GRAVITY_LABELS]]
     difference = np.abs(found - expected).max(axis=(1, 2)) / np.abs(expected).max(axis=(1, 2))
     return SymbolicComparison(

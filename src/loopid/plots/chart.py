@@ -400,7 +400,7 @@ class Chart:
         Examples
         --------
         >>> import loopid
-        >>> chart = loopid.plots.robot_chart(loopid.load_mechanism("five_bar"))
+        >>> chart = loopid.plots.robot_chart(loopid.load("five_bar"))
         >>> chart.figure().savefig("robot.pdf")  # doctest: +SKIP
         """
         require_matplotlib()

@@ -16,17 +16,17 @@ MOST_ERRORS = 40  # parameters whose standard errors are drawn
 @checked
 def motion_chart(found: ExcitationDesign) -> Chart:
     """Position of each motor with its limits, and its force below."""
-    motors, mechanism, panels = found.motors, found.force_model.mechanism, list[Panel]()
+    motors, robot, panels = found.motors, found.force_model.robot, list[Panel]()
     limits = {check.name: (check.lower, check.upper) for check in found.checks}
     span = motors.time[[0, -1]]
     for k, name in enumerate(motors.names):
-        unit = force_unit(mechanism, name)
+        unit = force_unit(robot, name)
         marks = [Mark("position", motors.time, motors.position[:, k], "measured")]
         for end in limits.get(f"position of {name}", ()):
             if np.isfinite(end):
                 marks.append(Mark("limit", span, np.full(2, end), "limit"))
         force = Mark("force by the robot file", motors.time, found.forces[:, k], "file")
-        title, said = f"position ({'m' if unit == 'N' else 'rad'})", of_motor(mechanism, name)
+        title, said = f"position ({'m' if unit == 'N' else 'rad'})", of_motor(robot, name)
         panels.append(Panel(title, tuple(marks), **said))
         panels.append(Panel(f"force ({unit})", (force,), small=True))
     caption = f"Position with its limits, and force by the robot file. {ZOOM}"

@@ -31,7 +31,7 @@ from loopid.plots.chart import Chart, Mark, Panel
 from loopid.plots.pictures import of_motor
 from loopid.plots.structure import force_unit
 from loopid.regressors.joint_laws import grouped, joint_term
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 MOST, ROOM = 0.95, 1.3  # quantile of the friction's band, and times that, that an axis shows
 CURVE_POINTS = 50  # of a friction curve on either side of standstill
@@ -46,7 +46,7 @@ def model_errors_chart(found: Identification, *, worst: str = "") -> Chart:
 
     Below stands where the fit's errors are largest: that is what a verdict counts.
     """
-    mechanism, panels = found.force_model.mechanism, list[Panel]()
+    robot, panels = found.force_model.robot, list[Panel]()
     fits = (
         ("robot file", "file", "box", found.baseline),
         ("this fit", "fit", "disc", found.recommended),
@@ -59,7 +59,7 @@ def model_errors_chart(found: Identification, *, worst: str = "") -> Chart:
     most = 1.04 * float(np.nanmax(ends, initial=1e-9))
     ratios = np.sqrt(found.recommended.motor_ratios)
     for k in np.argsort(-largest, kind="stable").tolist():
-        motor, marks, labels = mechanism.independent[k], list[Mark](), list[str]()
+        motor, marks, labels = robot.independent[k], list[Mark](), list[str]()
         if most > 100 * GOOD:
             marks.append(Mark.upright("limit of fit", 100 * GOOD, look="limit"))
         for y, ((name, look, kind, _), (error, spread)) in enumerate(zip(fits, parts, strict=True)):
@@ -81,7 +81,7 @@ def model_errors_chart(found: Identification, *, worst: str = "") -> Chart:
             labels.append(WHERE[names[int(shares[:, k].argmax())]].strip())
         rms, errors = found.recommended.validation.residual_rms, found.recommended.rms_errors[1]
         note = " ± ".join(with_error(float(rms[k]), float(errors[k])))
-        note = f"{note} {force_unit(mechanism, motor)}, {_beside(float(ratios[k]))}"
+        note = f"{note} {force_unit(robot, motor)}, {_beside(float(ratios[k]))}"
         panels.append(
             Panel(
                 "",
@@ -89,7 +89,7 @@ def model_errors_chart(found: Identification, *, worst: str = "") -> Chart:
                 x_limits=(0.0, most),
                 labels=tuple(labels),
                 note=note,
-                **of_motor(mechanism, motor, worst),
+                **of_motor(robot, motor, worst),
             )
         )
     caption = (
@@ -118,7 +118,7 @@ def _beside_each_other(panels: Sequence[Panel]) -> int:
 @checked
 def friction_chart(found: Identification, *, worst: str = "") -> Chart:
     """Friction of each motor by the recommended fit, over the forces that it explains."""
-    fit, data, mechanism = found.fit, found.data, found.force_model.mechanism
+    fit, data, robot = found.fit, found.data, found.force_model.robot
     velocities = np.concatenate([run.motion.velocities for run in found.training])
     rows, panels, notes = spread_rows(len(data), DOTS), list[Panel](), _friction_notes(found)
     residual = data.residual(fit.values)[rows]
@@ -138,8 +138,8 @@ def friction_chart(found: Identification, *, worst: str = "") -> Chart:
             marks.append(Mark("friction", rates[half], curve.values[half], "fit"))
         # Next to standstill hardly anything is known: bands there would flatten the rest.
         most = ROOM * float(np.quantile(np.abs(curve.band), MOST)) if sure else 0.0
-        unit, limits = force_unit(mechanism, joint), (-most, most) if most else None
-        said = of_motor(mechanism, joint, worst) | {"note": notes.get(joint, "")}
+        unit, limits = force_unit(robot, joint), (-most, most) if most else None
+        said = of_motor(robot, joint, worst) | {"note": notes.get(joint, "")}
         panels.append(Panel(f"friction ({unit})", tuple(marks), y_limits=limits, **said))
     caption = "Friction over the rate of each motor, by the recommended fit."
     return Chart(
@@ -172,7 +172,7 @@ def value_text(each: Estimate | None, assumed: Sequence[str] = ()) -> str:
 @checked
 def hysteresis_chart(found: Identification, *, worst: str = "") -> Chart:
     """Friction of motors whose friction builds up after a reversal, by the recommended fit."""
-    fit, mechanism, panels = found.fit, found.force_model.mechanism, list[Panel]()
+    fit, robot, panels = found.fit, found.force_model.robot, list[Panel]()
     for joint in hysteretic_joints(fit):
         loop = hysteresis_loop(fit, joint, joint_terms=found.force_model.joint_terms)
         low, high = loop.band.T
@@ -180,8 +180,8 @@ def hysteresis_chart(found: Identification, *, worst: str = "") -> Chart:
         if np.isfinite(loop.band).all():
             marks.insert(0, Mark("95 % interval", marks[0].x, low, "fit", "band", high))
         title, said = (
-            f"friction ({force_unit(mechanism, joint)})",
-            of_motor(mechanism, joint, worst),
+            f"friction ({force_unit(robot, joint)})",
+            of_motor(robot, joint, worst),
         )
         panels.append(Panel(title, tuple(marks), **said))
     caption = (
@@ -199,7 +199,7 @@ def parameters_chart(found: Identification) -> Chart:
     fit = found["all parameters"].fit if alone else found.fit
     model = found.force_model
     bodies, base = model.body_columns, model.base
-    sizes = body_sizes(model.mechanism, model.model)
+    sizes = body_sizes(model.robot, model.model)
     sizes = np.linalg.norm(base.matrix[bodies][:, : len(sizes)] * sizes, axis=1)
     estimates = [fit.estimates[j] for j in bodies]
     prior = model.prior[bodies]
@@ -298,7 +298,7 @@ def masses_chart(found: Identification) -> Chart:
 
 
 @checked
-def used_chart(mechanism: Mechanism, recordings: Mapping[str, Sequence[Recording]]) -> Chart:
+def used_chart(robot: Robot, recordings: Mapping[str, Sequence[Recording]]) -> Chart:
     """When each motor's samples were used, a panel a recording, by what they were used for."""
     looks, panels = {"fitted": "measured", "new data, not fitted": "other"}, list[Panel]()
     for use, runs in recordings.items():

@@ -15,22 +15,22 @@ from loopid.numbers import number
 from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel
 from loopid.plots.structure import force_unit
 from loopid.regressors.joint_laws import grouped
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 ROOM = 1.06  # times the largest error, that an axis shows
 RUNS = "fit", "file", "other", "weak", "measured", "faint"  # looks of fits beside each other
 ZOOM = "Drag along time to zoom in, double-click to see all again."
 
 
-def of_motor(mechanism: Mechanism, name: str, worst: str = "") -> dict[str, Any]:
+def of_motor(robot: Robot, name: str, worst: str = "") -> dict[str, Any]:
     """What a panel says of a motor: name, number, and whether it is the worst."""
-    number = mechanism.independent.index(name) + 1
+    number = robot.independent.index(name) + 1
     return {"motor": name, "number": number, "worst": name == worst}
 
 
 @checked
 def forces_chart(
-    mechanism: Mechanism,
+    robot: Robot,
     found: Prediction,
     *,
     motors: Sequence[str] | None = None,
@@ -54,10 +54,10 @@ def forces_chart(
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("five_bar")
+    >>> robot = loopid.load("five_bar")
     >>> log = loopid.read_log(robot.path.parent / "logs" / "five_bar.csv", robot)
-    >>> recording = loopid.prepare_recording(robot, log)
-    >>> found = loopid.identify(loopid.find_force_model(robot, "full"), [recording])
+    >>> recording = loopid.prepare(robot, log)
+    >>> found = loopid.identify(loopid.force_model(robot, "full"), [recording])
     >>> prediction = found.fit.predict(recording)
     >>> chart = loopid.plots.forces_chart(robot, prediction, motors=["left_crank_joint"])
     >>> [panel.title for panel in chart.panels]
@@ -72,10 +72,10 @@ def forces_chart(
         if motor not in run.actuators:
             raise OptionError.unknown("motor", motor, run.actuators)
         k = run.actuators.index(motor)
-        used, force, unit = run.used[:, k], run.force[:, k], force_unit(mechanism, motor)
+        used, force, unit = run.used[:, k], run.force[:, k], force_unit(robot, motor)
         shade = Mark("not judged: stands or is saturated", *_spans(time, ~used))
         measured = Mark("measured force", time, force, "measured")
-        said = of_motor(mechanism, motor, worst)
+        said = of_motor(robot, motor, worst)
         panels.append(Panel(f"measured force ({unit})", (shade, measured), small=True, **said))
         left = {
             look: np.where(used, force - each[:, k], np.nan)

@@ -11,7 +11,7 @@ from loopid.base_parameters.account import SubgroupAccount
 from loopid.base_parameters.choice import SearchResult
 from loopid.errors import OptionError
 from loopid.plots.chart import Chart, Mark, Panel
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 from loopid.view.scene import link_rods, placed
 
 FLAT = 1e-6  # part of the largest extent below which a robot is flat
@@ -21,23 +21,21 @@ SIGN = 0.09  # least distance of signs of motors, in extents of the robot
 HIGHEST = 1e20  # condition number that is drawn; larger ones are drawn there
 
 
-def force_unit(mechanism: Mechanism, joint: str) -> str:
+def force_unit(robot: Robot, joint: str) -> str:
     """Unit of a motor's force: N where it slides, N m where it turns."""
-    return "N" if mechanism.velocity_indices([joint])[0] in mechanism.prismatic else "N m"
+    return "N" if robot.velocity_indices([joint])[0] in robot.prismatic else "N m"
 
 
 @checked
-def robot_chart(
-    mechanism: Mechanism, configuration: FloatArray | None = None, *, worst: str = ""
-) -> Chart:
+def robot_chart(robot: Robot, configuration: FloatArray | None = None, *, worst: str = "") -> Chart:
     """Links, motors by their numbers, passive joints and closures at a configuration (nq,).
 
     By default that is the reference. A flat robot is seen from its front, any other from a corner.
     The worst motor is marked.
     """
-    q = mechanism.reference if configuration is None else configuration
-    rods = link_rods(mechanism)
-    places, ends, met = placed(mechanism, rods, q)
+    q = robot.reference if configuration is None else configuration
+    rods = link_rods(robot)
+    places, ends, met = placed(robot, rods, q)
     joints, met = np.array([place.translation for place in places[1:]]), met.reshape(-1, 3)
     slides = np.zeros(len(joints), dtype=bool)
     for ((base, _), (joint, _)), both in zip(rods, ends, strict=True):
@@ -48,9 +46,9 @@ def robot_chart(
     right, up = np.eye(3)[[*flat[0]]] if flat else ACROSS
     fixed = np.array([first == 0 for (first, _), _ in rods], dtype=bool)
     gaps = np.concatenate([ends, np.full((len(ends), 1, 3), np.nan)], axis=1)
-    number = {name: str(k) for k, name in enumerate(mechanism.independent, start=1)}
-    motors = np.isin(mechanism.joints, mechanism.actuated)
-    bad = np.array([name == worst for name in mechanism.joints])
+    number = {name: str(k) for k, name in enumerate(robot.independent, start=1)}
+    motors = np.isin(robot.joints, robot.actuated)
+    bad = np.array([name == worst for name in robot.joints])
     marks = [
         Mark("", *_seen(gaps[~fixed], right, up), "links"),
         Mark("base", *_seen(gaps[fixed], right, up), "limit"),
@@ -64,7 +62,7 @@ def robot_chart(
             (name, "measured", own & ~bad),
             ("largest error", "fit", own & bad),
         ):
-            texts = tuple(number.get(mechanism.joints[k], "") for k in np.flatnonzero(rows))
+            texts = tuple(number.get(robot.joints[k], "") for k in np.flatnonzero(rows))
             marks.append(Mark(said, x[rows], y[rows], look, kind, texts=texts))
     motors_said = "; ".join(f"{k} {name}" for name, k in number.items())
     at = "at its reference" if configuration is None else "at a configuration"
@@ -105,8 +103,8 @@ def search_chart(searches: Sequence[SearchResult]) -> Chart:
     Examples
     --------
     >>> import loopid
-    >>> observation = loopid.structural_observation(loopid.load_mechanism("four_bar"))
-    >>> base = loopid.find_base_parameters(observation, "subgroup")
+    >>> observation = loopid.regressors.structural_observation(loopid.load("four_bar"))
+    >>> base = loopid.base_parameters.find_base(observation, "subgroup")
     >>> loopid.plots.search_chart([base.search]).panels[0].title
     'cond(V22), rank by a gap'
     """

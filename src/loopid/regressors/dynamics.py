@@ -53,7 +53,7 @@ from loopid.kinematics.projection import (
 from loopid.parameters import ParameterSet
 from loopid.regressors.joint_laws import HYSTERESIS, JointState, JointTerm, joint_term
 from loopid.regressors.joint_terms import JointTerms, joint_position
-from loopid.robot.mechanism import Mechanism, lock_options
+from loopid.robot.robot import Robot, lock_options
 
 # Newton steps this short, in rad or characteristic lengths, leave G and q at one point to round-off
 SHORT = 1e-11
@@ -69,7 +69,7 @@ class LinearModel(Protocol):
     """What dynamics need of a force model."""
 
     @property
-    def mechanism(self) -> Mechanism: ...
+    def robot(self) -> Robot: ...
     @property
     def model(self) -> str: ...
     @property
@@ -106,7 +106,7 @@ class Pose:
     """
 
     def __init__(
-        self, robot: Mechanism, q: FloatArray, one: bool, parts: list[tuple[slice, TangentSpaces]]
+        self, robot: Robot, q: FloatArray, one: bool, parts: list[tuple[slice, TangentSpaces]]
     ) -> None:
         self.robot, self.configurations, self.one, self._parts = robot, q, one, parts
         maps = [part.G for _, part in parts]
@@ -162,7 +162,7 @@ class _Law(NamedTuple):
 class _Bodies:
     """Rigid bodies with standard parameters (n,), as Pinocchio's tree where one has them."""
 
-    def __init__(self, robot: Mechanism, kind: str, values: FloatArray, exact: bool) -> None:
+    def __init__(self, robot: Robot, kind: str, values: FloatArray, exact: bool) -> None:
         self.robot, self.kind, self.values, self.exact = robot, kind, values, exact
 
     @cached_property
@@ -275,7 +275,7 @@ class Dynamics:
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("3ups_rpu")
+    >>> robot = loopid.load("3ups_rpu")
     >>> dynamics = loopid.Dynamics(robot)
     >>> strokes, rest = [0.72, 0.75, 0.76, 0.72], [0, 0, 0, 0]
     >>> tau = dynamics.inverse(strokes, rest, rest)
@@ -288,7 +288,7 @@ class Dynamics:
     @checked
     def __init__(
         self,
-        robot: Mechanism | LinearModel,
+        robot: Robot | LinearModel,
         fit: Values | FloatArray | None = None,
         *,
         start: FloatArray | None = None,
@@ -297,8 +297,8 @@ class Dynamics:
         options: AssemblyOptions = USUAL,
         anyway: bool = False,
     ) -> None:
-        model: LinearModel | None = None if isinstance(robot, Mechanism) else robot
-        self.robot: Mechanism = robot if isinstance(robot, Mechanism) else robot.mechanism
+        model: LinearModel | None = None if isinstance(robot, Robot) else robot
+        self.robot: Robot = robot if isinstance(robot, Robot) else robot.robot
         self.near, self.options, covariance = near, options, None
         if isinstance(fit, Values):
             model, covariance = fit.model_for(robot, anyway=anyway), fit.covariance
@@ -778,7 +778,7 @@ def _standard(base: Any, values: FloatArray, prior: FloatArray) -> FloatArray:
     return standard[: len(prior)]
 
 
-def _laws_of(robot: Mechanism, terms: JointTerms) -> Iterator[_Law]:
+def _laws_of(robot: Robot, terms: JointTerms) -> Iterator[_Law]:
     """Joint terms, each kind for all joints that have it; all elements of hysteresis together."""
     kinds: dict[str, list[int]] = {}
     labels = terms.parameters(robot)
@@ -796,7 +796,7 @@ def _laws_of(robot: Mechanism, terms: JointTerms) -> Iterator[_Law]:
         yield _Law(term, joints, own, names, rows, slips)
 
 
-def _balanced(mechanism: Mechanism, inertia: FloatArray, forces: FloatArray) -> FloatArray:
+def _balanced(robot: Robot, inertia: FloatArray, forces: FloatArray) -> FloatArray:
     """Independent accelerations (N, dof), solved with inertias of comparable size."""
     own = np.abs(np.einsum("nii->ni", inertia))
     most = own.max(axis=1, initial=np.finfo(float).tiny, keepdims=True)
@@ -808,7 +808,7 @@ def _balanced(mechanism: Mechanism, inertia: FloatArray, forces: FloatArray) -> 
     most = left.max(axis=1, initial=0.0)
     lost = np.flatnonzero(most > UNBALANCED * np.abs(target).max(axis=1, initial=0.0))
     if len(lost):
-        name = mechanism.independent[int(left[lost[0]].argmax())]
+        name = robot.independent[int(left[lost[0]].argmax())]
         raise SingularityError(
             f"sample {lost[0]}: a force acts on {name}, but no mass resists it "
             f"({len(lost)} such samples)"

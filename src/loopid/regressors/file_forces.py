@@ -16,7 +16,7 @@ from loopid.kinematics.sampling import random_configurations, random_motions
 from loopid.records import record
 from loopid.regressors.joint_laws import joint_term
 from loopid.regressors.joint_terms import OF_FILE, JointTerms
-from loopid.robot.mechanism import LeftOut, Mechanism, link_frames
+from loopid.robot.robot import LeftOut, Robot, link_frames
 
 SAMPLES = 60  # random states that forces of the robot file are compared in
 NOTHING = 1e-12  # of the largest rigid-body force: round-off
@@ -37,33 +37,33 @@ class FileForce:
 
 
 @checked
-def file_forces(mechanism: Mechanism) -> tuple[FileForce, ...]:
+def file_forces(robot: Robot) -> tuple[FileForce, ...]:
     """All that the robot file gives beyond rigid bodies, with its size.
 
     Examples
     --------
     >>> import loopid
     >>> from loopid.regressors import file_forces
-    >>> file_forces(loopid.load_mechanism("five_bar"))
+    >>> file_forces(loopid.load("five_bar"))
     ()
     """
-    terms = JointTerms.of(mechanism, OF_FILE)
-    if terms is None and not mechanism.left_out:
+    terms = JointTerms.of(robot, OF_FILE)
+    if terms is None and not robot.left_out:
         return ()
     try:
-        q = random_configurations(mechanism, SAMPLES)
+        q = random_configurations(robot, SAMPLES)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", AccuracyWarning)  # the draws keep a margin
-            motion = closed_motion(mechanism, q, *random_motions(mechanism, SAMPLES))
+            motion = closed_motion(robot, q, *random_motions(robot, SAMPLES))
     except (AssemblyError, SingularityError):
         motion = None
-    return tuple(_sized(mechanism, terms, motion))
+    return tuple(_sized(robot, terms, motion))
 
 
 def _sized(
-    mechanism: Mechanism, terms: JointTerms | None, motion: ClosedMotion | None
+    robot: Robot, terms: JointTerms | None, motion: ClosedMotion | None
 ) -> Iterator[FileForce]:
-    rigid = None if motion is None else _rms(_rigid_forces(mechanism, motion))
+    rigid = None if motion is None else _rms(_rigid_forces(robot, motion))
 
     def size(force: FloatArray | None) -> float:
         if rigid is None or force is None:
@@ -76,10 +76,8 @@ def _sized(
         return float((found[known] / rigid[known]).max(initial=0.0))
 
     if terms is not None:
-        names, values = terms.parameters(mechanism), terms.values(mechanism)
-        columns = (
-            None if motion is None else terms.columns(mechanism, motion) * np.nan_to_num(values)
-        )
+        names, values = terms.parameters(robot), terms.values(robot)
+        columns = None if motion is None else terms.columns(robot, motion) * np.nan_to_num(values)
         for j, (name, value) in enumerate(zip(names, values, strict=True)):
             law, own = joint_term(name.kind), terms.of_joints[name.link]
             # A spring counts from where it is slack.
@@ -89,28 +87,28 @@ def _sized(
             if not (np.isnan(value) or parted):
                 what = f"{law.name} of {name.link}"
                 yield FileForce(what, name.link, name.kind, float(value), name.unit, size(force))
-    for left in mechanism.left_out:
-        yield FileForce(left.what, size=size(_force(mechanism, motion, left)))
+    for left in robot.left_out:
+        yield FileForce(left.what, size=size(_force(robot, motion, left)))
 
 
 def _rms(force: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt((force**2).mean(axis=0)))
 
 
-def _rigid_forces(mechanism: Mechanism, motion: ClosedMotion) -> FloatArray:
+def _rigid_forces(robot: Robot, motion: ClosedMotion) -> FloatArray:
     state = motion.configurations, motion.velocities, motion.accelerations
-    columns = torque_regressors(mechanism, *state, G=motion.projection.G)
-    return np.asarray(columns @ mechanism.standard_parameters("full"))
+    columns = torque_regressors(robot, *state, G=motion.projection.G)
+    return np.asarray(columns @ robot.standard_parameters("full"))
 
 
-def _force(mechanism: Mechanism, motion: ClosedMotion | None, left: LeftOut) -> FloatArray | None:
+def _force(robot: Robot, motion: ClosedMotion | None, left: LeftOut) -> FloatArray | None:
     """Force (N, dof) of what is left out; None where it is not known."""
     if motion is None or not left.weights:
         return None
-    untied, pi = replace(mechanism, tied=False), np.zeros((len(mechanism.bodies), 4))
-    carriers = [body.joint_id for body in mechanism.bodies]
+    untied, pi = replace(robot, tied=False), np.zeros((len(robot.bodies), 4))
+    carriers = [body.joint_id for body in robot.bodies]
     for link, (mass, *centre) in left.weights.items():
-        frame = mechanism.model.frames[link_frames(mechanism.model)[link]]
+        frame = robot.model.frames[link_frames(robot.model)[link]]
         if frame.parentJoint in carriers:
             point = frame.placement.act(np.array(centre))
             pi[carriers.index(frame.parentJoint)] += mass * np.array([1.0, *point])

@@ -127,7 +127,7 @@ class JointTerm:
     ...     return joint.rate * joint.math.fabs(joint.rate)
     >>> units = ("N s²/m²", "N m s²/rad²")
     >>> JOINT_TERMS.register("Fd", JointTerm("drag", units, drag, needs=("rate",)))
-    >>> robot = loopid.load_mechanism("3ups_rpu")
+    >>> robot = loopid.load("3ups_rpu")
     >>> [each.unit for each in loopid.JointTerms(("leg1_stroke",), ("Fd",)).parameters(robot)]
     ['N s²/m²']
     """
@@ -381,7 +381,7 @@ def length_term(
     >>> def slope(q):
     ...     return 0.03 * np.sin(q) / length(q)
     >>> JOINT_TERMS.register("Gas", length_term("gas spring", length, slope))
-    >>> robot = loopid.load_mechanism("five_bar")
+    >>> robot = loopid.load("five_bar")
     >>> terms = loopid.JointTerms.of(robot, "Fc,Fv; left_crank_joint: Gas")
     >>> terms.parameters(robot)[2].unit
     'N'

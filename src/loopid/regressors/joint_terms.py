@@ -22,7 +22,7 @@ from loopid.parameters import KINDS, Parameter, ParameterSet
 from loopid.records import record
 from loopid.regressors.joint_laws import JointState, joint_term
 from loopid.regressors.maxwell_slip import Slips, slips_along
-from loopid.robot.mechanism import Mechanism, shortened
+from loopid.robot.robot import Robot, shortened
 
 # In a choice of terms: whatever the robot file gives, nothing, and all joints without a motor.
 OF_FILE, NO_TERMS, PASSIVE = "file", "none", "passive"
@@ -52,7 +52,7 @@ class JointTerms:
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("five_bar")
+    >>> robot = loopid.load("five_bar")
     >>> terms = loopid.JointTerms(robot.actuated, ("Fc", "Fv"))
     >>> terms.parameters(robot).labels
     ('left_crank_joint.Fc', 'left_crank_joint.Fv', 'right_crank_joint.Fc', 'right_crank_joint.Fv')
@@ -86,7 +86,7 @@ class JointTerms:
                 raise OptionError(message, argument=name, given=given)
 
     @classmethod
-    def of(cls, mechanism: Mechanism, terms: str) -> JointTerms | None:
+    def of(cls, robot: Robot, terms: str) -> JointTerms | None:
         """The terms that a text chooses; None where there are none.
 
         Parameters
@@ -104,33 +104,31 @@ class JointTerms:
         Examples
         --------
         >>> import loopid
-        >>> robot = loopid.load_mechanism("five_bar")
+        >>> robot = loopid.load("five_bar")
         >>> loopid.JointTerms.of(robot, "Fc,Fv,file").joints
         ('left_crank_joint', 'right_crank_joint')
         """
         found: dict[str, dict[str, None]] = {}
-        for joints, words in _clauses(mechanism, terms):
+        for joints, words in _clauses(robot, terms):
             for word in words:
                 if word == OF_FILE:
-                    given = terms_of_file(mechanism)
+                    given = terms_of_file(robot)
                     for joint in given if joints is None else joints:
                         found.setdefault(joint, {}).update(dict.fromkeys(given.get(joint, ())))
                     continue
                 joint_term(word, (OF_FILE, NO_TERMS))
-                for joint in mechanism.actuated if joints is None else joints:
+                for joint in robot.actuated if joints is None else joints:
                     found.setdefault(joint, {})[word] = None
         return cls.of_kinds({joint: tuple(kinds) for joint, kinds in found.items()})
 
     @classmethod
-    def with_values(
-        cls, mechanism: Mechanism, terms: str
-    ) -> tuple[JointTerms | None, FloatArray | None]:
+    def with_values(cls, robot: Robot, terms: str) -> tuple[JointTerms | None, FloatArray | None]:
         """The terms of a choice such as ``"Fc=60,Fv=900; elbow: Ks=12"``, and their values (k,).
 
         A spring is slack at zero where no ``Fo`` is given.
         """
         found: dict[str, dict[str, float]] = {}
-        for joints, words in _clauses(mechanism, terms):
+        for joints, words in _clauses(robot, terms):
             for word in words:
                 kind, _, number = (part.strip() for part in word.partition("="))
                 try:
@@ -141,14 +139,12 @@ class JointTerms:
                         given=word,
                     ) from None
                 joint_term(kind)
-                for joint in mechanism.actuated if joints is None else joints:
+                for joint in robot.actuated if joints is None else joints:
                     found.setdefault(joint, {})[kind] = value
         chosen = cls.of_kinds({joint: tuple(values) for joint, values in found.items()})
         if chosen is None:
             return None, None
-        return chosen, np.array(
-            [found[p.link].get(p.kind, 0.0) for p in chosen.parameters(mechanism)]
-        )
+        return chosen, np.array([found[p.link].get(p.kind, 0.0) for p in chosen.parameters(robot)])
 
     @classmethod
     def of_kinds(cls, kinds: Mapping[str, tuple[str, ...]]) -> JointTerms | None:
@@ -173,24 +169,24 @@ class JointTerms:
         alike = len(set(each)) == 1
         return replace(self, joints=tuple(every), kinds=each[0] if alike else each)
 
-    def choice(self, mechanism: Mechanism) -> str:
+    def choice(self, robot: Robot) -> str:
         """The same as a choice for ``of``: kinds of all motors, then what single joints have more.
 
         Examples
         --------
         >>> import loopid
-        >>> robot = loopid.load_mechanism("five_bar")
+        >>> robot = loopid.load("five_bar")
         >>> terms = loopid.JointTerms.of(robot, "Fc, Fv; left_crank*: Ks; passive: Fv")
         >>> terms.choice(robot)
         'Fc,Fv; passive: Fv; left_crank_joint: Ks,Fo'
         """
-        kinds, passive = self.of_joints, mechanism.coordinates_of(mechanism.passive)
+        kinds, passive = self.of_joints, robot.coordinates_of(robot.passive)
 
         def shared(joints: Sequence[str]) -> list[str]:
             first, *others = (kinds.get(joint, ()) for joint in joints or ("",))
             return [kind for kind in first if all(kind in own for own in others)]
 
-        motors, others = shared(mechanism.actuated), shared(passive)
+        motors, others = shared(robot.actuated), shared(passive)
         clauses = [",".join(motors)] if motors else []
         clauses += [f"{PASSIVE}: {','.join(others)}"] if others else []
         for joint, own in kinds.items():
@@ -223,27 +219,25 @@ class JointTerms:
             if any("load" in joint_term(kind).needs for kind in kinds)
         )
 
-    def parameters(self, mechanism: Mechanism) -> ParameterSet:
+    def parameters(self, robot: Robot) -> ParameterSet:
         """Labels ``<joint>.<kind>``, joint by joint; the names of ``columns``."""
         return ParameterSet(
             tuple(
-                Parameter(joint, kind, joint_term(kind).units[index not in mechanism.prismatic])
+                Parameter(joint, kind, joint_term(kind).units[index not in robot.prismatic])
                 for joint, kinds in self.of_joints.items()
-                for index in (_index(mechanism, joint, kinds),)
+                for index in (_index(robot, joint, kinds),)
                 for kind in kinds
             )
         )
 
-    def values(self, mechanism: Mechanism) -> FloatArray:
+    def values(self, robot: Robot) -> FloatArray:
         """Values (k,) of ``parameters`` by the robot file; NaN where it gives none."""
-        given = terms_of_file(mechanism)
-        return np.array(
-            [given.get(p.link, {}).get(p.kind, np.nan) for p in self.parameters(mechanism)]
-        )
+        given = terms_of_file(robot)
+        return np.array([given.get(p.link, {}).get(p.kind, np.nan) for p in self.parameters(robot)])
 
     def columns(
         self,
-        mechanism: Mechanism,
+        robot: Robot,
         motion: ClosedMotion,
         standard_parameters: FloatArray | None = None,
         *,
@@ -255,10 +249,10 @@ class JointTerms:
         ``standard_parameters`` (n,). Without ``slips``, friction is that of steady motion.
         """
         G, columns = motion.projection.G, [np.zeros((*motion.projection.G.shape[::2], 0))]
-        loads, _ = self.loads(mechanism, motion, standard_parameters)
+        loads, _ = self.loads(robot, motion, standard_parameters)
         for name, kinds in self.of_joints.items():
-            index = _index(mechanism, name, kinds)
-            state = self.state(joint_state(mechanism, motion, name), loads.get(name))
+            index = _index(robot, name, kinds)
+            state = self.state(joint_state(robot, motion, name), loads.get(name))
             state = state._replace(slips=(slips or {}).get(name))
             for kind in kinds:
                 term = joint_term(kind)
@@ -283,19 +277,19 @@ class JointTerms:
         }
         return {joint: own for joint, own in found.items() if own}
 
-    def slips(self, mechanism: Mechanism, configurations: FloatArray) -> Slips:
+    def slips(self, robot: Robot, configurations: FloatArray) -> Slips:
         """States of these elements along configurations (N, nq) that follow each other in time.
 
         They begin without a force.
         """
         return {
-            joint: slips_along([joint_position(mechanism, configurations, joint)], own)
+            joint: slips_along([joint_position(robot, configurations, joint)], own)
             for joint, own in self.displacements.items()
         }
 
     def loads(
         self,
-        mechanism: Mechanism,
+        robot: Robot,
         motion: ClosedMotion,
         standard_parameters: FloatArray | None = None,
     ) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
@@ -305,9 +299,9 @@ class JointTerms:
         """
         if not (names := self.loaded):
             return {}, ()
-        ids = [mechanism.joint_ids[k] for k in mechanism.velocity_indices(names)]
+        ids = [robot.joint_ids[k] for k in robot.velocity_indices(names)]
         forces, undetermined = bearing_forces(
-            mechanism, motion, ids, standard_parameters=standard_parameters
+            robot, motion, ids, standard_parameters=standard_parameters
         )
         left_open = tuple(name for name, flag in zip(names, undetermined, strict=True) if flag)
         return dict(zip(names, forces.T, strict=True)), left_open
@@ -346,37 +340,35 @@ def together(*sets: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]
     }
 
 
-def _clauses(
-    mechanism: Mechanism, choice: str
-) -> Iterator[tuple[tuple[str, ...] | None, list[str]]]:
+def _clauses(robot: Robot, choice: str) -> Iterator[tuple[tuple[str, ...] | None, list[str]]]:
     """Joints (None where none are named) and words of each part of a choice."""
     for clause in choice.split(";"):
         pattern, named, listed = clause.rpartition(":")
         words = [word.strip() for word in listed.split(",") if word.strip()]
-        joints = _matching(mechanism, pattern.strip()) if named else None
+        joints = _matching(robot, pattern.strip()) if named else None
         yield joints, [] if words == [NO_TERMS] else words
 
 
-def _matching(mechanism: Mechanism, pattern: str) -> tuple[str, ...]:
+def _matching(robot: Robot, pattern: str) -> tuple[str, ...]:
     """Coordinates of a name, of a pattern with wildcards, or of all joints without a motor."""
     if pattern == PASSIVE:
-        return mechanism.coordinates_of(mechanism.passive)
-    found = tuple(name for name in mechanism.coordinates if fnmatchcase(name, pattern))
+        return robot.coordinates_of(robot.passive)
+    found = tuple(name for name in robot.coordinates if fnmatchcase(name, pattern))
     if not found:
-        raise OptionError.unknown("joint", pattern, (*mechanism.coordinates, PASSIVE))
+        raise OptionError.unknown("joint", pattern, (*robot.coordinates, PASSIVE))
     return found
 
 
-def _index(mechanism: Mechanism, joint: str, kinds: tuple[str, ...]) -> int:
-    indices = mechanism.velocity_indices([joint])
+def _index(robot: Robot, joint: str, kinds: tuple[str, ...]) -> int:
+    indices = robot.velocity_indices([joint])
     if len(indices) != 1:
-        own = ", ".join(mechanism.coordinates_of([joint]))
+        own = ", ".join(robot.coordinates_of([joint]))
         raise OptionError(
             f"joint {joint} has {len(indices)} coordinates, terms need one: choose among {own}",
             joint=joint,
-            valid=mechanism.coordinates_of([joint]),
+            valid=robot.coordinates_of([joint]),
         )
-    if joint not in mechanism.joints:
+    if joint not in robot.joints:
         for kind in kinds:
             if {"position", "slip"} & {*joint_term(kind).needs}:
                 raise OptionError(
@@ -387,39 +379,39 @@ def _index(mechanism: Mechanism, joint: str, kinds: tuple[str, ...]) -> int:
     return int(indices[0])
 
 
-def joint_position(mechanism: Mechanism, configurations: FloatArray, name: str) -> FloatArray:
+def joint_position(robot: Robot, configurations: FloatArray, name: str) -> FloatArray:
     """Positions (N,) of a joint with one coordinate in configurations (N, nq)."""
-    joint = mechanism.joint(name)
+    joint = robot.joint(name)
     q = configurations[:, joint.idx_q : joint.idx_q + joint.nq]
     # A continuous joint is stored as the cosine and sine of its angle.
     return np.asarray(q[:, 0] if joint.nq == 1 else np.arctan2(q[:, 1], q[:, 0]))
 
 
-def joint_state(mechanism: Mechanism, motion: ClosedMotion, name: str) -> JointState:
+def joint_state(robot: Robot, motion: ClosedMotion, name: str) -> JointState:
     """State (N,) of a coordinate; without position where it is one of several of a joint."""
-    (index,) = mechanism.velocity_indices([name])
+    (index,) = robot.velocity_indices([name])
     position: Any = None
-    if name in mechanism.joints:
-        position = joint_position(mechanism, motion.configurations, name)
+    if name in robot.joints:
+        position = joint_position(robot, motion.configurations, name)
     return JointState(position, motion.velocities[:, index], motion.accelerations[:, index])
 
 
-def terms_of_file(mechanism: Mechanism) -> dict[str, dict[str, float]]:
+def terms_of_file(robot: Robot) -> dict[str, dict[str, float]]:
     """Values of joint terms that the robot file gives, by coordinate and kind; NaN where unknown.
 
     A spring without ``Fo`` is slack at zero. A RobotFileError names the joint of a term that is
     none, or that the joint cannot have.
     """
     found: dict[str, dict[str, float]] = {}
-    for joint, values in mechanism.joint_values.items():
+    for joint, values in robot.joint_values.items():
         found[joint] = dict(values)
         for kind, value in values.items():
-            place = f"{mechanism.source}: joint_terms: {joint}"
+            place = f"{robot.source}: joint_terms: {joint}"
             try:
                 term = joint_term(kind)
             except OptionError as error:
                 raise RobotFileError(f"{place}: {error}", joint=joint, **error.facts) from error
-            if {"position", "slip"} & {*term.needs} and joint not in mechanism.joints:
+            if {"position", "slip"} & {*term.needs} and joint not in robot.joints:
                 raise RobotFileError(
                     f"{place}: {kind} needs a joint with one coordinate", joint=joint, given=kind
                 )
@@ -428,21 +420,20 @@ def terms_of_file(mechanism: Mechanism) -> dict[str, dict[str, float]]:
     return found
 
 
-def warn_of_omitted(mechanism: Mechanism, terms: JointTerms | None) -> None:
+def warn_of_omitted(robot: Robot, terms: JointTerms | None) -> None:
     """Warn once of what the robot file gives of joints and the chosen terms do not have."""
     chosen = {} if terms is None else terms.of_joints
     omitted: dict[str, list[str]] = {}
-    for joint, values in terms_of_file(mechanism).items():
+    for joint, values in terms_of_file(robot).items():
         for kind in values:
             if kind not in chosen.get(joint, ()):
                 omitted.setdefault(f"{joint_term(kind).name} ({kind})", []).append(joint)
     if not omitted:
         return
     listed = "; ".join(f"{what} of {shortened(joints)}" for what, joints in omitted.items())
-    said = [] if terms is None else [terms.choice(mechanism)]
+    said = [] if terms is None else [terms.choice(robot)]
     words = ("; " if ":" in "".join(said) else ",").join([*said, OF_FILE])
     warn(
-        f'{mechanism.source} gives {listed}, which this model leaves out: terms="{words}" '
-        "includes it",
+        f'{robot.source} gives {listed}, which this model leaves out: terms="{words}" includes it',
         ModelWarning,
     )

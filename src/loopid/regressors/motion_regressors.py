@@ -17,20 +17,20 @@ from loopid.records import record
 from loopid.regressors.dynamics import Dynamics
 from loopid.regressors.joint_terms import JointTerms
 from loopid.regressors.maxwell_slip import Slips
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 
-def _full(mechanism: Mechanism, motion: ClosedMotion) -> FloatArray:
+def _full(robot: Robot, motion: ClosedMotion) -> FloatArray:
     q, v, a = motion.configurations, motion.velocities, motion.accelerations
-    return torque_regressors(mechanism, q, v, a, G=motion.projection.G)
+    return torque_regressors(robot, q, v, a, G=motion.projection.G)
 
 
 @checked
-def gravity_regressor(mechanism: Mechanism, configurations: FloatArray) -> FloatArray:
+def gravity_regressor(robot: Robot, configurations: FloatArray) -> FloatArray:
     """Actuator forces at rest per unit of mass and first moment.
 
     The forces that hold the robot against gravity are K π with π =
-    ``mechanism.standard_parameters("gravity")``; the paper's K_G.
+    ``robot.standard_parameters("gravity")``; the paper's K_G.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def gravity_regressor(mechanism: Mechanism, configurations: FloatArray) -> Float
     Returns
     -------
     FloatArray
-        (N, dof, n), rows in the order of ``mechanism.independent``.
+        (N, dof, n), rows in the order of ``robot.independent``.
 
     Raises
     ------
@@ -50,17 +50,17 @@ def gravity_regressor(mechanism: Mechanism, configurations: FloatArray) -> Float
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("3ups_rpu")
-    >>> loopid.gravity_regressor(robot, robot.reference).shape
+    >>> robot = loopid.load("3ups_rpu")
+    >>> loopid.regressors.gravity_regressor(robot, robot.reference).shape
     (1, 4, 36)
     """
-    q = samples(configurations, mechanism.model.nq, "configurations")
-    return torque_regressors(mechanism, q, model="gravity", G=project(mechanism, q).G)
+    q = samples(configurations, robot.model.nq, "configurations")
+    return torque_regressors(robot, q, model="gravity", G=project(robot, q).G)
 
 
 @checked
 def dynamic_regressor(
-    mechanism: Mechanism,
+    robot: Robot,
     configurations: FloatArray,
     velocities: FloatArray,
     *,
@@ -78,7 +78,7 @@ def dynamic_regressor(
     Returns
     -------
     FloatArray
-        (N, dof, n), rows in the order of ``mechanism.independent``.
+        (N, dof, n), rows in the order of ``robot.independent``.
 
     Raises
     ------
@@ -88,26 +88,26 @@ def dynamic_regressor(
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("3ups_rpu")
+    >>> robot = loopid.load("3ups_rpu")
     >>> q, still, pushed = robot.reference, [0, 0, 0, 0], [1, 0, 0, 0]
-    >>> loopid.dynamic_regressor(robot, q, still, accelerations=pushed).shape
+    >>> loopid.regressors.dynamic_regressor(robot, q, still, accelerations=pushed).shape
     (1, 4, 90)
     """
-    return _full(mechanism, closed_motion(mechanism, configurations, velocities, accelerations))
+    return _full(robot, closed_motion(robot, configurations, velocities, accelerations))
 
 
 @checked
 def motion_parameters(
-    mechanism: Mechanism, model: str = "full", joint_terms: JointTerms | None = None
+    robot: Robot, model: str = "full", joint_terms: JointTerms | None = None
 ) -> ParameterSet:
     """Names of the columns of ``motion_regressor``."""
-    bodies = mechanism.parameters(model)
-    return bodies if joint_terms is None else bodies + joint_terms.parameters(mechanism)
+    bodies = robot.parameters(model)
+    return bodies if joint_terms is None else bodies + joint_terms.parameters(robot)
 
 
 @checked
 def motion_regressor(
-    mechanism: Mechanism,
+    robot: Robot,
     motion: ClosedMotion,
     model: str = "full",
     *,
@@ -124,13 +124,13 @@ def motion_regressor(
     whole motion; without, friction is that of steady motion.
     """
     if model_kinds(model) == model_kinds("full"):
-        bodies = _full(mechanism, motion)
+        bodies = _full(robot, motion)
     else:
         q, G = motion.configurations, motion.projection.G
-        bodies = torque_regressors(mechanism, q, model=model, G=G)
+        bodies = torque_regressors(robot, q, model=model, G=G)
     if joint_terms is None:
         return bodies
-    columns = joint_terms.columns(mechanism, motion, standard_parameters, slips=slips)
+    columns = joint_terms.columns(robot, motion, standard_parameters, slips=slips)
     return np.concatenate([bodies, columns], axis=2)
 
 
@@ -150,7 +150,7 @@ class ForceParts:
 
 @checked
 def force_parts(
-    mechanism: Mechanism,
+    robot: Robot,
     configurations: FloatArray,
     velocities: FloatArray,
     accelerations: FloatArray,
@@ -166,7 +166,7 @@ def force_parts(
     velocities, accelerations : FloatArray
         (N, dof) of the independent coordinates.
     standard_parameters : FloatArray, optional
-        (n,) of ``mechanism.parameters()``; by default those of the robot file.
+        (n,) of ``robot.parameters()``; by default those of the robot file.
 
     Raises
     ------
@@ -176,13 +176,13 @@ def force_parts(
     Examples
     --------
     >>> import numpy as np, loopid
-    >>> robot = loopid.load_mechanism("five_bar")
+    >>> robot = loopid.load("five_bar")
     >>> parts = loopid.regressors.force_parts(robot, robot.reference, np.zeros(2), np.zeros(2))
     >>> bool(np.allclose(parts.total, parts.gravity))
     True
     """
-    q = samples(configurations, mechanism.model.nq, "configurations")
-    dynamics, still = Dynamics(mechanism, standard_parameters), np.zeros_like(velocities)
+    q = samples(configurations, robot.model.nq, "configurations")
+    dynamics, still = Dynamics(robot, standard_parameters), np.zeros_like(velocities)
     pose = dynamics.pose(q=q)
     gravity, moving, whole = (
         dynamics.inverse(pose, *rates)

@@ -20,7 +20,7 @@ from loopid.records import record
 from loopid.regressors.joint_laws import joint_term
 from loopid.regressors.joint_terms import JointTerms
 from loopid.regressors.motion_regressors import motion_parameters, motion_regressor
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 from loopid.workers import one_blas_thread
 
 LEAST_SAMPLES = 100
@@ -30,7 +30,7 @@ MORE = 4  # times as many samples where a rank is not clear
 
 @checked
 def structural_observation(
-    mechanism: Mechanism,
+    robot: Robot,
     model: str = "gravity",
     *,
     samples: int | None = None,
@@ -39,7 +39,7 @@ def structural_observation(
     options: SamplingOptions | None = None,
     progress: Progress | None = None,
 ) -> Observation:
-    """Observe a mechanism at seeded random closed poses, in motion where the columns ask for it.
+    """Observe a robot at seeded random closed poses, in motion where the columns ask for it.
 
     Its rows are forces of the independent coordinates. Those that decide rank and null space are
     its ``unit_motions``: forces along all motions of one size.
@@ -72,10 +72,10 @@ def structural_observation(
     Examples
     --------
     >>> import loopid
-    >>> loopid.structural_observation(loopid.load_mechanism("five_bar"), samples=50).rows
+    >>> loopid.regressors.structural_observation(loopid.load("five_bar"), samples=50).rows
     100
     """
-    motions = _Motions(mechanism, model, joint_terms, options)
+    motions = _Motions(robot, model, joint_terms, options)
     return motions.observation((seed,), motions.enough if samples is None else samples, progress)
 
 
@@ -91,7 +91,7 @@ class _Batch(NamedTuple):
 class _Motions:
     """A robot that is observed in random motions."""
 
-    mechanism: Mechanism
+    robot: Robot
     model: str
     joint_terms: JointTerms | None
     options: SamplingOptions | None
@@ -99,28 +99,28 @@ class _Motions:
     @cached_property
     def parameters(self) -> ParameterSet:
         """Names of the columns."""
-        return motion_parameters(self.mechanism, self.model, self.joint_terms)
+        return motion_parameters(self.robot, self.model, self.joint_terms)
 
     @property
     def driven(self) -> int:
         """Rows of motors; those of free coordinates follow."""
-        return len(self.mechanism.independent) - len(self.mechanism.free)
+        return len(self.robot.independent) - len(self.robot.free)
 
     @property
     def gravity(self) -> float:
         """Its size, in m/s²."""
-        return float(np.linalg.norm(self.mechanism.model.gravity.linear))
+        return float(np.linalg.norm(self.robot.model.gravity.linear))
 
     @property
     def rate(self) -> float:
         """Rate of motions: of a fall over the characteristic length; 0 where no column moves."""
         moves = self.model != "gravity" or self.joint_terms is not None
-        return float(np.sqrt((self.gravity or 1.0) / self.mechanism.length)) * moves
+        return float(np.sqrt((self.gravity or 1.0) / self.robot.length)) * moves
 
     @property
     def enough(self) -> int:
         """Samples for four rows a column, two of them of motors."""
-        columns, rows = len(self.parameters), len(self.mechanism.independent)
+        columns, rows = len(self.parameters), len(self.robot.independent)
         return max(
             LEAST_SAMPLES, -(-ROWS_PER_COLUMN * columns // rows), 2 * columns // max(self.driven, 1)
         )
@@ -129,19 +129,19 @@ class _Motions:
         self, seeds: tuple[int, ...], samples: int, progress: Progress | None = None
     ) -> Observation:
         """What so many samples of each seed show."""
-        mechanism, driven, done = self.mechanism, self.driven, 0
-        part = driven if mechanism.free and driven else None
+        robot, driven, done = self.robot, self.driven, 0
+        part = driven if robot.free and driven else None
         forces, along = (StackedRows(self.parameters, part) for _ in range(2))
         kept, usual = list[_Batch](), 0.0
         with one_blas_thread():
             for seed in seeds:
                 for q, rates in self.draws(seed, samples):
-                    rows, directions, regularity = self.forces(mechanism, q, rates)
+                    rows, directions, regularity = self.forces(robot, q, rates)
                     usual = usual or float(regularity.max())
                     # Rounding moves directions by about one over the regularity.
                     batch = _Batch(q, rates, np.minimum(regularity / usual, 1.0) ** 2)
                     along.add(batch.weights[:, None, None] * rows)
-                    own = directions[:, mechanism.velocity_indices(mechanism.independent)]
+                    own = directions[:, robot.velocity_indices(robot.independent)]
                     # G = N R, with R the inverse of N's rows of the independent coordinates.
                     forces.add(np.asarray(np.linalg.solve(own.swapaxes(1, 2), rows), dtype=float))
                     if done < self.enough:
@@ -151,11 +151,9 @@ class _Motions:
                         progress(done, samples * len(seeds))
         # Weight of 1 kg in N, or its moment at the robot's length in N m: the smaller one.
         found = forces.observation(
-            length=mechanism.length, natural_size=self.gravity * min(1.0, mechanism.length)
+            length=robot.length, natural_size=self.gravity * min(1.0, robot.length)
         )
-        units = along.observation(
-            length=mechanism.length, natural_size=self.gravity * mechanism.length
-        )
+        units = along.observation(length=robot.length, natural_size=self.gravity * robot.length)
         drawn = self._completed(found, units, RandomDraws.of(self, seeds, samples, kept))
         if found.motors_alone is None or units.motors_alone is None:
             return drawn
@@ -168,32 +166,32 @@ class _Motions:
     ) -> Observation:
         """Forces with what decides their rank, and with how that can be drawn again."""
         units = replace(units, draws=draws)
-        return replace(forces, order=_order(self.mechanism), unit_motions=units)
+        return replace(forces, order=_order(self.robot), unit_motions=units)
 
     def draws(self, seed: int, samples: int) -> Iterator[tuple[FloatArray, FloatArray]]:
         """Poses and rates, a few at a time; what friction does near standstill is to be seen."""
-        mechanism, generator = self.mechanism, random_generator(seed, stream=1)
-        places = mechanism.draw_places(np.arange(mechanism.model.nv))
+        robot, generator = self.robot, random_generator(seed, stream=1)
+        places = robot.draw_places(np.arange(robot.model.nv))
         slow = self._slow_rates()
-        for q in configuration_batches(mechanism, samples, seed, options=self.options):
-            rates = generator.uniform(-1.0, 1.0, (2, len(q), mechanism.model.nv))[:, :, places]
+        for q in configuration_batches(robot, samples, seed, options=self.options):
+            rates = generator.uniform(-1.0, 1.0, (2, len(q), robot.model.nv))[:, :, places]
             for k, slower in enumerate(slow, 1):
                 rates[0, k :: len(slow) + 1] *= slower
             yield q, rates
 
     def _slow_rates(self) -> list[float]:
         """Parts of the usual rate at which joint terms with a rate of their own show."""
-        terms, units = self.joint_terms, self.mechanism.coordinate_scales
+        terms, units = self.joint_terms, self.robot.coordinate_scales
         return [
             min(1.0, 2 * joint_term(kind).at / (self.rate * units[index]))
             for joint, kinds in (terms.of_joints if terms else {}).items()
-            for index in self.mechanism.velocity_indices([joint])[:1]
+            for index in self.robot.velocity_indices([joint])[:1]
             for kind in kinds
             if "~" in kind
         ]
 
     def forces(
-        self, robot: Mechanism, q: FloatArray, rates: FloatArray
+        self, robot: Robot, q: FloatArray, rates: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Forces N'Y (k, dof, n) along unit motions, N (k, nv, dof), and regularity (k,)."""
         motion, directions = loop_motion(robot, q, rates, self.rate)
@@ -230,8 +228,8 @@ class RandomDraws(Draws):
         first: int | None = None,
     ) -> RandomDraws:
         """Those of a robot whose accuracy its file tells."""
-        geometry = geometry_accuracy(motions.mechanism)
-        known = max(geometry.length, geometry.angle * motions.mechanism.length)
+        geometry = geometry_accuracy(motions.robot)
+        known = max(geometry.length, geometry.angle * motions.robot.length)
         drawn = motions, seeds, samples, tuple(batches)
         return cls(known, geometry.source, *drawn, geometry, first)
 
@@ -240,7 +238,7 @@ class RandomDraws(Draws):
 
         Lengths of the others may be ``within`` another one, in m, and angles accordingly.
         """
-        own, geometry, found = self.motions.mechanism, self.geometry, []
+        own, geometry, found = self.motions.robot, self.geometry, []
         generator = random_generator(0)
         if within is not None:
             geometry = replace(geometry, length=within, angle=within / own.length)
@@ -263,10 +261,10 @@ class RandomDraws(Draws):
         return found.motors_alone
 
 
-def _order(mechanism: Mechanism) -> tuple[str, ...]:
+def _order(robot: Robot) -> tuple[str, ...]:
     """Links of bodies, then coordinates, in an order that no name and no file decides."""
-    ranks = mechanism.joint_ranks
-    carriers = {body.link: mechanism.joints[body.joint_id - 1] for body in mechanism.bodies}
+    ranks = robot.joint_ranks
+    carriers = {body.link: robot.joints[body.joint_id - 1] for body in robot.bodies}
     links = sorted(carriers, key=lambda link: ranks[carriers[link]])
-    coordinates = mechanism.coordinates_of(sorted(mechanism.joints, key=ranks.__getitem__))
-    return tuple(dict.fromkeys((*mechanism.in_groups(links), *coordinates)))
+    coordinates = robot.coordinates_of(sorted(robot.joints, key=ranks.__getitem__))
+    return tuple(dict.fromkeys((*robot.in_groups(links), *coordinates)))

@@ -1,4 +1,3 @@
-from .compare import comparison_report as comparison_report
 from .excitation import excitation_report as excitation_report
 from .forces import (
     gains_report as gains_report,
@@ -6,14 +5,7 @@ from .forces import (
     prediction_report as prediction_report,
 )
 from .identify import identification_report as identification_report
-from .page import (
-    Card as Card,
-    Figure as Figure,
-    Formula as Formula,
-    Page as Page,
-    Report as Report,
-    Section as Section,
-)
+from .page import Card as Card, Figure as Figure, Page as Page, Report as Report, Section as Section
 from .schema import json_schema as json_schema
 from .structure import (
     base_report as base_report,

@@ -45,12 +45,12 @@ def excitation_report(found: ExcitationDesign) -> Report:
     )
     return Report(
         name="excitation",
-        title=f"{model.mechanism.name}, {model.model} model, excitation",
+        title=f"{model.robot.name}, {model.model} model, excitation",
         verdict=verdict,
         record=excitation_record(found),
         brief=[_errors("", found)],
         card=_card(found, broken),
-        pictures=lambda: (robot_chart(model.mechanism),),
+        pictures=lambda: (robot_chart(model.robot),),
         sections=lambda: [
             Section("Motion", (motion_chart(found), _summary(found))),
             Section(
@@ -84,16 +84,16 @@ def _card(found: ExcitationDesign, broken: list[str]) -> Card:
 
 def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
     """All findings of a design, ready for JSON."""
-    mechanism = found.force_model.mechanism
+    robot = found.force_model.robot
     return {
-        "mechanism": mechanism.name,
+        "mechanism": robot.name,
         "model": found.force_model.model,
         "criterion": found.options.criterion,
         **json_fields(found.criteria, *CRITERIA),
         **json_fields(found, *FOUND),
         "duration": found.motion.duration,
         "coordinates": list(found.motion.names),
-        "noise": dict(zip(mechanism.actuated, json_value(found.noise), strict=True)),
+        "noise": dict(zip(robot.actuated, json_value(found.noise), strict=True)),
         "parameters": list(found.parameters.names),
         "errors_before": json_value(found.before.standard_errors),
         "checks": json_value(found.checks),
@@ -127,10 +127,10 @@ def _errors(title: str, found: ExcitationDesign) -> Table:
 
 
 def _noise(found: ExcitationDesign) -> Table:
-    mechanism, sizes = found.force_model.mechanism, np.sqrt((found.forces**2).mean(axis=0))
-    named = zip(mechanism.actuated, found.noise, sizes, strict=True)
+    robot, sizes = found.force_model.robot, np.sqrt((found.forces**2).mean(axis=0))
+    named = zip(robot.actuated, found.noise, sizes, strict=True)
     rows = (
-        (name, f"{noise:.3g}", force_unit(mechanism, name), f"{noise / size:.2%}" if size else "")
+        (name, f"{noise:.3g}", force_unit(robot, name), f"{noise / size:.2%}" if size else "")
         for name, noise, size in named
     )
     title = f"noise that they assume, independent at {found.options.rate:g} Hz"

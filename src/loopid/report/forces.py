@@ -21,16 +21,16 @@ from loopid.plots.pictures import forces_chart
 from loopid.plots.structure import force_unit, robot_chart
 from loopid.report.look import json_fields, json_value, plain_table
 from loopid.report.page import Card, Figure, Report, Section, Tone
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 
-def prediction_report(mechanism: Mechanism, predictions: Sequence[Prediction]) -> Report:
+def prediction_report(robot: Robot, predictions: Sequence[Prediction]) -> Report:
     """Forces of logs beside those of a fit."""
     worst, motor, log = max(_errors(predictions), default=(np.nan, "", ""))
     grade = "Good" if worst <= GOOD else "Rough" if worst <= ROUGH else "Bad"
     tones: dict[str, Tone] = {"Good": "good", "Rough": "rough", "Bad": "bad"}
     samples = sum(int(found.moving.samples.sum()) for found in predictions)
-    tables, names = [_prediction_table(mechanism, each) for each in predictions], list[str]()
+    tables, names = [_prediction_table(robot, each) for each in predictions], list[str]()
     for found in predictions:
         name = stem = PurePath(found.recording.name).name
         while name in names:  # two logs of one name in different folders
@@ -38,7 +38,7 @@ def prediction_report(mechanism: Mechanism, predictions: Sequence[Prediction]) -
         names.append(name)
     return Report(
         name="prediction",
-        title=f"{mechanism.name}: forces predicted",
+        title=f"{robot.name}: forces predicted",
         verdict=(
             f"{grade} predictions: where motors move, errors are at most {100 * worst:.2g} % of a "
             f"motor's force ({motor}, {log}), over {samples:,} samples."
@@ -60,13 +60,13 @@ def prediction_report(mechanism: Mechanism, predictions: Sequence[Prediction]) -
             if grade == "Good"
             else "identify from this log, too.",
         ),
-        pictures=lambda: (robot_chart(mechanism, worst=motor),),
+        pictures=lambda: (robot_chart(robot, worst=motor),),
         record={"recordings": [*map(_prediction_record, predictions)]},
         brief=tables,
         sections=lambda: [
             Section(
                 name,
-                (table, forces_chart(mechanism, found, worst=motor, name=f"prediction_{name}")),
+                (table, forces_chart(robot, found, worst=motor, name=f"prediction_{name}")),
             )
             for name, found, table in zip(names, predictions, tables, strict=True)
         ],
@@ -101,12 +101,12 @@ def _prediction_record(found: Prediction) -> dict[str, Any]:
     }
 
 
-def _prediction_table(mechanism: Mechanism, found: Prediction) -> Table:
+def _prediction_table(robot: Robot, found: Prediction) -> Table:
     columns = "motor", ">moving", ">RMS error", ">of its force", ">standing", ">RMS error", "unit"
     rows = (
         (
             *(motor, f"{n:,}", number(rms), f"{100 * part:.2g} %", f"{rest:,}", number(error)),
-            force_unit(mechanism, motor),
+            force_unit(robot, motor),
         )
         for motor, n, rms, part, rest, error in zip(
             found.recording.actuators,

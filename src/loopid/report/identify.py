@@ -57,7 +57,7 @@ def identification_report(
     Its files are refused where the recommended fit breaks a law, unless asked for anyway.
     """
     judged = found.verdict
-    mechanism = found.force_model.mechanism
+    robot = found.force_model.robot
     rows = list[tuple[str, ...]]()
     for each in _shown(found.fit):
         value, error = _value_and_error(found.fit, each)
@@ -68,7 +68,7 @@ def identification_report(
     advice = command if judged.excite else ""
     return Report(
         name="identification",
-        title=f"{mechanism.name}, {found.force_model.model} model",
+        title=f"{robot.name}, {found.force_model.model} model",
         verdict=str(judged),
         record=identification_record(found, judged),
         brief=[plain_table("", ("", ">", "", ""), rows)],
@@ -76,7 +76,7 @@ def identification_report(
         results=lambda: _fits(found, anyway),
         advice=advice,
         card=_card(found, judged, advice),
-        pictures=lambda: (robot_chart(mechanism, worst=judged.motor),),
+        pictures=lambda: (robot_chart(robot, worst=judged.motor),),
         under=_under(found),
         findings=found.findings,
         checks=found.checks,
@@ -148,7 +148,7 @@ def _card(found: Identification, judged: Verdict, command: str) -> Card:
 def _sections(found: Identification, worst: str) -> Iterator[Section]:
     """Errors, forces, friction, parameters, what is not told, checks, and all values."""
     told = found.identifiability
-    errors, mechanism = model_errors_chart(found, worst=worst), found.force_model.mechanism
+    errors, robot = model_errors_chart(found, worst=worst), found.force_model.robot
     motors = tuple(panel.motor for panel in errors.panels)
     yield Section("Errors on new data, by motor", (errors,), short="Errors")
     lead = "What is left should look like noise: no drift, no steps where a motor turns."
@@ -167,7 +167,7 @@ def _sections(found: Identification, worst: str) -> Iterator[Section]:
     if told.weak or told.unidentifiable:
         yield Section("What the log does not tell", (_untold_table(found),), short="Not told")
     used = {"fitted": found.training, "new data, not fitted": found.validation}
-    log = [used_chart(mechanism, used), gains_chart(found.suspicions)]
+    log = [used_chart(robot, used), gains_chart(found.suspicions)]
     log += [] if found.delay is None else [delays_chart(found.delay)]
     log = [each for each in log if each.panels]
     yield Section("Checks of the log", (*log, *_log_tables(found)), folded=True, short="Log")
@@ -177,8 +177,8 @@ def _sections(found: Identification, worst: str) -> Iterator[Section]:
     yield Section("Checks of the model", tuple(model), folded=True, short="Model")
     values = _estimates_table(found)
     yield Section("All values", (values,), folded=values.row_count > OPEN)
-    if robot := _robot_tables(found):
-        yield Section("Values of bodies and joints", tuple(robot), folded=True, short="Robot")
+    if tables := _robot_tables(found):
+        yield Section("Values of bodies and joints", tuple(tables), folded=True, short="Robot")
 
 
 def _forces(found: Identification, motors: tuple[str, ...], worst: str) -> Iterator[Part]:
@@ -191,7 +191,7 @@ def _forces(found: Identification, motors: tuple[str, ...], worst: str) -> Itera
         reach = prediction_reach(W, fit.covariance, fit.unseen_rms)
         name, first = "forces" if not k else f"forces_{k + 1}", rows.stop
         yield forces_chart(
-            found.force_model.mechanism,
+            found.force_model.robot,
             Prediction(run, own, reach),
             motors=motors,
             file=file,
@@ -241,9 +241,9 @@ def identification_record(found: Identification, judged: Verdict | None = None) 
     model, told = found.force_model, found.identifiability
     terms, judged = model.joint_terms, judged or found.verdict
     return {
-        "mechanism": model.mechanism.name,
+        "mechanism": model.robot.name,
         "model": model.model,
-        "actuators": list(model.mechanism.independent),
+        "actuators": list(model.robot.independent),
         "training": [_recording(recording) for recording in found.training],
         "validation": [_recording(recording) for recording in found.validation],
         "expressions": list(model.base.expressions),
@@ -254,7 +254,7 @@ def identification_record(found: Identification, judged: Verdict | None = None) 
         "judged": json_value(judged)
         | json_fields(judged, *USES)
         | {"ratio": json_value(root(*judged.ratio))},
-        "errors": [_errors(found, k) for k in range(len(model.mechanism.independent))],
+        "errors": [_errors(found, k) for k in range(len(model.robot.independent))],
         "prior_deviation": json_value(found.prior_deviation),
         "cutoff": json_value(found.cutoff),
         "joint_terms": {} if terms is None else {j: list(k) for j, k in terms.of_joints.items()},
@@ -280,8 +280,8 @@ def identification_record(found: Identification, judged: Verdict | None = None) 
 
 def _errors(found: Identification, k: int) -> dict[str, Any]:
     """Errors on new data of a motor, in parts of its force, as the page shows them."""
-    mechanism, motor = found.force_model.mechanism, found.force_model.mechanism.independent[k]
-    said: dict[str, Any] = {"motor": motor, "number": k + 1, "unit": force_unit(mechanism, motor)}
+    robot, motor = found.force_model.robot, found.force_model.robot.independent[k]
+    said: dict[str, Any] = {"motor": motor, "number": k + 1, "unit": force_unit(robot, motor)}
     for name, candidate in (("fit", found.recommended), ("robot_file", found.baseline)):
         error, spread = (float(each[k]) for each in found.relative_errors(candidate))
         said[name] = {"error": json_value(error), "standard_error": json_value(spread)}

@@ -27,7 +27,7 @@ from loopid.report.look import facts, json_fields, json_value, plain_table, tabl
 from loopid.report.page import Card, Figure, Report, Section, Tone
 from loopid.report.searches import groups_table, search_record, subgroup_facts
 from loopid.robot.closures import JointCoupling
-from loopid.robot.mechanism import Mechanism, shortened
+from loopid.robot.robot import Robot, shortened
 
 if TYPE_CHECKING:
     from loopid.motion.joints import MotionReview
@@ -38,11 +38,11 @@ LEAST_RANK = 2  # of a closure that takes away freedoms of a flat loop
 FEW, SOME = 4, 8  # names, and closures, that the terminal shows; the page has all
 
 
-def check_report(mechanism: Mechanism) -> Report:
+def check_report(robot: Robot) -> Report:
     """What a robot is: joints, closures, mobility, distance to singularity."""
-    found = check_record(mechanism)
+    found = check_record(robot)
     joints, *tables = check_tables(found)
-    signs = _wrong(mechanism, found)
+    signs = _wrong(robot, found)
     wrong = [_finding(text, do) for text, do in signs]
     closes = f"The robot closes its loops to {found['closure_residual']:.1e} m"
     first = "".join(f"{text}{f': {do}' * bool(do)}" for text, do in signs[:1])
@@ -56,7 +56,7 @@ def check_report(mechanism: Mechanism) -> Report:
     )
     return Report(
         name="check",
-        title=mechanism.name,
+        title=robot.name,
         verdict=verdict,
         record=found,
         brief=[_closures_table("", found["closures"][:SOME]), facts("", _few(found))],
@@ -65,7 +65,7 @@ def check_report(mechanism: Mechanism) -> Report:
             Section("Joints", (joints,)),
         ],
         findings=wrong,
-        pictures=lambda: (robot_chart(mechanism),),
+        pictures=lambda: (robot_chart(robot),),
         card=Card(
             tone="rough" if wrong else "good",
             word="Look first" if wrong else "Ready",
@@ -102,9 +102,9 @@ def _finding(text: str, do: str) -> Finding:
     return Finding("warning", title, "".join(why), do)
 
 
-def _wrong(mechanism: Mechanism, found: dict[str, Any]) -> list[tuple[str, str]]:
+def _wrong(robot: Robot, found: dict[str, Any]) -> list[tuple[str, str]]:
     """What is wrong with a robot, or looks like it, the most important first, and what to do."""
-    held, floating = found["held_motors"], mechanism.coordinates_of(mechanism.floating)
+    held, floating = found["held_motors"], robot.coordinates_of(robot.floating)
     free = [name for name in found["undetermined"] if name not in floating]
     extra = [name for name in found["redundant_actuation"] if name not in held]
     said = list[tuple[str, str]]()
@@ -154,39 +154,39 @@ def _wrong(mechanism: Mechanism, found: dict[str, Any]) -> list[tuple[str, str]]
     return [*said, *((text, "") for text in found["odd_masses"])]
 
 
-def check_record(mechanism: Mechanism) -> dict[str, Any]:
-    """All findings about a mechanism at its reference, ready for JSON."""
-    found = mobility(mechanism)
-    measure = float(singularity_measure(mechanism, mechanism.reference[None])[0])
+def check_record(robot: Robot) -> dict[str, Any]:
+    """All findings about a robot at its reference, ready for JSON."""
+    found = mobility(robot)
+    measure = float(singularity_measure(robot, robot.reference[None])[0])
     return {
-        "mechanism": mechanism.name,
-        "joints": [_joint(mechanism, name) for name in mechanism.joints],
-        "bodies": list(mechanism.links),
-        "closures": list(_closures(mechanism)),
+        "mechanism": robot.name,
+        "joints": [_joint(robot, name) for name in robot.joints],
+        "bodies": list(robot.links),
+        "closures": list(_closures(robot)),
         "closure_rows": found.rows,
         "closure_rank": found.rank,
         "rank_gap": json_value(found.rank_gap),
         "least_singular_value": found.least,
         "redundant_rows": found.rows - found.rank,
-        "coordinates": mechanism.model.nv,
+        "coordinates": robot.model.nv,
         **json_fields(found, "degrees_of_freedom", "generic_degrees_of_freedom"),
         "singular_reference": found.singular,
-        **json_fields(mechanism, "actuated", "passive", "independent"),
-        "undetermined": list(mechanism.free),
-        "motors_known": mechanism.motors_known,
+        **json_fields(robot, "actuated", "passive", "independent"),
+        "undetermined": list(robot.free),
+        "motors_known": robot.motors_known,
         "held_motors": list(found.held),
-        "undeclared_loops": [*map(str, mechanism.undeclared)],
-        "redundant_actuation": list(mechanism.redundant),
+        "undeclared_loops": [*map(str, robot.undeclared)],
+        "redundant_actuation": list(robot.redundant),
         "closure_residual": found.residual,
         "singularity_measure": measure,
         "near_singularity": measure < NEAR_SINGULARITY,
-        "characteristic_length": mechanism.length,
-        "identical": {group.name: list(group.links) for group in mechanism.identical},
-        "unequal_links": list(unequal_links(mechanism)),
-        "odd_masses": list(odd_masses(mechanism)),
-        "inertia_defects": [str(defect) for defect in inertia_defects(mechanism)],
-        "assembly_modes": list(_modes(mechanism)),
-        "in_file_not_in_model": [_file_force(force) for force in file_forces(mechanism)],
+        "characteristic_length": robot.length,
+        "identical": {group.name: list(group.links) for group in robot.identical},
+        "unequal_links": list(unequal_links(robot)),
+        "odd_masses": list(odd_masses(robot)),
+        "inertia_defects": [str(defect) for defect in inertia_defects(robot)],
+        "assembly_modes": list(_modes(robot)),
+        "in_file_not_in_model": [_file_force(force) for force in file_forces(robot)],
     }
 
 
@@ -202,25 +202,25 @@ def _file_force(force: FileForce) -> dict[str, Any]:
     }
 
 
-def _joint(mechanism: Mechanism, name: str) -> dict[str, Any]:
-    joint, reference = mechanism.joint(name), mechanism.reference_values(mechanism.reference)[name]
-    limits = [json_value(end) for end in mechanism.limits(name)] if joint.nv == 1 else [None] * 2
+def _joint(robot: Robot, name: str) -> dict[str, Any]:
+    joint, reference = robot.joint(name), robot.reference_values(robot.reference)[name]
+    limits = [json_value(end) for end in robot.limits(name)] if joint.nv == 1 else [None] * 2
     kind = KINDS.get(joint.shortname().removeprefix("JointModel"), "other")
     if joint.nv == 1:
-        kind = "prismatic" if joint.idx_v in mechanism.prismatic else "revolute"
+        kind = "prismatic" if joint.idx_v in robot.prismatic else "revolute"
     return {
         "name": name,
         "type": kind,
-        "actuated": name in mechanism.actuated,
+        "actuated": name in robot.actuated,
         "reference": reference if isinstance(reference, list) else [reference],
         "lower": limits[0],
         "upper": limits[1],
     }
 
 
-def _modes(mechanism: Mechanism) -> Iterator[dict[str, Any]]:
+def _modes(robot: Robot) -> Iterator[dict[str, Any]]:
     """Assembly modes that the drawn pose leaves a choice of; the first one is used."""
-    compared = compare_modes(mechanism)
+    compared = compare_modes(robot)
     for k, (mode, rank) in enumerate(zip(compared.modes, compared.ranks, strict=True), start=1):
         yield {
             "mode": k,
@@ -229,14 +229,14 @@ def _modes(mechanism: Mechanism) -> Iterator[dict[str, Any]]:
             "distance": mode.distance,
             "meets_drawn_pose": mode.continues,
             "parallel_pairs": mode.parallel,
-            "reference": mechanism.reference_values(mode.reference),
+            "reference": robot.reference_values(mode.reference),
         }
 
 
-def _closures(mechanism: Mechanism) -> Iterator[dict[str, Any]]:
-    residual, jacobian = Constraint(mechanism, mechanism.reference[None]).scaled()
+def _closures(robot: Robot) -> Iterator[dict[str, Any]]:
+    residual, jacobian = Constraint(robot, robot.reference[None]).scaled()
     first = 0
-    closures: tuple[Any, ...] = (*mechanism.closures, *mechanism.couplings)
+    closures: tuple[Any, ...] = (*robot.closures, *robot.couplings)
     for closure in closures:
         rows, ties = slice(first, first + closure.rows), isinstance(closure, JointCoupling)
         yield {
@@ -339,13 +339,13 @@ def _few(record: dict[str, Any]) -> dict[str, str]:
 
 
 def base_report(
-    mechanism: Mechanism,
+    robot: Robot,
     model: str,
     base: BaseParameters,
     motors_alone: BaseParameters | None = None,
 ) -> Report:
     """Base parameters, and how sure they are."""
-    found = base_record(mechanism, model, base, motors_alone)
+    found = base_record(robot, model, base, motors_alone)
     parameters, *others = base_tables(found)
     account = subgroup_facts(found["search"]) if found["search"]["subgroups"] else {}
     doubtful = f", {len(found['doubtful'])} more are doubtful" if found["doubtful"] else ""
@@ -358,7 +358,7 @@ def base_report(
     best: Tone = "good" if search["certified"] else "rough"
     return Report(
         name="base",
-        title=f"{mechanism.name}, {model} model",
+        title=f"{robot.name}, {model} model",
         verdict=verdict,
         record=found,
         brief=[_parameters("", found), *([facts("", account)] if account else [])],
@@ -367,7 +367,7 @@ def base_report(
             *_subgroup_sections(base, search),
             Section("How sure they are", tuple(others)),
         ],
-        pictures=lambda: (robot_chart(mechanism),),
+        pictures=lambda: (robot_chart(robot),),
         card=Card(
             tone=best if sure else "rough",
             word="Proven best" if search["certified"] else "Not proven",
@@ -397,7 +397,7 @@ def _subgroup_sections(base: BaseParameters, search: dict[str, Any]) -> Iterator
 
 
 def base_record(
-    mechanism: Mechanism,
+    robot: Robot,
     model: str,
     base: BaseParameters,
     motors_alone: BaseParameters | None = None,
@@ -409,11 +409,11 @@ def base_record(
     free, ``motors_alone`` is what is felt without their rows "= 0".
     """
     return {
-        "mechanism": mechanism.name,
+        "mechanism": robot.name,
         "model": model,
         "standard_parameters": len(base.parameters),
         **_choice(base),
-        "undetermined": list(mechanism.free),
+        "undetermined": list(robot.free),
         "motors_alone": None if motors_alone is None else _choice(motors_alone),
     }
 
@@ -533,10 +533,10 @@ def _rounded_up(value: float) -> str:
 
 
 def motions_report(
-    mechanism: str, reviews: Mapping[str, MotionReview], seconds: Mapping[str, float]
+    robot: str, reviews: Mapping[str, MotionReview], seconds: Mapping[str, float]
 ) -> Report:
     """Motions beside the robot's limits."""
-    found = motions_record(mechanism, reviews, seconds)
+    found = motions_record(robot, reviews, seconds)
     motions = found["motions"]
     wrong = [motion for motion in motions if motion["problems"]]
     room = [m for m in motions if m["clearance"] is not None]
@@ -551,7 +551,7 @@ def motions_report(
     )
     return Report(
         name="motions",
-        title=f"{mechanism}: motions",
+        title=f"{robot}: motions",
         verdict=verdict,
         record=found,
         brief=[motions_table(found)],
@@ -559,7 +559,7 @@ def motions_report(
 
 
 def motions_record(
-    mechanism: str, reviews: Mapping[str, MotionReview], seconds: Mapping[str, float]
+    robot: str, reviews: Mapping[str, MotionReview], seconds: Mapping[str, float]
 ) -> dict[str, Any]:
     """Reviews and durations by name of the motion, ready for JSON."""
     motions = []
@@ -576,7 +576,7 @@ def motions_record(
                 **json_fields(review, "singularity", "singular_time", "speeds", "problems"),
             }
         )
-    return {"mechanism": mechanism, "motions": motions}
+    return {"mechanism": robot, "motions": motions}
 
 
 def motions_table(record: dict[str, Any]) -> Table:

@@ -1,15 +1,3 @@
-from .closures import (
-    CLOSURE_KINDS as CLOSURE_KINDS,
-    JointCoupling as JointCoupling,
-    LoopClosure as LoopClosure,
-)
-from .mechanism import (
-    AssemblyMode as AssemblyMode,
-    Body as Body,
-    LeftOut as LeftOut,
-    LinkGroup as LinkGroup,
-    Mechanism as Mechanism,
-    UndeclaredLoops as UndeclaredLoops,
-    lock_options as lock_options,
-)
-from .platform import ROTATIONS as ROTATIONS, TRANSLATIONS as TRANSLATIONS, Platform as Platform
+from .closures import CLOSURE_KINDS as CLOSURE_KINDS
+from .platform import Platform as Platform
+from .robot import Body as Body, Robot as Robot

@@ -402,7 +402,7 @@ class LoopClosure:
     Examples
     --------
     >>> import loopid
-    >>> closure = loopid.load_mechanism("3ups_rpu").closures[0]
+    >>> closure = loopid.load("3ups_rpu").closures[0]
     >>> closure.kind, closure.rows, closure.name
     ('3d', 3, 'leg1_stem-platform_B1')
     """

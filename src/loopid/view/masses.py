@@ -9,7 +9,7 @@ from loopid.errors import DataError
 from loopid.identification.result import Fit
 from loopid.inertia import central_moments, centre, pseudo_inertia
 from loopid.records import record
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 
 @record
@@ -28,7 +28,7 @@ class BodyMass:
 
 
 @checked
-def body_masses(mechanism: Mechanism, parameters: FloatArray | None = None) -> tuple[BodyMass, ...]:
+def body_masses(robot: Robot, parameters: FloatArray | None = None) -> tuple[BodyMass, ...]:
     """Where the masses of all bodies are.
 
     Parameters
@@ -40,13 +40,13 @@ def body_masses(mechanism: Mechanism, parameters: FloatArray | None = None) -> t
     Examples
     --------
     >>> import loopid
-    >>> loopid.view.body_masses(loopid.load_mechanism("five_bar"))[0].mass
+    >>> loopid.view.body_masses(loopid.load("five_bar"))[0].mass
     1.3
     """
-    inertias = [mechanism.model.inertias[body.joint_id] for body in mechanism.bodies]
+    inertias = [robot.model.inertias[body.joint_id] for body in robot.bodies]
     own = np.array([inertia.toDynamicParameters() for inertia in inertias])
     rows, found = own if parameters is None else parameters, []
-    for body, row in zip(mechanism.bodies, rows, strict=True):
+    for body, row in zip(robot.bodies, rows, strict=True):
         P = pseudo_inertia(np.append(row, np.zeros(10 - len(row))))
         moments, axes = np.linalg.eigh(central_moments(P))  # a homogeneous ellipsoid's are m r² / 5
         known = len(row) == 10 and row[0] > 0 and moments[0] >= 0
@@ -57,7 +57,7 @@ def body_masses(mechanism: Mechanism, parameters: FloatArray | None = None) -> t
 
 
 @checked
-def fitted_masses(mechanism: Mechanism, fit: Fit) -> tuple[BodyMass, ...]:
+def fitted_masses(robot: Robot, fit: Fit) -> tuple[BodyMass, ...]:
     """Where a fit says that the masses are.
 
     Raises
@@ -66,14 +66,14 @@ def fitted_masses(mechanism: Mechanism, fit: Fit) -> tuple[BodyMass, ...]:
         When the fit is one of another robot, or has values of base parameters alone.
     """
     model, bodies = fit.require_model(), fit.standard_parameters
-    labels = mechanism.parameters(model.model).labels
+    labels = robot.parameters(model.model).labels
     known = {} if bodies is None else dict(zip(model.base.parameters.labels, bodies, strict=True))
     values = np.array([known.get(label, np.nan) for label in labels])
     if np.isnan(values).any():
         raise DataError(
-            f"the fit of {fit.robot.name} does not say where the masses of {mechanism.name} are: "
+            f"the fit of {fit.robot.name} does not say where the masses of {robot.name} are: "
             "the recommended fit of the same robot does",
             robot=fit.robot.name,
         )
-    tied = mechanism.tie_indices
-    return body_masses(mechanism, values.reshape(tied.max() + 1, -1)[tied])
+    tied = robot.tie_indices
+    return body_masses(robot, values.reshape(tied.max() + 1, -1)[tied])

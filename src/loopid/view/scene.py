@@ -8,11 +8,13 @@ import numpy as np
 import pinocchio as pin
 
 from loopid.arguments import FloatArray, checked, samples
-from loopid.kinematics import assembly_modes, measured_coordinates, singularity_measure
+from loopid.kinematics import measured_coordinates
 from loopid.kinematics.assembly import largest_opening, try_assemble
+from loopid.kinematics.closing import assembly_modes
 from loopid.kinematics.constraint import scaled_residual
+from loopid.kinematics.projection import singularity_measure
 from loopid.records import record
-from loopid.robot.mechanism import Mechanism, scratch_data
+from loopid.robot.robot import Robot, scratch_data
 
 PARTS = 16  # of a way that leads out of reach: the robot goes as far as whole parts lead
 APART = 0.01  # points of a link nearer to each other, in characteristic lengths, are one
@@ -48,7 +50,7 @@ class Scene:
 
     Attributes
     ----------
-    mechanism : Mechanism
+    robot : Robot
     sliders : tuple of Slider
     closed : float
         Residual in m up to which a loop counts as closed.
@@ -61,7 +63,7 @@ class Scene:
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("five_bar")
+    >>> robot = loopid.load("five_bar")
     >>> scene = loopid.view.Scene(robot)
     >>> pose, arrived = scene.moved(scene.at(robot.reference), [1.2, 1.9])
     >>> arrived, pose.values.round(6).tolist(), pose.residual < 1e-9
@@ -69,24 +71,24 @@ class Scene:
     """
 
     @checked
-    def __init__(self, mechanism: Mechanism) -> None:
-        self.mechanism, self._measured = mechanism, measured_coordinates(mechanism)
-        at = self._measured.read(mechanism.reference[None])[0]
-        self.sliders = tuple(map(self._slider, mechanism.measured, at))
-        self.closed = largest_opening(mechanism)
-        self._rods = link_rods(mechanism)
+    def __init__(self, robot: Robot) -> None:
+        self.robot, self._measured = robot, measured_coordinates(robot)
+        at = self._measured.read(robot.reference[None])[0]
+        self.sliders = tuple(map(self._slider, robot.measured, at))
+        self.closed = largest_opening(robot)
+        self._rods = link_rods(robot)
 
     def _slider(self, joint: str, at: float) -> Slider:
-        slides = self.mechanism.velocity_indices([joint])[0] in self.mechanism.prismatic
-        reach = self.mechanism.length / 2 if slides else np.pi
-        low, high = np.where(np.isinf(self.mechanism.limits(joint)), (at - reach, at + reach),
-                             self.mechanism.limits(joint))  # fmt: skip
+        slides = self.robot.velocity_indices([joint])[0] in self.robot.prismatic
+        reach = self.robot.length / 2 if slides else np.pi
+        low, high = np.where(np.isinf(self.robot.limits(joint)), (at - reach, at + reach),
+                             self.robot.limits(joint))  # fmt: skip
         return Slider(joint, "m" if slides else "rad", float(min(low, at)), float(max(high, at)))
 
     @checked
     def at(self, configuration: FloatArray) -> Pose:
         """What is where at a configuration (nq,), closed or not."""
-        robot = self.mechanism
+        robot = self.robot
         q = samples(configuration, robot.model.nq, "configuration", 1)
         places, rods, ends = placed(robot, self._rods, q[0])
         residual, owner = np.abs(scaled_residual(robot, q)[0]), robot.row_closures
@@ -110,7 +112,7 @@ class Scene:
         The way there, or a part of it, is straight, and ends where it leaves the workspace or meets
         a singularity.
         """
-        robot, start = self.mechanism, pose.configuration
+        robot, start = self.robot, pose.configuration
         goal = samples(values, self._measured.width, "values", 1)
         way = part * self._measured.difference(pose.values[None], goal)
         found = try_assemble(robot, pose.values + way, start=start)
@@ -126,7 +128,7 @@ class Scene:
 
         Where the reference is singular, those a step of the motors away.
         """
-        robot = self.mechanism
+        robot = self.robot
         found = robot.modes or (assembly_modes(robot, robot.reference) if robot.rows else ())
         others = (mode.reference for mode in found)
         return robot.reference, *(q for q in others if abs(q - robot.reference).max() > APART)
@@ -135,7 +137,7 @@ class Scene:
 Rod = tuple[tuple[int, FloatArray], tuple[int, FloatArray]]  # joints, and points in their frames
 
 
-def link_rods(robot: Mechanism) -> list[Rod]:
+def link_rods(robot: Robot) -> list[Rod]:
     """Rods that stand for links: a star through the joints of each, and how far slides are out."""
     model, origin = robot.model, np.zeros(3)
     rods, points = list[Rod](), [list[FloatArray](), *([origin] for _ in robot.joints)]
@@ -157,7 +159,7 @@ def link_rods(robot: Mechanism) -> list[Rod]:
 
 
 def placed(
-    robot: Mechanism, rods: Sequence[Rod], configuration: FloatArray
+    robot: Robot, rods: Sequence[Rod], configuration: FloatArray
 ) -> tuple[list[pin.SE3], FloatArray, FloatArray]:
     """Where joints, rods (R, 2, 3) and frames of closures (closures, 2, 3) are."""
     data = scratch_data(robot.model)

@@ -14,7 +14,7 @@ from trimesh import creation
 
 from loopid.arguments import FloatArray
 from loopid.loading.files import files_of
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 Color: TypeAlias = tuple[int, int, int]
 Solid: TypeAlias = tuple[int, Color, trimesh.Trimesh]  # joint by its index, triangles in its frame
@@ -22,22 +22,22 @@ SHOWN_GROUPS = 3  # of MuJoCo's geometry: its own viewer shows these at first, t
 SECTIONS = 12  # of what is round: without a graphics card, triangles take long
 
 
-def read_solids(mechanism: Mechanism) -> list[Solid]:
+def read_solids(robot: Robot) -> list[Solid]:
     """What a robot's file draws, in one piece a joint and colour.
 
     Nothing of robots made in Python, of other formats, and of URDFs whose meshes are missing.
     """
-    if mechanism.path is None:
+    if robot.path is None:
         return []
-    tree = files_of(mechanism).tree
+    tree = files_of(robot).tree
     read = {".urdf": _of_urdf, ".xml": _of_mjcf, ".mjcf": _of_mjcf}.get(tree.suffix)
     pieces = dict[tuple[int, Color], list[trimesh.Trimesh]]()
-    for joint, color, mesh in read(mechanism, tree) if read else ():
+    for joint, color, mesh in read(robot, tree) if read else ():
         pieces.setdefault((joint, color), []).append(mesh)
     return [(*key, trimesh.util.concatenate(meshes)) for key, meshes in pieces.items()]
 
 
-def _of_urdf(robot: Mechanism, tree: Path) -> Iterator[Solid]:
+def _of_urdf(robot: Robot, tree: Path) -> Iterator[Solid]:
     kind, folders = pin.GeometryType.VISUAL, [str(folder) for folder in tree.absolute().parents]
     try:
         found = pin.buildGeomFromUrdf(robot.model, str(tree), kind, package_dirs=folders)
@@ -60,7 +60,7 @@ def _of_urdf(robot: Mechanism, tree: Path) -> Iterator[Solid]:
         yield each.parentJoint, _color(each.meshColor), _placed(mesh, each.placement, size)
 
 
-def _of_mjcf(robot: Mechanism, tree: Path) -> Iterator[Solid]:
+def _of_mjcf(robot: Robot, tree: Path) -> Iterator[Solid]:
     from mujoco import mjtGeom
 
     from loopid.formats.mjcf_scene import Scene, compile_mjcf

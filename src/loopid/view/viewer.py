@@ -27,7 +27,7 @@ from loopid.identification.saved import load_fit
 from loopid.logs.preparing import read_recordings
 from loopid.motion.files import read_motion_program
 from loopid.motion.joints import JointMotion, joint_motion
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 from loopid.view.masses import BodyMass, body_masses, fitted_masses
 from loopid.view.scene import Pose, Scene
 from loopid.view.solids import read_solids
@@ -53,7 +53,7 @@ class Viewer:
 
     Parameters
     ----------
-    mechanism : Mechanism
+    robot : Robot
     motion : JointMotion, optional
         What can be played.
     fits : mapping
@@ -75,7 +75,7 @@ class Viewer:
     Examples
     --------
     >>> import loopid
-    >>> with loopid.view.Viewer(loopid.load_mechanism("five_bar")) as viewer:
+    >>> with loopid.view.Viewer(loopid.load("five_bar")) as viewer:
     ...     viewer.move([1.2, 1.9])
     True
     """
@@ -83,7 +83,7 @@ class Viewer:
     @checked
     def __init__(
         self,
-        mechanism: Mechanism,
+        robot: Robot,
         *,
         motion: JointMotion | None = None,
         fits: Mapping[str, Fit] | None = None,
@@ -95,14 +95,14 @@ class Viewer:
             from loopid.view.serving import own_pages_only
         except ImportError as error:
             raise MissingExtraError.of("viser", "view") from error
-        masses = {"robot file": body_masses(mechanism)}
-        masses |= {name: fitted_masses(mechanism, fit) for name, fit in (fits or {}).items()}
-        self.scene, self.motion = Scene(mechanism), motion
+        masses = {"robot file": body_masses(robot)}
+        masses |= {name: fitted_masses(robot, fit) for name, fit in (fits or {}).items()}
+        self.scene, self.motion = Scene(robot), motion
         self._lock, self._closed = threading.RLock(), threading.Event()
-        self.pose = self.scene.at(mechanism.reference)
+        self.pose = self.scene.at(robot.reference)
         logging.getLogger("websockets.server").addFilter(_is_news)
         with redirect_stdout(io.StringIO()), own_pages_only():
-            self._server = viser.ViserServer("127.0.0.1", port, label=mechanism.name, verbose=False)
+            self._server = viser.ViserServer("127.0.0.1", port, label=robot.name, verbose=False)
         self.url = f"http://127.0.0.1:{self._server.get_port()}"
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._draw()
@@ -110,7 +110,7 @@ class Viewer:
         self._add_masses(masses)
         if motion is not None:
             self._add_playback(motion)
-        self.show(mechanism.reference if motion is None else motion.configurations[0])
+        self.show(robot.reference if motion is None else motion.configurations[0])
 
     def __enter__(self) -> Viewer:
         return self
@@ -193,7 +193,7 @@ class Viewer:
 
     def _draw(self) -> None:
         """Everything that a pose places."""
-        pose, draw, thick = self.pose, self._server.scene, THICKNESS * self.scene.mechanism.length
+        pose, draw, thick = self.pose, self._server.scene, THICKNESS * self.scene.robot.length
         # Without a graphics card, each light, mirrored surroundings and shadows take long.
         draw.configure_default_lights(False)
         draw.configure_environment_map(None)
@@ -202,13 +202,13 @@ class Viewer:
         self._solids = [
             (joint, draw.add_mesh_simple(f"/solids/{k}", mesh.vertices, mesh.faces, color=color,
                                          flat_shading=True))
-            for k, (joint, color, mesh) in enumerate(read_solids(self.scene.mechanism))
+            for k, (joint, color, mesh) in enumerate(read_solids(self.scene.robot))
         ]  # fmt: skip
         rods, cuts = np.ones((len(pose.rods), 3)), np.ones((2 * len(pose.closures), 3))
         self._rods = self._batch("/rods", creation.cylinder(1.0, 1.0, sections=12), rods, ROD)
         self._ends = self._batch("/ends", BALL, thick * np.tile(rods, (2, 1)), ROD)
         self._cuts = self._batch("/cuts", BALL, 2.6 * thick * cuts, CLOSED)
-        names = [closure.name for closure in self.scene.mechanism.closures]
+        names = [closure.name for closure in self.scene.robot.closures]
         self._labels = [
             draw.add_label(f"/labels/{k}", n, visible=False) for k, n in enumerate(names)
         ]
@@ -247,7 +247,7 @@ class Viewer:
                 solid.position, solid.wxyz = pose.origins[joint], turns[joint]
             way = pose.rods[:, 1] - pose.rods[:, 0]
             lengths = np.linalg.norm(way, axis=1, keepdims=True)
-            thick = np.full((len(way), 2), THICKNESS * self.scene.mechanism.length)
+            thick = np.full((len(way), 2), THICKNESS * self.scene.robot.length)
             self._rods.batched_positions = pose.rods.mean(axis=1)
             self._rods.batched_wxyzs = _turns_of_z(way / np.maximum(lengths, 1e-12))
             self._rods.batched_scales = np.hstack([thick, lengths])
@@ -268,7 +268,7 @@ class Viewer:
                     )
                     axes = _turn(R @ np.array([body.axes for body in bodies]))
                     batch.batched_wxyzs = axes.as_quat(scalar_first=True)
-            closures = zip(self._labels, self.scene.mechanism.closures, strict=True)
+            closures = zip(self._labels, self.scene.robot.closures, strict=True)
             for k, (label, closure) in enumerate(closures):
                 label.visible = self._named.value
                 if self._named.value:
@@ -282,7 +282,7 @@ class Viewer:
             self._singularity.value = f"{pose.singularity:.2g}"
 
     def _add_controls(self) -> None:
-        gui, robot = self._server.gui, self.scene.mechanism
+        gui, robot = self._server.gui, self.scene.robot
         self._state = gui.add_text("loops", "", disabled=True)
         hint = "0 where the motors lose control of the motion"
         self._singularity = gui.add_text("singularity measure", "", disabled=True, hint=hint)
@@ -324,7 +324,7 @@ class Viewer:
 
     def _add_masses(self, masses: Mapping[str, Sequence[BodyMass]]) -> None:
         """Centres of mass and ellipsoids of inertia, by what says so."""
-        size, self._masses = 1.5 * THICKNESS * self.scene.mechanism.length, list[Any]()
+        size, self._masses = 1.5 * THICKNESS * self.scene.robot.length, list[Any]()
         for n, (name, bodies) in enumerate(masses.items()):
             box = self._server.gui.add_checkbox(f"masses of {name}", len(masses) > 1)
             box.on_update(lambda _: self._place(self.pose))
@@ -373,9 +373,7 @@ def _turns_of_z(directions: FloatArray) -> FloatArray:
 
 
 @checked
-def open_viewer(
-    mechanism: Mechanism, files: Sequence[str | Path] = (), *, port: Port = 8080
-) -> Viewer:
+def open_viewer(robot: Robot, files: Sequence[str | Path] = (), *, port: Port = 8080) -> Viewer:
     """Show a robot with a log or a motion, which can be played, and with saved fits.
 
     Parameters
@@ -390,12 +388,12 @@ def open_viewer(
     for path in map(str, files):
         text = Path(path).suffix in (".yaml", ".yml", ".json")
         if text and "loopid fit" in Path(path).read_text(errors="replace")[:200]:
-            fits[path] = load_fit(path, mechanism)
+            fits[path] = load_fit(path, robot)
         elif text or not Path(path).exists():
             planned = read_motion_program(path).motion(rate=RATE)
-            motions[path] = joint_motion(mechanism, planned)
+            motions[path] = joint_motion(robot, planned)
         else:
-            motions[path] = read_recordings(mechanism, [path])[0].motion
+            motions[path] = read_recordings(robot, [path])[0].motion
     if len(motions) > 1:
         raise OptionError(f"only one log or motion can be played, not {', '.join(motions)}")
-    return Viewer(mechanism, motion=next(iter(motions.values()), None), fits=fits, port=port)
+    return Viewer(robot, motion=next(iter(motions.values()), None), fits=fits, port=port)

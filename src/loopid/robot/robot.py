@@ -102,7 +102,7 @@ class Loop:
 
 
 @record(checked=True)
-class Mechanism:
+class Robot:
     """A robot with or without closed loops.
 
     Attributes
@@ -157,12 +157,12 @@ class Mechanism:
     undeclared : tuple of UndeclaredLoops
         Loops that the file shows but does not declare.
     options : mapping
-        Arguments of ``load_mechanism`` beside the path, to load the same robot again.
+        Arguments of ``load`` beside the path, to load the same robot again.
 
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("five_bar")
+    >>> robot = loopid.load("five_bar")
     >>> robot.actuated, robot.rows, len(robot.parameters())
     (('left_crank_joint', 'right_crank_joint'), 3, 40)
     """
@@ -211,7 +211,7 @@ class Mechanism:
 
     def __repr__(self) -> str:
         return (
-            f"Mechanism {self.name}: {len(self.joints)} joints, {self.model.nv} coordinates, "
+            f"Robot {self.name}: {len(self.joints)} joints, {self.model.nv} coordinates, "
             f"{len(self.bodies)} bodies, {self.rows} closure equations\n"
             f"  actuated: {shortened(self.actuated)}\n"
             f"  independent: {shortened(self.independent)}"
@@ -702,14 +702,14 @@ def link_frames(model: pin.Model) -> dict[str, int]:
     return {frame.name: i for i, frame in frames if frame.type == pin.FrameType.BODY}
 
 
-def lock_options(mechanism: Mechanism, names: Iterable[str] | None = None) -> str:
+def lock_options(robot: Robot, names: Iterable[str] | None = None) -> str:
     """What locks coordinates that the motors leave free, in words of Python.
 
     Parameters
     ----------
-    mechanism : Mechanism
+    robot : Robot
     names : iterable of str, optional
-        Some of ``mechanism.free``; by default all of them.
+        Some of ``robot.free``; by default all of them.
 
     Returns
     -------
@@ -719,15 +719,15 @@ def lock_options(mechanism: Mechanism, names: Iterable[str] | None = None) -> st
     Examples
     --------
     >>> import loopid
-    >>> loopid.robot.lock_options(loopid.load_mechanism("five_bar"), ["left_coupler_joint"])
+    >>> loopid.robot.lock_options(loopid.load("five_bar"), ["left_coupler_joint"])
     "lock=['left_coupler_joint']"
     """
-    chosen = mechanism.free if names is None else tuple(names)
+    chosen = robot.free if names is None else tuple(names)
     free, found = set(chosen), dict[str, None]()
     for name in chosen:
-        joint = name if name in mechanism.joints else name.rpartition(".")[0]
-        ball = mechanism.joint(joint).shortname() == "JointModelSpherical"
-        some = ball and not free.issuperset(mechanism.coordinates_of([joint]))
+        joint = name if name in robot.joints else name.rpartition(".")[0]
+        ball = robot.joint(joint).shortname() == "JointModelSpherical"
+        some = ball and not free.issuperset(robot.coordinates_of([joint]))
         found[name if some else joint] = None
     return f"lock={[*found]}"
 

@@ -1,4 +1,4 @@
-"""``load_mechanism``: from robot files to a ``Mechanism`` whose loops are closed."""
+"""``load``: from robot files to a ``Robot`` whose loops are closed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from loopid.loading.closure import Closure, Coupling, with_more
 from loopid.loading.files import RobotFiles, find_files
 from loopid.loading.tree import Reference, TreeSource
 from loopid.registry import robot_formats
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 
 
 @with_config(extra="forbid")
@@ -30,7 +30,7 @@ class Reading(TypedDict, total=False):
 
 
 @checked
-def load_mechanism(
+def load(
     path: str | Path,
     *,
     closures: Sequence[Closure | Coupling] = (),
@@ -40,7 +40,7 @@ def load_mechanism(
     rounding: float | None = None,
     tied: bool = False,
     **reading: Unpack[Reading],
-) -> Mechanism:
+) -> Robot:
     """Load a robot and check that it is one.
 
     Parameters
@@ -69,7 +69,7 @@ def load_mechanism(
 
     Returns
     -------
-    Mechanism
+    Robot
         Closed at its reference to 1e-10 of its length or, with a warning, as its rounding allows.
 
     Raises
@@ -87,10 +87,10 @@ def load_mechanism(
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("3ups_rpu")
+    >>> robot = loopid.load("3ups_rpu")
     >>> robot.independent
     ('leg1_stroke', 'leg2_stroke', 'leg3_stroke', 'leg4_stroke')
-    >>> loopid.load_mechanism("3ups_rpu", lock=["leg1_stroke"]).actuated
+    >>> loopid.load("3ups_rpu", lock=["leg1_stroke"]).actuated
     ('leg2_stroke', 'leg3_stroke', 'leg4_stroke')
     """
     files = find_files(path)

@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 import loopid
 from loopid.errors import OptionError
 from loopid.parameters import KINDS, model_kinds
-from loopid.robot import LoopClosure
-from loopid.robot.closures import relative_quaternion
+from loopid.robot.closures import LoopClosure, relative_quaternion
 
 
 def numbers(element, *names):
@@ -136,7 +135,7 @@ def test_the_length_is_the_widest_distance_between_joints(knee, generator):
 
 
 def test_mechanisms_compare_pickle_and_print(knee):
-    again = loopid.load_mechanism("3ups_rpu")
+    again = loopid.load("3ups_rpu")
     assert again == knee
     assert hash(again) == hash(knee)
     assert {again: 1}[knee] == 1

@@ -11,8 +11,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from loopid.arguments import FloatArray, IntArray, checked, finite, row_blocks
-from loopid.base_parameters.base import BaseParameters, find_base_parameters
+from loopid.arguments import FloatArray, IntArray, checked, finite, row_blocks, samples
+from loopid.base_parameters.base import BaseParameters, find_base
 from loopid.base_parameters.choice import KeptChoice, SearchStrategy
 from loopid.errors import DataError, MissingExtraError, ModelWarning, OptionError, warn
 from loopid.identification.leaving_out import regions_of
@@ -36,7 +36,7 @@ from loopid.regressors.joint_terms import (
 from loopid.regressors.maxwell_slip import Slips, slips_along, slips_at
 from loopid.regressors.motion_regressors import motion_regressor
 from loopid.regressors.structural import structural_observation
-from loopid.robot.mechanism import Mechanism
+from loopid.robot.robot import Robot
 from loopid.workers import ordered_map
 
 # Steps of the reference, before its start and after its end, that the log may reach.
@@ -64,7 +64,7 @@ class ForceModel:
 
     Attributes
     ----------
-    mechanism : Mechanism
+    robot : Robot
     model : str
         ``"gravity"`` or ``"full"``.
     joint_terms : JointTerms or None
@@ -78,7 +78,7 @@ class ForceModel:
         depends on it.
     """
 
-    mechanism: Mechanism
+    robot: Robot
     model: str
     joint_terms: JointTerms | None
     base: BaseParameters
@@ -88,9 +88,32 @@ class ForceModel:
     def __repr__(self) -> str:
         bodies, joints = len(self.body_columns), len(self.joint_columns)
         return (
-            f"ForceModel({self.mechanism.name}, {self.model}: {bodies} base parameters of bodies, "
+            f"ForceModel({self.robot.name}, {self.model}: {bodies} base parameters of bodies, "
             f"{joints} of joint terms)"
         )
+
+    def __str__(self) -> str:
+        """A table: a base parameter a line, with its value by the robot file."""
+        base, units = self.base, [each.unit or "1" for each in self.parameters]
+        values = [f"{value:.4g} {unit}" for value, unit in zip(self.prior, units, strict=True)]
+        width = max(map(len, ["in file", *values]))
+        lines = [
+            f"{number:4}  {value:{width}}  {expression}"
+            for number, (value, expression) in enumerate(
+                zip(values, base.expressions, strict=True), start=1
+            )
+        ]
+        head = (
+            f"{self.model} model of {self.robot.name}: {len(base)} base parameters of "
+            f"{len(base.parameters)} (rank gap {base.structure.rank_gap:.1e}, {base.search.name} "
+            "search)"
+        )
+        return "\n".join([head, f"      {'in file':{width}}  base parameter", *lines])
+
+    @property
+    def matrix(self) -> FloatArray:
+        """M (n, p) of base parameters φ = M π of standard parameters and joint terms."""
+        return self.base.matrix
 
     @property
     def parameters(self) -> ParameterSet:
@@ -139,12 +162,12 @@ class ForceModel:
             regrouping=base.regrouping[columns],
         )
         terms, _ = parted(self.joint_terms)
-        return ForceModel(self.mechanism, self.model, terms, narrow, self.automatic)
+        return ForceModel(self.robot, self.model, terms, narrow, self.automatic)
 
     @property
     def load_columns(self) -> tuple[IntArray, IntArray]:
         """Rows of the motors with load friction, and its columns."""
-        return load_places(self.parameters, self.mechanism.independent)
+        return load_places(self.parameters, self.robot.independent)
 
     def _needs(self, column: int) -> tuple[str, ...]:
         return joint_term(self.parameters[column].kind).needs
@@ -192,19 +215,19 @@ class ForceModel:
     @property
     def standard_prior(self) -> FloatArray:
         """Standard parameters (p,) of the robot file, zero for joint terms unknown to it."""
-        bodies = self.mechanism.standard_parameters(self.model)
+        bodies = self.robot.standard_parameters(self.model)
         return np.concatenate([bodies, np.nan_to_num(self.joint_values)])
 
     @property
     def joint_values(self) -> FloatArray:
         """Values (k,) of all joint terms by the robot file; NaN where it gives none."""
         terms = self.joint_terms
-        return np.zeros(0) if terms is None else terms.values(self.mechanism)
+        return np.zeros(0) if terms is None else terms.values(self.robot)
 
     @property
     def has_masses(self) -> bool:
         """Whether the robot file gives any body a mass."""
-        return bool(self.mechanism.standard_parameters("full")[:: len(KINDS)].any())
+        return bool(self.robot.standard_parameters("full")[:: len(KINDS)].any())
 
     @property
     def prior(self) -> FloatArray:
@@ -218,9 +241,9 @@ class ForceModel:
         Velocities and accelerations are those of a fall over the robot's length.
         """
         rows = ROWS_PER_COLUMN * len(self.parameters)
-        count = max(LEAST_STATES, -(-rows // len(self.mechanism.independent)))
-        q = random_configurations(self.mechanism, count)
-        return self.standard_regressor(q, *random_motions(self.mechanism, count))
+        count = max(LEAST_STATES, -(-rows // len(self.robot.independent)))
+        q = random_configurations(self.robot, count)
+        return self.standard_regressor(q, *random_motions(self.robot, count))
 
     def standard_regressor(
         self,
@@ -241,9 +264,9 @@ class ForceModel:
         slips : mapping, optional
             ``JointTerms.slips``; without, friction is that of steady motion.
         """
-        whole = closed_motion(self.mechanism, configurations, velocities, accelerations)
+        whole = closed_motion(self.robot, configurations, velocities, accelerations)
         return motion_regressor(
-            self.mechanism, whole, self.model, joint_terms=self.joint_terms, slips=slips
+            self.robot, whole, self.model, joint_terms=self.joint_terms, slips=slips
         )
 
     @checked
@@ -258,13 +281,13 @@ class ForceModel:
         Examples
         --------
         >>> import loopid
-        >>> model = loopid.find_force_model(loopid.load_mechanism("five_bar"), joint_terms=None)
+        >>> model = loopid.force_model(loopid.load("five_bar"), joint_terms=None)
         >>> round(model.fit_of(2 * model.prior)["left_crank.my"].value, 3)
         0.0
         """
         if isinstance(fit, Fit):
             return replace(fit, model=self)
-        values, motors = finite(fit, "values"), self.mechanism.independent
+        values, motors = finite(fit, "values"), self.robot.independent
         unknown = np.full(len(motors), np.nan)
         return Fit(
             estimator=VALUES,
@@ -298,9 +321,9 @@ class ForceModel:
         with warnings.catch_warnings():  # the same as of this model
             warnings.simplefilter("ignore")
             try:
-                found = find_force_model(self.mechanism, self.model, terms, search=kept)
+                found = force_model(self.robot, self.model, terms, search=kept)
             except OptionError:
-                found = find_force_model(self.mechanism, self.model, terms)
+                found = force_model(self.robot, self.model, terms)
         return replace(found, automatic=self.automatic)
 
     def with_columns(self, kinds: Mapping[str, tuple[str, ...]]) -> ForceModel:
@@ -311,7 +334,7 @@ class ForceModel:
         """
         terms, base = (self.joint_terms or JointTerms(())).joined(kinds), self.base
         bodies = base.parameters.select(range(len(base.parameters) - len(self.joint_values)))
-        every = bodies + terms.parameters(self.mechanism)
+        every = bodies + terms.parameters(self.robot)
         places = {label: j for j, label in enumerate(every.labels)}
         own = np.array([places[label] for label in base.parameters.labels], dtype=np.int64)
         further = np.setdiff1d(np.arange(len(every)), own)
@@ -322,13 +345,21 @@ class ForceModel:
             dependent=own[base.dependent],
             regrouping=np.pad(base.regrouping, ((0, len(further)), (0, 0))),
         )
-        return ForceModel(self.mechanism, self.model, terms, wide, self.automatic)
+        return ForceModel(self.robot, self.model, terms, wide, self.automatic)
 
-    def regressor(self, motion: JointMotion, n_jobs: int = 1) -> FloatArray:
-        """Forces (N, dof, n) per unit of each parameter, by so many processes."""
+    def regressor(self, motion: JointMotion | FloatArray, n_jobs: int = 1) -> FloatArray:
+        """Forces (N, dof, n) per unit of each parameter along a motion, using ``n_jobs``.
+
+        Or what holds the robot in closed configurations (nq,) or (N, nq): (dof, n) or (N, dof, n).
+        """
+        if not isinstance(motion, JointMotion):
+            q = samples(motion, self.robot.model.nq, "configurations")
+            still = np.zeros((len(q), len(self.robot.independent)))
+            K = self.loaded(self.base.regressor(self.standard_regressor(q, still, still)))
+            return K[0] if np.ndim(motion) == 1 else K
         q, v, a = motion.configurations, motion.velocities, motion.accelerations
         terms = self.joint_terms
-        slips = {} if terms is None else terms.slips(self.mechanism, q)
+        slips = {} if terms is None else terms.slips(self.robot, q)
         states = (
             (q[rows], v[rows], a[rows], slips_at(slips, rows))
             for rows in row_blocks(len(motion.time), CHUNK)
@@ -356,7 +387,7 @@ class ForceModel:
             raise DataError(f"{recording.name} has no samples")
         W = self._with_filtered_steps(self.regressor(recording.motion, n_jobs), recording)
         used, least = recording.used, None
-        free = np.isin(recording.actuators, self.mechanism.free)
+        free = np.isin(recording.actuators, self.robot.free)
         if free.any():
             largest = np.abs(W).max(axis=(0, 2))
             squares = ((W * self.prior) ** 2).sum(axis=(0, 2))
@@ -391,18 +422,18 @@ class ForceModel:
 
         ``loads`` (N, dof) are those of the motors.
         """
-        history, mechanism = recording.history, self.mechanism
+        history, robot = recording.history, self.robot
         assert history is not None
         links = [self.parameters[j].link for j in columns]
-        rates = mechanism.velocity_indices(links)
+        rates = robot.velocity_indices(links)
         q = recording.motion.configurations
-        shares = [project(mechanism, q[rows]).G[:, rates] for rows in row_blocks(len(q))]
+        shares = [project(robot, q[rows]).G[:, rates] for rows in row_blocks(len(q))]
         signals = np.empty((len(history.velocity), len(columns)))
         for joint in dict.fromkeys(links):
             own = [k for k, link in enumerate(links) if link == joint]
             state = self._state_of_log(recording, joint, [columns[k] for k in own])
-            if joint in mechanism.independent:
-                load = np.abs(loads[:, mechanism.independent.index(joint)])
+            if joint in robot.independent:
+                load = np.abs(loads[:, robot.independent.index(joint)])
                 size = np.interp(np.arange(len(state.rate)), history.rows, load)
                 state = state._replace(torque=size)
             for k in own:
@@ -419,12 +450,12 @@ class ForceModel:
         def of_joint(what: str) -> Any:
             def field_of(motion: ClosedMotion) -> FloatArray:
                 if what == "load":
-                    return terms.loads(self.mechanism, motion)[0][joint]
-                return np.asarray(getattr(joint_state(self.mechanism, motion, joint), what))
+                    return terms.loads(self.robot, motion)[0][joint]
+                return np.asarray(getattr(joint_state(self.robot, motion, joint), what))
 
-            return history.of_motion(self.mechanism, field_of)
+            return history.of_motion(self.robot, field_of)
 
-        rate = history.of_joint(self.mechanism, joint)
+        rate = history.of_joint(self.robot, joint)
         more = {n: of_joint(n) for n in ("position", "acceleration", "load") if n in needed}
         load = more.pop("load", None)
         found = terms.state(JointState(None, rate, None)._replace(**more), load)
@@ -451,10 +482,10 @@ class ForceModel:
                 continue
             motion = recording.motion
             state = motion.configurations, motion.velocities, motion.accelerations
-            whole = closed_motion(self.mechanism, *state)
+            whole = closed_motion(self.robot, *state)
             assert self.joint_terms is not None
-            slips = self.joint_terms.slips(self.mechanism, motion.configurations)
-            terms = self.joint_terms.columns(self.mechanism, whole, slips=slips)
+            slips = self.joint_terms.slips(self.robot, motion.configurations)
+            terms = self.joint_terms.columns(self.robot, whole, slips=slips)
             first = len(self.base.parameters) - terms.shape[2]
             W[rows][:, :, columns] = terms[:, :, self.base.base[columns] - first]
             place, own = self.load_columns
@@ -463,8 +494,8 @@ class ForceModel:
 
 
 @checked
-def find_force_model(
-    mechanism: Mechanism,
+def force_model(
+    robot: Robot,
     model: str = "gravity",
     joint_terms: JointTerms | str | None = AUTOMATIC,
     *,
@@ -472,7 +503,7 @@ def find_force_model(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> ForceModel:
-    """Find the base parameters of a mechanism together with its joint terms.
+    """Find the base parameters of a robot together with its joint terms.
 
     Parameters
     ----------
@@ -485,7 +516,7 @@ def find_force_model(
         and in ``identify`` friction curves and load friction where the data ask for them.
         ``"auto; elbow: Ks"`` is that and more.
     search, seed, progress
-        As in ``find_base_parameters`` and ``structural_observation``.
+        As in ``find_base`` and ``structural_observation``.
 
     Warns
     -----
@@ -496,42 +527,71 @@ def find_force_model(
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load_mechanism("five_bar")
-    >>> loopid.find_force_model(robot, "full")
+    >>> robot = loopid.load("five_bar")
+    >>> loopid.force_model(robot, "full")
     ForceModel(five_bar, full: 9 base parameters of bodies, 8 of joint terms)
     """
     model_kinds(model)  # refuses an unknown one
     automatic = False
     if isinstance(joint_terms, str):
-        joint_terms, automatic = chosen_terms(mechanism, model, joint_terms)
-    warn_of_omitted(mechanism, joint_terms)
+        joint_terms, automatic = chosen_terms(robot, model, joint_terms)
+    warn_of_omitted(robot, joint_terms)
     plain, others = parted(joint_terms)
     observation = structural_observation(
-        mechanism, model, seed=seed, progress=progress, joint_terms=plain
+        robot, model, seed=seed, progress=progress, joint_terms=plain
     )
-    base = find_base_parameters(observation, search)
+    base = find_base(observation, search)
     felt = {base.parameters.labels[j] for j in base.structure.columns}
     idle = [p.label for p in base.parameters if p.kind not in KINDS and p.label not in felt]
     if idle:
         warn(
-            f"no motor of {mechanism.name} feels {', '.join(idle)} in any pose: the model is "
+            f"no motor of {robot.name} feels {', '.join(idle)} in any pose: the model is "
             "without them",
             ModelWarning,
         )
     if plain is not None and plain.loaded:
-        states = random_configurations(mechanism, FEW), *random_motions(mechanism, FEW)
-        _, left_open = plain.loads(mechanism, closed_motion(mechanism, *states))
+        states = random_configurations(robot, FEW), *random_motions(robot, FEW)
+        _, left_open = plain.loads(robot, closed_motion(robot, *states))
         if left_open:
             warn(
-                f"redundant closures of {mechanism.name} leave open what {', '.join(left_open)} "
+                f"redundant closures of {robot.name} leave open what {', '.join(left_open)} "
                 "carry: their load-dependent friction is that of the least forces in closures",
                 ModelWarning,
             )
-    found = ForceModel(mechanism, model, plain, base, automatic)
+    found = ForceModel(robot, model, plain, base, automatic)
     return found.with_columns(others) if others else found
 
 
-def chosen_terms(mechanism: Mechanism, model: str, choice: str) -> tuple[JointTerms | None, bool]:
+@checked
+def find_base_parameters(
+    robot: Robot,
+    model: str = "gravity",
+    *,
+    search: str | SearchStrategy = "exact",
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> ForceModel:
+    """Find the base parameters of the bodies alone: ``force_model`` without joint terms.
+
+    Parameters
+    ----------
+    model : str
+        ``"gravity"``, masses and first moments, or ``"full"``.
+    search, seed, progress
+        As of ``force_model``.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> base = loopid.find_base_parameters(robot, search="subgroup")
+    >>> base.regressor(robot.reference).shape, base.matrix.shape
+    ((2, 6), (6, 16))
+    """
+    return force_model(robot, model, None, search=search, seed=seed, progress=progress)
+
+
+def chosen_terms(robot: Robot, model: str, choice: str) -> tuple[JointTerms | None, bool]:
     """The joint terms of a choice, and whether it has ``auto`` among its words."""
     model_kinds(model)  # refuses an unknown one
     words = re.split(r"([,;:])", choice)
@@ -539,7 +599,7 @@ def chosen_terms(mechanism: Mechanism, model: str, choice: str) -> tuple[JointTe
     usual = [
         USUAL_TERMS[model] if flag else word for word, flag in zip(words, automatic, strict=True)
     ]
-    return JointTerms.of(mechanism, "".join(usual)), any(automatic)
+    return JointTerms.of(robot, "".join(usual)), any(automatic)
 
 
 def parted(terms: JointTerms | None) -> tuple[JointTerms | None, dict[str, tuple[str, ...]]]:
@@ -612,7 +672,7 @@ def reference_instruments(
     Raises
     ------
     DataError
-        When the reference does not last as long as the recording, or is of another mechanism.
+        When the reference does not last as long as the recording, or is of another robot.
     """
     nq = recording.motion.configurations.shape[1]
     if reference.configurations.shape[1] != nq:
