@@ -37,6 +37,11 @@ def test_a_file_is_refused_by_its_line(tmp_path, case):
     assert {"line": line, "key": key}.items() <= refused.value.facts.items()
 
 
+def test_a_bundled_robot_is_meant():
+    with pytest.raises(loopid.errors.FileError, match=r"exist \(did you mean 'five_bar'\?\), and"):
+        loopid.load("five_br")
+
+
 @pytest.mark.parametrize(
     ("given", "meant"), [("jiont", "joint"), ("JOINT", "joint"), ("knee", None), (5, None)]
 )

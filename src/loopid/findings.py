@@ -15,7 +15,6 @@ from loopid.records import record
 # The most important first. A mistake spoils all figures.
 SEVERITIES = ("mistake", "warning", "note")
 PAGE = "docs/not_fit.md"  # what to look at, by symptom
-BRIEF = 2 * 80 - len("loopid: warning: ")  # columns of what is said without the evidence
 Severity = Literal["mistake", "warning", "note"]
 
 
@@ -56,9 +55,8 @@ class Finding:
 
     @property
     def brief(self) -> str:
-        """Without the evidence, in two lines of a terminal; long advice follows the evidence."""
-        whole = f"{self.title}{f'; {self.do}' * bool(self.do)}"
-        return whole if len(whole) <= BRIEF or self.severity == "mistake" else self.title
+        """Without the evidence, for a terminal."""
+        return f"{self.title}{f'; {self.do}' * bool(self.do)}"
 
     @property
     def veto(self) -> str:

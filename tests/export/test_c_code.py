@@ -216,7 +216,10 @@ def test_tied_links(compiled):
     assert_agrees(found, compiled(found), around_reference(found))
 
 
-@pytest.mark.parametrize("kind", [*ROWS, "coupling", "cam"])
+KINDS = few_of([*ROWS, "coupling", "cam"], "3d", "6d", "distance", "cable", "coupling", "cam")
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_of_closure(compiled, tmp_path, kind):
     couplings = {"coupling": (chain(3), GEAR), "cam": (chain(3), CAM)}
     parts, description = couplings.get(kind) or loop(kind)
@@ -380,7 +383,7 @@ def drive(mechanism, count, step, seed=0):
     return u, found.configurations
 
 
-@pytest.mark.parametrize("robot", few_of(bundled_robots(), "3ups_rpu", "five_bar", "delta"))
+@pytest.mark.parametrize("robot", few_of(bundled_robots(), "3ups_rpu", "five_bar"))
 def test_a_control_loop(compiled, robot):
     """All joints and forces, sample by sample."""
     found = force_model(robot, "gravity")

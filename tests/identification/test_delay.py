@@ -53,7 +53,7 @@ def test_a_delay_is_found_within_its_interval(case, delay):
     model, _, log = case
     found = find_delay(model, [prepared(model, noisy(log, delay))])
     half = np.ptp(found.interval) / 2
-    assert abs(found.common - delay) < 1.7 * half < 0.006
+    assert abs(found.common - delay) < 1.7 * half < 0.0045
     assert (np.abs(found.each - delay) < 1.7 * np.ptp(found.intervals, axis=1) / 2).all()
     assert found.clear or abs(delay) < 1.2 * CLEAR * half
     assert not found.clear or delay

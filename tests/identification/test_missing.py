@@ -61,7 +61,7 @@ def test_a_missing_force_is_named_with_its_size_and_what_it_would_save(robot, mo
     (finding,) = [each for each in found.findings if LEFT in each.title and law in each.title]
     assert finding.severity == "warning"
     assert "% smaller" in finding.why
-    assert len(finding.brief) <= 150
+    assert len(finding.brief) <= 2 * 80 - len("warning: ")
     assert finding.do in finding.brief
     assert "as parameters" not in str(found.verdict)
 

@@ -93,6 +93,15 @@ def test_a_right_one_is(robot, models):
     assert (rms >= found["consistent"].validation.residual_rms).all()
 
 
+def test_a_fit_that_is_not_at_its_best_is_not(robot, models):
+    found = quietly(identify, models["full"], [recording(robot)])
+    best = found["consistent"]
+    unsettled = replace(best, fit=replace(best.fit, settled=False))
+    found = replace(found, candidates={**found.candidates, "consistent": unsettled})
+    assert PRAISE not in str(found.verdict)
+    assert any("not at its best" in each.title and each.do for each in found.findings)
+
+
 def test_errors_are_looked_at_where_they_are_worst(robot, models):
     """Of forces with more noise in a stretch and at low speed, and that are off at standstill."""
     found = quietly(identify, models["full"], [recording(robot)])

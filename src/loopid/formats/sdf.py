@@ -253,7 +253,7 @@ class _Sdf:
         with naming(label(element)):
             known = (*IN_TREE, *TWO_AXES, "gearbox")
             if kind not in known:
-                raise RobotFileError(f"type {kind!r} is not read: choose among {', '.join(known)}")
+                raise RobotFileError.unknown("type", kind, known)
             parent, carried = (
                 self.carrier(scope, (child(element, side).text or "").strip())
                 for side in ("parent", "child")

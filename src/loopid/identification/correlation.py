@@ -110,6 +110,19 @@ class Autoregression:
         return float(np.vdot(ones, self.filtered(ones, pieces)))
 
 
+def mean_of_series(
+    series: FloatArray, counts: IntArray | BoolArray, pieces: Pieces
+) -> tuple[float, float]:
+    """Mean of numbers, of which a series (N,) has the sums of so many each, and its standard error.
+
+    The series is an autoregressive process: times do not count as independent.
+    """
+    total, present = int(counts.sum()), np.asarray(counts > 0)
+    mean, runs = float(series.sum()) / total, run_lengths(present, pieces)
+    model = Autoregression.of_covariances(burg_covariances(series - mean * counts, runs))
+    return mean, float(np.sqrt(model.sum_variance(present, pieces))) / total
+
+
 def run_lengths(used: BoolArray, pieces: Pieces) -> IntArray:
     """Length of the unbroken run of used samples of its piece that ends with each sample (N,)."""
     places = np.arange(1, len(used) + 1)

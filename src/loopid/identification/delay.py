@@ -4,7 +4,9 @@ Forces that come d late belong to a motion d earlier: τ(t + d) = W(t) φ. Where
 forces is not d, the best fit leaves residuals, whatever the base parameters φ: all of them are
 fitted at each shift, beside friction, an offset and the inertia of each drive, lest what a force
 model lacks looks like a delay. Friction that builds up after a reversal does, beside the sign of
-the velocity: so W has elements of Maxwell slip of each motor, too (``maxwell_slip.py``).
+the velocity. So the delay is found twice: beside plain friction, which is sharp, and beside Maxwell
+slip of each motor, too, which is right in any case (``maxwell_slip.py``). The sharp one is taken
+where the evidence has no slip in any motor, and the other one is not clearly another.
 
 One orthonormal basis of W serves all shifts, whose forces are right-hand sides of it. From the best
 of them Newton's method goes on to where residuals are orthogonal to derivatives of the predicted
@@ -14,13 +16,13 @@ autocorrelated errors as all others do (``correlation.py``).
 
 What tells most of a delay is where friction changes sides, in a wide band, where there is most
 noise of positions, too. The widest band that is looked at is that around which estimates change
-least (``cutoff.py``); narrower ones follow for as long as the interval shrinks.
+least (``cutoff.py``); narrower ones follow for as long as the interval shrinks and tells the same.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -38,6 +40,7 @@ from loopid.identification.correlation import (
 from loopid.identification.cutoff import CutoffChoice, choose_cutoff
 from loopid.identification.estimator import WorkingFit, require_rows, result_of, scaled_svd
 from loopid.identification.force_models import ForceModel
+from loopid.identification.hysteresis import POSSIBLE, slip_evidence
 from loopid.identification.jackknife import with_scatter
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit
@@ -189,14 +192,13 @@ def find_delay(
     0.02
     """
     logged = [one for one in recordings if one.log is not None]
-    best, least = None, np.inf
+    best: Delay | None = None
     with one_blas_thread():
         for band in _bands(force_model, logged, cutoff):
             found = _found(force_model, at_cutoff(force_model.robot, logged, band))
-            width = np.inf if found is None else float(np.ptp(found.interval))
-            if least < width:
+            if best is not None and (found is None or not _sharpens(found, best)):
                 break
-            best, least = found or best, width
+            best = found
     return best
 
 
@@ -219,9 +221,52 @@ def _bands(
 def _found(force_model: ForceModel, recordings: Sequence[Recording]) -> Delay | None:
     """The delay in the band of recordings; None of too few samples, or a motion without change."""
     try:
-        return _Search(_Forces(force_model, recordings)).result()
+        forces = _Forces(force_model, recordings)
+        search = _Search(forces)
+        plain = search.result()
+        known = bool(np.isfinite(plain.interval).all())
+        slips = not known or search.slips(plain)
+        if not (slips or plain.clear):
+            return plain
+        robust = _Search(forces, slip=True).result()
     except (DataError, RankError):
         return None
+    # What is undone is there in either way.
+    if slips or not _sharpens(plain, robust):
+        return robust if not known or _has(plain, robust.undone) else _kept(robust)
+    return plain if _has(robust, plain.undone) else _kept(plain)
+
+
+def _has(delay: Delay, undone: FloatArray) -> bool:
+    """Whether intervals of what was undone (m,), in common or alone, are without zero."""
+    alone = delay.intervals[undone != 0] if np.ptp(undone) else np.array([delay.interval])
+    return bool((np.sign(alone).prod(axis=1) > 0).all())
+
+
+def _kept(delay: Delay) -> Delay:
+    """A delay of which nothing is undone."""
+    error = float(np.ptp(delay.interval)) / 2 / NORMAL
+    left = np.array([_left_open(delay.common, error, delay.step)])
+    return replace(delay, undone=0.0 * delay.undone, left=left)
+
+
+def _left_open(common: float, error: float, step: float) -> float:
+    """Deviation in s of a delay that is not clear: what the data leave of a usual one."""
+    usual = min(USUAL, step)
+    told = 1 / (1 + (error / usual) ** 2)
+    return float(np.hypot(told * common, usual * np.sqrt(1 - told)))
+
+
+def _sharpens(sharp: Delay, other: Delay) -> bool:
+    """Whether a delay is better known than another one, and the same by a test [Hausman1978].
+
+    Where a sharp estimate is right, its difference from any other has the difference of both
+    variances.
+    """
+    halves = np.ptp([sharp.interval, other.interval], axis=1) / 2
+    if not halves[0] < halves[1]:
+        return False
+    return bool((sharp.common - other.common) ** 2 <= halves[1] ** 2 - halves[0] ** 2)
 
 
 @checked
@@ -392,6 +437,7 @@ class _Forces:
         samples = replace(FitSamples.combined(list(drives)), used=np.all(used, axis=0))
         require_rows(samples.problem)
         self.samples = _told(samples)
+        self.slips = _of_slip(self.samples, recordings)
 
     def at(self, shifts: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Forces (N, dof) of times that are shifts (count,) later, and which can be used."""
@@ -409,10 +455,12 @@ class _Forces:
 class _Search:
     """The delay of forces beside Maxwell slip, with rows (k, n) of a prior of the columns."""
 
-    def __init__(self, forces: _Forces) -> None:
-        recordings = [run.recording for run in forces.runs]
-        samples, self.prior = _beside_slip(forces.samples, recordings)
-        self.forces, self.samples = forces, samples
+    def __init__(self, forces: _Forces, *, slip: bool = False) -> None:
+        self.forces, samples = forces, forces.samples
+        self.prior = np.zeros((0, samples.regressor.shape[2]))
+        if slip:
+            samples, self.prior = _beside_slip(samples, forces.slips)
+        self.samples = samples
         self.size = samples.problem.force_rms
         # Factors of each motor, for any weights of them.
         used = samples.regressor * samples.used[:, :, None]
@@ -537,6 +585,25 @@ class _Search:
         shares = counts.sum(axis=0) / counts.sum()
         return errors, float(np.sqrt(shares @ C @ shares) * scale.max())
 
+    def slips(self, found: Delay) -> bool:
+        """Whether friction of any motor builds up, by the evidence of slip beside all columns.
+
+        And beside changes of all delays, lest what is left of one looks like slip.
+        """
+        shifts = found.each[: self.forces.count]
+        force, _ = self.forces.at(shifts)
+        known = np.linalg.qr(self._left_of(self.slopes(force, len(shifts))))[0]
+
+        def beside(table: FloatArray) -> FloatArray:
+            left = self._left_of(table)
+            return np.asarray(left - known @ (known.T @ left))
+
+        left = beside(force[:, :, None])[:, 0]
+        return any(
+            slip_evidence(beside(table), left, self.size[row]) > POSSIBLE
+            for row, table in self.forces.slips.items()
+        )
+
     def result(self) -> Delay:
         """The delay of all motors, and of each."""
         count, joints = self.forces.count, self.forces.joints
@@ -569,18 +636,12 @@ class _Search:
     def _left(
         self, common: float, error: float, undone: FloatArray, errors: FloatArray
     ) -> FloatArray:
-        """Standard deviation in s of what is left in the log, of all motors or of each.
-
-        Of a delay that was undone its error; of one that is not clear, what the data leave of a
-        usual one.
-        """
+        """Standard deviation in s of what is left in the log, of all motors or of each."""
         if np.ptp(undone):
             return np.where(undone != 0, errors, 0.0)
         if undone.any():
             return np.array([error])
-        usual = min(USUAL, self.forces.step)
-        told = 1 / (1 + (error / usual) ** 2)
-        return np.array([np.hypot(told * common, usual * np.sqrt(1 - told))])
+        return np.array([_left_open(common, error, self.forces.step)])
 
     def _stands_out(self, k: int, delays: FloatArray, errors: FloatArray) -> bool:
         """Whether a motor has clearly a delay of its own, and the others none like it."""
@@ -613,31 +674,33 @@ def _disagreement(delays: FloatArray, errors: FloatArray) -> float:
 
 
 def _beside_slip(
-    samples: FitSamples, recordings: Sequence[Recording]
+    samples: FitSamples, slips: Mapping[int, FloatArray]
 ) -> tuple[FitSamples, FloatArray]:
-    """Samples beside Maxwell slip of each motor, and rows of a prior of all columns."""
-    width, forces = samples.regressor.shape[2], samples.problem.force_rms
-    tables, deviations = list[FloatArray](), list[float]()
+    """Samples beside Maxwell slip of motors, and rows of a prior of all columns."""
+    width, force = samples.regressor.shape[2], samples.problem.force_rms
+    if not slips:
+        return samples, np.zeros((0, width))
+    deviations = np.repeat(SLIP * force[list(slips)], ELEMENTS)
+    prior = np.eye(len(deviations), width + len(deviations), width) / deviations[:, None]
+    return _beside(samples, "slip", np.concatenate(list(slips.values()), axis=2)), prior
+
+
+def _of_slip(samples: FitSamples, recordings: Sequence[Recording]) -> dict[int, FloatArray]:
+    """Columns (N, dof, k) of the elements of Maxwell slip of each motor, by its row."""
+    found = {}
     for i, joint in enumerate(samples.actuators):
         if any(one.history and joint not in one.history.joints for one in recordings):
             continue  # a coordinate that no motor moves
         ways = [one.ways(joint) for one in recordings]
         slips = slip_displacements(max(float(np.ptp(way)) for each in ways for way in each))
-        if not (forces[i] and slips[0]):
+        if not (samples.problem.samples[i] and slips[0]):
             continue
-        table = np.zeros((*samples.force.shape, ELEMENTS))
-        table[:, i] = np.concatenate(
-            [
-                _slip(one, [slip_states(way, slips) for way in each])
-                for one, each in zip(recordings, ways, strict=True)
-            ]
+        parts = zip(recordings, ways, strict=True)
+        found[i] = np.zeros((*samples.force.shape, ELEMENTS))
+        found[i][:, i] = np.concatenate(
+            [_slip(one, [slip_states(way, slips) for way in each]) for one, each in parts]
         )
-        tables.append(table)
-        deviations += ELEMENTS * [SLIP * forces[i]]
-    if not tables:
-        return samples, np.zeros((0, width))
-    prior = np.eye(len(deviations), width + len(deviations), width)
-    return _beside(samples, "slip", np.concatenate(tables, axis=2)), prior / np.c_[deviations]
+    return found
 
 
 def _slip(recording: Recording, states: Sequence[FloatArray]) -> FloatArray:

@@ -108,7 +108,7 @@ class SuspicionOptions:
     evidence: float = 3.0
     shape: float = 0.4
     factor_shape: float = 0.15
-    late: float = 0.3
+    late: float = 0.25
     delay: float = 0.15
     latest: float = 30.0
     unexplained: float = 0.03

@@ -65,12 +65,22 @@ def possible_hysteresis(
         sizes = dict(zip(data.actuators, data.problem.force_rms.tolist(), strict=True))
         found = {}
         for joint, own in kinds.items():
-            U, values, _ = np.linalg.svd(columns[:, links == joint], full_matrices=False)
-            ratios = np.multiply.outer(TRIED * sizes[joint], values) ** 2
-            gains = ratios / (1 + ratios) * (U.T @ left) ** 2 - np.log1p(ratios)
-            if own and gains.sum(axis=1).max() > 2 * POSSIBLE:
+            mine = columns[:, links == joint]
+            if own and slip_evidence(mine, left, sizes[joint]) > POSSIBLE:
                 found[joint] = own
     return found
+
+
+def slip_evidence(columns: FloatArray, left: FloatArray, size: float) -> float:
+    """Logarithm of how much likelier residuals (r,) are with columns (r, k) of slip than without.
+
+    At the likeliest deviation of its elements, of errors of unit variance; ``size`` is that of the
+    motor's force.
+    """
+    U, values, _ = np.linalg.svd(columns, full_matrices=False)
+    ratios = np.multiply.outer(TRIED * size, values) ** 2
+    gains = ratios / (1 + ratios) * (U.T @ left) ** 2 - np.log1p(ratios)
+    return float(gains.sum(axis=1).max() / 2)
 
 
 def _elements(recordings: Sequence[Recording], joint: str) -> tuple[str, ...]:

@@ -34,7 +34,7 @@ from loopid.workers import one_blas_thread
 CHANCE = 0.01  # that any force is called clear in data where none is missing
 ONE_OF_ALL = 0.05  # chance of a motor's own force, from which on what is clear of all is its, too
 HELPS = 0.9  # of squared errors on stretches left out that may be left with a force that helps
-MOVES = 1.0  # standard errors of an estimate that a force moves it by at least to be named
+MOVES = 2.0  # standard errors of an estimate that a force moves it by at least to be named
 ROWS = 20  # samples of a motor for each column, at least
 MOST_WAVES, STEEPEST = 30, 120.0  # over the range of a motor; and in 2 π rad or metres
 LIKELIEST = 3  # numbers of waves that are tested in full

@@ -10,6 +10,7 @@ import numpy as np
 from loopid.arguments import BoolArray, FloatArray, checked, finite
 from loopid.errors import DataError
 from loopid.files import csv_text
+from loopid.identification.correlation import mean_of_series
 from loopid.identification.data import recordings_of
 from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import ROUND_OFF, FitSamples
@@ -268,9 +269,11 @@ def _rms_errors(samples: FitSamples, residual: FloatArray) -> FloatArray:
     """Standard errors (dof,) of the rms of residuals (N, dof), to first order; NaN for none."""
     errors = np.full(len(samples.actuators), np.nan)
     for k in np.flatnonzero(samples.problem.samples):
-        squares = residual[:, k][samples.used[:, k]] ** 2
+        used = samples.used[:, k]
+        squares = np.where(used, residual[:, k], 0.0) ** 2
         if squares.any():
-            errors[k] = _mean_error(squares) / (2 * np.sqrt(squares.mean()))
+            mean, error = mean_of_series(squares, used, samples.pieces)
+            errors[k] = error / (2 * np.sqrt(mean))
     return errors
 
 
@@ -311,12 +314,6 @@ def error_ratio(
         return (ratio, np.nan), np.exp(motors)
     spread = np.std(without.mean(axis=1)) * np.sqrt(count - 1)
     return (ratio, ratio * float(spread)), np.exp(motors)
-
-
-def _mean_error(series: FloatArray) -> float:
-    """Standard error of a mean, from the means of batches; NaN for one."""
-    means = [batch.mean() for batch in np.array_split(series, min(BATCHES, len(series)))]
-    return float(np.std(means, ddof=1) / np.sqrt(len(means))) if len(means) > 1 else np.nan
 
 
 @checked

@@ -11,7 +11,7 @@ from scipy.linalg import solve_triangular
 
 from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, OptionError
-from loopid.identification.correlation import Autoregression, burg_covariances, run_lengths
+from loopid.identification.correlation import mean_of_series
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator
 from loopid.identification.fitting import quiet_fit, working_fit
 from loopid.identification.identification import Identification
@@ -333,18 +333,11 @@ def _squares(samples: FitSamples, values: FloatArray, scale: FloatArray) -> Floa
 
 
 def _mean(samples: FitSamples, series: FloatArray, scale: FloatArray) -> tuple[float, float]:
-    """Mean of a series (N,) by forces that count, and its standard error.
-
-    The series is an autoregressive process: neither times nor actuators count as independent.
-    """
+    """Mean of a series (N,) by forces that count, and its standard error."""
     counts = (samples.used & (scale > 0)).sum(axis=1)
-    total = int(counts.sum())
-    if not total:
+    if not counts.any():
         raise DataError("there is no validation sample of an actuator that was fitted")
-    mean, present = float(series.sum()) / total, counts > 0
-    runs = run_lengths(present, samples.pieces)
-    model = Autoregression.of_covariances(burg_covariances(series - mean * counts, runs))
-    return mean, float(np.sqrt(model.sum_variance(present, samples.pieces))) / total
+    return mean_of_series(series, counts, samples.pieces)
 
 
 @checked

@@ -7,7 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
-from loopid.errors import FileError, RobotFileError
+from loopid.errors import FileError, RobotFileError, near
 from loopid.files import require_name, why_no_file
 from loopid.loading.description import Description
 from loopid.registry import robot_formats
@@ -117,8 +117,9 @@ def _existing(
     if str(path) in bundled:
         return bundled_directory() / f"{path}{ending}"
     names = tuple(bundled)
+    meant = "" if Path(path).suffix else near(path, names)
     raise FileError(
-        f"{what}{Path(path)} {problem}, and {listing}: {', '.join(names)}",
+        f"{what}{Path(path)} {problem}{meant}, and {listing}: {', '.join(names)}",
         file=str(path),
         valid=names,
     )

@@ -364,6 +364,7 @@ class Log(Tabular):
         saturation = None
         if mapping.saturation is not None:
             saturation = np.array(mapping.by_joint(name, "saturation", joints))
+        channels = [channel for stream in streams for channel in stream.channels]
         aligned = align(streams, joints, tolerances.gap)
         wrenches = [
             ExternalWrench(one.frame, aligned.signals[wrench_name(k)], one.axes, one.about)
@@ -378,17 +379,11 @@ class Log(Tabular):
             saturation=saturation,
             idle_speed=mapping.idle_speed,
             dropped=aligned.dropped,
-            force_scales={
-                channel.joint: channel.scale
-                for stream in streams
-                for channel in stream.channels
-                if channel.quantity == "force"
-            },
+            force_scales={one.joint: one.scale for one in channels if one.quantity == "force"},
             slides={
-                f"{channel.joint}.{channel.quantity}": channel.straight
-                for stream in streams
-                for channel in stream.channels
-                if channel.straight is not None
+                f"{one.joint}.{one.quantity}": one.straight
+                for one in channels
+                if one.straight is not None
             },
         )
         return log.delayed(mapping.force_delays(joints))
