@@ -341,8 +341,9 @@ def find_felt_parameters(
     Examples
     --------
     >>> import loopid
+    >>> from loopid.base_parameters.base import find_felt_parameters
     >>> observation = loopid.regressors.structural_observation(loopid.load("four_bar"))
-    >>> base, alone = loopid.base_parameters.find_felt_parameters(observation)
+    >>> base, alone = find_felt_parameters(observation)
     >>> len(base), alone
     (4, None)
     """

@@ -104,8 +104,9 @@ def analyse(observation: Observation, tolerances: RankTolerances = RankTolerance
     Examples
     --------
     >>> import loopid
+    >>> from loopid.base_parameters.structure import analyse
     >>> robot = loopid.load("four_bar")
-    >>> structure = loopid.base_parameters.analyse(loopid.regressors.structural_observation(robot))
+    >>> structure = analyse(loopid.regressors.structural_observation(robot))
     >>> structure.rank, len(structure.columns), structure.doubtful
     (4, 7, ())
     """

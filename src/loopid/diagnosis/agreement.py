@@ -106,11 +106,12 @@ def compare_fits(first: Fit, second: Fit) -> Agreement:
     Two logs of one five-bar, the second with other noise:
 
     >>> import loopid
+    >>> from loopid.identification.fitting import quiet_fit
     >>> robot = loopid.load("five_bar")
     >>> model = loopid.force_model(robot, "full", "Fc,Fv")
     >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
     >>> parts = loopid.identification.split_recordings([run], 0.5)
-    >>> fits = [loopid.identification.quiet_fit(model.samples(part)) for (part,) in parts]
+    >>> fits = [quiet_fit(model.samples(part)) for (part,) in parts]
     >>> found = loopid.diagnosis.compare_fits(*fits)
     >>> len(found.expressions), found.usual > 0.7
     (15, True)

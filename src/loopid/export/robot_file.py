@@ -142,10 +142,11 @@ def export_robot_file(
     Examples
     --------
     >>> import loopid, tempfile
+    >>> from loopid.export.robot_file import export_robot_file
     >>> robot = loopid.load("five_bar")
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     heavier = 2 * robot.standard_parameters("full")
-    ...     loopid.export.export_robot_file(robot, heavier, f"{folder}/heavier.urdf").name
+    ...     export_robot_file(robot, heavier, f"{folder}/heavier.urdf").name
     'heavier.urdf'
     """
     place, tree = Path(path), files_of(robot).tree

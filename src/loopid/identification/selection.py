@@ -202,13 +202,14 @@ def eliminate_parameters(
     Three columns, of which the last has no effect:
 
     >>> import loopid, numpy as np
+    >>> from loopid.identification.selection import eliminate_parameters
     >>> names = loopid.parameters.ParameterSet.from_labels(["arm.m", "arm.mx", "arm.my"])
     >>> def log(seed):
     ...     rng = np.random.default_rng(seed)
     ...     W = rng.normal(size=(500, 1, 3))
     ...     force = W @ [2.0, 0.5, 0.0] + 0.1 * rng.normal(size=(500, 1))
     ...     return loopid.identification.FitSamples.of(names, ["motor"], W, force)
-    >>> loopid.identification.eliminate_parameters(log(0), log(1)).result.parameters.labels
+    >>> eliminate_parameters(log(0), log(1)).result.parameters.labels
     ('arm.m', 'arm.mx')
     """
     names = training.parameters

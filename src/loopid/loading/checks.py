@@ -123,8 +123,9 @@ def inertia_defects(robot: Robot) -> tuple[InertiaDefect, ...]:
     Examples
     --------
     >>> import loopid
+    >>> from loopid.loading.checks import inertia_defects
     >>> robot = loopid.load("five_bar")
-    >>> loopid.loading.inertia_defects(robot)
+    >>> inertia_defects(robot)
     ()
     """
     found = []
@@ -152,7 +153,8 @@ def odd_masses(robot: Robot) -> tuple[str, ...]:
     Examples
     --------
     >>> import loopid
-    >>> loopid.loading.odd_masses(loopid.load("five_bar"))
+    >>> from loopid.loading.checks import odd_masses
+    >>> odd_masses(loopid.load("five_bar"))
     ()
     """
     model, found = robot.model, []

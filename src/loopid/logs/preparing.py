@@ -198,10 +198,11 @@ def prepare_again(
     Examples
     --------
     >>> import loopid
+    >>> from loopid.logs.preparing import prepare_again
     >>> robot = loopid.load("five_bar")
     >>> log = loopid.read_log(robot.path.parent / "logs" / "five_bar.csv", robot)
     >>> parts = loopid.prepare(robot, log).split(0.5)
-    >>> [run.cutoff for run in loopid.logs.prepare_again(robot, parts, cutoff=4.0)]
+    >>> [run.cutoff for run in prepare_again(robot, parts, cutoff=4.0)]
     [4.0, 4.0]
     """
     whole: dict[tuple[int, FilterOptions, MaskOptions], Recording] = {}

@@ -719,7 +719,8 @@ def lock_options(robot: Robot, names: Iterable[str] | None = None) -> str:
     Examples
     --------
     >>> import loopid
-    >>> loopid.robot.lock_options(loopid.load("five_bar"), ["left_coupler_joint"])
+    >>> from loopid.robot.robot import lock_options
+    >>> lock_options(loopid.load("five_bar"), ["left_coupler_joint"])
     "lock=['left_coupler_joint']"
     """
     chosen = robot.free if names is None else tuple(names)

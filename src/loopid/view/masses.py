@@ -40,7 +40,8 @@ def body_masses(robot: Robot, parameters: FloatArray | None = None) -> tuple[Bod
     Examples
     --------
     >>> import loopid
-    >>> loopid.view.body_masses(loopid.load("five_bar"))[0].mass
+    >>> from loopid.view.masses import body_masses
+    >>> body_masses(loopid.load("five_bar"))[0].mass
     1.3
     """
     inertias = [robot.model.inertias[body.joint_id] for body in robot.bodies]
