@@ -9,7 +9,6 @@ import numpy as np
 
 from loopid.arguments import FloatArray, row_blocks
 from loopid.errors import DataError, OptionError
-from loopid.identification.cutoff import prepared_at
 from loopid.identification.delay import in_time
 from loopid.identification.force_models import ForceModel
 from loopid.identification.friction import less_noise, with_friction
@@ -17,6 +16,7 @@ from loopid.identification.information import Excitation, fit_excited
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit, NoiseModel
 from loopid.identification.terms import choose_terms
+from loopid.logs.preparing import at_cutoff
 from loopid.logs.recording import Recording
 from loopid.parameters import KINDS
 from loopid.records import record
@@ -71,7 +71,8 @@ class LoadedRuns:
             delay.warn()
         if choice is not None:
             choice.warn()
-            runs = tuple(prepared_at(force_model, each, choice.chosen) for each in runs)
+            robot = force_model.robot
+            runs = tuple(at_cutoff(robot, each, choice.chosen) for each in runs)
         force_model = choose_terms(force_model, runs[0])
         light = FitSamples.combined([force_model.samples(run) for run in runs[0]])
         whole = _plain_fit(force_model, light, estimator)

@@ -19,7 +19,6 @@ import numpy as np
 
 from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, FileError, ModelWarning, OptionError, RobotFileError, warn
-from loopid.export.urdf_editor import UrdfEditor
 from loopid.files import write_file
 from loopid.identification.friction import nearest_line
 from loopid.identification.plausibility import require_fit_for_use
@@ -385,6 +384,3 @@ def _relative_change(P: FloatArray, other: FloatArray) -> FloatArray:
     size = np.sqrt(np.maximum(np.diag(P), np.trace(P[:3, :3]) / 3 * np.array([1, 1, 1, 0])))
     size[size == 0] = 1.0
     return np.asarray((P - other) / np.outer(size, size))
-
-
-editable_files.register(".urdf", UrdfEditor)

@@ -19,6 +19,7 @@ for ending in (".xml", ".mjcf"):
     robot_formats.register(ending, "loopid.formats.mjcf:read_mjcf")
     editable_files.register(ending, "loopid.formats.mjcf_editor:MjcfEditor")
 
+editable_files.register(".urdf", "loopid.formats.urdf_editor:UrdfEditor")
 robot_formats.register(".sdf", "loopid.formats.sdf:read_sdf")
 robot_formats.register(".xacro", "loopid.formats.xacro:read_xacro")
 

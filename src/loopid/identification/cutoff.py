@@ -22,7 +22,7 @@ from loopid.findings import Finding
 from loopid.identification.estimator import nearest_to_file
 from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import FitProblem
-from loopid.logs.preparing import motion_band, prepare_again
+from loopid.logs.preparing import at_cutoff, motion_band
 from loopid.logs.recording import FilterOptions, Recording
 from loopid.records import record
 from loopid.workers import one_blas_thread
@@ -142,7 +142,7 @@ def choose_cutoff(
     >>> 3 < choice.chosen <= 20
     True
     """
-    open_ones = [run for run in recordings if leaves_cutoff_open(run)]
+    open_ones = [run for run in recordings if run.open_cutoff]
     logs = [run.log for run in open_ones if run.log is not None]
     band = max((motion_band(force_model.robot, log) for log in logs), default=0.0)
     if not band:
@@ -223,28 +223,11 @@ def _fitted(
     Values are those of the robot file where nothing is known.
     """
     try:
-        runs = recordings if cutoff is None else prepared_at(force_model, recordings, cutoff)
+        robot = force_model.robot
+        runs = recordings if cutoff is None else at_cutoff(robot, recordings, cutoff)
         problem = FitProblem.combined(force_model.samples(run, n_jobs).problem for run in runs)
         freedom = np.asarray(problem.samples * (problem.freedom / problem.rows))
         values, weights = nearest_to_file(problem, force_model.prior, freedom)
     except LoopidError:
         return None
     return _Fitted(problem, values, weights)
-
-
-def leaves_cutoff_open(recording: Recording) -> bool:
-    """Whether a recording has a log, and a filter without a cut-off of its own."""
-    return (
-        recording.log is not None
-        and recording.filter is not None
-        and recording.filter.cutoff == "auto"
-    )
-
-
-def prepared_at(
-    force_model: ForceModel, recordings: Sequence[Recording], cutoff: float
-) -> tuple[Recording, ...]:
-    """Recordings with a cut-off (Hz) where they leave it open; the others as they are."""
-    runs = [run for run in recordings if leaves_cutoff_open(run)]
-    again = iter(prepare_again(force_model.robot, runs, cutoff=cutoff))
-    return tuple(next(again) if leaves_cutoff_open(run) else run for run in recordings)

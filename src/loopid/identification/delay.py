@@ -37,19 +37,14 @@ from loopid.identification.correlation import (
     run_lengths,
     within_runs,
 )
-from loopid.identification.cutoff import (
-    CutoffChoice,
-    choose_cutoff,
-    leaves_cutoff_open,
-    prepared_at,
-)
+from loopid.identification.cutoff import CutoffChoice, choose_cutoff
 from loopid.identification.estimator import WorkingFit, require_rows, result_of, scaled_svd
 from loopid.identification.force_models import ForceModel
 from loopid.identification.hysteresis import POSSIBLE, slip_evidence
 from loopid.identification.jackknife import with_scatter
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit
-from loopid.logs.preparing import near_saturation, on_independent, prepare_again, saturation_of
+from loopid.logs.preparing import at_cutoff, near_saturation, on_independent, saturation_of
 from loopid.logs.recording import FilterOptions, MaskOptions, Recording
 from loopid.motion.filtering import LowPass
 from loopid.parameters import ParameterSet
@@ -200,7 +195,7 @@ def find_delay(
     best: Delay | None = None
     with one_blas_thread():
         for band in _bands(force_model, logged, cutoff):
-            found = _found(force_model, prepared_at(force_model, logged, band))
+            found = _found(force_model, at_cutoff(force_model.robot, logged, band))
             if best is not None and (found is None or not _sharpens(found, best)):
                 break
             best = found
@@ -211,7 +206,7 @@ def _bands(
     force_model: ForceModel, recordings: Sequence[Recording], widest: float | None
 ) -> list[float]:
     """Cut-offs in Hz, by halves from the widest to that which hangs on the motion alone."""
-    own = [one.cutoff or 0.0 for one in recordings if leaves_cutoff_open(one)]
+    own = [one.cutoff or 0.0 for one in recordings if one.open_cutoff]
     if not own:
         return [0.0] if recordings else []  # as they are
     if widest is None:
@@ -320,19 +315,6 @@ def _moved(robot: Robot, recording: Recording, shifts: FloatArray) -> Recording:
     lost = log.dropped[len(recording.log.dropped) :]
     dropped = (*recording.dropped, *lost)
     return replace(recording, log=log, force=force, used=used, dropped=dropped)
-
-
-def in_motion_band(robot: Robot, recording: Recording) -> Recording:
-    """The recording at the cut-off that hangs on its motion alone; as it is without a log.
-
-    Noise of positions, which looks like anything, grows fast with the cut-off, and most of what a
-    delay does is near the motion.
-    """
-    filtered = recording.filter or FilterOptions()
-    if filtered.cutoff == "auto":
-        return recording
-    (found,) = prepare_again(robot, [recording], cutoff="auto")
-    return found
 
 
 @checked

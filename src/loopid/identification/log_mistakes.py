@@ -21,11 +21,11 @@ import numpy as np
 
 from loopid.arguments import FloatArray, checked
 from loopid.findings import Finding
-from loopid.identification.delay import in_motion_band
 from loopid.identification.evidence import Evidence, Explanation, SuspicionOptions, Undone
 from loopid.identification.force_models import parted
 from loopid.identification.log_timing import held_values, late_by_seconds
 from loopid.identification.mistake_kinds import KINDS, Motors, called
+from loopid.logs.preparing import in_motion_band
 from loopid.logs.recording import Recording
 from loopid.records import record
 from loopid.regressors.joint_terms import JointTerms

@@ -21,7 +21,6 @@ from loopid.identification.consistent import (
     quiet_consistent_fit,
     warn_of_bodies,
 )
-from loopid.identification.cutoff import prepared_at
 from loopid.identification.data import each_of, recordings_of
 from loopid.identification.delay import in_time, with_delay_errors
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator, equal_weights
@@ -48,6 +47,7 @@ from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import Fit, NoiseModel, StandardUncertainty, fit_quality, of_all
 from loopid.identification.terms import choose_terms
 from loopid.logs.mapping import LogMapping
+from loopid.logs.preparing import at_cutoff
 from loopid.logs.reading import locked_as_logged
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
@@ -182,7 +182,7 @@ def identify(
     if cutoff is not None:
         cutoff.warn()
         training, judging, friction = (
-            prepared_at(force_model, runs, cutoff.chosen) for runs in (training, judging, friction)
+            at_cutoff(own, runs, cutoff.chosen) for runs in (training, judging, friction)
         )
     force_model = choose_terms(force_model, friction or training, n_jobs=options.n_jobs)
     data = samples_of(force_model, training, references=references, n_jobs=options.n_jobs)

@@ -11,11 +11,11 @@ from loopid.arguments import BoolArray, FloatArray, checked, finite
 from loopid.errors import DataError
 from loopid.files import csv_text
 from loopid.identification.correlation import mean_of_series
-from loopid.identification.cutoff import prepared_at
 from loopid.identification.data import recordings_of
 from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.result import CONSTANT_FORCE, Fit, Quality
+from loopid.logs.preparing import at_cutoff
 from loopid.logs.recording import Recording
 from loopid.numbers import root
 from loopid.records import Tabular, columns_of, record
@@ -117,7 +117,7 @@ def _predicted(fit: Fit, model: ForceModel, recording: Recording) -> Prediction:
             recording=recording.name,
         )
     if fit.cutoff is not None:
-        (recording,) = prepared_at(model, [recording], fit.cutoff)
+        (recording,) = at_cutoff(model.robot, [recording], fit.cutoff)
     samples, reach = model.samples(recording), None
     if fit.unseen_rms is not None:
         reach = prediction_reach(samples.regressor, fit.covariance, fit.unseen_rms)

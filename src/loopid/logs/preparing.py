@@ -225,6 +225,28 @@ def prepare_again(
     return tuple(found)
 
 
+def at_cutoff(
+    robot: Robot, recordings: Sequence[Recording], cutoff: float
+) -> tuple[Recording, ...]:
+    """Recordings with a cut-off (Hz) where their filters leave it open; the others as they are."""
+    runs = [run for run in recordings if run.open_cutoff]
+    again = iter(prepare_again(robot, runs, cutoff=cutoff))
+    return tuple(next(again) if run.open_cutoff else run for run in recordings)
+
+
+def in_motion_band(robot: Robot, recording: Recording) -> Recording:
+    """The recording at the cut-off that hangs on its motion alone; as it is without a log.
+
+    Noise of positions, which looks like anything, grows fast with the cut-off, and most of what a
+    delay or a mistake does is near the motion.
+    """
+    filtered = recording.filter or FilterOptions()
+    if filtered.cutoff == "auto":
+        return recording
+    (found,) = prepare_again(robot, [recording], cutoff="auto")
+    return found
+
+
 @checked
 def read_recordings(
     robot: Robot,

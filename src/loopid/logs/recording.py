@@ -257,6 +257,11 @@ class Recording(Tabular):
         ]
 
     @property
+    def open_cutoff(self) -> bool:
+        """Whether it has a log, and a filter without a cut-off of its own."""
+        return self.log is not None and self.filter is not None and self.filter.cutoff == "auto"
+
+    @property
     def motor_force(self) -> FloatArray:
         """Force of the motors alone (N, dof)."""
         return self.force if self.external is None else self.force - self.external
