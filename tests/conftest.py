@@ -81,12 +81,12 @@ def load_once():
 @pytest.fixture
 def bundled_once(load_once, monkeypatch):
     """Examples and pages share the bundled robots that they load."""
-    names = bundled_robots()
+    names, read = bundled_robots(), loopid.load
 
-    @wraps(loopid.load)
+    @wraps(read)
     def load(file, *arguments, **options):
         alone = file in names and not (arguments or options)
-        return load_once(file) if alone else loopid.load(file, *arguments, **options)
+        return load_once(file) if alone else read(file, *arguments, **options)
 
     monkeypatch.setattr(loopid, "load", load)
 
