@@ -81,12 +81,12 @@ def load_once():
 @pytest.fixture
 def bundled_once(load_once, monkeypatch):
     """Examples and pages share the bundled robots that they load."""
-    names, read = bundled_robots(), loopid.load
+    names, original = bundled_robots(), loopid.load
 
-    @wraps(read)
+    @wraps(original)
     def load(file, *arguments, **options):
         alone = file in names and not (arguments or options)
-        return load_once(file) if alone else read(file, *arguments, **options)
+        return load_once(file) if alone else original(file, *arguments, **options)
 
     monkeypatch.setattr(loopid, "load", load)
 

@@ -18,9 +18,12 @@ from loopid.regressors import structural_observation
 
 CHOICES = """
 import json, sys
-from loopid.base_parameters import PivotedQR, SearchOptions, SubgroupSearch
-from loopid import ExactSearch, loopid.load, structural_observation
-from loopid.base_parameters import CRITERIA, ChoiceProblem, analyse
+import loopid
+from loopid.base_parameters import ChoiceProblem, ExactSearch, PivotedQR, SearchOptions
+from loopid.base_parameters import SubgroupSearch
+from loopid.base_parameters.choice import CRITERIA
+from loopid.base_parameters.structure import analyse
+from loopid.regressors import structural_observation
 from loopid.errors import OptionError
 
 def choices(time_limit, *robots):

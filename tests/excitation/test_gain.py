@@ -21,3 +21,12 @@ def test_a_design_that_gained_nothing_is_refused_with_advice(load_once):
         none.require_gain()
     untold = replace(found.expected, standard_errors=np.full(len(found.parameters), np.inf))
     replace(found, before=untold).require_gain()  # it tells what nothing told
+
+
+@pytest.mark.parametrize("solver", ["slsqp", "ipopt"])
+def test_a_gain_is_over_the_start_that_solvers_leave_as_it_was(load_once, solver):
+    if solver == "ipopt":
+        pytest.importorskip("ipyopt")
+    model = loopid.force_model(load_once("four_bar"), "full", None)
+    options = DesignOptions(duration=4.0, starts=1, evaluations=10, solver=solver)
+    assert loopid.design_motion(model, options=options).gain > 1.5

@@ -66,6 +66,7 @@ class RankTolerances:
     --------
     >>> import loopid
     >>> observation = loopid.regressors.structural_observation(loopid.load("five_bar"))
+
     What forces hardly depend on does not count:
 
     >>> coarse = loopid.base_parameters.RankTolerances(least=0.1)

@@ -277,7 +277,7 @@ class Search:
             while self.criterion < before - WORTH_A_CHECK:
                 before, self.near, self._at = self.criterion, self.reached, {}
                 try:
-                    solve(self, self.best)
+                    solve(self, self.best.copy())  # solvers write into their start
                 except Broken:
                     before = np.inf
                 except Stuck:

@@ -111,7 +111,7 @@ def file_schema(kind: str) -> dict[str, Any]:
 
     Examples
     --------
-    >>> from loopid.export import file_schema
+    >>> from loopid.export.first_files import file_schema
     >>> file_schema("robot")["properties"]["gravity"]["description"]
     'In m/s².'
     """

@@ -76,7 +76,8 @@ def add_frame(model: pin.Model, name: str, link: str, placement: pin.SE3) -> Non
     Examples
     --------
     >>> import pinocchio as pin
-    >>> from loopid.loading import add_frame, bundled_directory
+    >>> from loopid.loading import bundled_directory
+    >>> from loopid.loading.tree import add_frame
     >>> model = pin.buildModelFromUrdf(str(bundled_directory() / "five_bar.urdf"))
     >>> add_frame(model, "mark", "left_crank", pin.SE3.Identity())
     >>> model.existFrame("mark")
