@@ -85,6 +85,11 @@ def test_a_log_of_arrays_needs_few_files():
     assert len([name for name in found if name.partition(".")[0] == "loopid"]) <= 14
 
 
+def test_dynamics_need_few_files():
+    found = imported("import loopid.regressors.dynamics")
+    assert len([name for name in found if name.split(".")[0] == "loopid"]) <= 25
+
+
 def test_type_checkers_see_the_same_names():
     stub = ast.parse(Path(loopid.__file__).with_suffix(".pyi").read_text())
     told = {alias.asname for node in stub.body[1:] for alias in node.names}

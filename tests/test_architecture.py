@@ -130,12 +130,6 @@ def reached_from(graph, start):
     return reached
 
 
-def test_dynamics_need_few_files(graph):
-    reached = reached_from(graph, "loopid.regressors.dynamics")
-    rooms = {name.rpartition(".")[0] for name in reached} | {"loopid.formats"}
-    assert len(reached) + len(rooms) <= 25
-
-
 def test_a_robot_from_pinocchio_needs_no_reader_of_files(graph):
     reached = reached_from(graph, "loopid.loading.pinocchio_robot")
     assert len(reached) < 32
