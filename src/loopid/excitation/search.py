@@ -191,11 +191,8 @@ def _impossible(
     problem: Problem, best: FloatArray, nearest: FloatArray, tried: int
 ) -> AssemblyError:
     """Which bounds cannot be met: by no pose alone, else by the best one (k,) together."""
-    name, bounds, inset = (
-        problem.force_model.robot.name,
-        problem.bounds.all,
-        problem.options.inset,
-    )
+    name, bounds = problem.force_model.robot.name, problem.bounds.all
+    inset = problem.options.inset
     alone = bool((nearest <= inset).any())
     left = nearest if alone else best
     k = int(left.argmin())

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import BoolArray
+from loopid.arguments import LARGEST, BoolArray
 from loopid.errors import FileError, MissingExtraError, RobotFileError, naming
 from loopid.formats.mjcf_compiler import compile_guarded
 from loopid.loading.xml_elements import Element, label, read_xml
@@ -30,7 +30,6 @@ FINITE = ("body_pos", "body_quat", "body_ipos", "body_iquat", "body_mass", "body
           "key_qpos")  # fmt: skip
 DRIVES_JOINT = "joint", "jointinparent"
 DISABLING_BITS = 31  # MuJoCo's: groups from 0 to 30 can be disabled
-LARGEST = 1e100  # so that no product of a few numbers overflows
 
 
 class Scene:

@@ -398,10 +398,10 @@ class _Sdf:
         between = f"{edge.name}_link"
         yield etree.Element("link", name=between)
         parts = [("axis", edge.name), ("axis2", f"{edge.name}_2")]
-        first, second = parts[::-1] if edge.turned else parts
+        parts = parts[::-1] if edge.turned else parts
         ends = ((before, between), (between, after))
         places = (origin, pin.SE3.Identity())
-        for (tag, name), links, place in zip((first, second), ends, places, strict=True):
+        for (tag, name), links, place in zip(parts, ends, places, strict=True):
             yield self._joint(edge, name, "revolute", links, place, tag=tag)
 
     def _joint(

@@ -83,10 +83,7 @@ def _motions(
 
     In common units, with all other independent coordinates at rest.
     """
-    jacobians, tolerance = (
-        Constraint(robot, around).scaled()[1],
-        robot.closure_rank_tolerance,
-    )
+    jacobians, tolerance = Constraint(robot, around).scaled()[1], robot.closure_rank_tolerance
     regular = int(Factorisation.of(jacobians, tolerance).rank.argmax()) if robot.rows else 0
     # The last of these, as the reference itself may be special.
     motions = np.zeros((len(free), robot.model.nv))

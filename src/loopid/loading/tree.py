@@ -9,14 +9,13 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import FloatArray
+from loopid.arguments import LARGEST, FloatArray
 from loopid.errors import OptionError, RobotFileError
 from loopid.loading.description import ClosureDescription, Description
 from loopid.loading.model_closures import frame_named, joint_named
 from loopid.robot.robot import LeftOut, motion_subspace
 
 HINGES = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}
-LARGEST = 1e100  # as for the numbers of a URDF
 # Index of the first number of a quaternion, or of cosine and sine.
 UNIT_PARTS = {"JointModelSpherical": 0, "JointModelFreeFlyer": 3, "JointModelPlanar": 2}
 # Of a joint with one coordinate its value, of another one its part of the configuration.

@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
+from loopid.arguments import LARGEST
 from loopid.errors import RobotFileError
 
 Element = etree._Element
@@ -22,7 +23,6 @@ WORDS = {
     6: "six finite numbers",
     7: "seven finite numbers",
 }
-LARGEST = 1e100  # so that no product of a few numbers overflows
 MOST_BYTES = 20_000_000  # of a file: far more than robots have
 # Angles that lost digits in print: multiples of 5°, which people draw. Fewer decimals may be meant
 # as they are written; with more, nothing is lost. In units of the last digit: 1.57079 is cut off,

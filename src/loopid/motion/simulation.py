@@ -23,7 +23,7 @@ from loopid.motion.joints import JointMotion, joint_motion
 from loopid.motion.trajectories import Motion
 from loopid.parameters import KINDS
 from loopid.records import record
-from loopid.regressors.dynamics import Dynamics
+from loopid.regressors.dynamics import UNBALANCED, Dynamics
 from loopid.regressors.joint_terms import JointTerms, load_places, with_loads
 from loopid.regressors.maxwell_slip import slips_at
 from loopid.regressors.motion_regressors import motion_regressor
@@ -33,8 +33,6 @@ from loopid.robot.robot import Robot
 CHUNK = 2048
 # Part of the fastest rate of a motion, in rad/s or characteristic lengths a second, that is none.
 STANDS = 1e-9
-# Part of the forces that nothing balances, above which it is no round-off.
-UNBALANCED = 1e-6
 
 
 @record(checked=True)
