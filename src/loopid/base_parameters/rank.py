@@ -52,7 +52,7 @@ class RankTolerances:
         They are tried where the least singular value that is not round-off is below ``reach``
         times the accuracy of the file, over the characteristic length, and below ``farthest``.
     faint, presumed : float
-        Where the file does not tell its accuracy, they are tried where that value is below
+        Where the file does not state its accuracy, they are tried where that value is below
         ``faint``, with lengths ``presumed`` times the characteristic length off.
     clear : float
         Ratio of the last singular value that counts to the next from which on a rank is clear.
@@ -171,7 +171,7 @@ def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
     if rank == observation.rows < len(columns):
         raise RankError(
             f"the rank may be larger: it equals the number of rows, {rank}, so more samples are "
-            f"needed to tell how many of the {len(columns)} parameters are independent",
+            f"needed to decide how many of the {len(columns)} parameters are independent",
             rank=rank,
             parameters=len(columns),
         )
@@ -180,7 +180,7 @@ def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
     if last > rank:
         forces = values[rank:last, None] * directions[rank:last]
         doubtful = _combinations(observation, forces, scales, source)
-        # Nothing that counts is felt of columns so much shorter than what counts.
+        # Columns have no effect that counts where they are so much shorter than what counts.
         shortest = sizes[0] * min(np.sqrt(values[rank - 1] * below), SHORT * values[rank - 1])
         felt = norms > shortest
     some = ~felt & (norms > SHORTEST * largest)
@@ -253,7 +253,7 @@ def _common_units(
 
 
 def _spanned(matrix: FloatArray, felt: BoolArray, short: BoolArray, rank: int) -> BoolArray:
-    """Which of some short columns (p,) of a matrix (m, p) lie in the span of those that are felt.
+    """Which of some short columns (p,) of a matrix (m, p) lie in the span of those with an effect.
 
     Round-off does not: however short they are, they have an effect.
     """

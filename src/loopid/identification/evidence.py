@@ -68,7 +68,7 @@ class SuspicionOptions:
         be, from which a mistake is suspected: 3 is one in twenty.
     shape : float
         Part of the forces, less friction, that may be left of a motor once its mistake is undone:
-        a robot file that explains no shape tells no mistake.
+        a robot file that explains no shape shows no mistake.
     factor_shape : float
         The same of a factor that nobody has a cause for: a missing force has any.
     late, delay, latest : float
@@ -240,7 +240,7 @@ class Evidence:
     # Columns that explain forces.
 
     def _choose_columns(self) -> None:
-        """Combinations of the regressor's columns: what the forces feel, and what is known."""
+        """Combinations of the regressor's columns: those with an effect, and what is known."""
         robot, bodies = self.robot, self.robot.standard_parameters("full")
         named = () if self.joint_terms is None else self.joint_terms.parameters(robot)
         others = [not (one.link in self.names and one.kind in OWN) for one in named]
@@ -326,7 +326,7 @@ class Evidence:
         power = (Q[:, :, 1:].swapaxes(1, 2) @ own[:, :, 1:2])[:, :, 0]
         return _Table(columns - Q @ parts, counts, parts[:, 1:], power)
 
-    # What is asked.
+    # The tests.
 
     def explained(self, undone: Sequence[Undone]) -> list[Explanation]:
         """How the log is explained, at errors of the size that they have, and the evidence."""

@@ -352,7 +352,7 @@ def influence(data: FitSamples | FitProblem, values: FloatArray) -> FloatArray:
     Parameters
     ----------
     data : FitSamples or FitProblem
-        With the parameters in the order that is asked about.
+        With the parameters in the order of elimination.
     values : FloatArray
         (r,).
 

@@ -208,7 +208,7 @@ def _noisy(found: Identification) -> tuple[str, float] | None:
 
 
 def _model_findings(found: Identification) -> Iterator[Finding]:
-    """What the model lacks, and where the data cannot tell."""
+    """What the model lacks, and where the data do not decide."""
     model = _of_model(found)
     yield from () if model is None else (model,)
     yield from missing_findings(found.missing)

@@ -261,7 +261,7 @@ def _both_changes(log: Log, k: int, rates: FloatArray, order: int) -> tuple[Floa
     return integrals, changes
 
 
-# ---- what tells where a robot is ----------------------------------------------------------------
+# ---- where a robot is -------------------------------------------------------------------------
 
 
 def require_known_motion(robot: Robot, free: Collection[str] = ()) -> None:
@@ -291,7 +291,7 @@ def require_known_motion(robot: Robot, free: Collection[str] = ()) -> None:
 
 
 def measurable(robot: Robot) -> tuple[str, ...]:
-    """Free joints that sensors can tell: with one coordinate, or floating bases outside loops."""
+    """Free joints that sensors measure: with one coordinate, or floating bases outside loops."""
     found = []
     for name in robot.joints:
         joint = robot.joint(name)

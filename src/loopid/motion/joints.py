@@ -143,7 +143,7 @@ class MotionReview:
     ranges: tuple[JointRange, ...]  # in the order of the robot's joints
     singularity: float  # least singularity measure on the way
     singular_time: float  # when it is least, in s
-    margin: float  # what the measure was asked to keep
+    margin: float  # threshold of the measure
     speeds: dict[str, float]  # largest speed of each independent coordinate, in m/s or rad/s
 
     def __repr__(self) -> str:
