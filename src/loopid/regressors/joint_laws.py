@@ -357,7 +357,7 @@ def length_term(
     """A force along a line between two points, such as a gas spring's or a cable's.
 
     The line has the length l(q) at a position q of the joint, and pulls with a force F: by virtual
-    work the force in the joint is F dl/dq. The coefficient is F, or with ``stiff`` the k of F = k l;
+    work the force in the joint is F dl/dq. The coefficient is F, or with ``stiff`` k of F = k l;
     a spring that is slack at another length has both terms.
 
     Parameters
