@@ -180,7 +180,7 @@ class ExcitationDesign:
             return
         earlier = "the logs alone do" if self.after_logs else "the first motion tried does"
         raise DataError(
-            f"no motion of {self.motion.duration:g} s was found that tells more than {earlier}: "
+            f"no motion of {self.motion.duration:g} s was found that shows more than {earlier}: "
             f"allow more evaluations={4 * max(self.evaluations, 1)}, or a longer "
             f"duration={2 * self.motion.duration:g}",
             given=self.gain,
@@ -330,7 +330,7 @@ def _require_designable(
     robot = model.robot
     if robot.free:
         raise OptionError(
-            f"no motion of the motors tells what {', '.join(robot.free)} of {robot.name} "
+            f"no motion of the motors determines what {', '.join(robot.free)} of {robot.name} "
             f"do, which they leave free: load it with {lock_options(robot)}",
             free=robot.free,
         )
@@ -342,7 +342,7 @@ def _require_designable(
         )
     if options.shape == "poses" and (model.model != "gravity" or model.joint_terms):
         raise OptionError(
-            "standing in poses tells the gravity model without joint terms only: use "
+            "standing in poses identifies the gravity model without joint terms only: use "
             "shape='fourier' or 'spline' here",
             given="poses",
             valid=("fourier", "spline"),

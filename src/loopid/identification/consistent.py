@@ -82,8 +82,8 @@ class ConsistentOptions:
     ----------
     deviations : tuple of float
         Least and largest deviation of the file as a whole that the data may choose, in parts of its
-        bodies. The least is not less because the evidence averages over ten parameters a body: of
-        a body that is but heavier, most are right.
+        bodies. The least is bounded: the evidence averages over ten parameters a body, and a
+        wrong mass spoils one of them.
     farthest : float
         Largest deviation of a single body.
     freedom : float
@@ -836,7 +836,7 @@ def warn_of_bodies(force_model: ForceModel, found: Fit) -> None:
     if not force_model.has_masses:
         warn(
             f"the file of {name} gives no masses: of all bodies with the base parameters that the "
-            "data tell, those nearest to balls of 1 kg are taken",
+            "data determine, those nearest to balls of 1 kg are taken",
             ModelWarning,
         )
         return

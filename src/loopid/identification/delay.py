@@ -62,7 +62,7 @@ LONGEST, PART, TRIED = 0.25, 0.05, 51
 # method: iterations at most, and the change in steps of the log that ends them.
 ROUNDS, ITERATIONS, SETTLED = 2, 15, 1e-3
 # Singular value of the scaled regressor, relative to the largest, below which a combination of its
-# columns counts for nothing; the same of what a delay does beside them. Least error of the forces.
+# columns is ignored; the same of what a delay does beside them. Least error of the forces.
 KNOWN, PRECISION = 1e-6, 1e-8
 # Parts of time that count as recordings of their own. Errors of positions from a coarse encoder
 # gather where the motion turns back and friction jumps, which informs most of a delay: estimates

@@ -53,7 +53,7 @@ class Verdict:
     band : float or None
         In Hz, below which forces were fitted and judged; None without a filter.
     significant, parameters : int
-        Parameters of the recommended fit, and how many of them clearly differ from zero.
+        Parameters of the recommended fit, and how many of them are significant.
     excite : tuple of str
         Parameters that a further motion should excite: ``design_motion(model,
         parameters=verdict.excite, after=recordings)``; none where another motion would not help.

@@ -276,7 +276,7 @@ def require_known_motion(robot: Robot, free: Collection[str] = ()) -> None:
         joints = [name for name in known if name not in free]
         advice = f", or measure {', '.join(joints)} ('free')" if joints else ""
         raise OptionError(
-            f"a log of the motors does not tell where {', '.join(left)} of {robot.name} are, which "
+            f"a log of the motors does not determine {', '.join(left)} of {robot.name}, which "
             f"the motors leave free: lock them ({lock_options(robot, left)}){advice}",
             free=tuple(left),
             measurable=tuple(joints),

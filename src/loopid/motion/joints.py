@@ -102,7 +102,7 @@ def joint_motion(robot: Robot, motion: Motion, start: FloatArray | None = None) 
         free = [name for name in robot.free if name not in robot.joints]
         if free:
             raise OptionError(
-                f"a motion of joints does not tell what {', '.join(free)} of {robot.name} do, "
+                f"a motion of joints does not determine {', '.join(free)} of {robot.name}, "
                 f"which the motors leave free: lock them ({lock_options(robot)})"
             )
         q = assemble(robot, motion.position, motion.names, start=start, trajectory=True)

@@ -102,7 +102,7 @@ def _prediction_record(found: Prediction) -> dict[str, Any]:
 
 
 def _prediction_table(robot: Robot, found: Prediction) -> Table:
-    columns = "motor", ">moving", ">RMS error", ">of its force", ">standing", ">RMS error", "unit"
+    columns = "motor", ">moving", ">RMS error", ">of its force", ">at rest", ">RMS error", "unit"
     rows = (
         (
             *(motor, f"{n:,}", number(rms), f"{100 * part:.2g} %", f"{rest:,}", number(error)),
@@ -251,7 +251,7 @@ def gains_report(found: GainFit) -> Report:
     told = zip(found.actuators, found.gains, ends, strict=True)
     rows = [(name, _of_width(gain, span), interval(*span)) for name, gain, span in told]
     rows += [(name, "undetermined", "-") for name in found.untold]
-    title = "true force over logged force: force_scale of the mapping is to be so many times it"
+    title = "true force over logged force: multiply force_scale of the mapping by it"
     untold = f"; undetermined: {', '.join(found.untold)}" if found.untold else ""
     return Report(
         name="gains",
