@@ -123,29 +123,31 @@ class ForceModel:
     @property
     def joint_columns(self) -> IntArray:
         """Columns that belong to joint terms."""
-        joints = [j for j, parameter in enumerate(self.parameters) if parameter.kind not in KINDS]
-        return np.array(joints, dtype=np.int64)
+        return self._where(lambda kind: kind not in KINDS)
 
     @property
     def body_columns(self) -> IntArray:
         """Columns that belong to bodies."""
-        return np.setdiff1d(np.arange(len(self.parameters)), self.joint_columns)
+        return self._where(lambda kind: kind in KINDS)
 
     @property
     def grouped_columns(self) -> IntArray:
         """Columns of joint terms whose size the evidence decides (``JointTerm.prior``)."""
-        columns = [j for j, each in enumerate(self.parameters) if grouped(each.kind)]
-        return np.array(columns, dtype=np.int64)
+        return self._where(grouped)
 
     @property
     def plain_columns(self) -> IntArray:
         """All other columns."""
-        return np.setdiff1d(np.arange(len(self.parameters)), self.grouped_columns)
+        return self._where(lambda kind: not grouped(kind))
 
     @property
     def slip_columns(self) -> IntArray:
         """Columns of elements of Maxwell slip, which depend on where joints came from."""
-        return np.array([j for j in self.joint_columns if "slip" in self._needs(j)], dtype=np.int64)
+        return self._where(lambda kind: kind not in KINDS and "slip" in joint_term(kind).needs)
+
+    def _where(self, chosen: Callable[[str], bool]) -> IntArray:
+        """Columns of the kinds that are chosen."""
+        return np.flatnonzero([chosen(parameter.kind) for parameter in self.parameters])
 
     @property
     def plain(self) -> ForceModel:
