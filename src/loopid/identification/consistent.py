@@ -114,7 +114,6 @@ def consistent_fit(
     *,
     joint_values: FloatArray | None = None,
     joint_deviations: FloatArray | None = None,
-    options: ConsistentOptions = ConsistentOptions(),
 ) -> Fit:
     """Fit all standard parameters with the robot file as prior, every body solid.
 
@@ -128,7 +127,6 @@ def consistent_fit(
         (k,), what is known of ``force_model.joint_terms``, with standard deviations, which may be
         infinite; by default nothing but that some are not negative (``JointTerm.positive``), and
         that some belong to groups (``JointTerm.prior``), whose deviations the data choose.
-    options : ConsistentOptions, optional
 
     Returns
     -------
@@ -167,12 +165,9 @@ def consistent_fit(
     True
     """
     found = quiet_consistent_fit(
-        force_model,
-        data,
-        noise,
+        *(force_model, data, noise),
         joint_values=joint_values,
         joint_deviations=joint_deviations,
-        options=options,
     )
     warn_of_bodies(force_model, found.result)
     return force_model.fit_of(found.result)

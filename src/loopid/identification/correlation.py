@@ -54,9 +54,7 @@ class Autoregression:
     variance: float
 
     @classmethod
-    def of_covariances(
-        cls, covariances: FloatArray, largest_reflection: float = LARGEST_REFLECTION
-    ) -> Autoregression:
+    def of_covariances(cls, covariances: FloatArray) -> Autoregression:
         """The model with autocovariances (p + 1,) at lags 0 to p, by Levinson's recursion.
 
         No process has covariances that ask for a reflection coefficient of 1 or more; where they
@@ -65,7 +63,7 @@ class Autoregression:
         polynomial, variance = np.ones(1), float(covariances[0])
         for k in range(1, len(covariances)):
             asked = -float(polynomial @ covariances[k:0:-1]) / variance
-            reflection = float(np.clip(asked, -largest_reflection, largest_reflection))
+            reflection = float(np.clip(asked, -LARGEST_REFLECTION, LARGEST_REFLECTION))
             polynomial, variance = _raised(polynomial, reflection), variance * (1 - reflection**2)
             if reflection != asked:
                 break

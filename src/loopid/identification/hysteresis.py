@@ -176,14 +176,14 @@ def hysteresis_loop(
     terms = {j: joint_term(n.kind) for j, n in names if n.link == joint and n.kind not in KINDS}
     terms = {j: term for j, term in terms.items() if term.friction or j in own}
     laws = np.stack([term.signal(state, len(rate)) for term in terms.values()], axis=1)
-    force, reach = with_reach(fit, list(terms), laws)
+    force, wide = with_reach(fit, list(terms), laws)
     return HysteresisLoop(
         joint,
         "m" if fit.parameters[own[0]].unit == "N" else "rad",
         float(np.interp(TOLD, np.append(0.0, done), np.append(0.0, ends))),
         way[shown],
         force,
-        np.stack([force - reach, force + reach], axis=1),
+        np.stack([force - wide, force + wide], axis=1),
     )
 
 

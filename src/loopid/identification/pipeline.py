@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked
+from loopid.arguments import FloatArray, checked, spread_rows
 from loopid.errors import DataError, DataWarning, OptionError, RankError, warn
 from loopid.identification.consistent import (
     CONSISTENT,
@@ -80,7 +80,7 @@ def require_forces(robot: Robot, recordings: Sequence[Recording]) -> None:
     for run in recordings:
         largest = np.maximum(largest, np.abs(run.force[:, :driven]).max(axis=0, initial=0.0))
         used |= run.used[:, :driven].any(axis=0)
-        some = np.unique(np.linspace(0, len(run) - 1, LOOKED_AT).astype(int))
+        some = spread_rows(len(run), LOOKED_AT)
         motion = run.motion
         state = motion.configurations[some], motion.velocities[some], motion.accelerations[some]
         parts = force_parts(robot, *state).total[:, :driven]
