@@ -276,6 +276,8 @@ class Estimate:
 
     def __str__(self) -> str:
         low, high = self.interval
+        if not self.standard_error and np.isinf(high):
+            return f"{self.name}: {self.value:.5g} {self.unit}".rstrip() + ", assumed"
         return (
             f"{self.name}: {self.value:.5g} ± {self.standard_error:.2g} {self.unit}".rstrip()
             + f" ({self.relative_std:.1f} %), 95 %: {low:.5g} to {high:.5g}"

@@ -17,7 +17,6 @@ import numpy as np
 from loopid.arguments import FloatArray, IntArray
 from loopid.errors import ModelWarning, OptionError, RobotFileError, warn
 from loopid.kinematics.projection import ClosedMotion
-from loopid.kinematics.reactions import bearing_forces
 from loopid.parameters import KINDS, Parameter, ParameterSet
 from loopid.records import record
 from loopid.regressors.joint_laws import JointState, joint_term
@@ -299,6 +298,8 @@ class JointTerms:
         """
         if not (names := self.loaded):
             return {}, ()
+        from loopid.kinematics.reactions import bearing_forces  # seldom needed
+
         ids = [robot.joint_ids[k] for k in robot.velocity_indices(names)]
         forces, undetermined = bearing_forces(
             robot, motion, ids, standard_parameters=standard_parameters
