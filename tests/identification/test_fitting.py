@@ -139,7 +139,7 @@ def test_factors_alone_are_refused_where_samples_are_needed(name):
 def test_estimators_are_chosen_by_name_or_given():
     assert quiet_fit(made(), OrdinaryLeastSquares()) == quiet_fit(made(), "ols")
     assert quiet_fit(made()).estimator == "wls"
-    with pytest.raises(OptionError, match="unknown estimator 'lms': choose among ols, wls, b"):
+    with pytest.raises(OptionError, match="unknown estimator 'lms'.*choose among ols, wls, b"):
         fit(made(), "lms")
 
 
