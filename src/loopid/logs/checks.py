@@ -24,7 +24,7 @@ EXCESS = 1e-3  # relative, over a limit of speed or force: the round-off of how 
 COMPARED_OVER = 0.5  # s over which measured rates are compared with changes of the position
 
 
-def check_log(robot: Robot, log: Log, tolerances: LogTolerances = LogTolerances()) -> Log:
+def check_log(robot: Robot, log: Log) -> Log:
     """The log without impossible samples; warns of what looks wrong, as ``read_log`` does.
 
     One that was compared with its robot before stays as it is.
@@ -56,7 +56,7 @@ def check_log(robot: Robot, log: Log, tolerances: LogTolerances = LogTolerances(
     rows, stamps = np.arange(len(log)), np.round((log.time - log.time[0]) * 1e9).astype(np.int64)
     values = np.concatenate([*given.values()], axis=1)
     stream = Stream(log.name, channels, rows + 1, stamps, values)
-    stream = check_stream(robot, stream, tolerances)
+    stream = check_stream(robot, stream, LogTolerances())
     check_moving([stream])
     if len(stream.rows) < len(log):
         dropped = (Dropped.at(why, log.time[lost - 1]) for why, lost in stream.left_out)
@@ -64,7 +64,7 @@ def check_log(robot: Robot, log: Log, tolerances: LogTolerances = LogTolerances(
     columns = np.split(stream.values, len(given), axis=1)
     found: dict[str, Any] = dict(zip(given, columns, strict=True))
     log = replace(log, checked=True, **found)
-    check_rates(log, tolerances)
+    check_rates(log, LogTolerances())
     return log
 
 

@@ -372,22 +372,9 @@ class Chart:
             ends = group[0], group[-1]
             drawn = (p.html(headed=p is ends[0], ticked=p is ends[1]) for p in group)
             grid.append(E.div({"class": "lanes"}, *drawn))
-            self._draw_once(grid[-1], group[0].motor)
             if self.x_label:
                 grid[-1].append(E.div({"class": "along"}, self.x_label))
         return grid
-
-    def _draw_once(self, lanes: HtmlElement, name: str) -> None:
-        """What is shaded alike in all lanes is said in the first one."""
-        shades = dict[str, str]()
-        for path in [each for each in lanes.iter("path") if "shade" in each.get("class", "")]:
-            own, known = f"{self.name}-{name}-{len(shades)}", path.get("d")
-            if known in shades:
-                path.addprevious(E.use(href=f"#{shades[known]}"))
-                path.drop_tree()
-            elif known:
-                shades[known] = own
-                path.set("id", own)
 
     def figure(self) -> Any:
         """The chart as a figure of matplotlib, as wide as a column of a paper.

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import FloatArray, IntArray
+from loopid.arguments import FloatArray, IntArray, NotNegative
 from loopid.errors import ModelWarning, OptionError, RobotFileError, warn
 from loopid.kinematics.projection import ClosedMotion
 from loopid.parameters import KINDS, Parameter, ParameterSet
@@ -61,8 +61,8 @@ class JointTerms:
 
     joints: tuple[str, ...]
     kinds: tuple[str, ...] | tuple[tuple[str, ...], ...] = ("Fc", "Fv")
-    dead_zone: float = 0.0
-    smoothing: float = 0.0
+    dead_zone: NotNegative = 0.0
+    smoothing: NotNegative = 0.0
 
     def __post_init__(self) -> None:
         repeated = sorted({joint for joint in self.joints if self.joints.count(joint) > 1})
@@ -78,11 +78,6 @@ class JointTerms:
             )
         for kind in {kind for kinds in self._own_kinds for kind in kinds}:
             joint_term(kind)
-        for name in ("dead_zone", "smoothing"):
-            if not 0 <= getattr(self, name) < np.inf:
-                given = getattr(self, name)
-                message = f"{name} must be a rate from 0 on, not {given}"
-                raise OptionError(message, argument=name, given=given)
 
     @classmethod
     def of(cls, robot: Robot, terms: str) -> JointTerms | None:

@@ -173,7 +173,7 @@ def _sections(found: Identification, worst: str) -> Iterator[Section]:
     yield Section("Checks of the log", (*log, *_log_tables(found)), folded=True, short="Log")
     model: list[Part] = [terms_chart(found.term_sets)]
     model += [] if found.cutoff is None else [filter_chart(found.cutoff)]
-    model += [_candidates_table(found), _essential_table(found)]
+    model += [_candidates_table(found)]
     yield Section("Checks of the model", tuple(model), folded=True, short="Model")
     values = _estimates_table(found)
     yield Section("All values", (values,), folded=values.row_count > OPEN)
@@ -381,24 +381,6 @@ def _shown(fit: Fit) -> list[Estimate]:
     """Estimates without terms that the evidence sizes: the friction of each motor has these."""
     shown = zip(fit.parameters, fit.estimates, strict=True)
     return [one for each, one in shown if not grouped(each.kind)]
-
-
-def _essential_table(found: Identification) -> Table:
-    reduction = found.reduction
-    prior, joints = found.force_model.prior, set(found.force_model.joint_columns)
-    expressions = found.force_model.base.expressions
-    rows = (
-        (
-            expressions[column],
-            f"{estimate.value:.4g}",
-            f"{estimate.standard_error:.2g}",
-            f"{prior[column]:.4g}" if prior[column] or column not in joints else "-",
-            estimate.unit,
-        )
-        for column, estimate in zip(reduction.columns, reduction.result.estimates, strict=True)
-    )
-    columns = ("parameter", ">value", ">± std", ">robot file", "unit")
-    return plain_table("essential parameters; the others as in the robot file", columns, rows)
 
 
 def _robot_tables(found: Identification) -> list[Table]:
