@@ -10,7 +10,7 @@ from dask import delayed
 import loopid
 from loopid import JointTerms, random_configurations
 from loopid.errors import DataError, MissingExtraError
-from loopid.identification import FitSamples, WeightedLeastSquares, distributed_problem, force_model
+from loopid.identification import FitSamples, WeightedLeastSquares, distributed_problem
 from loopid.identification.information import body_sizes
 from loopid.kinematics import closed_motion, random_motions
 from loopid.motion import JointMotion
