@@ -245,7 +245,8 @@ class Panel:
         )
         panel.set("class", f"panel{' small' * self.small}{' equal' * self.equal}")
         if self.motor:
-            panel.append(E.h3(*_badge(self.number, self.worst), self.motor))
+            badge = E.i({"class": f"badge{' worst' * self.worst}"}, str(self.number))
+            panel.append(E.h3(*([badge] if self.number else []), self.motor))
         if self.note:
             panel.append(E.p({"class": "note"}, self.note))
         small = self.motor or not headed
@@ -490,10 +491,6 @@ def in_parts(count: int, table: Callable[[range], HtmlElement]) -> list[HtmlElem
 def unfolding(title: str, *content: HtmlElement) -> HtmlElement:
     """A title that unfolds to what is below it."""
     return E.details(E.summary(title), *content)
-
-
-def _badge(number: int, worst: bool) -> list[HtmlElement]:
-    return [E.i({"class": f"badge{' worst' * worst}"}, str(number))] if number else []
 
 
 def _ticks_html(side: str, marks: Iterable[tuple[float, str]], ends: Ends) -> Iterable[HtmlElement]:
