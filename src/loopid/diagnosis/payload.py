@@ -11,7 +11,7 @@ from scipy.special import fdtrc, stdtrit
 
 from loopid.arguments import FloatArray, checked, frozen
 from loopid.base_parameters.base import BaseParameters, find_base
-from loopid.diagnosis.gains import motor_scales
+from loopid.diagnosis.gains import MotorNumbers, motor_scales
 from loopid.diagnosis.loaded_runs import LoadedRuns
 from loopid.errors import ModelWarning, RankError, warn
 from loopid.identification.consistent import (
@@ -52,25 +52,8 @@ REACH = 0.1
 
 
 @record
-class MotorMasses:
-    """The mass of a payload by each motor alone: what its gain would have to be right for.
-
-    Attributes
-    ----------
-    actuators : tuple of str
-        The m motors that can tell.
-    values, covariance : FloatArray
-        (m,) and (m, m) in kg.
-    degrees_of_freedom : float
-    untold : tuple of str
-        Motors that cannot tell.
-    """
-
-    actuators: tuple[str, ...]
-    values: FloatArray
-    covariance: FloatArray
-    degrees_of_freedom: float
-    untold: tuple[str, ...]
+class MotorMasses(MotorNumbers):
+    """The mass of a payload in kg by each motor: what its gain would have to be right for."""
 
     def intervals(self, level: float = 0.95) -> FloatArray:
         """Confidence intervals (m, 2) in kg."""
@@ -129,13 +112,13 @@ class PayloadFit:
     link : str
         That the payload was fixed to; moments are about its origin, along its axes.
     base : BaseParameters
-        Of the payload: which combinations of its parameters can be told from the forces.
+        Of the payload: which combinations of its parameters are identifiable.
     fit : Fit
         Of these combinations; its quality is that of robot and payload in all runs.
     standard_parameters : FloatArray
         (4,) or (10,), of the most likely solid body with these.
     motors : MotorMasses or None
-        The mass by each motor; None where the forces do not tell it, or motors depend on each
+        The mass by each motor; None where the forces do not determine it, or motors depend on each
         other.
     """
 
@@ -147,7 +130,7 @@ class PayloadFit:
 
     @property
     def parameters(self) -> ParameterSet:
-        """Leading parameter of each combination that can be told."""
+        """Leading parameter of each identifiable combination."""
         return self.fit.parameters
 
     @property
@@ -171,19 +154,19 @@ class PayloadFit:
         Raises
         ------
         RankError
-            When the forces tell it only together with other parameters.
+            When it is identifiable only together with other parameters.
         """
         return float(self.values[self._alone()["m"]])
 
     def centre(self, level: float = 0.95) -> tuple[FloatArray, FloatArray]:
         """Centre of mass (3,) in the link's frame in m, and its confidence intervals (3, 2).
 
-        To first order in the errors; NaN along axes that the forces do not tell.
+        To first order in the errors; NaN along axes where it is undetermined.
 
         Raises
         ------
         RankError
-            When the forces tell the mass only together with other parameters.
+            When the mass is identifiable only together with other parameters.
         """
         alone, centre, reach = self._alone(), np.full(3, np.nan), np.full(3, np.nan)
         mass, freedom = self.mass, self.fit.degrees_of_freedom
@@ -197,11 +180,11 @@ class PayloadFit:
         return frozen(centre), frozen(np.stack([centre - reach, centre + reach], axis=1))
 
     def _alone(self) -> dict[str, int]:
-        """Rows, by kind, of parameters that are told alone; the mass has to be one."""
+        """Rows, by kind, of parameters that are identifiable alone; the mass has to be one."""
         rows = _alone(self.base)
         if "m" not in rows:
             raise RankError(
-                f"the forces do not tell the mass of a payload on {self.link} alone: they tell "
+                f"the forces do not determine the mass of a payload on {self.link} alone, but "
                 f"{', '.join(self.base.expressions)}"
             )
         return rows
@@ -239,7 +222,7 @@ def identify_payload(
     Parameters
     ----------
     force_model : ForceModel
-        ``"gravity"`` tells mass and first moments, ``"full"`` inertias too.
+        ``"gravity"`` determines mass and first moments, ``"full"`` inertias too.
     link : str
         A body of the robot.
     unloaded, loaded : sequence of Recording
@@ -305,7 +288,7 @@ def identify_payload(
 
 
 def _payload_parameters(runs: LoadedRuns) -> BaseParameters:
-    """Which combinations of a payload's parameters the forces tell, in random states."""
+    """Identifiable combinations of a payload's parameters, in random states."""
     regressor, robot = runs.random_load, runs.force_model.robot
     if not regressor.any():
         raise RankError(f"no force of a motor depends on a payload on {runs.link}")
@@ -314,7 +297,7 @@ def _payload_parameters(runs: LoadedRuns) -> BaseParameters:
 
 
 def _alone(base: BaseParameters) -> dict[str, int]:
-    """Rows, by kind, of parameters that are told alone."""
+    """Rows, by kind, of parameters that are identifiable alone."""
     kinds = zip(base.parameters.select(base.base), base.terms, strict=True)
     return {parameter.kind: k for k, (parameter, terms) in enumerate(kinds) if len(terms) == 1}
 
@@ -386,8 +369,8 @@ def _by_motor(
     known = np.full(len(runs.kinds), np.nan)
     known[runs.kinds.index("m")] = mass
     found = motor_scales(runs, known, estimator)
-    least = ROUND_OFF**2 * np.eye(len(found.scales))
-    numbers = mass * found.scales, mass**2 * (found.covariance + least), found.degrees_of_freedom
+    least = ROUND_OFF**2 * np.eye(len(found.values))
+    numbers = mass * found.values, mass**2 * (found.covariance + least), found.degrees_of_freedom
     return MotorMasses(found.actuators, *numbers, found.untold)
 
 

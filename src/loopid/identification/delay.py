@@ -14,9 +14,9 @@ forces by time, in a column a motor. Noise of positions is in these columns, too
 instruments for the derivatives of the measured forces [Janot2014]. Intervals allow for
 autocorrelated errors as all others do (``correlation.py``).
 
-What tells most of a delay is where friction changes sides, in a wide band, where there is most
+Most informative of a delay is where friction changes sides, in a wide band, where there is most
 noise of positions, too. The widest band that is looked at is that around which estimates change
-least (``cutoff.py``); narrower ones follow for as long as the interval shrinks and tells the same.
+least (``cutoff.py``); narrower ones follow for as long as the interval shrinks and agrees.
 """
 
 from __future__ import annotations
@@ -38,7 +38,12 @@ from loopid.identification.correlation import (
     within_runs,
 )
 from loopid.identification.cutoff import CutoffChoice, choose_cutoff
-from loopid.identification.estimator import WorkingFit, require_rows, result_of, scaled_svd
+from loopid.identification.estimator import (
+    WorkingFit,
+    excited_combinations,
+    require_rows,
+    result_of,
+)
 from loopid.identification.force_models import ForceModel
 from loopid.identification.hysteresis import POSSIBLE, slip_evidence
 from loopid.identification.jackknife import with_scatter
@@ -47,7 +52,6 @@ from loopid.identification.result import Fit
 from loopid.logs.preparing import at_cutoff, near_saturation, on_independent, saturation_of
 from loopid.logs.recording import FilterOptions, MaskOptions, Recording
 from loopid.motion.filtering import LowPass
-from loopid.parameters import ParameterSet
 from loopid.records import record
 from loopid.regressors.maxwell_slip import ELEMENTS, slip_displacements, slip_states
 from loopid.robot.robot import Robot
@@ -62,11 +66,11 @@ LONGEST, PART, TRIED = 0.25, 0.05, 51
 # method: iterations at most, and the change in steps of the log that ends them.
 ROUNDS, ITERATIONS, SETTLED = 2, 15, 1e-3
 # Singular value of the scaled regressor, relative to the largest, below which a combination of its
-# columns counts for nothing; the same of what a delay does beside them. Least error of the forces.
+# columns is ignored; the same of what a delay does beside them. Least error of the forces.
 KNOWN, PRECISION = 1e-6, 1e-8
 # Parts of time that count as recordings of their own. Errors of positions from a coarse encoder
-# gather where the motion turns back and friction jumps, which tells most of a delay: estimates
-# scatter between parts more than their autocorrelation lets expect.
+# gather where the motion turns back and friction jumps, which informs most of a delay: estimates
+# scatter between parts more than their autocorrelation predicts.
 BLOCKS = 20
 # Forces at most that are looked at in a band wider than the motion's: so many take a second. The
 # narrowest band, relative to that.
@@ -76,13 +80,13 @@ SLIP = 0.1
 # A delay is clear from so many steps of the log on, and so many times half of its 95 % interval;
 # of a motor that differs from the others, for which its delay is undone alone, so many times.
 LEAST, CLEAR, ALONE = 0.2, 2.0, 6.0
-# Half of an interval in s from which on it tells no delay that there could be: slow motions.
+# Half of an interval in s from which on it excludes no possible delay: slow motions.
 VAGUE = 0.05
-# Probability that delays of motors that agree seem to differ; the interval of the common one is
-# then wider by as much as they do.
+# False-alarm probability of the test that all motors share one delay; beyond it the interval
+# of the common one is wider by as much as they differ.
 CHANCE = 0.01
 # Deviation in s of delays, or a step of the log where that is less: so much is held for possible
-# where the data do not tell.
+# where the data do not determine it.
 USUAL = 0.01
 
 
@@ -97,7 +101,7 @@ class Delay:
     common : float
         In s, of all motors together; negative where positions are late.
     interval : tuple of float
-        Of 95 %; infinite where the recordings do not tell.
+        Of 95 %; infinite where it is undetermined.
     each : FloatArray
         (m,), of each motor by itself.
     intervals : FloatArray
@@ -306,7 +310,7 @@ def _moved(robot: Robot, recording: Recording, shifts: FloatArray) -> Recording:
     log, masks = recording.log.delayed(shifts), recording.masks or MaskOptions()
     force, used = _Run(robot, recording).force(shifts)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # told when it was prepared
+        warnings.simplefilter("ignore")  # given when it was prepared
         limits = saturation_of(robot, recording.log, masks)
     if np.isfinite(limits).any():
         rows = np.searchsorted(log.time, recording.motion.time).clip(max=len(log) - 1)
@@ -321,7 +325,7 @@ def _moved(robot: Robot, recording: Recording, shifts: FloatArray) -> Recording:
 def with_delay_errors(
     fit: Fit, data: FitSamples, recordings: Sequence[Recording], delay: Delay | None
 ) -> Fit:
-    """A fit with what is not known of the delay in its covariance.
+    """Add the uncertainty of the delay to a fit's covariance.
 
     An error of the delay adds forces D = ∂τ/∂t to those of the samples x, which move the estimates
     by C Σ xᵀ D / σ², with C their covariance and σ² the variance of so many independent errors as
@@ -411,8 +415,8 @@ def directions(recording: Recording) -> FloatArray:
     return np.asarray(sign, dtype=np.float64)
 
 
-def _of_drives(recording: Recording) -> FloatArray:
-    """Friction, an offset and inertia of each drive (N, dof, 4 dof)."""
+def drive_columns(recording: Recording) -> FloatArray:
+    """Coulomb and viscous friction, an offset and inertia of each drive (N, dof, 4 dof)."""
     motion, sign = recording.motion, directions(recording)
     signals = np.stack([sign, motion.velocities, np.ones_like(sign), motion.accelerations], axis=2)
     table = signals[:, :, None, :] * np.eye(sign.shape[1])[:, :, None]
@@ -428,15 +432,19 @@ class _Forces:
         self.step = min(step for run in self.runs for step in run.steps)
         longest = min(LONGEST, PART * max(length for run in self.runs for length in run.lengths))
         self.shifts = np.linspace(-longest, longest, TRIED)
-        # Motors that act on all coordinates together are not told apart.
+        # Motors that act on all coordinates together are not separated.
         self.count = 1 if robot.redundant else len(robot.actuated)
         self.driven = ~np.isin(robot.independent, robot.free)
         tried, used = zip(*map(self.at, self.shifts[:, None]), strict=True)
         self.tried = np.stack(tried, axis=2)  # (N, dof, TRIED)
-        drives = (_beside(force_model.samples(one), "drive", _of_drives(one)) for one in recordings)
+        drives = (
+            force_model.samples(one).beside("drive", drive_columns(one)) for one in recordings
+        )
         samples = replace(FitSamples.combined(list(drives)), used=np.all(used, axis=0))
         require_rows(samples.problem)
-        self.samples = _told(samples)
+        combined = excited_combinations(samples, KNOWN)
+        numbers = np.arange(len(combined)) * BLOCKS // len(combined)
+        self.samples = replace(combined, runs=numbers)
         self.slips = _of_slip(self.samples, recordings)
 
     def at(self, shifts: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -465,7 +473,7 @@ class _Search:
         # Factors of each motor, for any weights of them.
         used = samples.regressor * samples.used[:, :, None]
         self.Q, self.R = np.linalg.qr(used.transpose(1, 0, 2))
-        self._use(np.divide(1.0, self.size, out=np.zeros_like(self.size), where=self.size > 0))
+        self._use(samples.problem.force_weights)
         for _ in range(ROUNDS):
             self._use(self._weighed())
 
@@ -510,8 +518,8 @@ class _Search:
             if deviation > least:
                 covariances = burg_covariances(error, run_lengths(used, samples.pieces))
                 model = Autoregression.of_covariances(covariances)
-                worth = counts[i] * covariances[0] / model.sum_variance(used, samples.pieces)
-            weights[i] = np.sqrt(min(worth, 1.0)) / max(deviation, least)
+                worth = model.effective_samples(used, samples.pieces) / counts[i]
+            weights[i] = np.sqrt(worth) / max(deviation, least)
         return weights
 
     def _newton(self, shifts: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -554,7 +562,7 @@ class _Search:
     def errors(self, shifts: FloatArray) -> tuple[FloatArray, float]:
         """Standard errors (k,) of delays of each at shifts, and that of their common one.
 
-        Of normal distributions with the same 95 % intervals; infinite where the data do not tell.
+        Of normal distributions with the same 95 % intervals; infinite where it is undetermined.
         """
         force, _ = self.forces.at(shifts)
         columns = self.slopes(force, len(shifts))
@@ -565,7 +573,7 @@ class _Search:
         if not told.any():
             return errors, np.inf
         width = len(self.factor)
-        samples = _beside(self.samples.with_force(force), "delay", columns[:, :, told])
+        samples = self.samples.with_force(force).beside("delay", columns[:, :, told])
         prior = np.pad(self.prior, ((0, 0), (0, 1 + int(told.sum()))))
         R = samples.problem.weighted(self.weights, prior)
         values = solve_triangular(R[:-1, :-1], R[:-1, -1])
@@ -574,14 +582,14 @@ class _Search:
         result, left = found.result, left[:, told]
         C = result.covariance[width:, width:]
         scale = np.ptp(result.intervals()[width:], axis=1) / 2 / NORMAL / np.sqrt(np.diag(C))
-        # What is measured of a column alone counts: its noise of positions tells nothing.
+        # What is measured of a column alone counts: its noise of positions has no information.
         counts = left.T @ self._measured(force, len(shifts))[:, told]
         if np.linalg.cond(counts / np.outer(sizes[told], sizes[told])) > 1 / KNOWN:
             return errors, np.inf
         change = np.linalg.solve(counts, left.T @ left)
         C = change @ C @ change.T
         errors[told] = scale * np.sqrt(np.diag(C))
-        # The common delay is a mean of those of the motors, by what they tell.
+        # The common delay is a mean of those of the motors, weighted by their information.
         shares = counts.sum(axis=0) / counts.sum()
         return errors, float(np.sqrt(shares @ C @ shares) * scale.max())
 
@@ -661,7 +669,7 @@ class _Search:
 
 
 def _disagreement(delays: FloatArray, errors: FloatArray) -> float:
-    """How many times as far as their errors let expect delays (k,) differ, where clearly."""
+    """How many times their expected difference delays (k,) differ, where clearly."""
     from scipy.special import chdtri  # slow to import
 
     known = np.isfinite(errors)
@@ -682,7 +690,7 @@ def _beside_slip(
         return samples, np.zeros((0, width))
     deviations = np.repeat(SLIP * force[list(slips)], ELEMENTS)
     prior = np.eye(len(deviations), width + len(deviations), width) / deviations[:, None]
-    return _beside(samples, "slip", np.concatenate(list(slips.values()), axis=2)), prior
+    return samples.beside("slip", np.concatenate(list(slips.values()), axis=2)), prior
 
 
 def _of_slip(samples: FitSamples, recordings: Sequence[Recording]) -> dict[int, FloatArray]:
@@ -707,23 +715,3 @@ def _slip(recording: Recording, states: Sequence[FloatArray]) -> FloatArray:
     """States along the stretches of the log, filtered as the forces are, at the samples (N,)."""
     along = np.concatenate(states)
     return along if recording.history is None else recording.history.lowpassed(along)
-
-
-def _beside(samples: FitSamples, what: str, columns: FloatArray) -> FitSamples:
-    """The samples with further columns (N, dof, k)."""
-    more = ParameterSet.from_labels(f"{what}.{k}" for k in range(columns.shape[2]))
-    return replace(
-        samples,
-        parameters=ParameterSet(samples.parameters.parameters + more.parameters),
-        regressor=np.concatenate([samples.regressor, columns], axis=2),
-    )
-
-
-def _told(samples: FitSamples) -> FitSamples:
-    """The samples of those combinations of columns only that the motion tells, in parts of time."""
-    sizes, count = samples.problem.force_rms, len(samples)
-    R = samples.problem.weighted(np.divide(1.0, sizes, out=np.zeros(len(sizes)), where=sizes > 0))
-    lengths, values, right = scaled_svd(R[:-1, :-1])
-    kept = values > KNOWN * values[0]
-    told = samples.along((right[kept] / values[kept, None]).T / lengths[:, None])
-    return replace(told, runs=np.arange(count) * BLOCKS // count)

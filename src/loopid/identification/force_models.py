@@ -55,7 +55,7 @@ LEAST_ERROR = 1e-4
 SILENT = 1e-10
 # Random states of the robot: at least so many, and so many rows for each column.
 LEAST_STATES, ROWS_PER_COLUMN = 60, 3
-FEW = 5  # states that tell whether closures are redundant
+FEW = 5  # states that decide whether closures are redundant
 
 
 @record
@@ -123,29 +123,31 @@ class ForceModel:
     @property
     def joint_columns(self) -> IntArray:
         """Columns that belong to joint terms."""
-        joints = [j for j, parameter in enumerate(self.parameters) if parameter.kind not in KINDS]
-        return np.array(joints, dtype=np.int64)
+        return self._where(lambda kind: kind not in KINDS)
 
     @property
     def body_columns(self) -> IntArray:
         """Columns that belong to bodies."""
-        return np.setdiff1d(np.arange(len(self.parameters)), self.joint_columns)
+        return self._where(lambda kind: kind in KINDS)
 
     @property
     def grouped_columns(self) -> IntArray:
         """Columns of joint terms whose size the evidence decides (``JointTerm.prior``)."""
-        columns = [j for j, each in enumerate(self.parameters) if grouped(each.kind)]
-        return np.array(columns, dtype=np.int64)
+        return self._where(grouped)
 
     @property
     def plain_columns(self) -> IntArray:
         """All other columns."""
-        return np.setdiff1d(np.arange(len(self.parameters)), self.grouped_columns)
+        return self._where(lambda kind: not grouped(kind))
 
     @property
     def slip_columns(self) -> IntArray:
         """Columns of elements of Maxwell slip, which depend on where joints came from."""
-        return np.array([j for j in self.joint_columns if "slip" in self._needs(j)], dtype=np.int64)
+        return self._where(lambda kind: kind not in KINDS and "slip" in joint_term(kind).needs)
+
+    def _where(self, chosen: Callable[[str], bool]) -> IntArray:
+        """Columns of the kinds that are chosen."""
+        return np.flatnonzero([chosen(parameter.kind) for parameter in self.parameters])
 
     @property
     def plain(self) -> ForceModel:
@@ -196,7 +198,7 @@ class ForceModel:
         """The same model with gears that carry the bodies of values (n,).
 
         Where a joint term leads a combination with bodies, as a rotor with its link, standard
-        parameters that begin with those of the bodies tell how much is theirs; without them that
+        parameters that begin with those of the bodies say how much is theirs; without them that
         stays as it is, by default none.
         """
         if not len(self.load_columns[1]):
@@ -313,10 +315,7 @@ class ForceModel:
         kinds : mapping
             Of each joint, as of ``JointTerms``.
         """
-        terms = JointTerms.of_kinds(kinds)
-        if terms is not None and self.joint_terms is not None:
-            own = self.joint_terms
-            terms = replace(terms, dead_zone=own.dead_zone, smoothing=own.smoothing)
+        terms = _of_kinds(kinds, self.joint_terms)
         kept = KeptChoice(dependent=self.base.parameters.select(self.base.dependent).labels)
         with warnings.catch_warnings():  # the same as of this model
             warnings.simplefilter("ignore")
@@ -329,7 +328,7 @@ class ForceModel:
     def with_columns(self, kinds: Mapping[str, tuple[str, ...]]) -> ForceModel:
         """The same model with further joint terms as columns of their own, after the others.
 
-        They may be nearly the same, such as two rates of Stribeck friction: what is told apart is
+        They may be nearly the same, such as two rates of Stribeck friction: what is separated is
         for the data to say. Its structure is that of this model.
         """
         terms, base = (self.joint_terms or JointTerms(())).joined(kinds), self.base
@@ -521,8 +520,8 @@ def force_model(
     Warns
     -----
     ModelWarning
-        Of forces of the robot file that are left out, of joint terms that no motor feels, and of
-        loads that redundant closures leave open.
+        Of forces of the robot file that are left out, of joint terms that no motor senses, and
+        of loads that redundant closures leave open.
 
     Examples
     --------
@@ -545,7 +544,7 @@ def force_model(
     idle = [p.label for p in base.parameters if p.kind not in KINDS and p.label not in felt]
     if idle:
         warn(
-            f"no motor of {robot.name} feels {', '.join(idle)} in any pose: the model is "
+            f"no motor of {robot.name} senses {', '.join(idle)} in any pose: the model is "
             "without them",
             ModelWarning,
         )
@@ -605,7 +604,7 @@ def chosen_terms(robot: Robot, model: str, choice: str) -> tuple[JointTerms | No
 def parted(terms: JointTerms | None) -> tuple[JointTerms | None, dict[str, tuple[str, ...]]]:
     """Joint terms without those of groups, and the kinds of these by their joints.
 
-    Terms of a group may be nearly alike, and are no base parameters: priors tell them apart.
+    Terms of a group may be nearly alike, and are no base parameters: priors separate them.
     """
     if terms is None:
         return None, {}
@@ -616,10 +615,15 @@ def parted(terms: JointTerms | None) -> tuple[JointTerms | None, dict[str, tuple
     plain, others = both
     if not any(others.values()):
         return terms, {}
-    own = JointTerms.of_kinds(plain)
-    if own is not None:
-        own = replace(own, dead_zone=terms.dead_zone, smoothing=terms.smoothing)
-    return own, {joint: kinds for joint, kinds in others.items() if kinds}
+    return _of_kinds(plain, terms), {joint: kinds for joint, kinds in others.items() if kinds}
+
+
+def _of_kinds(kinds: Mapping[str, tuple[str, ...]], like: JointTerms | None) -> JointTerms | None:
+    """Joint terms with the dead zone and smoothing of others."""
+    own = JointTerms.of_kinds(kinds)
+    if own is None or like is None:
+        return own
+    return replace(own, dead_zone=like.dead_zone, smoothing=like.smoothing)
 
 
 @checked
@@ -694,9 +698,7 @@ def _nearest(times: FloatArray, wanted: FloatArray) -> IntArray:
             f"the reference lasts from {times[0]:.6g} to {times[-1]:.6g} s, the recording from "
             f"{wanted.min():.6g} to {wanted.max():.6g} s"
         )
-    after = np.clip(np.searchsorted(times, wanted), 1, len(times) - 1)
-    earlier = wanted - times[after - 1] < times[after] - wanted
-    return np.asarray(after - earlier, dtype=np.int64)
+    return np.rint(np.interp(wanted, times, np.arange(len(times)))).astype(np.int64)
 
 
 # A recording, a function that loads one, or a ``dask.delayed`` one (Dask may not be installed).
@@ -725,7 +727,7 @@ def distributed_problem(
     -------
     FitProblem
         For any estimator that needs factors only: ``WeightedLeastSquares().fit(problem)``. Its
-        intervals are those of independent errors: factors do not tell autocorrelated ones.
+        intervals are those of independent errors: factors do not hold autocorrelated ones.
 
     Raises
     ------

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked
+from loopid.arguments import FloatArray, checked, spread_rows
 from loopid.errors import DataError, DataWarning, OptionError, RankError, warn
 from loopid.identification.consistent import (
     CONSISTENT,
@@ -80,7 +80,7 @@ def require_forces(robot: Robot, recordings: Sequence[Recording]) -> None:
     for run in recordings:
         largest = np.maximum(largest, np.abs(run.force[:, :driven]).max(axis=0, initial=0.0))
         used |= run.used[:, :driven].any(axis=0)
-        some = np.unique(np.linspace(0, len(run) - 1, LOOKED_AT).astype(int))
+        some = spread_rows(len(run), LOOKED_AT)
         motion = run.motion
         state = motion.configurations[some], motion.velocities[some], motion.accelerations[some]
         parts = force_parts(robot, *state).total[:, :driven]
@@ -88,8 +88,8 @@ def require_forces(robot: Robot, recordings: Sequence[Recording]) -> None:
     zero = [robot.independent[k] for k in np.flatnonzero(used & (largest == 0))]
     if zero:
         raise DataError(
-            f"the force of {', '.join(zero)} is zero in all samples of {names}: it tells nothing, "
-            "so name the column that has it as 'force' in a mapping"
+            f"the force of {', '.join(zero)} is zero in all samples of {names}: it has no "
+            "information, so name the column that has it as 'force' in a mapping"
         )
     most = float(largest.max(initial=0.0))
     if 0 < most < LEAST_FORCES * needed:
@@ -177,7 +177,8 @@ def identify(
     )
     runs = *training, *judging, *friction
     suspected = suspicions_by_log(own, runs, force_model.joint_terms)
-    for each in (found for one in suspected for found in one.mistakes):
+    mistakes = [found for one in suspected for found in one.mistakes]
+    for each in mistakes:
         each.warn()  # before what a wrong log may end in
     if cutoff is not None:
         cutoff.warn()
@@ -217,12 +218,7 @@ def identify(
             with_delay_errors(each, data, training, delay),
             cutoff=None if cutoff is None else cutoff.chosen,
             use=use,
-            mistakes=tuple(
-                str(found)
-                for one in suspected
-                for found in one.mistakes
-                if found.severity == "mistake"
-            ),
+            mistakes=tuple(str(each) for each in mistakes if each.severity == "mistake"),
         )
         for name, each in fits.items()
     }
@@ -239,13 +235,9 @@ def identify(
         data = force_model.widened(data, training)
         new = data if left_out else force_model.widened(new, judging)
         judged = _judged(fits, data, new, left, regions)
+    broken = {name: absurdities(force_model, each.fit, data) for name, each in judged.items()}
     judged = {
-        name: replace(
-            each,
-            fit=replace(
-                each.fit, model=force_model, broken=absurdities(force_model, each.fit, data)
-            ),
-        )
+        name: replace(each, fit=replace(each.fit, model=force_model, broken=broken[name]))
         for name, each in judged.items()
     }
     parts = tuple(training), tuple(judging), tuple(friction)
@@ -387,17 +379,12 @@ def _judged(
         )
         for name, fit in fits.items()
     }
-    return {
-        name: _with_unseen(each, regions if name == CONSISTENT else None)
-        for name, each in judged.items()
-    }
-
-
-def _with_unseen(found: Candidate, regions: FloatArray | None) -> Candidate:
-    """A candidate whose fit knows its errors on data that it has not seen."""
-    rms = found.validation.residual_rms
-    fit = replace(found.fit, unseen_rms=rms if regions is None else np.fmax(rms, regions))
-    return replace(found, fit=fit, regions=regions)
+    # Fits know their errors on data that they have not seen.
+    for name, found in judged.items():
+        rms, own = found.validation.residual_rms, regions if name == CONSISTENT else None
+        fit = replace(found.fit, unseen_rms=rms if own is None else np.fmax(rms, own))
+        judged[name] = replace(found, fit=fit, regions=own)
+    return judged
 
 
 @checked
@@ -409,16 +396,16 @@ def fit_all(
     first: FitSamples | None = None,
     options: FitOptions = FitOptions(),
 ) -> Fit:
-    """Fit all parameters that the data tell, by the estimator of the options.
+    """Fit all parameters that the data determine, by the estimator of the options.
 
-    Joint terms whose size the evidence decides are zero: it takes a prior to tell them apart.
+    Joint terms whose size the evidence decides are zero: it takes a prior to separate them.
 
     Parameters
     ----------
     data : FitSamples
         Of all parameters.
     excited : Identifiability
-        What they tell of those that are fitted to them.
+        Identifiability of those that are fitted to them.
     first : FitSamples, optional
         Of an experiment that the joint terms are taken from.
 
@@ -456,7 +443,7 @@ def fit_told(
     estimator: Estimator,
     unidentifiable: str,
 ) -> Fit:
-    """Fit what data tell; the rest is as in the robot file (n,), unless that is an error."""
+    """Fit what data determine; the rest is as in the robot file (n,), or an error."""
     if not excited.unidentifiable:
         try:
             return working_fit(data, estimator, quiet=False).result
@@ -466,7 +453,7 @@ def fit_told(
     found = fit_excited(data, prior, excited.excitation, estimator=estimator)
     if found.assumed and not excited.unidentifiable:
         warn(
-            "weighted by the motors' errors, the data do not tell all of "
+            "weighted by the motors' errors, the data do not determine all of "
             f"{', '.join(found.assumed)}: what is left open is as in the robot file",
             DataWarning,
         )
@@ -541,7 +528,7 @@ def fit_joint_terms(
 def not_below(least: FloatArray, data: FitSamples, found: Fit) -> FloatArray:
     """Values (n,) of a fit from their least ones on, such as friction from zero on.
 
-    What the data do not tell stays as it is in the fit.
+    What the data do not determine stays as it is in the fit.
     """
     from scipy.optimize import lsq_linear  # slow to import
 

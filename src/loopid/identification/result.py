@@ -60,6 +60,16 @@ class Quality(OfArrays):
     r_squared: FloatArray
     samples: IntArray
 
+    @classmethod
+    def of(cls, problem: FitProblem, squares: FloatArray) -> Quality:
+        """Of sums of squared residuals (dof,) of a problem."""
+        force = problem.force_squares()
+        total = force - problem.samples * problem.mean_force**2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            mean = np.where(problem.samples > 0, squares / problem.samples, np.nan)
+            r_squared = np.where(total > CONSTANT_FORCE * force, 1.0 - squares / total, np.nan)
+        return cls(np.sqrt(mean), r_squared, problem.samples)
+
 
 @checked
 def fit_quality(problem: FitProblem, values: FloatArray) -> Quality:
@@ -73,12 +83,7 @@ def fit_quality(problem: FitProblem, values: FloatArray) -> Quality:
     phi, width = finite(values, "values"), len(problem.parameters)
     if phi.shape != (width,):
         raise DataError(f"values must have shape ({width},), not {phi.shape}")
-    squares, force = problem.residual_squares(phi), problem.force_squares()
-    total = force - problem.samples * problem.mean_force**2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        mean = np.where(problem.samples > 0, squares / problem.samples, np.nan)
-        r_squared = np.where(total > CONSTANT_FORCE * force, 1.0 - squares / total, np.nan)
-    return Quality(np.sqrt(mean), r_squared, problem.samples)
+    return Quality.of(problem, problem.residual_squares(phi))
 
 
 @record
@@ -198,7 +203,7 @@ class TermDeviations(OfArrays):
     own : FloatArray
         (g,), deviation of each, in the unit of its terms.
     told : FloatArray
-        (g,), how many of its terms the data tell.
+        (g,), how many of its terms the data determine.
     evidence : FloatArray
         (g,), logarithm of how much likelier the data are with the group than without it.
     """
@@ -279,7 +284,7 @@ class Estimate:
         )
 
 
-# Part of the variance by the robot file that the data must take away for a value to be told.
+# Part of the file's variance that the data must take away for a value to count as theirs.
 TOLD = 0.5
 
 
@@ -315,7 +320,7 @@ class StandardEstimate(Estimate):
     Attributes
     ----------
     told : bool
-        Whether the data tell it; otherwise only the robot file does.
+        Whether the data determine it; otherwise only the robot file does.
     """
 
     told: bool = False
@@ -534,7 +539,7 @@ class Fit(OfArrays, Tabular):
     def standard(self) -> dict[str, StandardEstimate]:
         """Masses, first moments, inertias and joint terms of the robot, by their labels.
 
-        Empty for fits of base parameters alone. Of what only the robot file tells the interval is
+        Empty for fits of base parameters alone. Of what only the robot file gives the interval is
         by how far off the file is.
         """
         from scipy.special import stdtrit  # here, as it takes a while to import

@@ -258,7 +258,7 @@ def fit_simulated(experiment: Experiment, seed: int) -> SimulatedFit:
     single, truth = experiment.frictionless(seed), experiment.truth[BODIES]
     whole, first = FitSamples.combined(list(single.values())), len(EIGHT)
     fifteen = quiet_fit(whole, "ols")
-    biased = [truncated_values(part.problem, truth, first) for part in single.values()]
+    biased = [truncated_values(part, truth, first) for part in single.values()]
     force = np.linalg.norm(whole.force)
     partial = np.cumsum(whole.regressor * fifteen.values, axis=2)
     left = np.linalg.norm(whole.force[:, :, None] - partial, axis=(0, 1))
@@ -266,7 +266,7 @@ def fit_simulated(experiment: Experiment, seed: int) -> SimulatedFit:
         truth=truth,
         fifteen=fifteen,
         eight=quiet_fit(whole.select(EIGHT), "ols"),
-        expected=truncated_values(whole.problem, truth, first),
+        expected=truncated_values(whole, truth, first),
         expected_range=np.stack([np.min(biased, axis=0), np.max(biased, axis=0)], axis=1),
         condition_numbers={
             name: _conditions(part) for name, part in ({"all": whole} | single).items()
