@@ -23,23 +23,25 @@ FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>',
 LINK = re.compile(r"\]\((?:\.\./|docs/)?(README\.md|examples(?:/[^)]*)?(?=\))|[^)]*)")
 
 
-def rooms():
-    """Full names of what is public, by the room that it is from."""
+def subpackages():
+    """Full names of what is public, by the subpackage that it is from."""
     found = {}
-    doors = [thing for name in loopid.__all__ if ismodule(thing := getattr(loopid, name))]
-    for door in (loopid, *doors):
-        for name in getattr(door, "__all__", dir(door)):
-            thing = getattr(door, name)
+    packages = [thing for name in loopid.__all__ if ismodule(thing := getattr(loopid, name))]
+    for package in (loopid, *packages):
+        for name in getattr(package, "__all__", dir(package)):
+            thing = getattr(package, name)
             module = getattr(thing, "__module__", None) or ""
             if module.startswith("loopid.") and callable(thing):
-                room = module.split(".")[1]
-                found.setdefault(room, set()).add(f"{module}.{thing.__qualname__}")
+                subpackage = module.split(".")[1]
+                found.setdefault(subpackage, set()).add(f"{module}.{thing.__qualname__}")
     return sorted(found.items())
 
 
 def on_config(config):
-    """A page of the API a room."""
-    config.nav.append({"Reference": [f"reference/{room}.md" for room, _ in rooms()]})
+    """A page of the API a subpackage."""
+    config.nav.append(
+        {"Reference": [f"reference/{subpackage}.md" for subpackage, _ in subpackages()]}
+    )
     return config
 
 
@@ -47,11 +49,11 @@ def on_files(files, config):
     """Pages that are not in docs/."""
     for name, place in OTHERS.items():
         files.append(File.generated(config, place, content=(ROOT / name).read_text()))
-    for room, names in rooms():
+    for subpackage, names in subpackages():
         shown = sorted(names, key=lambda name: name.rpartition(".")[2])
-        said = import_module(f"loopid.{room}").__doc__
-        text = "\n\n".join([f"# loopid.{room}", said, *(f"::: {name}" for name in shown)])
-        files.append(File.generated(config, f"reference/{room}.md", content=text))
+        said = import_module(f"loopid.{subpackage}").__doc__
+        text = "\n\n".join([f"# loopid.{subpackage}", said, *(f"::: {name}" for name in shown)])
+        files.append(File.generated(config, f"reference/{subpackage}.md", content=text))
     return files
 
 

@@ -17,7 +17,7 @@ from loopid import cli
 from test_docs import PAGES
 
 NAMES = [name for name in loopid.__all__ if not ismodule(getattr(loopid, name))]
-ROOMS = [name for name in loopid.__all__ if hasattr(getattr(loopid, name), "__path__")]
+SUBPACKAGES = [name for name in loopid.__all__ if hasattr(getattr(loopid, name), "__path__")]
 
 
 def run_examples(name, thing):
@@ -40,13 +40,17 @@ def test_a_public_name_has_an_example_that_runs(name):
 
 @pytest.mark.usefixtures("bundled_once")
 @pytest.mark.filterwarnings("ignore::UserWarning")
-@pytest.mark.parametrize("room", ROOMS)
-def test_examples_of_other_names_run(room):
-    door = getattr(loopid, room)
-    for name in set(getattr(door, "__all__", dir(door))) - set(NAMES):
-        thing = getattr(door, name)
+@pytest.mark.parametrize("subpackage", SUBPACKAGES)
+def test_examples_of_other_names_run(subpackage):
+    package = getattr(loopid, subpackage)
+    for name in set(getattr(package, "__all__", dir(package))) - set(NAMES):
+        thing = getattr(package, name)
         if getattr(thing, "__module__", "").startswith("loopid."):
             run_examples(name, thing)
+
+
+def test_help_begins_with_a_map_of_all_names():
+    assert sorted(set(re.findall(r"``(\w+)``", loopid.__doc__))) == sorted(NAMES)
 
 
 def test_the_page_of_public_names_lists_them_all_and_no_others():
@@ -56,9 +60,9 @@ def test_the_page_of_public_names_lists_them_all_and_no_others():
     assert sorted(own) == sorted(NAMES)
     assert len(own) <= 25
     for row in tables[1]:
-        rooms = [getattr(loopid, room) for room in re.findall(r"`loopid\.(\w+)`", row)]
+        packages = [getattr(loopid, name) for name in re.findall(r"`loopid\.(\w+)`", row)]
         for name in re.findall(r"`(\w+)`", row):
-            assert any(hasattr(room, name) for room in rooms), name
+            assert any(hasattr(package, name) for package in packages), name
 
 
 def imported(*words):
@@ -83,6 +87,11 @@ def test_importing_loopid_and_its_command_line_loads_no_library_of_the_work():
 def test_a_log_of_arrays_needs_few_files():
     found = imported("import loopid", "x = [1, 2, 3, 4]; loopid.Log.from_arrays(x, x, x, ['a'])")
     assert len([name for name in found if name.partition(".")[0] == "loopid"]) <= 14
+
+
+def test_dynamics_need_few_files():
+    found = imported("import loopid.regressors.dynamics")
+    assert len([name for name in found if name.split(".")[0] == "loopid"]) <= 25
 
 
 def test_type_checkers_see_the_same_names():

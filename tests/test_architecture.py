@@ -1,4 +1,4 @@
-"""The one-way street: every room imports only rooms to its left."""
+"""The one-way street: every subpackage imports only subpackages to its left."""
 
 import ast
 import re
@@ -24,7 +24,7 @@ GROUND = (
     "inertia",
     "observation",
 )
-ROOMS = (
+SUBPACKAGES = (
     "robot",
     "kinematics",
     "loading",
@@ -34,22 +34,24 @@ ROOMS = (
     "logs",
     "identification",
 )
-CORE = (*GROUND, *ROOMS)  # each imports those to its left
+CORE = (*GROUND, *SUBPACKAGES)  # each imports those to its left
 # Each imports the core, none another.
 TOOLS = ("formats", "diagnosis", "excitation", "control", "export")
 # What people see; each imports what is above and to its left.
 SHOWN = ("view", "plots", "report", "paper", "cli")
-# Beside that: what a room or a file never imports.
+# Beside that: what a subpackage or a file never imports.
 NEVER = {
     "base_parameters": {"pinocchio", "robot", "kinematics", "loading", "regressors"},
     "loading": {"regressors", "base_parameters"},
     "cli": {"pinocchio", "numpy"},
 }
-ONLY = {"paper/symbolic.py": {"errors", "arguments", "parameters"}}  # it checks all other rooms
+ONLY = {
+    "paper/symbolic.py": {"errors", "arguments", "parameters"}
+}  # it checks all other subpackages
 FILES = sorted(SOURCE.rglob("*.py"))
 
 
-def room_of(file):
+def subpackage_of(file):
     return file.relative_to(SOURCE).parts[0].removesuffix(".py")
 
 
@@ -62,39 +64,45 @@ def imported_modules(file, source=None):
         elif isinstance(node, ast.ImportFrom):
             above = package[: len(package) - node.level + 1] if node.level else ()
             module = ".".join([*above, *filter(None, [node.module])])
-            # ``from loopid import x`` names the room only after the import.
+            # ``from loopid import x`` names the subpackage only after the import.
             yield from (f"{module}.{alias.name}" for alias in node.names)
 
 
 def violations(file, source=None):
     """Rooms (or public names) of loopid, and foreign packages, that a file must not import."""
-    room = room_of(file)
+    subpackage = subpackage_of(file)
     parts = [name.split(".") for name in imported_modules(file, source)]
     own = {part[1] for part in parts if part[0] == "loopid"}
     name = file.relative_to(SOURCE).as_posix()
     imports = own | {part[0] for part in parts}
-    return (own - ONLY.get(name, allowed(room)) - {"__version__"}) | (
-        imports & NEVER.get(room, set())
+    return (own - ONLY.get(name, allowed(subpackage)) - {"__version__"}) | (
+        imports & NEVER.get(subpackage, set())
     )
 
 
-def allowed(room):
-    if room in CORE:
-        return {*CORE[: CORE.index(room)], room}
-    if room in TOOLS:
-        return {*CORE, room}
-    return {*CORE, *TOOLS, *SHOWN[: SHOWN.index(room)], room} | (
-        {"paper"} if room == "cli" else set()
+def allowed(subpackage):
+    if subpackage in CORE:
+        return {*CORE[: CORE.index(subpackage)], subpackage}
+    if subpackage in TOOLS:
+        return {*CORE, subpackage}
+    return {*CORE, *TOOLS, *SHOWN[: SHOWN.index(subpackage)], subpackage} | (
+        {"paper"} if subpackage == "cli" else set()
     )
 
 
-def test_every_room_has_its_place():
-    assert {room_of(file) for file in FILES} <= {"__init__", "__main__", *CORE, *TOOLS, *SHOWN}
+def test_every_subpackage_has_its_place():
+    assert {subpackage_of(file) for file in FILES} <= {
+        "__init__",
+        "__main__",
+        *CORE,
+        *TOOLS,
+        *SHOWN,
+    }
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.relative_to(SOURCE).as_posix())
-def test_rooms_import_only_rooms_to_their_left(file):
-    if room_of(file) in ("__init__", "__main__"):
+def test_subpackages_import_only_subpackages_to_their_left(file):
+    if subpackage_of(file) in ("__init__", "__main__"):
         assert file.parent == SOURCE  # public names and the entry point may see everything
     else:
         assert violations(file) == set()
@@ -130,12 +138,6 @@ def reached_from(graph, start):
     return reached
 
 
-def test_dynamics_need_few_files(graph):
-    reached = reached_from(graph, "loopid.regressors.dynamics")
-    rooms = {name.rpartition(".")[0] for name in reached} | {"loopid.formats"}
-    assert len(reached) + len(rooms) <= 25
-
-
 def test_a_robot_from_pinocchio_needs_no_reader_of_files(graph):
     reached = reached_from(graph, "loopid.loading.pinocchio_robot")
     assert len(reached) < 32
@@ -145,7 +147,7 @@ def test_a_robot_from_pinocchio_needs_no_reader_of_files(graph):
 
 
 @pytest.mark.parametrize(
-    ("room", "source", "culprit"),
+    ("subpackage", "source", "culprit"),
     [
         ("robot", "from loopid.kinematics import assemble", "kinematics"),
         ("robot", "import loopid.regressors.tree", "regressors"),
@@ -159,8 +161,8 @@ def test_a_robot_from_pinocchio_needs_no_reader_of_files(graph):
         ("regressors", "from loopid import load", "load"),
     ],
 )
-def test_a_step_to_the_right_is_seen(room, source, culprit):
-    assert violations(SOURCE / room / "new.py", source) == {culprit}
+def test_a_step_to_the_right_is_seen(subpackage, source, culprit):
+    assert violations(SOURCE / subpackage / "new.py", source) == {culprit}
 
 
 @pytest.mark.parametrize("culprit", ["workers", "paper", "robot"])

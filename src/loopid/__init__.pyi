@@ -1,4 +1,4 @@
-"""The public names, in the order of the work; rooms hold the rest."""
+"""The public names, in the order of the work; subpackages hold the rest."""
 
 from . import (
     base_parameters as base_parameters,

@@ -154,6 +154,15 @@ def samples(array: ArrayLike, width: int, name: str, count: int | None = None) -
     return values
 
 
+def shaped(array: ArrayLike, name: str, *shape: int) -> FloatArray:
+    """The array as finite floats, refused when it has another shape."""
+    values = finite(array, name)
+    if values.shape != shape:
+        message = f"{name} must have shape {shape}, not {values.shape}"
+        raise DataError(message, argument=name, given=values.shape)
+    return values
+
+
 # Arguments of public functions.
 
 

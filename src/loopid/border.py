@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import ErrorDetails, PydanticCustomError
@@ -37,6 +37,7 @@ SHORTER = {
 UNKNOWN = "unknown_word"
 # Their sentences name the value themselves.
 COMPLETE = ("missing", "too_short", "too_long", "value_error", UNKNOWN)
+Form = TypeVar("Form", bound=BaseModel)
 
 
 class Section(BaseModel):
@@ -114,6 +115,16 @@ def refusal(
     said = worded(detail) + (f" (and {more} more)" if more else "")
     text = ": ".join(filter(None, (str(where), place, said)))
     return kind(text, **facts, **({"line": line} if line else {}))
+
+
+def validated(
+    form: type[Form], content: Any, where: object = "", kind: type[LoopidError] = RobotFileError
+) -> Form:
+    """A content in its form; the error of ``refusal`` where it does not fit."""
+    try:
+        return form.model_validate(content)
+    except ValidationError as error:
+        raise refusal(error, content, where, kind) from error
 
 
 def key_path(detail: ErrorDetails, content: Any) -> tuple[Any, ...]:

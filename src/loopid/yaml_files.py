@@ -64,15 +64,10 @@ def line_of(path: Path, keys: Sequence[Any]) -> int | None:
     return line
 
 
-def load_yaml(
-    path: Path,
-    failure: type[LoopidError],
-    most_bytes: int = MOST_BYTES,
-    any_text: bool = False,
-) -> Any:
+def load_yaml(path: Path, failure: type[LoopidError], most_bytes: int = MOST_BYTES) -> Any:
     """Lists, dictionaries, texts and numbers of a YAML file that is no larger than it seems.
 
-    Texts must be printable and on one line, unless any will do.
+    Texts must be printable and on one line.
     """
     problem = why_no_file(path)
     if problem:
@@ -84,7 +79,7 @@ def load_yaml(
         if len(data) > most_bytes:
             raise _BoundError(f"it is longer than the {most_bytes / 1e6:g} MB that are read")
         yaml = YAML(typ="safe", pure=True)
-        yaml.Parser = _AnyTextParser if any_text else _BoundedParser
+        yaml.Parser = _BoundedParser
         return yaml.load(io.StringIO(data.decode("utf-8")))
     except _BoundError as error:
         raise failure(f"{path}: {error}") from error
@@ -121,8 +116,6 @@ class _BoundError(Exception):
 
 class _BoundedParser(Parser):
     """Parser that refuses, before anything is made of them, files that are more than they seem."""
-
-    any_text = False
 
     def __init__(self, loader: Any) -> None:
         super().__init__(loader)
@@ -162,8 +155,6 @@ class _BoundedParser(Parser):
             raise _BoundError(f"tag {event.tag!r:.60} in line {line} is not read: remove it")
         if len(text) > LONGEST_TEXT:
             raise _BoundError(f"a text in line {line} has more than {LONGEST_TEXT:,} characters")
-        if self.any_text:
-            return
         if not text.isprintable():
             raise _BoundError(
                 f"texts must be printable and on one line, not {text!r:.60} in line {line}"
@@ -171,10 +162,6 @@ class _BoundedParser(Parser):
         if event.implicit[0] and ODD_NUMBER.fullmatch(text):
             what = "a number with _" if "_" in text else "a number with 0x, 0o or 0b"
             raise _BoundError(f"{text!r:.60} in line {line} is {what}: quote it if not")
-
-
-class _AnyTextParser(_BoundedParser):
-    any_text = True
 
 
 def _yaml_problem(error: Exception) -> str:

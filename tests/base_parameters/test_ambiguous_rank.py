@@ -157,7 +157,7 @@ def test_as_many_rows_as_the_rank_may_hide_a_larger_one():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"least": 0.0}, {"least": 1.0}, {"zero": 1e-5}, {"change": np.nan}, {"draws": "2"}]
+    "wrong", [{"least": 0.0}, {"least": 1.0}, {"zero": 1e-5}, {"zero": np.nan}, {"least": "2"}]
 )
 def test_tolerances_are_positive_numbers_in_order(wrong):
     with pytest.raises(OptionError) as refused:

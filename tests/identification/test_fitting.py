@@ -139,7 +139,7 @@ def test_factors_alone_are_refused_where_samples_are_needed(name):
 def test_estimators_are_chosen_by_name_or_given():
     assert quiet_fit(made(), OrdinaryLeastSquares()) == quiet_fit(made(), "ols")
     assert quiet_fit(made()).estimator == "wls"
-    with pytest.raises(OptionError, match="unknown estimator 'lms': choose among ols, wls, b"):
+    with pytest.raises(OptionError, match=r"unknown estimator 'lms'.*choose among ols, wls, b"):
         fit(made(), "lms")
 
 
@@ -205,9 +205,9 @@ def test_intervals_cover_only_with_the_uncertainty_of_the_first_step(runs):
 
 def test_parameters_that_no_step_determines_are_refused():
     first, second = experiments(0)
-    with pytest.raises(OptionError, match=r"second step 'link9\.m': choose among link0\.m"):
+    with pytest.raises(OptionError, match=r"second step 'link9\.m'.*: choose among link0\.m"):
         fit_in_steps(first, second, ["link9.m"])
-    with pytest.raises(OptionError, match=r"first step 'link0\.m': choose among link1\.m, link4"):
+    with pytest.raises(OptionError, match=r"first step 'link0\.m'.*: choose among link1\.m, link4"):
         fit_in_steps(first, second, ["link0.m"])
     with pytest.raises(OptionError, match="nothing is left"):
         fit_in_steps(second, first, ["link1.m", "link4.m"])

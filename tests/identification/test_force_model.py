@@ -10,7 +10,7 @@ from dask import delayed
 import loopid
 from loopid import JointTerms, random_configurations
 from loopid.errors import DataError, MissingExtraError
-from loopid.identification import FitSamples, WeightedLeastSquares, distributed_problem, force_model
+from loopid.identification import FitSamples, WeightedLeastSquares, distributed_problem
 from loopid.identification.information import body_sizes
 from loopid.kinematics import closed_motion, random_motions
 from loopid.motion import JointMotion
@@ -92,7 +92,7 @@ def test_memory_does_not_change_the_regressor(case, monkeypatch, chunk):
     robot, _, model = case
     motion = random_motion(robot, 30, seed=7)
     whole = model.regressor(motion)
-    monkeypatch.setattr(force_model, "CHUNK", chunk)
+    monkeypatch.setattr("loopid.identification.force_models.CHUNK", chunk)
     parts = model.regressor(motion)
     assert parts.shape == whole.shape
     np.testing.assert_allclose(parts, whole, atol=1e-12 * np.abs(whole).max())
@@ -146,7 +146,7 @@ def recordings(knee, terms, motions):
 
 
 def test_processes_change_no_bit(knee_model, motions, monkeypatch):
-    monkeypatch.setattr(force_model, "CHUNK", 97)
+    monkeypatch.setattr("loopid.identification.force_models.CHUNK", 97)
     one, two = (knee_model.regressor(motions[0], n_jobs) for n_jobs in (1, 2))
     np.testing.assert_array_equal(one, two)
 

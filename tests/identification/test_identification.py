@@ -2,16 +2,19 @@
 
 import pickle
 from dataclasses import replace
+from importlib.util import find_spec
 
 import numpy as np
 import polars
 import pytest
 
 import loopid
-from loopid import FitOptions, identify, read_log
+from loopid import FitOptions, identify, load_fit, prepare, read_log
 from loopid.errors import OptionError
 from loopid.identification import compare_terms, eliminate
+from loopid.identification.data import recordings_of
 from loopid.identification.selection import judge_essential
+from loopid.logs.preparing import at_cutoff
 from made_runs import quietly
 
 RUN = "urdf/logs/five_bar.csv"
@@ -50,18 +53,29 @@ def test_joint_terms_that_a_robot_cannot_have_are_refused_before_any_work(knee):
         assert refused.value.facts["valid"]
 
 
-def test_data_of_any_form_are_identified_alike(load_once):
-    robot = load_once("five_bar")
-    log = read_log(RUN, robot)
-    frame = polars.read_csv(RUN)
-    data = {"path": RUN, "frame": frame, "Log": log, "Recording": loopid.prepare(robot, log)}
-    found = {name: quietly(identify, robot, one) for name, one in data.items()}
-    for each in found.values():
-        np.testing.assert_array_equal(each.fit.values, found["path"].fit.values)
-        assert str(each.verdict) == str(found["path"].verdict)
-    assert found["path"].fit.robot == robot
+def test_a_path_becomes_a_fit_and_the_fit_what_is_asked_of_it(load_once, tmp_path):
+    """In one call each; tables, logs and recordings are the data that the path is."""
+    robot, log = load_once("five_bar"), read_log(RUN, load_once("five_bar"))
+    found = quietly(identify, robot, RUN)
+    (run,) = found.training
+    for data in (polars.read_csv(RUN), log, prepare(robot, log), [RUN]):
+        (other,) = recordings_of(robot, data)
+        (again,) = at_cutoff(robot, [other], run.cutoff)
+        np.testing.assert_array_equal(again.force, run.force)
+        np.testing.assert_array_equal(again.motion.velocities, run.motion.velocities)
     with pytest.raises(OptionError, match="data must be a path, a table"):
         identify(robot, {RUN})
+    fit = load_fit(found.fit.save(tmp_path / "fit.yaml"))
+    assert fit == found.fit
+    assert fit.robot == robot
+    new = quietly(fit.to_robot_file, tmp_path / "new.urdf")
+    assert new.read_text().count("<inertial>") == 4
+    tree, closures = quietly(fit.to_pinocchio)
+    assert (tree.nv, len(closures)) == (4, 1)
+    assert fit.predict(RUN).moving.r_squared.min() > 0.99
+    if find_spec("casadi"):
+        names = [path.name for path in fit.to_c(tmp_path / "controller")]
+        assert names == ["five_bar.h", "five_bar.c", "five_bar.casadi"]
 
 
 def test_a_model_that_is_given_is_not_chosen_again(load_once):

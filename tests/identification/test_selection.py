@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from loopid.errors import DataError, OptionError
-from loopid.identification import OrdinaryLeastSquares, WeightedLeastSquares, influence
+from loopid.errors import DataError
+from loopid.identification import OrdinaryLeastSquares, influence
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.selection import eliminate_parameters, truncated_values
 from smooth_data import DEVIATIONS, autoregressive, named_samples, outliers, runs, smooth_regressor
@@ -28,8 +28,8 @@ def test_what_matters_is_kept_and_standard_errors_are_the_spread(runs):
     found = [eliminate_parameters(*make_data(seed)) for seed in range(runs)]
     assert all({0, 2, 5} <= set(one.columns) for one in found)
     assert np.mean([len(one.columns) for one in found]) < 3.7
-    spread = np.std([one.steps[3].validation_error for one in found])
-    stated = np.sqrt(np.mean([one.steps[3].standard_error ** 2 for one in found]))
+    spread = np.std([one.steps[3].error.mean for one in found])
+    stated = np.sqrt(np.mean([one.steps[3].error.standard_error ** 2 for one in found]))
     assert stated == pytest.approx(spread, rel=2.7 / np.sqrt(runs))
 
 
@@ -57,7 +57,7 @@ def test_each_step_is_a_weighted_fit_of_its_own():
         np.testing.assert_allclose(step.values[columns], expected, rtol=1e-7)
         residual = validation.residual(step.values)
         scale = quiet_fit(training).noise.deviation
-        assert step.validation_error == pytest.approx(np.mean((residual / scale) ** 2))
+        assert step.error.mean == pytest.approx(np.mean((residual / scale) ** 2))
 
 
 def test_standard_errors_of_steps_are_those_of_the_full_error_model():
@@ -75,18 +75,20 @@ def test_standard_errors_of_steps_are_those_of_the_full_error_model():
 
 def test_the_fewest_that_are_not_clearly_worse_are_chosen():
     found = eliminate_parameters(*make_data(1))
-    errors = np.array([step.validation_error for step in found.steps])
+    errors = np.array([step.error.mean for step in found.steps])
     best = found.steps[int(errors.argmin())]
     fewer = [s for s in found.steps if len(s.labels) < len(found.chosen.labels)]
-    assert (best.excess, best.excess_error) == (0, 0)
+    assert (best.error.excess, best.error.excess_error) == (0, 0)
     for step in found.steps:
-        assert step.excess == pytest.approx(step.validation_error - best.validation_error)
+        assert step.error.excess == pytest.approx(step.error.mean - best.error.mean)
     allowed = {
-        id(step): max(min(best.standard_error, 2 * step.excess_error), 0.02 * best.validation_error)
+        id(step): max(
+            min(best.error.standard_error, 2 * step.error.excess_error), 0.02 * best.error.mean
+        )
         for step in found.steps
     }
-    assert found.chosen.excess <= allowed[id(found.chosen)]
-    assert all(step.excess > allowed[id(step)] for step in fewer)
+    assert found.chosen.error.excess <= allowed[id(found.chosen)]
+    assert all(step.error.excess > allowed[id(step)] for step in fewer)
 
 
 def test_what_no_step_explains_does_not_count_as_uncertainty():
@@ -111,7 +113,7 @@ def test_dropped_parameters_go_back_to_their_reference():
     np.testing.assert_array_equal(found.fit.values[dropped], start[dropped])
     assert not found.fit.covariance[dropped].any()
     for step, other in zip(found.steps, plain.steps, strict=True):
-        assert step.validation_error == pytest.approx(other.validation_error)
+        assert step.error.mean == pytest.approx(other.error.mean)
 
 
 def test_the_result_is_the_fit_of_the_supported_parameters():
@@ -119,14 +121,6 @@ def test_the_result_is_the_fit_of_the_supported_parameters():
     found = eliminate_parameters(training, validation, estimator="ols")
     assert found.result == quiet_fit(training.select(found.columns), "ols")
     assert found.result.parameters.labels == found.chosen.labels
-
-
-def test_kept_parameters_are_never_dropped():
-    found = eliminate_parameters(*make_data(), keep=["link1.m", "link4.m"])
-    assert {"link1.m", "link4.m"} <= set(found.chosen.labels)
-    assert set(found.steps[-1].labels) == {"link1.m", "link4.m"}
-    everything = make_data()[0].parameters.labels
-    assert len(eliminate_parameters(*make_data(), keep=everything).steps) == 1
 
 
 def test_an_actuator_without_training_samples_does_not_count():
@@ -137,7 +131,7 @@ def test_an_actuator_without_training_samples_does_not_count():
     alone = eliminate_parameters(*(first_actuator(data) for data in (training, validation)))
     assert found.chosen.labels == alone.chosen.labels
     for step, other in zip(found.steps, alone.steps, strict=True):
-        assert step.validation_error == pytest.approx(other.validation_error)
+        assert step.error.mean == pytest.approx(other.error.mean)
         assert step.training_error == pytest.approx(other.training_error)
 
 
@@ -151,8 +145,6 @@ def test_what_cannot_be_reduced_is_refused():
         eliminate_parameters(training, validation.select(range(5)))
     with pytest.raises(DataError, match=r"reference must have shape \(6,\)"):
         eliminate_parameters(training, validation, reference=np.zeros(5))
-    with pytest.raises(OptionError, match=r"to keep 'link9\.m'"):
-        eliminate_parameters(training, validation, keep=["link9.m"])
     exact = training.with_force(training.regressor @ TRUTH)
     with pytest.raises(DataError, match="without error"):
         eliminate_parameters(exact, validation, estimator="ols")
@@ -187,8 +179,7 @@ def test_the_size_of_blocks_does_not_count(set_block_rows):
     blocked = eliminate_parameters(*make_data(2))
     for one, other in zip(whole.steps, blocked.steps, strict=True):
         assert one.labels == other.labels
-        for name in ("validation_error", "standard_error", "excess", "excess_error"):
-            assert getattr(one, name) == pytest.approx(getattr(other, name), rel=1e-7, abs=1e-9)
+        assert one.error[:4] == pytest.approx(other.error[:4], rel=1e-7, abs=1e-9)
 
 
 VALUES = np.array([3.0, -1.0, 5.0, 10.0, 2.0, -4.0])
@@ -206,8 +197,7 @@ def test_influence_is_equation_12():
     force = samples.force.ravel()
     norm = np.linalg.norm
     expected = [100 * norm(W[:, :i] @ VALUES[:i]) / norm(force) for i in range(1, 7)]
-    for data in (samples, samples.problem):
-        np.testing.assert_allclose(influence(data, VALUES), expected)
+    np.testing.assert_allclose(influence(samples, VALUES), expected)
 
 
 def test_influence_need_not_grow_and_may_exceed_all():
@@ -224,38 +214,10 @@ def test_influence_of_nothing_is_refused():
         influence(samples, VALUES[:3])
 
 
-@given(st.integers(0, 1000), st.permutations(range(6)), st.integers(1, 6))
-def test_a_noiseless_fit_of_some_parameters_gives_the_truncated_values(seed, order, count):
+@given(st.integers(0, 1000), st.integers(1, 6))
+def test_a_noiseless_fit_of_some_parameters_gives_the_truncated_values(seed, count):
     W = smooth_regressor(seed, 60)
-    samples, kept = named_samples(W, W @ VALUES), list(order[:count])
-    names = [samples.parameters.labels[j] for j in kept]
-    found = OrdinaryLeastSquares().fit(samples.select(kept).problem)
-    for data in (samples, samples.problem):
-        expected = truncated_values(data, VALUES, names)
-        np.testing.assert_allclose(found.values, expected, rtol=1e-6, atol=1e-6)
-
-
-def test_weights_count_as_in_the_fit():
-    samples = noisy()
-    weights = WeightedLeastSquares().fit(samples.problem).weights * [1, 5]
-    X = (samples.regressor * weights[:, None]).reshape(-1, 6)
-    expected = np.linalg.lstsq(X[:, [4, 0, 3]], X @ VALUES)[0]
-    np.testing.assert_allclose(truncated_values(samples, VALUES, NAMES, weights=weights), expected)
-
-
-def test_the_first_parameters_may_be_counted():
-    samples = noisy()
-    expected = truncated_values(samples, VALUES, ["link0.m", "link1.m"])
-    np.testing.assert_allclose(truncated_values(samples, VALUES, 2), expected)
-    np.testing.assert_allclose(truncated_values(samples, VALUES, 6), VALUES)
-
-
-@pytest.mark.parametrize("kept", [0, 7, ["link9.m"], [], ["link1.m", "link1.m"]])
-def test_parameters_that_cannot_be_kept_are_refused(kept):
-    with pytest.raises(OptionError, match=r"parameter"):
-        truncated_values(noisy(), VALUES, kept)
-
-
-def test_weights_of_another_robot_are_refused():
-    with pytest.raises(DataError, match="weights must have shape"):
-        truncated_values(noisy(), VALUES, 2, weights=np.ones(3))
+    samples = named_samples(W, W @ VALUES)
+    found = OrdinaryLeastSquares().fit(samples.select(range(count)).problem)
+    expected = truncated_values(samples, VALUES, count)
+    np.testing.assert_allclose(found.values, expected, rtol=1e-6, atol=1e-6)

@@ -6,10 +6,8 @@ import pytest
 
 import loopid
 from loopid import JointTerms
-from loopid.errors import OptionError
 from loopid.identification import choose_terms
 from loopid.identification.fitting import quiet_fit
-from loopid.identification.terms import TermOptions
 from loopid.motion import scaled_bodies
 from made_runs import record, wander
 
@@ -47,9 +45,6 @@ def test_terms_that_are_named_are_taken_as_they_are(robot):
     recording = run(robot, FRICTION, 0)
     forwards = (recording.motion.velocities > 0.02).all(axis=1)
     assert choose_terms(model, [recording.select(forwards)]) is model
-    automatic, never = loopid.force_model(robot, "gravity"), TermOptions(false_alarm=0.0)
-    chosen = choose_terms(automatic, [recording.select(forwards)], options=never)
-    assert chosen is automatic
 
 
 def test_offsets_that_data_do_not_tell_are_left_out(robot):
@@ -85,10 +80,3 @@ def test_motors_that_stand_are_no_failure(robot):
     halted = replace(recording, motion=replace(recording.motion, velocities=still))
     assert choose_terms(model, [halted]).automatic
     assert choose_terms(model, [recording.select(slice(8))]).automatic
-
-
-@pytest.mark.parametrize("name", ["false_alarm", "known_offset"])
-def test_levels_out_of_range_are_refused(name):
-    for wrong in (-0.1, 1.0):
-        with pytest.raises(OptionError, match=name):
-            TermOptions(**{name: wrong})

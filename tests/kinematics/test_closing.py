@@ -11,7 +11,7 @@ from linkages import LINKAGES, five_bar, four_bar, rssr
 from loopid import random_configurations
 from loopid.errors import RobotFileError
 from loopid.kinematics import constraint_residual
-from loopid.kinematics.closing import CLOSING, _descend, _Points, close_by_continuation, close_loops
+from loopid.kinematics.closing import DONE, _descend, _Points, close_by_continuation, close_loops
 from loopid.kinematics.constraint import largest_residual
 
 ANYWHERE = (
@@ -80,9 +80,9 @@ def test_a_part_of_a_residual_is_reached_as_well_as_none(part, linkage):
     start = random_configurations(robot, 6) + np.random.default_rng(0).normal(0, 0.02, (6, 4))
     points = _Points(robot, start)
     goal = part * points.residual
-    _descend(points, np.arange(robot.model.nv), goal, CLOSING)
+    _descend(points, np.arange(robot.model.nv), goal)
     error = np.linalg.norm(points.residual - goal, axis=1)
-    assert error.max() < CLOSING.done * robot.length
+    assert error.max() < DONE * robot.length
 
 
 def reach(bars, angle):

@@ -241,7 +241,7 @@ DESCRIPTIONS = {
         {"identical": {"one": ["arm", "hand"], "two": ["hand", "egg"]}},
         ("identical", "hand", "twice"),
     ),
-    "alone": ({"identical": {"part": ["arm"]}}, ("identical", "part", "two links")),
+    "alone": ({"identical": {"part": ["arm"]}}, ("identical", "part", "at least 2")),
     "another's name": ({"identical": {"egg": ["arm", "hand"]}}, ("identical", "group egg")),
     "nameless": ({"identical": {"": ["arm", "hand"]}}, ("identical", "name")),
     "no list of links": ({"identical": {"part": "arm"}}, ("identical.part", "list")),

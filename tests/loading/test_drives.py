@@ -56,8 +56,8 @@ def test_friction_and_rotors_are_those_of_the_motors(robots):
 
 def test_drives_are_refused_where_they_drive_nothing(write_files):
     cases = {
-        "drives: {left: {}}": "needs the joints that it turns with",
-        "drives: {left: {shoulder: 0}}": "needs the joints that it turns with",
+        "drives: {left: {}}": "drives.left: must have at least 1",
+        "drives: {left: {shoulder: 0}}": "drives.left.shoulder: a coefficient is zero",
         "drives: {elbow: {shoulder: 2}}": "elbow is the name of a joint",
         "drives: {left: {wrist: 2}}": "wrist",
     }

@@ -903,11 +903,9 @@ OF_FILES = {
         exported(terms=True, parameters=True),
     ),
     "nothing to export": (
-        lambda folder: export_fit(saved("four_bar", False)(folder), load("four_bar")),
+        lambda folder: export_fit(saved("four_bar", False)(folder)),
         'give robot="FILE", yaml="FILE" or c="DIR"',
-        lambda folder: export_fit(
-            saved("four_bar", False)(folder), load("four_bar"), yaml=folder / "new.yaml"
-        ),
+        lambda folder: export_fit(saved("four_bar", False)(folder), yaml=folder / "new.yaml"),
     ),
     "a bag that was not closed": (
         journal(closed=False),

@@ -139,16 +139,6 @@ def test_values_in_the_tables_are_those_of_the_fit(report, study):
     np.testing.assert_allclose(bodies, model.prior[model.body_columns], rtol=1e-3, atol=1e-12)
 
 
-def test_tables_of_the_essential_parameters_name_their_sums_and_file_values(report, study):
-    names, values, _, known, _ = table(report, "parameter", "value", "± std", "robot file")
-    columns = study.reduction.columns
-    model = study.force_model
-    assert names == [model.base.expressions[j] for j in columns]
-    assert [cell == "-" for cell in known] == [j in model.joint_columns for j in columns]
-    result = study.reduction.result
-    np.testing.assert_allclose([float(x) for x in values], result.values, rtol=1e-3)
-
-
 def test_what_was_left_out_is_listed(report, study):
     _, reasons, *_ = table(report, "recording", "reason")
     assert reasons == [part.reason for part in study.training[0].dropped]

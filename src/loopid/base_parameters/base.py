@@ -9,8 +9,9 @@ from html import escape
 from types import MappingProxyType
 
 import numpy as np
+from pydantic import PositiveInt
 
-from loopid.arguments import FloatArray, IntArray, checked, finite, frozen
+from loopid.arguments import FloatArray, IntArray, checked, finite, frozen, shaped
 from loopid.base_parameters.choice import (
     UNCLEAR_RANK,
     ChoiceProblem,
@@ -191,12 +192,7 @@ class BaseParameters(Tabular):
 
     def values(self, standard_parameters: FloatArray) -> FloatArray:
         """Base parameters (r,) of standard ones (p,)."""
-        phi = finite(standard_parameters, "standard parameters")
-        if phi.shape != (len(self.parameters),):
-            raise DataError(
-                f"standard parameters must have shape ({len(self.parameters)},), not {phi.shape}",
-                given=phi.shape,
-            )
+        phi = shaped(standard_parameters, "standard parameters", len(self.parameters))
         return np.asarray(self.matrix @ phi, dtype=np.float64)
 
     def regressor(self, matrix: FloatArray) -> FloatArray:
@@ -316,14 +312,13 @@ def find_felt_parameters(
     search: str | SearchStrategy = "exact",
     *,
     criterion: str = "nullspace",
-    tolerances: RankTolerances = RankTolerances(),
     options: SearchOptions | None = None,
 ) -> tuple[BaseParameters, BaseParameters | None]:
     """Find the base parameters, and those that the motors alone feel, within one time limit.
 
     Parameters
     ----------
-    observation, search, criterion, tolerances, options
+    observation, search, criterion, options
         As in ``find_base``. The second search has the time that the first one left.
 
     Returns
@@ -347,7 +342,7 @@ def find_felt_parameters(
     >>> len(base), alone
     (4, None)
     """
-    find = partial(find_base, criterion=criterion, tolerances=tolerances)
+    find = partial(find_base, criterion=criterion)
     base, alone = find(observation, search, options=options), observation.motors_alone
     if alone is None or without_effect(alone):
         return base, None
@@ -357,7 +352,7 @@ def find_felt_parameters(
 
 
 @checked
-def expression(terms: Mapping[str, float], digits: int = 4) -> str:
+def expression(terms: Mapping[str, float], digits: PositiveInt = 4) -> str:
     """Write terms as a sum, ``platform.mx + 0.1928 leg2_stem.m``.
 
     Parameters
@@ -372,8 +367,6 @@ def expression(terms: Mapping[str, float], digits: int = 4) -> str:
     OptionError
         When there are no digits.
     """
-    if digits < 1:
-        raise OptionError(f"digits must be a whole number from 1 on, not {digits}", given=digits)
     text = ""
     for label, coefficient in terms.items():
         size, sign = f"{abs(coefficient):.{digits}g}", "-" if coefficient < 0 else "+"

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from math import ceil, comb, inf, log10, sqrt
 from time import perf_counter
 from typing import Any, ClassVar
 
 import numpy as np
+from pydantic import PositiveInt
 
-from loopid.arguments import FloatArray, IntArray
+from loopid.arguments import FloatArray, IntArray, Positive
 from loopid.base_parameters.account import SubgroupAccount
 from loopid.base_parameters.rank import pivots
 from loopid.base_parameters.structure import Structure, base_columns, regrouping_matrix
@@ -25,6 +26,8 @@ CRITERIA = ("nullspace", "regressor")
 ROUND_OFF_COLUMN = 1e-13
 UNCLEAR_RANK = "unclear rank"  # a reason why nothing is certified
 UNIT_ROUND_OFF = 2.0**-53
+# No certificate is given to a coarser one: digits that tie would then be digits that count.
+MOST_TOLERANCE = 1e-6
 CERTAIN = 1e-2  # relative error of a vector that is not zero
 TERM = 1e-9  # of the largest coefficient, or of 1: smaller ones do not make a choice harder to read
 EQUAL_COEFFICIENTS = 1e-6  # sums of coefficients that differ by less are equal
@@ -42,12 +45,10 @@ class SearchOptions:
     tolerance : float
         Choices whose condition numbers differ by less than this fraction are ties. Round-off may
         ask for more; what was used is returned.
-    most_tolerance : float
-        No certificate is given to a coarser one: digits that tie would then be digits that count.
     nodes : int
         Nodes of each rule for a box at the first attempt, four times as many at each further one.
-    ties, tie_nodes : int
-        Ties of a block that are listed at most, and nodes for it: the most readable is chosen.
+    ties : int
+        Ties of a block that are listed at most: the most readable is chosen.
         Where there are more, the dependent columns that come first decide.
     candidates : int
         Largest number of combinations of an exhaustive search, which takes some hours.
@@ -68,20 +69,12 @@ class SearchOptions:
     60.0
     """
 
-    time_limit: float = 10.0
-    tolerance: float = 1e-9
-    most_tolerance: float = 1e-6
-    nodes: int = 1024
-    ties: int = 20_000
-    tie_nodes: int = 4096
-    candidates: int = 2_000_000_000
-    memory: int = 2**30
-
-    def __post_init__(self) -> None:
-        for each in fields(self):
-            value = getattr(self, each.name)
-            if not value > 0:
-                raise OptionError(f"{each.name} must be positive, not {value}", given=value)
+    time_limit: Positive = 10.0
+    tolerance: Positive = 1e-9
+    nodes: PositiveInt = 1024
+    ties: PositiveInt = 20_000
+    candidates: PositiveInt = 2_000_000_000
+    memory: PositiveInt = 2**30
 
     def covering(self, error: float) -> float:
         """The tolerance, or in decades what covers a relative error four times."""

@@ -15,13 +15,15 @@ from __future__ import annotations
 from dataclasses import field
 from itertools import chain, combinations, islice
 from math import ceil, comb
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
+from pydantic import Field
 
 from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.base_parameters.account import SubgroupAccount, TriedGroup
 from loopid.base_parameters.choice import (
+    MOST_TOLERANCE,
     ChoiceProblem,
     SearchOptions,
     SearchResult,
@@ -36,6 +38,9 @@ from loopid.progress import Progress
 from loopid.records import record
 
 DETERMINANT_SLACK = 1e-6  # round-off of a determinant, relative, for matrices that may be the best
+# Singular values below this fraction of the largest are zero to the variant "gap": null vectors are
+# known to some 1e-12, and regular choices of robots stay above 1e-4.
+RANK_TOLERANCE = 1e-8
 VARIANTS = ("gap", "pseudocode")
 PAPER_LIMIT, PAPER_ALPHA = 2000.0, 0.25  # cond_limit and α of the paper
 DIGITS = 6  # that condition numbers are compared with
@@ -93,7 +98,7 @@ class ExhaustiveSearch(SearchStrategy):
                 self.progress(min(done + self.chunk, total), total)
         chosen = most_readable(readabilities(problem.structure.null_basis, problem.dependent(best)))
         tolerance = self.options.covering(problem.uncertainty(least))
-        certain = tolerance <= self.options.most_tolerance
+        certain = tolerance <= MOST_TOLERANCE
         return self._result(
             problem,
             chosen.dependent,
@@ -134,9 +139,6 @@ class SubgroupSearch(SearchStrategy):
         ``"gap"``: rank by a gap, invalid choices in the order of their rank and of the condition
         number of what is not zero, rows in the order of pivoted QR. ``"pseudocode"``: as printed
         in the paper.
-    rank_tolerance : float
-        Singular values below this fraction of the largest are zero to the variant ``"gap"``: null
-        vectors are known to some 1e-12, and regular choices of robots stay above 1e-4.
 
     Examples
     --------
@@ -151,30 +153,13 @@ class SubgroupSearch(SearchStrategy):
     name: ClassVar[str] = "subgroup"
 
     options: SearchOptions = SearchOptions()
-    condition_limit: float = PAPER_LIMIT
-    alpha: float = PAPER_ALPHA
+    condition_limit: Annotated[float, Field(gt=1)] = PAPER_LIMIT
+    alpha: Annotated[float, Field(gt=0, le=0.5)] = PAPER_ALPHA
     variant: str = "gap"
-    rank_tolerance: float = 1e-8
 
     def __post_init__(self) -> None:
-        if not 0 < self.alpha <= 0.5:
-            raise OptionError(
-                f"alpha must be in the paper's range, above 0 and at most 0.5, not {self.alpha}: "
-                f"the paper takes {PAPER_ALPHA}",
-                given=self.alpha,
-            )
-        limit = self.condition_limit
-        if not limit > 1:
-            raise OptionError(
-                f"condition_limit must exceed 1, the least condition number there is, not {limit}: "
-                f"the paper takes {PAPER_LIMIT:g}",
-                given=limit,
-            )
         if self.variant not in VARIANTS:
             raise OptionError.unknown("variant", self.variant, VARIANTS)
-        zero = self.rank_tolerance
-        if not 0 < zero < 1:
-            raise OptionError(f"rank_tolerance must be in (0, 1), not {zero}", given=zero)
 
     def group_size(self, problem: ChoiceProblem) -> int:
         """Rows n* of a group; OptionError if that makes no combination, or too many."""
@@ -263,7 +248,7 @@ class SubgroupSearch(SearchStrategy):
             # The numerical rank of MATLAB and NumPy.
             full_rank = values[:, -1] > V22.shape[1] * np.finfo(float).eps * values[:, 0]
             return conditions, full_rank, np.argsort(conditions, kind="stable")
-        ranks = (values > self.rank_tolerance * values[:, :1]).sum(axis=1)
+        ranks = (values > RANK_TOLERANCE * values[:, :1]).sum(axis=1)
         last = values[np.arange(len(values)), np.maximum(ranks, 1) - 1]
         kept = np.where(last > 0, values[:, 0], 1.0) / np.where(last > 0, last, 1.0)
         # Choices of lower rank are worse; rounded, so that equal ones stay in their order.

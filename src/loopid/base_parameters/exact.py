@@ -32,6 +32,7 @@ from loopid.base_parameters.blocks import (
 )
 from loopid.base_parameters.branch_and_bound import Leaves, margin, one_between, selections_between
 from loopid.base_parameters.choice import (
+    MOST_TOLERANCE,
     NO_COLUMNS,
     UNIT_ROUND_OFF,
     ChoiceProblem,
@@ -48,6 +49,7 @@ from loopid.records import record
 MORE_NODES = 4  # times as many, that a box is asked about by each rule at every further attempt
 # Ends of the interval that are this close are worth no further question, or need no middle.
 FINENESS, NEAR = 1e-2, 1.05
+TIE_NODES = 4096  # for the ties of a block
 
 Selections = list[IntArray]
 
@@ -83,7 +85,7 @@ class ExactSearch(SearchStrategy):
         interval = _Interval(problem, blocks, apart, budget, self)
         ties, reason = None, "round-off"
         dependent = _joint_dependent(blocks, interval.best)
-        if interval.tolerance <= self.options.most_tolerance:
+        if interval.tolerance <= MOST_TOLERANCE:
             try:
                 interval.close()
                 tied = Tied(interval.tied, interval.tolerance)
@@ -360,7 +362,7 @@ def _listed(
     """
     if block.size == block.count:
         return [np.arange(block.size)], False
-    part = budget.part(options.tie_nodes)
+    part = budget.part(TIE_NODES)
     found = selections_between(block, *levels.box(2 * tolerance), part)
     try:
         listed = list(islice(found, options.ties + 1))

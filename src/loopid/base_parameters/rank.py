@@ -10,12 +10,11 @@ count and the others the rank itself is unclear, and bounds say between which nu
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import isfinite
 
 import numpy as np
 import scipy.linalg
 
-from loopid.arguments import BoolArray, FloatArray, IntArray
+from loopid.arguments import BoolArray, FloatArray, IntArray, Positive
 from loopid.errors import AccuracyWarning, OptionError, RankError, warn
 from loopid.observation import Observation
 from loopid.parameters import KINDS
@@ -32,7 +31,21 @@ SLIGHT = 1e-3  # of the largest term: smaller ones are left out of doubtful comb
 ROUND_OFF = 1e-14  # of the characteristic length: no number is more accurate after some operations
 
 
-@record(kw_only=True)
+# Part of itself, in the median, by which a singular value changes with other numbers that the file
+# would round alike, if it is they that make it; and other geometries that are tried to see that.
+CHANGE, DRAWS = 0.02, 8
+# They are tried where the least singular value that is not round-off is below so many times the
+# accuracy of the file, over the characteristic length, and below a part of the largest.
+REACH, FARTHEST = 1e3, 1e-2
+# Where the file does not tell its accuracy, they are tried where that value is fainter, with
+# lengths presumed to be off by a part of the characteristic length.
+FAINT, PRESUMED = 1e-5, 1e-6
+CLEAR = (
+    1e3  # ratio of the last singular value that counts to the next from which on a rank is clear
+)
+
+
+@record(kw_only=True, checked=True)
 class RankTolerances:
     """What decides a rank. All are relative to the largest singular value or column.
 
@@ -43,24 +56,11 @@ class RankTolerances:
         1e-13 and 1e-5: 90 robots in others' files, with fixed and with floating bases.
     zero : float
         Up to this a singular value or a column is round-off, and not even doubtful.
-    change : float
-        Part of itself, in the median, by which a singular value changes with other numbers that the
-        robot file would round alike, if it is they that make it.
-    draws : int
-        Other geometries that are tried to see that.
-    reach, farthest : float
-        They are tried where the least singular value that is not round-off is below ``reach``
-        times the accuracy of the file, over the characteristic length, and below ``farthest``.
-    faint, presumed : float
-        Where the file does not tell its accuracy, they are tried where that value is below
-        ``faint``, with lengths ``presumed`` times the characteristic length off.
-    clear : float
-        Ratio of the last singular value that counts to the next from which on a rank is clear.
 
     Raises
     ------
     OptionError
-        Unless all are above 0, and ``least`` between ``zero`` and 1.
+        Unless both are above 0, and ``least`` between ``zero`` and 1.
 
     Examples
     --------
@@ -75,21 +75,10 @@ class RankTolerances:
     (4, 2, 0.1)
     """
 
-    least: float = 1e-7
-    zero: float = 1e-12
-    change: float = 0.02
-    draws: int = 8
-    reach: float = 1e3
-    farthest: float = 1e-2
-    faint: float = 1e-5
-    presumed: float = 1e-6
-    clear: float = 1e3
+    least: Positive = 1e-7
+    zero: Positive = 1e-12
 
     def __post_init__(self) -> None:
-        given = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        for name, value in given.items():
-            if not (isinstance(value, int | float) and isfinite(value) and value > 0):
-                raise OptionError(f"{name} must be above 0 and finite, not {value!r}", given=value)
         if not self.zero <= self.least < 1:
             raise OptionError("least must be from zero on and below 1", given=self.least)
 
@@ -167,7 +156,7 @@ def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
     directions = np.zeros((len(right), len(scales)))
     directions[:, columns] = right
     counted, last = _not_round_off(observation, scales, values, directions, tolerances)
-    rank, source = _counted(observation, scales, values[:last], counted, tolerances)
+    rank, source = _counted(observation, scales, values[:last], counted)
     if rank == observation.rows < len(columns):
         raise RankError(
             f"the rank may be larger: it equals the number of rows, {rank}, so more samples are "
@@ -187,10 +176,9 @@ def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
     felt |= _spanned(observation.factor * scales, felt, some, rank)
     gap = float(values[rank - 1] / max(below, np.finfo(float).eps))
     bounds = None
-    if gap < tolerances.clear:
+    if gap < CLEAR:
         lowest, highest = (
-            int((values > bound).sum())
-            for bound in (tolerances.clear * below, values[rank - 1] / tolerances.clear)
+            int((values > bound).sum()) for bound in (CLEAR * below, values[rank - 1] / CLEAR)
         )
         bounds = max(lowest, 1), highest
     return Rank(rank, gap, values, scales, np.flatnonzero(felt), doubtful, bounds)
@@ -311,7 +299,6 @@ def _counted(
     scales: FloatArray,
     values: FloatArray,
     counted: int,
-    tolerances: RankTolerances,
 ) -> tuple[int, str]:
     """How many relative singular values count; and what tells of the rounding that made the rest.
 
@@ -321,13 +308,13 @@ def _counted(
     draws, least = observation.draws, values[-1]
     if draws is None:
         return counted, ""
-    accuracy, near = draws.accuracy, tolerances.reach * draws.accuracy / observation.length
+    accuracy, near = draws.accuracy, REACH * draws.accuracy / observation.length
     if not accuracy and not draws.source:
-        accuracy, near = tolerances.presumed * observation.length, tolerances.faint
-    if not accuracy or least > min(near, tolerances.farthest):
+        accuracy, near = PRESUMED * observation.length, FAINT
+    if not accuracy or least > min(near, FARTHEST):
         return counted, ""
     # A few draws see whether there may be any.
-    for count, part in ((2, tolerances.change / 10), (tolerances.draws, tolerances.change)):
+    for count, part in ((2, CHANGE / 10), (DRAWS, CHANGE)):
         factors = draws.rounded(count, accuracy if not draws.accuracy else None)
         spectra = np.linalg.svd(factors * scales, compute_uv=False)[:, :counted]
         changes = np.median(np.abs(spectra[1:] - spectra[0]), axis=0)  # single ones are singular

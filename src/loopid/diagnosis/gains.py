@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 from scipy.special import stdtrit
 
 from loopid.arguments import BoolArray, FloatArray, checked, finite
@@ -25,7 +26,7 @@ from loopid.identification.estimator import (
     LEAST_EXCITATION,
     Estimator,
     chosen_estimator,
-    scaled_svd,
+    excited_combinations,
 )
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_models import ForceModel
@@ -90,8 +91,7 @@ class KnownLoad:
         if (c := self.centre) is not None:
             known[1:4] = self.mass * c
             if self.inertia is not None:
-                about = self.inertia + self.mass * (c @ c * np.eye(3) - np.outer(c, c))
-                known[4:] = about[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+                known[:] = pin.Inertia(self.mass, c, self.inertia).toDynamicParameters()
         return known
 
 
@@ -221,20 +221,20 @@ def drive_gains(
     if not found.actuators:
         known, advice = ("mass", ": give its centre") if load.centre is None else ("load", "")
         raise RankError(f"no force of a motor tells what the known {known} on {link} does{advice}")
-    s = found.scales
+    s = found.values
     covariance = found.covariance / np.outer(s**2, s**2)
     return GainFit(found.actuators, 1 / s, covariance, found.degrees_of_freedom, found.untold)
 
 
 @record
-class MotorScales:
-    """What is logged of motors, in parts of their forces by robot and load.
+class MotorNumbers:
+    """A number of each motor that tells it.
 
     Attributes
     ----------
     actuators : tuple of str
         The m motors that tell it.
-    scales, covariance : FloatArray
+    values, covariance : FloatArray
         (m,) and (m, m).
     degrees_of_freedom : float
     untold : tuple of str
@@ -242,7 +242,7 @@ class MotorScales:
     """
 
     actuators: tuple[str, ...]
-    scales: FloatArray
+    values: FloatArray
     covariance: FloatArray
     degrees_of_freedom: float
     untold: tuple[str, ...]
@@ -250,8 +250,10 @@ class MotorScales:
 
 def motor_scales(
     runs: LoadedRuns, known: FloatArray, estimator: Estimator | str = "wls"
-) -> MotorScales:
-    """Scales of the motors' forces with some parameters (k,) of the load known, NaN for the others.
+) -> MotorNumbers:
+    """What is logged of motors, in parts of their forces by robot and load.
+
+    With some parameters (k,) of the load known, NaN for the others.
 
     Raises
     ------
@@ -273,7 +275,7 @@ def motor_scales(
         telling[np.flatnonzero(telling)[part.argmax()]] = False  # the least sure one
     untold = tuple(names[driven & ~telling].tolist())
     if not telling.any():
-        return MotorScales((), np.zeros(0), np.zeros((0, 0)), 1.0, untold)
+        return MotorNumbers((), np.zeros(0), np.zeros((0, 0)), 1.0, untold)
     if (found < 0).any():
         motor = names[telling][found.argmin()]
         raise DataError(
@@ -282,7 +284,7 @@ def motor_scales(
             motor=motor,
         )
     covariance, freedom = last.covariance[-m:, -m:], float(last.degrees_of_freedom.min())
-    return MotorScales(tuple(names[telling].tolist()), found, covariance, freedom, untold)
+    return MotorNumbers(tuple(names[telling].tolist()), found, covariance, freedom, untold)
 
 
 def _converged(rows: _Rows, telling: BoolArray, estimator: Estimator) -> tuple[FloatArray, Fit]:
@@ -315,11 +317,14 @@ class _Rows:
         free = np.isnan(known)
         added = ParameterSet.of_links(["load"], np.array(runs.kinds)[free].tolist())
         samples = runs.robot.beside(added, runs.carried[:, :, free])
-        return cls(_told(samples), runs.carried[:, :, ~free] @ known[~free])
+        return cls(excited_combinations(samples), runs.carried[:, :, ~free] @ known[~free])
 
     def without(self, motors: BoolArray) -> _Rows:
         """Without the rows of some motors (dof,)."""
-        return replace(self, samples=_told(replace(self.samples, used=self.samples.used & ~motors)))
+        return replace(
+            self,
+            samples=excited_combinations(replace(self.samples, used=self.samples.used & ~motors)),
+        )
 
     def telling(self, driven: BoolArray, estimator: Estimator) -> BoolArray:
         """Motors (dof,) whose scales change the forces as nothing else does."""
@@ -345,23 +350,9 @@ class _Rows:
         return scaled.with_force(target).beside(added, columns)
 
 
-def _force_weights(samples: FitSamples) -> FloatArray:
-    """One over the rms force of each actuator (dof,), 0 where there is none."""
-    sizes = samples.problem.force_rms
-    return np.divide(1.0, sizes, out=np.zeros(len(sizes)), where=sizes > 0)
-
-
-def _told(samples: FitSamples) -> FitSamples:
-    """The samples of those combinations of parameters only that they excite, of equal effect."""
-    R = samples.problem.weighted(_force_weights(samples))
-    lengths, values, right = scaled_svd(R[:-1, :-1])
-    kept = values >= LEAST_EXCITATION * values[0]
-    return samples.along((right[kept] / values[kept, None]).T / lengths[:, None])
-
-
 def _excited(samples: FitSamples, count: int) -> BoolArray:
     """Which of the last columns, so many, do what no others do."""
-    R = samples.problem.weighted(_force_weights(samples))[:-1, :-1][:, -count:]
+    R = samples.problem.weighted(samples.problem.force_weights)[:-1, :-1][:, -count:]
     sizes = np.linalg.norm(R, axis=0)
     own = R[-count:] / np.where(sizes > 0, sizes, 1.0)
     _, values, right = np.linalg.svd(own)

@@ -11,7 +11,7 @@ from scipy.special import fdtrc, stdtrit
 
 from loopid.arguments import FloatArray, checked, frozen
 from loopid.base_parameters.base import BaseParameters, find_base
-from loopid.diagnosis.gains import motor_scales
+from loopid.diagnosis.gains import MotorNumbers, motor_scales
 from loopid.diagnosis.loaded_runs import LoadedRuns
 from loopid.errors import ModelWarning, RankError, warn
 from loopid.identification.consistent import (
@@ -52,25 +52,8 @@ REACH = 0.1
 
 
 @record
-class MotorMasses:
-    """The mass of a payload by each motor alone: what its gain would have to be right for.
-
-    Attributes
-    ----------
-    actuators : tuple of str
-        The m motors that can tell.
-    values, covariance : FloatArray
-        (m,) and (m, m) in kg.
-    degrees_of_freedom : float
-    untold : tuple of str
-        Motors that cannot tell.
-    """
-
-    actuators: tuple[str, ...]
-    values: FloatArray
-    covariance: FloatArray
-    degrees_of_freedom: float
-    untold: tuple[str, ...]
+class MotorMasses(MotorNumbers):
+    """The mass of a payload in kg by each motor: what its gain would have to be right for."""
 
     def intervals(self, level: float = 0.95) -> FloatArray:
         """Confidence intervals (m, 2) in kg."""
@@ -386,8 +369,8 @@ def _by_motor(
     known = np.full(len(runs.kinds), np.nan)
     known[runs.kinds.index("m")] = mass
     found = motor_scales(runs, known, estimator)
-    least = ROUND_OFF**2 * np.eye(len(found.scales))
-    numbers = mass * found.scales, mass**2 * (found.covariance + least), found.degrees_of_freedom
+    least = ROUND_OFF**2 * np.eye(len(found.values))
+    numbers = mass * found.values, mass**2 * (found.covariance + least), found.degrees_of_freedom
     return MotorMasses(found.actuators, *numbers, found.untold)
 
 

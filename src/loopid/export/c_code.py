@@ -19,7 +19,7 @@ from loopid.files import write_files
 from loopid.identification.force_models import ForceModel
 from loopid.identification.plausibility import require_fit_for_use
 from loopid.identification.result import Fit
-from loopid.kinematics.assembly import USUAL
+from loopid.kinematics.assembly import CONTRACTION, LONGEST_STEP, USUAL
 from loopid.kinematics.measured import measured_coordinates
 from loopid.kinematics.projection import NEAR_SINGULARITY, partition, project
 from loopid.kinematics.sampling import random_configurations
@@ -173,8 +173,8 @@ def _fields(model: ForceModel, name: str, functions: Mapping[str, Any]) -> dict[
         "FACTORS": str(max(1, linearise.numel_out(1))),
         "REFERENCE_Q": _numbers(reference),
         "REFERENCE_U": _numbers(motor_positions(robot, reference[None])[0]),
-        "LONGEST_STEP": repr(USUAL.longest_step),
-        "CONTRACTION": repr(USUAL.contraction),
+        "LONGEST_STEP": repr(LONGEST_STEP),
+        "CONTRACTION": repr(CONTRACTION),
         "SHORT": repr(USUAL.short),
         "CLOSED": repr(_closed(robot)),
         "NEAR_SINGULARITY": repr(NEAR_SINGULARITY),
@@ -222,10 +222,10 @@ def longest_ways(robot: Robot, functions: Mapping[str, Any]) -> FloatArray:
     for way in WAYS:
         there, _, length = predict(q.T, before.T, (before + way * towards).T, whole, G)
         # As in C: each step is a part of the one before, up to one that is not taken any more.
-        bounds, bearable, reached = USUAL.longest_step, list[bool](), list[bool]()
+        bounds, bearable, reached = LONGEST_STEP, list[bool](), list[bool]()
         for _ in range(NEWTON_STEPS + 1):
             good = bool((length.full() <= bounds).all())
-            bounds = USUAL.contraction * length.full() + USUAL.short
+            bounds = CONTRACTION * length.full() + USUAL.short
             _, _, there, measures = linearise(there)
             residual, length = measures[0, :], measures[1, :]
             bearable.append(good and bool((length.full() <= bounds).all()))

@@ -9,11 +9,10 @@ import pinocchio as pin
 
 from loopid.arguments import checked
 from loopid.errors import ModelWarning, warn
-from loopid.identification.friction import nearest_line
+from loopid.export.robot_file import joint_terms, straightened
 from loopid.identification.plausibility import require_fit_for_use
 from loopid.identification.result import Fit
 from loopid.loading.pinocchio_robot import MODEL_FIELDS
-from loopid.regressors.joint_laws import grouped
 from loopid.robot.robot import Robot, shortened
 
 
@@ -55,14 +54,9 @@ def pinocchio_of(
     require_fit_for_use(fit, anyway)
     model, values = fit.require_model(), fit.require_bodies()
     count = len(model.robot.parameters(model.model))
-    terms: dict[str, dict[str, float]] = {}
-    for parameter, value in zip(list(model.base.parameters)[count:], values[count:], strict=True):
-        terms.setdefault(parameter.link, {})[parameter.kind] = float(value)
-    for joint, kinds in terms.items():
-        if any(map(grouped, kinds)):
-            line = nearest_line(joint, kinds, fit.use)
-            straight = {kind: value for kind, value in kinds.items() if not grouped(kind)}
-            terms[joint] = straight | {"Fc": line.coulomb, "Fv": line.viscous}
+    terms, nearest = straightened(joint_terms(model.base.parameters, values), fit.use)
+    if nearest:
+        warn(f"joint terms of Pinocchio's model: {'; '.join(nearest)}", ModelWarning)
     robot = model.robot
     return _with_terms(robot, robot.tree(values[:count]), terms), robot.constraint_models
 

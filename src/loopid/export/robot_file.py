@@ -98,7 +98,7 @@ def updated_robot_file(
     content: bytes = file.edited(new, {})
     if parameters is None:
         return content
-    meant, nearest = _with_lines(_joint_terms(parameters, standard_parameters), use)
+    meant, nearest = straightened(joint_terms(parameters, standard_parameters), use)
     # Inertials come first: MuJoCo may derive damping from masses.
     wanted, there = _writable(meant), _on_coordinates(robot, file.joint_terms(content))
     if changed := {j: terms for j, terms in wanted.items() if list(_apart({j: terms}, there))}:
@@ -252,7 +252,7 @@ def _body_parameters(
     )
 
 
-def _joint_terms(parameters: ParameterSet, values: FloatArray) -> Terms:
+def joint_terms(parameters: ParameterSet, values: FloatArray) -> Terms:
     """Values of the parameters that are joint terms."""
     found: Terms = {}
     for parameter, value in zip(parameters, values, strict=True):
@@ -261,7 +261,7 @@ def _joint_terms(parameters: ParameterSet, values: FloatArray) -> Terms:
     return found
 
 
-def _with_lines(meant: Terms, use: MotorUse | None) -> tuple[Terms, list[str]]:
+def straightened(meant: Terms, use: MotorUse | None) -> tuple[Terms, list[str]]:
     """Terms with Coulomb and viscous friction in place of curves, and sentences of how near."""
     found, said = dict(meant), list[str]()
     for joint, terms in meant.items():

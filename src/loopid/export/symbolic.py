@@ -70,7 +70,7 @@ class SymbolicRobot:
         force, bias = self._force(du, ddu, slip), self._force(du, still, slip)
         # The mass matrix is that of the bodies; the regressor has the loads of its own values.
         rigid = self._force(du, ddu, slip, loaded=False)
-        linear = self._force(du, ddu, slip, self._given())
+        linear = self._force(du, ddu, slip, ca.DM(self.model.load_values))
         each = {
             "predict": ([q, self.before, self.u, part, G], self._predicted(part)),
             "linearise": ([q], self._linearised()),
@@ -173,10 +173,6 @@ class SymbolicRobot:
             moved = self.slip[k] + way / joint_term(parameter.kind).at
             states.append(ca.fmax(-1.0, ca.fmin(moved, 1.0)))
         return [self.q, end, self.slip], [ca.vertcat(ca.SX(0, 1), *states)]
-
-    def _given(self) -> Any:
-        """Base parameters (n,) whose bodies load the gears, as numbers."""
-        return ca.DM(self.model.load_values)
 
     def _force(
         self, du: Any, ddu: Any, slip: Any = None, given: Any = None, *, loaded: bool = True

@@ -46,8 +46,8 @@ def read_gazebo(urdf: UrdfFile, model: pin.Model) -> Dialect:
                 weight = float(inertial.mass), *map(float, centre)
                 left_out.append(LeftOut(f"<{tag}>: {name} has no weight", {name: weight}))
         left_out += [LeftOut(f"<{local_name(tag)}>") for tag in inner_tags(extension, SLOWING)]
-    closures, notes = [*_loops(urdf, model), *_attached(urdf, model)], _unread_plugins(urdf)
-    return Dialect(closures, joint_terms=terms, left_out=left_out, notes=notes)
+    notes = _unread_plugins(urdf)
+    return Dialect(_loops(urdf, model), joint_terms=terms, left_out=left_out, notes=notes)
 
 
 def detachable_joints(root: Element) -> Iterator[tuple[Element, str, str, str]]:
@@ -59,29 +59,25 @@ def detachable_joints(root: Element) -> Iterator[tuple[Element, str, str, str]]:
             yield plugin, link, model, other
 
 
-def _attached(urdf: UrdfFile, model: pin.Model) -> Iterator[ClosureDescription]:
-    """Welds of Gazebo's DetachableJoint between links of the robot, placed as drawn."""
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, pin.neutral(model))
+def _welds(urdf: UrdfFile) -> Iterator[Element]:
+    """Gazebo's DetachableJoint between links of the robot, as a fixed joint."""
     for _, parent, owner, link in detachable_joints(urdf.root):
-        if owner not in ("", "__model__", urdf.robot.name):
-            continue
-        joint = etree.Element("joint", name=f"{parent}_{link}", type="fixed")
-        for side, name in (("parent", parent), ("child", link)):
-            etree.SubElement(joint, side, link=name)
-        with naming("DetachableJoint"):
-            first, second = (
-                data.oMf[model.getFrameId(k, pin.FrameType.BODY)] for k in linked(urdf, joint)
-            )
-            places = first.actInv(second), pin.SE3.Identity()
-            yield closure_of(model, joint, (parent, link), places)
+        if _is_own(urdf, owner):
+            joint = etree.Element("DetachableJoint", name=f"{parent}_{link}", type="fixed")
+            for side, name in (("parent", parent), ("child", link)):
+                etree.SubElement(joint, side).text = name
+            yield joint
+
+
+def _is_own(urdf: UrdfFile, owner: str) -> bool:
+    return owner in ("", "__model__", urdf.robot.name)
 
 
 def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
     """Closures of joints, placed in their child as the file is drawn."""
     closures, data = [], model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
-    for element in urdf.root.findall("gazebo/joint"):
+    for element in (*urdf.root.findall("gazebo/joint"), *_welds(urdf)):
         parent = (child(element, "parent").text or "").strip()
         if parent == "world" and all(link.name != "world" for link in urdf.robot.links):
             continue  # a mount, which a URDF has anyway
@@ -106,12 +102,12 @@ def _unread_plugins(urdf: UrdfFile) -> tuple[str, ...]:
             mimicking.setdefault(file, []).append(follower)
         elif CLOSING_PLUGIN.search(file):
             closing[file] = None
-    others = [owner for _, _, owner, _ in detachable_joints(urdf.root)
-              if owner not in ("", "__model__", urdf.robot.name)]  # fmt: skip
+    owners = dict.fromkeys(owner for _, _, owner, _ in detachable_joints(urdf.root))
     return (
         *(
             f"a DetachableJoint holds another model, {owner!r:.60}: it is not read"
-            for owner in dict.fromkeys(others)
+            for owner in owners
+            if not _is_own(urdf, owner)
         ),
         *(
             f"plugin {file!r:.80} is not read: give a <mimic> to {shortened(joints)}"

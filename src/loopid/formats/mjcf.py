@@ -12,10 +12,9 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 from numpy.polynomial import Polynomial
-from pydantic import ValidationError
 
 from loopid.arguments import BoolArray
-from loopid.border import refusal
+from loopid.border import validated
 from loopid.errors import OptionError, RobotFileError, naming
 from loopid.formats.mjcf_scene import (
     DRIVES_JOINT,
@@ -66,17 +65,15 @@ def read_mjcf(path: Path, floating_base: bool = False) -> TreeSource:
     ]
     motors, notes = _motors(lengths, closures)
     terms, left_out = joint_forces(scene, lengths.names)
-    try:
-        description = Description(
-            closures=[*closures, *lengths.couplings],
-            cables=lengths.cables,
-            limits=lengths.limits,
-            name_mot=motors or None,
-            reference=_reference(scene),
-            joint_terms=terms,
-        )
-    except ValidationError as error:
-        raise refusal(error, where=path) from error
+    content = {
+        "closures": [*closures, *lengths.couplings],
+        "cables": lengths.cables,
+        "limits": lengths.limits,
+        "name_mot": motors or None,
+        "reference": _reference(scene),
+        "joint_terms": terms,
+    }
+    description = validated(Description, content, path)
     heavy = (compiled.body_mass != 0) | (compiled.body_inertia != 0).any(axis=1)
     return TreeSource(
         name=name,

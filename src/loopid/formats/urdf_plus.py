@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pinocchio as pin
-from pydantic import ValidationError
 
-from loopid.border import refusal
+from loopid.border import validated
 from loopid.errors import RobotFileError, naming
 from loopid.loading.description import ClosureDescription
 from loopid.loading.urdf import SEVERAL, Dialect, closure_of, linked
@@ -70,12 +69,8 @@ def _couplings(urdf: UrdfFile) -> dict[str, ClosureDescription]:
             if ratio == 0:
                 raise RobotFileError("<ratio> is zero")
             joints = dict.fromkeys(to_successor, 1.0) | dict.fromkeys(to_predecessor, -ratio)
-            name = required(element, "name")
-            try:
-                coupling = ClosureDescription(type="coupling", name=name, joints=joints)
-            except ValidationError as error:
-                raise refusal(error) from error
-        found[to_successor[-1]] = coupling
+            content = {"type": "coupling", "name": required(element, "name"), "joints": joints}
+            found[to_successor[-1]] = validated(ClosureDescription, content)
     return found
 
 

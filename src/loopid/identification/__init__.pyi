@@ -8,7 +8,6 @@ from .estimator import (
     WeightedLeastSquares as WeightedLeastSquares,
     WorkingFit as WorkingFit,
 )
-from .evidence import SuspicionOptions as SuspicionOptions
 from .fitting import fit as fit, fit_in_steps as fit_in_steps
 from .force_models import (
     ForceModel as ForceModel,

@@ -39,7 +39,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg.lapack import dtrtri
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, Positive, checked, finite, rectangular
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked, finite, rectangular
 from loopid.errors import DataError, ModelWarning, OptionError, warn
 from loopid.findings import Finding
 from loopid.identification.correlation import within_runs
@@ -63,6 +63,9 @@ from loopid.records import record
 from loopid.workers import one_blas_thread
 
 CONSISTENT = "consistent"
+# Largest deviation of a single body. ν, degrees of freedom of the deviations of single bodies about
+# the common one: few let a body be far off while the others are right.
+FARTHEST, NU = 3.0, 4.0
 # Deviation of a joint term of which nothing is known, in values that would make all of the force:
 # so large that only terms without an effect in the data feel it.
 FLAT = 10.0
@@ -84,11 +87,6 @@ class ConsistentOptions:
         Least and largest deviation of the file as a whole that the data may choose, in parts of its
         bodies. The least is not less because the evidence averages over ten parameters a body: of
         a body that is but heavier, most are right.
-    farthest : float
-        Largest deviation of a single body.
-    freedom : float
-        ν, degrees of freedom of the deviations of single bodies about the common one: few let a
-        body be far off while the others are right.
 
     Raises
     ------
@@ -97,15 +95,13 @@ class ConsistentOptions:
     """
 
     deviations: tuple[float, float] = (0.4, 1.0)
-    farthest: float = 3.0
-    freedom: Positive = 4.0
 
     def __post_init__(self) -> None:
         least, largest = self.deviations
-        if not 0 < least <= largest <= self.farthest < np.inf:
+        if not 0 < least <= largest <= FARTHEST:
             raise OptionError(
                 "deviations must be two that ascend from above 0 up to the farthest, "
-                f"{self.farthest}, not {self.deviations}",
+                f"{FARTHEST:g}, not {self.deviations}",
                 given=self.deviations,
             )
 
@@ -118,7 +114,6 @@ def consistent_fit(
     *,
     joint_values: FloatArray | None = None,
     joint_deviations: FloatArray | None = None,
-    options: ConsistentOptions = ConsistentOptions(),
 ) -> Fit:
     """Fit all standard parameters with the robot file as prior, every body solid.
 
@@ -132,7 +127,6 @@ def consistent_fit(
         (k,), what is known of ``force_model.joint_terms``, with standard deviations, which may be
         infinite; by default nothing but that some are not negative (``JointTerm.positive``), and
         that some belong to groups (``JointTerm.prior``), whose deviations the data choose.
-    options : ConsistentOptions, optional
 
     Returns
     -------
@@ -171,12 +165,9 @@ def consistent_fit(
     True
     """
     found = quiet_consistent_fit(
-        force_model,
-        data,
-        noise,
+        *(force_model, data, noise),
         joint_values=joint_values,
         joint_deviations=joint_deviations,
-        options=options,
     )
     warn_of_bodies(force_model, found.result)
     return force_model.fit_of(found.result)
@@ -195,11 +186,11 @@ def quiet_consistent_fit(
     weights, program = _posed(force_model, data, noise, joint_values, joint_deviations)
     with one_blas_thread():
         state, common = _most_likely(program, options)
-        found = _result(force_model, data, weights, program, state, options.freedom)
+        found = _result(force_model, data, weights, program, state)
         last = len(found.result.values) - (program.terms.group >= 0).sum()  # those of groups
         groups = _groups(program, state, found.result.covariance[last:, last:])
     far = FileDeviation(
-        *(common, program.names, state.deviations, options.deviations[1], options.farthest),
+        *(common, program.names, state.deviations, options.deviations[1], FARTHEST),
         least=options.deviations[0],
     )
     result = replace(found.result, deviation=far, term_deviations=groups, settled=state.settled)
@@ -257,7 +248,7 @@ def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> F
         standard[first:] = state.joints
         spread = program.terms.spread(state.groups)
         found = _posterior(left, weights, state.joints, spread.T).result
-        freedom = _freedom(program, state, spread, ConsistentOptions().freedom)
+        freedom = _freedom(program, state, spread)
         own = np.flatnonzero(program.terms.group >= 0)
         groups = _groups(program, state, found.covariance[np.ix_(own, own)])
     freedom = np.minimum(found.degrees_of_freedom, freedom)
@@ -604,7 +595,7 @@ def _minimised(program: _Program, state: _State) -> _State:
 
 def _most_likely(program: _Program, options: ConsistentOptions) -> tuple[_State, float]:
     """The best state at the most likely deviations, and the common one."""
-    common, nu = options.deviations[0], options.freedom
+    common = options.deviations[0]
     state = _approached(program, program.first(common))
     steps, gains = np.zeros((2, len(state.groups)))
     for _ in range(ITERATIONS):
@@ -612,7 +603,7 @@ def _most_likely(program: _Program, options: ConsistentOptions) -> tuple[_State,
         told = program.step(state).told
         gamma, d = _told(program, told), 2 * program.divergences(state)
         common = _common(gamma, d, options)
-        own = np.sqrt((nu * common**2 + d) / (nu + gamma)).clip(max=options.farthest)
+        own = np.sqrt((NU * common**2 + d) / (NU + gamma)).clip(max=FARTHEST)
         before, steps = steps, _group_steps(program, state, told)
         settled = np.append(own / state.deviations - 1, steps)
         if np.abs(settled).max(initial=0.0) <= SETTLED:
@@ -655,7 +646,7 @@ def _common(gamma: FloatArray, d: FloatArray, options: ConsistentOptions) -> flo
 
     def excess(logarithm: float) -> float:
         square = np.exp(2 * logarithm)
-        return float(((d - gamma * square) / (options.freedom * square + d)).sum())
+        return float(((d - gamma * square) / (NU * square + d)).sum())
 
     low, high = options.deviations
     if excess(np.log(low)) <= 0:
@@ -671,7 +662,6 @@ def _result(
     weights: FloatArray,
     program: _Program,
     state: _State,
-    freedom: float,
 ) -> WorkingFit:
     """The values, with Laplace's covariance for autocorrelated errors."""
     M, standard = force_model.base.matrix, program.standard(state)
@@ -685,13 +675,13 @@ def _result(
     C = np.asarray(np.linalg.qr(np.hstack([told, kept]).T, mode="r"))
     only_kept = kept.any(axis=1) & ~told.any(axis=1)
     found = _posterior(data, weights, values, C)
-    known = np.minimum(found.result.degrees_of_freedom, _freedom(program, state, told, freedom))
+    known = np.minimum(found.result.degrees_of_freedom, _freedom(program, state, told))
     result = replace(
         found.result,
         assumed=tuple(force_model.parameters.names[j] for j in np.flatnonzero(only_kept)),
         standard_parameters=standard,
         degrees_of_freedom=known,
-        uncertainty=_robot_uncertainty(force_model, program, state, freedom),
+        uncertainty=_robot_uncertainty(force_model, program, state),
     )
     return replace(found, result=result)
 
@@ -729,7 +719,7 @@ SINGULAR = 1e-12
 
 
 def _robot_uncertainty(
-    force_model: ForceModel, program: _Program, state: _State, nu: float
+    force_model: ForceModel, program: _Program, state: _State
 ) -> StandardUncertainty:
     """Of standard parameters: what the posterior of the base parameters leaves open beside them."""
     T, M = program.changes(state), force_model.base.matrix
@@ -744,7 +734,7 @@ def _robot_uncertainty(
         beside=np.maximum((spread * T).sum(axis=1) - (gain * both).sum(axis=1), 0.0),
         # What no force depends on only the file tells, though it goes with its body.
         file=np.where(M.any(axis=0), (T**2).sum(axis=1), 0.0),
-        degrees_of_freedom=_freedom(program, state, T, nu),
+        degrees_of_freedom=_freedom(program, state, T),
     )
 
 
@@ -760,7 +750,7 @@ def solid_body(
     matrix : FloatArray
         (r, 4) or (r, 10), M.
     guess : FloatArray
-        (4, 4), pseudo-inertia of a body near it, which may be off by ``farthest`` times itself.
+        (4, 4), pseudo-inertia of a body near it, which may be off by ``FARTHEST`` times itself.
 
     Returns
     -------
@@ -784,12 +774,12 @@ def solid_body(
         terms=JointPriors.none(),
     )
     with one_blas_thread():
-        state = _minimised(program, program.first(ConsistentOptions().farthest))
+        state = _minimised(program, program.first(FARTHEST))
         turned = matrix @ program.changes(state)
         return program.standard(state), program.step(state).covariance(turned) @ turned.T
 
 
-def _freedom(program: _Program, state: _State, told: FloatArray, nu: float) -> FloatArray:
+def _freedom(program: _Program, state: _State, told: FloatArray) -> FloatArray:
     """Degrees of freedom (r,) that what rests on priors leaves the variances [Welch1947]."""
     step, bodies, terms = program.step(state), len(program.file), program.terms
     spread = step.covariance(told)
@@ -800,7 +790,7 @@ def _freedom(program: _Program, state: _State, told: FloatArray, nu: float) -> F
     parts.append(np.stack([terms.of_groups(row**2) for row in spread[:, WIDTH * bodies :]]))
     shares = np.hstack(parts) / np.where(variance > 0, variance, 1.0)[:, None]
     every = np.append(_told(program, known), terms.of_groups(known[WIDTH * bodies :]))
-    squares = (shares**2 / (nu + every)).sum(axis=1)
+    squares = (shares**2 / (NU + every)).sum(axis=1)
     return np.asarray(np.divide(1.0, squares, out=np.full(len(told), np.inf), where=squares > 0))
 
 

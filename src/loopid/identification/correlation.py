@@ -18,8 +18,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.identification.estimator import WorkingFit
-from loopid.identification.problem import ROUND_OFF, FitSamples
-from loopid.identification.result import Fit, NoiseModel
+from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
+from loopid.identification.result import NoiseModel
 from loopid.motion.filtering import recursion
 from loopid.records import record
 from loopid.workers import one_blas_thread
@@ -54,9 +54,7 @@ class Autoregression:
     variance: float
 
     @classmethod
-    def of_covariances(
-        cls, covariances: FloatArray, largest_reflection: float = LARGEST_REFLECTION
-    ) -> Autoregression:
+    def of_covariances(cls, covariances: FloatArray) -> Autoregression:
         """The model with autocovariances (p + 1,) at lags 0 to p, by Levinson's recursion.
 
         No process has covariances that ask for a reflection coefficient of 1 or more; where they
@@ -65,7 +63,7 @@ class Autoregression:
         polynomial, variance = np.ones(1), float(covariances[0])
         for k in range(1, len(covariances)):
             asked = -float(polynomial @ covariances[k:0:-1]) / variance
-            reflection = float(np.clip(asked, -largest_reflection, largest_reflection))
+            reflection = float(np.clip(asked, -LARGEST_REFLECTION, LARGEST_REFLECTION))
             polynomial, variance = _raised(polynomial, reflection), variance * (1 - reflection**2)
             if reflection != asked:
                 break
@@ -108,6 +106,12 @@ class Autoregression:
         """Variance of the sum of errors over the samples (N,) that are present."""
         ones = np.asarray(present, dtype=np.float64)[:, None]
         return float(np.vdot(ones, self.filtered(ones, pieces)))
+
+    def effective_samples(self, present: BoolArray, pieces: Pieces) -> float:
+        """Number of independent samples that would determine the mean error as well."""
+        count = float(present.sum())
+        spread = self.sum_variance(present, pieces) if self.order else 0.0
+        return min(count**2 * float(self.covariances[0]) / spread, count) if spread > 0 else count
 
 
 def mean_of_series(
@@ -193,7 +197,7 @@ def within_runs(fit: WorkingFit, corrections: int = CORRECTIONS) -> WorkingFit:
     errors of different actuators count as independent. Rows of a prior are in X, their errors in Ω.
     A posterior stays the same where errors are independent: their size may be known beforehand.
     """
-    result, width = fit.result, len(fit.result.parameters)
+    result, samples, width = fit.result, fit.samples, len(fit.result.parameters)
     with one_blas_thread():
         inverse = np.asarray(np.linalg.inv(fit.factor[:width, :width]), dtype=np.float64)
         prior = np.zeros((0, width)) if fit.prior is None else fit.prior[:, :width] @ inverse
@@ -209,7 +213,8 @@ def within_runs(fit: WorkingFit, corrections: int = CORRECTIONS) -> WorkingFit:
             for model in models.values():
                 model.correct(total)
         covariance = inverse @ filling() @ inverse.T
-    noise = _noise_model(result, models)
+    each = {i: (m.model, m.effective_samples()) for i, m in models.items()}
+    noise = _noise_model(samples.problem, each, result.weights)
     if fit.prior is not None and not noise.coefficients.any():
         return replace(fit, result=replace(result, noise=noise))
     rows = float(noise.effective_samples.sum()) - (width if fit.prior is None else 0)
@@ -226,25 +231,16 @@ def residual_noise(samples: FitSamples, values: FloatArray, fitted: float) -> No
 
     What a fit takes up of slow errors is not added back, as ``within_runs`` does.
     """
-    residual, problem, dof = samples.residual(values), samples.problem, len(samples.actuators)
-    deviation, innovation, lag_one = np.full((3, dof), np.nan)
-    effective, models = np.zeros(dof), dict[int, Autoregression]()
+    residual, problem = samples.residual(values), samples.problem
+    models = dict[int, tuple[Autoregression, float]]()
     for i in map(int, np.flatnonzero(problem.samples)):
-        used, count = samples.used[:, i], int(problem.samples[i])
-        part = max(1.0 - fitted / problem.rows, 1.0 / count)
+        used = samples.used[:, i]
+        part = max(1.0 - fitted / problem.rows, 1.0 / problem.samples[i])
         covariances = burg_covariances(residual[:, i], run_lengths(used, samples.pieces)) / part
         covariances[0] = max(covariances[0], samples.least_errors[i] ** 2)
-        models[i] = Autoregression.of_covariances(covariances)
-        lags, spread = models[i].covariances, models[i].sum_variance(used, samples.pieces)
-        deviation[i], innovation[i] = np.sqrt(lags[0]), np.sqrt(models[i].variance)
-        lag_one[i] = lags[1] / lags[0] if len(lags) > 1 and lags[0] > 0 else 0.0
-        exact = models[i].order == 0 or not spread > 0
-        effective[i] = count if exact else min(count**2 * lags[0] / spread, float(count))
-    coefficients = np.zeros((dof, max((m.order for m in models.values()), default=0)))
-    for i, model in models.items():
-        coefficients[i, : model.order] = model.coefficients
-    numbers = innovation, deviation, lag_one, problem.samples, effective
-    return NoiseModel(samples.actuators, coefficients, *numbers)
+        model = Autoregression.of_covariances(covariances)
+        models[i] = model, model.effective_samples(used, samples.pieces)
+    return _noise_model(problem, models, np.ones(len(problem.actuators)))
 
 
 def _error_models(fit: WorkingFit, inverse: FloatArray) -> dict[int, ErrorModel]:
@@ -265,20 +261,21 @@ def _error_models(fit: WorkingFit, inverse: FloatArray) -> dict[int, ErrorModel]
     return models
 
 
-def _noise_model(result: Fit, models: dict[int, ErrorModel]) -> NoiseModel:
-    dof, order = len(result.actuators), max((m.model.order for m in models.values()), default=0)
-    coefficients, samples = np.zeros((dof, order)), np.zeros(dof, dtype=np.int64)
+def _noise_model(
+    problem: FitProblem, models: dict[int, tuple[Autoregression, float]], weights: FloatArray
+) -> NoiseModel:
+    """Of models and effective samples by actuator, of errors that weights (dof,) multiply."""
+    dof, order = len(weights), max((model.order for model, _ in models.values()), default=0)
+    coefficients, effective = np.zeros((dof, order)), np.zeros(dof)
     innovation, deviation, lag_one = np.full((3, dof), np.nan)
-    effective = np.zeros(dof)
-    for i, errors in models.items():
-        model, lags = errors.model, np.append(errors.model.covariances, 0.0)
+    for i, (model, worth) in models.items():
+        lags = np.append(model.covariances, 0.0)
         coefficients[i, : model.order] = model.coefficients
-        innovation[i] = np.sqrt(model.variance) / result.weights[i]
-        deviation[i] = np.sqrt(lags[0]) / result.weights[i]
+        innovation[i], deviation[i] = np.sqrt([model.variance, lags[0]]) / weights[i]
         lag_one[i] = lags[1] / lags[0] if lags[0] > 0 else 0.0
-        samples[i], effective[i] = errors.samples, errors.effective_samples()
-    series = innovation, deviation, lag_one, samples, effective
-    return NoiseModel(result.actuators, coefficients, *series)
+        effective[i] = worth
+    numbers = innovation, deviation, lag_one, problem.samples, effective
+    return NoiseModel(problem.actuators, coefficients, *numbers)
 
 
 class ErrorModel:
@@ -343,11 +340,7 @@ class ErrorModel:
 
     def effective_samples(self) -> float:
         """Number of independent samples that would determine the mean error as well."""
-        if not self.model.order:
-            return float(self.samples)
-        spread = self.model.sum_variance(self._used, self._pieces)
-        variance = float(self.model.covariances[0])
-        return min(self.samples**2 * variance / spread, float(self.samples))
+        return self.model.effective_samples(self._used, self._pieces)
 
     def _adopt(self, model: Autoregression) -> None:
         """Take a model, and the sums that it leads to.

@@ -38,7 +38,12 @@ from loopid.identification.correlation import (
     within_runs,
 )
 from loopid.identification.cutoff import CutoffChoice, choose_cutoff
-from loopid.identification.estimator import WorkingFit, require_rows, result_of, scaled_svd
+from loopid.identification.estimator import (
+    WorkingFit,
+    excited_combinations,
+    require_rows,
+    result_of,
+)
 from loopid.identification.force_models import ForceModel
 from loopid.identification.hysteresis import POSSIBLE, slip_evidence
 from loopid.identification.jackknife import with_scatter
@@ -47,7 +52,6 @@ from loopid.identification.result import Fit
 from loopid.logs.preparing import at_cutoff, near_saturation, on_independent, saturation_of
 from loopid.logs.recording import FilterOptions, MaskOptions, Recording
 from loopid.motion.filtering import LowPass
-from loopid.parameters import ParameterSet
 from loopid.records import record
 from loopid.regressors.maxwell_slip import ELEMENTS, slip_displacements, slip_states
 from loopid.robot.robot import Robot
@@ -411,8 +415,8 @@ def directions(recording: Recording) -> FloatArray:
     return np.asarray(sign, dtype=np.float64)
 
 
-def _of_drives(recording: Recording) -> FloatArray:
-    """Friction, an offset and inertia of each drive (N, dof, 4 dof)."""
+def drive_columns(recording: Recording) -> FloatArray:
+    """Coulomb and viscous friction, an offset and inertia of each drive (N, dof, 4 dof)."""
     motion, sign = recording.motion, directions(recording)
     signals = np.stack([sign, motion.velocities, np.ones_like(sign), motion.accelerations], axis=2)
     table = signals[:, :, None, :] * np.eye(sign.shape[1])[:, :, None]
@@ -433,10 +437,14 @@ class _Forces:
         self.driven = ~np.isin(robot.independent, robot.free)
         tried, used = zip(*map(self.at, self.shifts[:, None]), strict=True)
         self.tried = np.stack(tried, axis=2)  # (N, dof, TRIED)
-        drives = (_beside(force_model.samples(one), "drive", _of_drives(one)) for one in recordings)
+        drives = (
+            force_model.samples(one).beside("drive", drive_columns(one)) for one in recordings
+        )
         samples = replace(FitSamples.combined(list(drives)), used=np.all(used, axis=0))
         require_rows(samples.problem)
-        self.samples = _told(samples)
+        combined = excited_combinations(samples, KNOWN)
+        numbers = np.arange(len(combined)) * BLOCKS // len(combined)
+        self.samples = replace(combined, runs=numbers)
         self.slips = _of_slip(self.samples, recordings)
 
     def at(self, shifts: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -465,7 +473,7 @@ class _Search:
         # Factors of each motor, for any weights of them.
         used = samples.regressor * samples.used[:, :, None]
         self.Q, self.R = np.linalg.qr(used.transpose(1, 0, 2))
-        self._use(np.divide(1.0, self.size, out=np.zeros_like(self.size), where=self.size > 0))
+        self._use(samples.problem.force_weights)
         for _ in range(ROUNDS):
             self._use(self._weighed())
 
@@ -510,8 +518,8 @@ class _Search:
             if deviation > least:
                 covariances = burg_covariances(error, run_lengths(used, samples.pieces))
                 model = Autoregression.of_covariances(covariances)
-                worth = counts[i] * covariances[0] / model.sum_variance(used, samples.pieces)
-            weights[i] = np.sqrt(min(worth, 1.0)) / max(deviation, least)
+                worth = model.effective_samples(used, samples.pieces) / counts[i]
+            weights[i] = np.sqrt(worth) / max(deviation, least)
         return weights
 
     def _newton(self, shifts: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -566,7 +574,7 @@ class _Search:
         if not told.any():
             return errors, np.inf
         width = len(self.factor)
-        samples = _beside(self.samples.with_force(force), "delay", columns[:, :, told])
+        samples = self.samples.with_force(force).beside("delay", columns[:, :, told])
         prior = np.pad(self.prior, ((0, 0), (0, 1 + int(told.sum()))))
         R = samples.problem.weighted(self.weights, prior)
         values = solve_triangular(R[:-1, :-1], R[:-1, -1])
@@ -683,7 +691,7 @@ def _beside_slip(
         return samples, np.zeros((0, width))
     deviations = np.repeat(SLIP * force[list(slips)], ELEMENTS)
     prior = np.eye(len(deviations), width + len(deviations), width) / deviations[:, None]
-    return _beside(samples, "slip", np.concatenate(list(slips.values()), axis=2)), prior
+    return samples.beside("slip", np.concatenate(list(slips.values()), axis=2)), prior
 
 
 def _of_slip(samples: FitSamples, recordings: Sequence[Recording]) -> dict[int, FloatArray]:
@@ -708,23 +716,3 @@ def _slip(recording: Recording, states: Sequence[FloatArray]) -> FloatArray:
     """States along the stretches of the log, filtered as the forces are, at the samples (N,)."""
     along = np.concatenate(states)
     return along if recording.history is None else recording.history.lowpassed(along)
-
-
-def _beside(samples: FitSamples, what: str, columns: FloatArray) -> FitSamples:
-    """The samples with further columns (N, dof, k)."""
-    more = ParameterSet.from_labels(f"{what}.{k}" for k in range(columns.shape[2]))
-    return replace(
-        samples,
-        parameters=ParameterSet(samples.parameters.parameters + more.parameters),
-        regressor=np.concatenate([samples.regressor, columns], axis=2),
-    )
-
-
-def _told(samples: FitSamples) -> FitSamples:
-    """The samples of those combinations of columns only that the motion tells, in parts of time."""
-    sizes, count = samples.problem.force_rms, len(samples)
-    R = samples.problem.weighted(np.divide(1.0, sizes, out=np.zeros(len(sizes)), where=sizes > 0))
-    lengths, values, right = scaled_svd(R[:-1, :-1])
-    kept = values > KNOWN * values[0]
-    told = samples.along((right[kept] / values[kept, None]).T / lengths[:, None])
-    return replace(told, runs=np.arange(count) * BLOCKS // count)

@@ -169,8 +169,7 @@ def nearest_to_file(
     Weights are one over the errors of the actuators, by their freedom (dof,). Rows (k, n + 1) of a
     prior are fitted, too.
     """
-    sizes, values = problem.force_rms, file
-    weights = np.divide(1.0, sizes, out=np.zeros(len(sizes)), where=sizes > 0)
+    weights, values = problem.force_weights, file
     for _ in range(ROUNDS):
         rows = problem.weighted(weights, prior)
         X, y = rows[:, :-1], rows[:, -1] - rows[:, :-1] @ file
@@ -290,6 +289,17 @@ def scaled_svd(R: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     lengths = np.where(silent, 1.0, np.linalg.norm(R, axis=0))
     _, values, right = np.linalg.svd(np.where(silent, 0.0, R / lengths))
     return lengths, values, right
+
+
+def excited_combinations(samples: FitSamples, least: float = LEAST_EXCITATION) -> FitSamples:
+    """The samples of those combinations of parameters only that they excite, of equal effect.
+
+    By singular values of at least this part of the largest, motors weighted by their forces.
+    """
+    R = samples.problem.weighted(samples.problem.force_weights)
+    lengths, values, right = scaled_svd(R[:-1, :-1])
+    kept = values >= least * values[0]
+    return samples.along((right[kept] / values[kept, None]).T / lengths[:, None])
 
 
 def _silent(R: FloatArray) -> BoolArray:

@@ -28,7 +28,6 @@ from loopid.kinematics.assembly import AssemblyOptions, try_assemble
 from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import closed_motion, singularity_measure
 from loopid.logs.recording import MaskOptions, Recording
-from loopid.records import record
 from loopid.regressors.joint_terms import JointTerms
 from loopid.regressors.motion_regressors import motion_regressor
 from loopid.robot.robot import Robot
@@ -42,90 +41,20 @@ OWN = ("Fc", "Fv", "Ia")  # joint terms of motors that are projected out
 TOGETHER = 64  # mistakes whose products are in memory
 LEAST_INDEPENDENT, ITERATIONS = 10, 8  # samples, and steps to the weights of a fit
 # Loops are closed at other positions as well as it takes to know forces, to 1e-5 m.
-CLOSING = AssemblyOptions(tolerance=1e-5, short=1e-3, rough=0.1, shortest_step=0.25)
+CLOSELY = AssemblyOptions(tolerance=1e-5, short=1e-3, rough=0.1, shortest_step=0.25)
 # A force over position that the file lacks: a polynomial of this degree, as large as the motor's
 # force. Times their usual deviation, that bodies are off which are none of the robot file's.
 DEGREE, FURTHER = 2, 3.0
 TINY = 1e-300
-
-
-@record(kw_only=True)
-class SuspicionOptions:
-    """What counts as a mistake in a log.
-
-    Attributes
-    ----------
-    samples : int
-        That are looked at, evenly spread: more hardly add what is independent.
-    least_samples : int
-        Fewest of a motor.
-    prior : float
-        Standard deviation of the robot file's parameters, in sizes of the bodies.
-    model_error : float
-        Part of the force that errors have at least: no model is exact.
-    evidence : float
-        Logarithm of the ratio of evidences, less that of the number of motors whose mistake it may
-        be, from which a mistake is suspected: 3 is one in twenty.
-    shape : float
-        Part of the forces, less friction, that may be left of a motor once its mistake is undone:
-        a robot file that explains no shape tells no mistake.
-    factor_shape : float
-        The same of a factor that nobody has a cause for: a missing force has any.
-    late, delay, latest : float
-        Forces are late by seconds where errors are this part of those at any shift of up to
-        ``delay`` s; up to ``latest`` s are tried.
-    unexplained : float
-        Part of the forces that must be left at any shift of up to ``delay`` s.
-    rounds : int
-        Mistakes one after the other.
-    gain, common_gain : float
-        Least of one motor, and of all, that is worth a sentence: bodies that are off by half, or
-        made of another material, are none.
-    factor, ratio : float
-        The same of the time axis, on whose square accelerations hang, and of a motor's positions.
-    zero : float
-        The same of a motor's zero, in rad or characteristic lengths.
-    interval : float
-        Half of the 95 % interval at most, as a part of the size: a size that is not known is none.
-    few : int
-        Samples at which other positions are tried first.
-    closing : float
-        Part of the samples whose loops must close once a mistake is undone.
-    held, jump : float
-        Part of the changes of values that are as many rows apart as most, and median change in
-        steps of the encoder, from which values are held by a slower bus.
-    error, deviation : float
-        A log is strange from these errors, as a part of the force, or this sum of squared
-        deviations from the robot file on.
-    better : float
-        Errors of motors that were exchanged, over those before, at most.
-    """
-
-    samples: int = 120
-    least_samples: int = 30
-    prior: float = 0.5
-    model_error: float = 0.003
-    evidence: float = 3.0
-    shape: float = 0.4
-    factor_shape: float = 0.15
-    late: float = 0.25
-    delay: float = 0.15
-    latest: float = 30.0
-    unexplained: float = 0.03
-    rounds: int = 3
-    gain: float = 1.25
-    common_gain: float = 4.0
-    factor: float = 1.3
-    ratio: float = 1.5
-    zero: float = 0.05
-    interval: float = 0.5
-    few: int = 36
-    closing: float = 0.9
-    held: float = 0.8
-    jump: float = 3.0
-    error: float = 0.05
-    deviation: float = 5.0
-    better: float = 0.8
+# Samples that are looked at, evenly spread: more hardly add what is independent; the fewest of a
+# motor; at which other positions are tried first.
+SAMPLES, LEAST_SAMPLES, FEW = 120, 30, 36
+PRIOR = 0.5  # standard deviation of the robot file's parameters, in sizes of the bodies
+MODEL_ERROR = 0.003  # part of the force that errors have at least: no model is exact
+CLOSING = 0.9  # part of the samples whose loops must close once a mistake is undone
+# A log is strange from these errors, as a part of the force, or this sum of squared deviations
+# from the robot file on.
+STRANGE, FAR = 0.05, 5.0
 
 
 class Undone(NamedTuple):
@@ -189,14 +118,13 @@ class Evidence:
         robot: Robot,
         recordings: Sequence[Recording],
         joint_terms: JointTerms | None,
-        options: SuspicionOptions,
     ) -> None:
-        self.robot, self.joint_terms, self.options = robot, joint_terms, options
+        self.robot, self.joint_terms = robot, joint_terms
         self.names, d = recordings[0].actuators, len(recordings[0].actuators)
         logs = [one.log for one in recordings]
         self.log = logs[0]
         self.rates_measured = all(log is not None and log.velocity is not None for log in logs)
-        parts = [self._samples(one, options.samples // len(recordings)) for one in recordings]
+        parts = [self._samples(one, SAMPLES // len(recordings)) for one in recordings]
         self.q, self.rates, self.force, self.used, self.external = map(
             np.concatenate, zip(*parts, strict=True)
         )
@@ -207,7 +135,7 @@ class Evidence:
         self.span = np.ptp(self.position, axis=0) / self.lengths
         counts = np.maximum(self.used.sum(axis=0), 1)
         self.size = np.sqrt(np.where(self.used, self.force**2, 0.0).sum(axis=0) / counts)
-        counted = np.isin(self.names, robot.actuated) & (counts >= options.least_samples)
+        counted = np.isin(self.names, robot.actuated) & (counts >= LEAST_SAMPLES)
         self.present = np.flatnonzero(counted & (self.size > 0)).tolist()
         ones, own = (1.0,) * d, tuple(range(d))
         self.recorded = Undone(ones, ones, ones, own, own, (0.0,) * d)
@@ -228,9 +156,9 @@ class Evidence:
     def of_few(self) -> Evidence:
         """The same of few samples, evenly spread over those in which all motors move."""
         moving = np.flatnonzero(self.used[:, self.present].all(axis=1))
-        if len(moving) < self.options.few:
+        if len(moving) < FEW:
             moving = np.arange(len(self.q))
-        few, rows = copy(self), moving[spread_rows(len(moving), self.options.few)]
+        few, rows = copy(self), moving[spread_rows(len(moving), FEW)]
         for name in ("q", "rates", "force", "used", "external", "position"):
             setattr(few, name, getattr(self, name)[rows])
         few.independent = np.minimum(self.independent, len(rows))
@@ -250,7 +178,7 @@ class Evidence:
         per_force = 1 / np.where(self.expected > 0, self.expected, inf)
         joints = np.sqrt(((K[:, :, p:] * per_force[:, None]) ** 2).mean(axis=(0, 1)))
         flat = FLAT / np.where(joints > 0, joints, inf)
-        sizes = self.options.prior * body_sizes(robot, "full")
+        sizes = PRIOR * body_sizes(robot, "full")
         table = (K[:, :, :p] * sizes * per_force[:, None]).reshape(-1, p)
         squares, turn = np.linalg.eigh(table.T @ table)
         felt = sizes[:, None] * turn[:, squares > 1e-6 * squares[-1]]
@@ -282,7 +210,7 @@ class Evidence:
         moved = (rates[..., 1:] / ratio[..., None]).reshape(*position.shape, 2)
         q, closed = np.tile(self.q, (len(new), 1)), np.ones(len(position), dtype=bool)
         if any(key[:3] != _pose(self.recorded)[:3] for key in new):
-            found = try_assemble(self.robot, position, options=CLOSING)
+            found = try_assemble(self.robot, position, options=CLOSELY)
             q = np.where(found.assembled[:, None], found.configurations, self.robot.reference)
             regular = singularity_measure(self.robot, q) >= MaskOptions().singularity
             q[~regular], closed = self.robot.reference, found.assembled & regular
@@ -317,7 +245,7 @@ class Evidence:
         used = self.used[:, motors] & closed[:, None]
         counts = used.sum(axis=0)
         least = min(LEAST_INDEPENDENT, len(closed) // 4)
-        if closed.mean() < self.options.closing or counts[self.present].min() < least:
+        if closed.mean() < CLOSING or counts[self.present].min() < least:
             return None
         columns = np.concatenate([columns, self.force[:, motors, None]], axis=2)
         columns, own = ((one * used[:, :, None]).swapaxes(0, 1) for one in (columns, own))
@@ -350,7 +278,7 @@ class Evidence:
         products[:, :, :, -1] /= gain[:, :, None]
         shape = np.sqrt(products[:, :, -1, -1])
         flat, gain = products.reshape(*gain.shape, -1), np.abs(gain)
-        least = self.options.model_error * self.sizes(undone) + TINY
+        least = MODEL_ERROR * self.sizes(undone) + TINY
         error = np.maximum(np.sqrt(products[:, :, -1, -1]), least)
         friction = [self._friction(_pose(one), one.time) for one in undone]
         columns, power = (np.stack(one) for one in zip(*friction, strict=True))
@@ -444,8 +372,8 @@ class Evidence:
 
     def strange(self, found: Explanation, motors: Sequence[int]) -> bool:
         """Whether errors of motors are large, or bodies are far from the robot file's."""
-        large = found.error > self.options.error * self.sizes([found.undone])[0]
-        far = float(found.values @ found.values) > self.options.deviation
+        large = found.error > STRANGE * self.sizes([found.undone])[0]
+        far = float(found.values @ found.values) > FAR
         return far or bool(large[list(motors)].any())
 
     def explains(

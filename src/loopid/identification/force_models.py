@@ -123,29 +123,31 @@ class ForceModel:
     @property
     def joint_columns(self) -> IntArray:
         """Columns that belong to joint terms."""
-        joints = [j for j, parameter in enumerate(self.parameters) if parameter.kind not in KINDS]
-        return np.array(joints, dtype=np.int64)
+        return self._where(lambda kind: kind not in KINDS)
 
     @property
     def body_columns(self) -> IntArray:
         """Columns that belong to bodies."""
-        return np.setdiff1d(np.arange(len(self.parameters)), self.joint_columns)
+        return self._where(lambda kind: kind in KINDS)
 
     @property
     def grouped_columns(self) -> IntArray:
         """Columns of joint terms whose size the evidence decides (``JointTerm.prior``)."""
-        columns = [j for j, each in enumerate(self.parameters) if grouped(each.kind)]
-        return np.array(columns, dtype=np.int64)
+        return self._where(grouped)
 
     @property
     def plain_columns(self) -> IntArray:
         """All other columns."""
-        return np.setdiff1d(np.arange(len(self.parameters)), self.grouped_columns)
+        return self._where(lambda kind: not grouped(kind))
 
     @property
     def slip_columns(self) -> IntArray:
         """Columns of elements of Maxwell slip, which depend on where joints came from."""
-        return np.array([j for j in self.joint_columns if "slip" in self._needs(j)], dtype=np.int64)
+        return self._where(lambda kind: kind not in KINDS and "slip" in joint_term(kind).needs)
+
+    def _where(self, chosen: Callable[[str], bool]) -> IntArray:
+        """Columns of the kinds that are chosen."""
+        return np.flatnonzero([chosen(parameter.kind) for parameter in self.parameters])
 
     @property
     def plain(self) -> ForceModel:
@@ -313,10 +315,7 @@ class ForceModel:
         kinds : mapping
             Of each joint, as of ``JointTerms``.
         """
-        terms = JointTerms.of_kinds(kinds)
-        if terms is not None and self.joint_terms is not None:
-            own = self.joint_terms
-            terms = replace(terms, dead_zone=own.dead_zone, smoothing=own.smoothing)
+        terms = _of_kinds(kinds, self.joint_terms)
         kept = KeptChoice(dependent=self.base.parameters.select(self.base.dependent).labels)
         with warnings.catch_warnings():  # the same as of this model
             warnings.simplefilter("ignore")
@@ -616,10 +615,15 @@ def parted(terms: JointTerms | None) -> tuple[JointTerms | None, dict[str, tuple
     plain, others = both
     if not any(others.values()):
         return terms, {}
-    own = JointTerms.of_kinds(plain)
-    if own is not None:
-        own = replace(own, dead_zone=terms.dead_zone, smoothing=terms.smoothing)
-    return own, {joint: kinds for joint, kinds in others.items() if kinds}
+    return _of_kinds(plain, terms), {joint: kinds for joint, kinds in others.items() if kinds}
+
+
+def _of_kinds(kinds: Mapping[str, tuple[str, ...]], like: JointTerms | None) -> JointTerms | None:
+    """Joint terms with the dead zone and smoothing of others."""
+    own = JointTerms.of_kinds(kinds)
+    if own is None or like is None:
+        return own
+    return replace(own, dead_zone=like.dead_zone, smoothing=like.smoothing)
 
 
 @checked
@@ -694,9 +698,7 @@ def _nearest(times: FloatArray, wanted: FloatArray) -> IntArray:
             f"the reference lasts from {times[0]:.6g} to {times[-1]:.6g} s, the recording from "
             f"{wanted.min():.6g} to {wanted.max():.6g} s"
         )
-    after = np.clip(np.searchsorted(times, wanted), 1, len(times) - 1)
-    earlier = wanted - times[after - 1] < times[after] - wanted
-    return np.asarray(after - earlier, dtype=np.int64)
+    return np.rint(np.interp(wanted, times, np.arange(len(times)))).astype(np.int64)
 
 
 # A recording, a function that loads one, or a ``dask.delayed`` one (Dask may not be installed).

@@ -33,16 +33,9 @@ from loopid.identification.consistent import (
 from loopid.identification.correlation import residual_noise
 from loopid.identification.estimator import LEAST_EXCITATION, WorkingFit
 from loopid.identification.force_models import ForceModel
-from loopid.identification.hysteresis import possible_hysteresis
+from loopid.identification.hysteresis import possible_hysteresis, with_reach
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import (
-    LEAST_FREEDOM,
-    Estimate,
-    Fit,
-    MotorUse,
-    NoiseModel,
-    TermDeviations,
-)
+from loopid.identification.result import Estimate, Fit, MotorUse, NoiseModel, TermDeviations
 from loopid.logs.recording import Recording
 from loopid.parameters import KINDS
 from loopid.records import Tabular, record
@@ -331,8 +324,6 @@ def friction_curve(
     >>> curve.values.round(1), bool((np.ptp(curve.band, axis=1) < 0.1).all())
     (array([-2.5,  2.5]), True)
     """
-    from scipy.special import stdtrit  # slow to import
-
     columns = friction_columns(fit, joint)
     if not columns:
         raise OptionError.unknown("joint with friction", joint, frictional_joints(fit))
@@ -342,13 +333,8 @@ def friction_curve(
     state = (joint_terms or JointTerms(())).state(JointState(None, rate, None))
     terms = [joint_term(fit.parameters[j].kind) for j in columns]
     laws = np.stack([term.signal(state, len(rate)) for term in terms], axis=1)
-    values, spread = laws @ fit.values[columns], fit.covariance[np.ix_(columns, columns)]
-    variance = np.maximum(((laws @ spread) * laws).sum(axis=1), 0.0)
-    error = np.sqrt(variance + _doubt(fit, joint, rate, np.abs(values)) ** 2)
-    freedom = float(fit.degrees_of_freedom[columns].min())
-    names = fit.parameters.select(columns).names
-    sure = freedom >= LEAST_FREEDOM and not {*names} & {*fit.assumed}
-    reach = stdtrit(freedom, 0.975) * error if sure else np.full(len(rate), np.inf)
+    doubt = _doubt(fit, joint, rate, np.abs(laws @ fit.values[columns]))
+    values, reach = with_reach(fit, columns, laws, doubt)
     return FrictionCurve(joint, rate, values, np.stack([values - reach, values + reach], axis=1))
 
 

@@ -156,8 +156,6 @@ def hysteresis_loop(
     >>> loopid.identification.hysteresis_loop(fit, "elbow").finding
     ('friction of elbow builds up after reversals', 'over 2.5 mrad')
     """
-    from scipy.special import stdtrit  # slow to import
-
     own = _columns(fit, joint)
     if not own:
         raise OptionError.unknown("joint with hysteresis", joint, hysteretic_joints(fit))
@@ -177,12 +175,8 @@ def hysteresis_loop(
     names = enumerate(fit.parameters)
     terms = {j: joint_term(n.kind) for j, n in names if n.link == joint and n.kind not in KINDS}
     terms = {j: term for j, term in terms.items() if term.friction or j in own}
-    columns = list(terms)
     laws = np.stack([term.signal(state, len(rate)) for term in terms.values()], axis=1)
-    force, spread = laws @ fit.values[columns], fit.covariance[np.ix_(columns, columns)]
-    error = np.sqrt(np.maximum(((laws @ spread) * laws).sum(axis=1), 0.0))
-    freedom = float(fit.degrees_of_freedom[columns].min())
-    wide = stdtrit(freedom, 0.975) * error if freedom >= LEAST_FREEDOM else np.inf + error
+    force, wide = with_reach(fit, list(terms), laws)
     return HysteresisLoop(
         joint,
         "m" if fit.parameters[own[0]].unit == "N" else "rad",
@@ -191,6 +185,23 @@ def hysteresis_loop(
         force,
         np.stack([force - wide, force + wide], axis=1),
     )
+
+
+def with_reach(
+    fit: Fit, columns: Sequence[int], laws: FloatArray, doubt: FloatArray | float = 0.0
+) -> tuple[FloatArray, FloatArray]:
+    """Forces (k,) of some columns of a fit by laws (k, columns), and half of their 95 % intervals.
+
+    These hold a further deviation, ``doubt``, and are infinite of assumed parameters.
+    """
+    from scipy.special import stdtrit  # slow to import
+
+    spread = fit.covariance[np.ix_(columns, columns)]
+    variance = np.maximum(((laws @ spread) * laws).sum(axis=1), 0.0) + np.square(doubt)
+    freedom = float(fit.degrees_of_freedom[columns].min())
+    sure = freedom >= LEAST_FREEDOM and not {*fit.parameters.select(columns).names} & {*fit.assumed}
+    reach = stdtrit(freedom, 0.975) * np.sqrt(variance) if sure else np.full(len(laws), np.inf)
+    return laws @ fit.values[columns], reach
 
 
 def hysteretic_joints(fit: Fit) -> tuple[str, ...]:

@@ -168,11 +168,9 @@ class Identification:
 
         Root mean squares; NaN without samples.
         """
-        quality = candidate.validation
-        squares = np.array(self.new.problem.force_squares()) / np.maximum(quality.samples, 1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            force = np.where(squares > 0, np.sqrt(squares), np.nan)
-        return quality.residual_rms / force, candidate.rms_errors[1] / force
+        force = self.new.problem.force_rms
+        force = np.where(force > 0, force, np.nan)
+        return candidate.validation.residual_rms / force, candidate.rms_errors[1] / force
 
     @property
     def prior_deviation(self) -> float | None:

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from loopid.arguments import FloatArray, IntArray
-from loopid.errors import DataError
 from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import FitProblem
 from loopid.parameters import KINDS, Parameter
@@ -138,8 +137,6 @@ def joint_parameters(force_model: ForceModel) -> tuple[Parameter, ...]:
 
 def _members(terms: tuple[Parameter, ...], given: FloatArray) -> dict[tuple[str, str], list[int]]:
     """Numbers of the terms of each group, by its joint and name."""
-    if given.shape != (len(terms),):
-        raise DataError(f"deviations must have shape ({len(terms)},), not {given.shape}")
     members: dict[tuple[str, str], list[int]] = {}
     for j, term in enumerate(terms):
         prior = joint_term(term.kind).prior

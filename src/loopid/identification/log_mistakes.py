@@ -21,7 +21,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray, checked
 from loopid.findings import Finding
-from loopid.identification.evidence import Evidence, Explanation, SuspicionOptions, Undone
+from loopid.identification.evidence import Evidence, Explanation, Undone
 from loopid.identification.force_models import parted
 from loopid.identification.log_timing import held_values, late_by_seconds
 from loopid.identification.mistake_kinds import KINDS, Motors, called
@@ -37,6 +37,17 @@ from loopid.workers import one_blas_thread
 TRIED, ZOOMS, STEPS = 7, 2, 2
 CLOSELY = 6  # mistakes of positions that are looked at closely
 INTERVAL = 1.96  # standard deviations
+ROUNDS = 3  # mistakes one after the other
+# Logarithm of the ratio of evidences, less that of the number of motors whose mistake it may be,
+# from which on a mistake is suspected: one in twenty.
+EVIDENCE = 3.0
+# Part of the forces, less friction, that may be left of a motor once its mistake is undone: a robot
+# file that explains no shape tells no mistake. Less of a factor that nobody has a cause for: a
+# missing force has any.
+SHAPE, FACTOR_SHAPE = 0.4, 0.15
+# Half of the 95 % interval at most, as a part of the size: a size that is not known is none. Errors
+# of motors that were exchanged, over those before, at most.
+KNOWN, BETTER = 0.5, 0.8
 
 
 @record
@@ -77,11 +88,7 @@ class Suspicions:
 
 @checked
 def suspicions(
-    robot: Robot,
-    recordings: Sequence[Recording],
-    joint_terms: JointTerms | None = None,
-    *,
-    options: SuspicionOptions = SuspicionOptions(),
+    robot: Robot, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
 ) -> Suspicions:
     """Look for mistakes in a log that would explain its forces clearly better.
 
@@ -92,7 +99,6 @@ def suspicions(
         Parts of one log, at least one.
     joint_terms : JointTerms, optional
         Explanations, too, beside friction and drive inertia of the motors.
-    options : SuspicionOptions, optional
 
     Returns
     -------
@@ -100,17 +106,17 @@ def suspicions(
         Empty where too few samples of each motor can be used.
     """
     log = recordings[0].log
-    held = () if log is None else tuple(held_values(log, options))
+    held = () if log is None else tuple(held_values(log))
     nothing = Suspicions(recordings[0].name, (), held)
     if robot.free or not robot.standard_parameters("full").any():
         return nothing  # positions that were not measured, or nothing to compare with
     with one_blas_thread():
         recordings = [in_motion_band(robot, one) for one in recordings]
-        late = late_by_seconds(robot, recordings, options)
+        late = late_by_seconds(robot, recordings)
         if late is not None:  # all else would be judged with forces of other positions
             return replace(nothing, mistakes=(late, *held))
         # Terms of groups follow the past or how fast a joint is: undone mistakes do not scale them.
-        model = Evidence(robot, recordings, parted(joint_terms)[0], options)
+        model = Evidence(robot, recordings, parted(joint_terms)[0])
         if not model.present:
             return nothing
         found, undone = model.weighed(model.recorded), list[_Find]()
@@ -121,7 +127,7 @@ def suspicions(
             if model.strange(clear[0].after if clear else found, model.present):
                 finds += _finds(model, found, assembled=True)
                 clear = _clear(model, finds, found, undone)
-            if not clear or len(undone) == options.rounds:
+            if not clear or len(undone) == ROUNDS:
                 break
             mistakes.append(_finding(model, clear, found))
             undone.append(clear[0])
@@ -154,17 +160,16 @@ class _Find(NamedTuple):
     size: float = 1.0
     reach: float = 0.0  # half of the 95 % interval
 
-    def worth(self, options: SuspicionOptions, found: Explanation) -> bool:
+    def worth(self, found: Explanation) -> bool:
         """Whether a size is known and not as good as none; or errors of all its motors fall."""
         if not KINDS[self.kind].sizes:
-            worse = self.after.error > options.better * found.error
+            worse = self.after.error > BETTER * found.error
             return not worse[list(self.motors)].any()
-        least: float = getattr(options, self.kind)
-        size, reach = self.size, self.reach
+        least, size, reach = KINDS[self.kind].least, self.size, self.reach
         if KINDS[self.kind].added:
             return abs(size) - reach > least
         usual = size - reach <= least and 1 / least <= size + reach
-        known = reach <= options.interval * abs(size)
+        known = reach <= KNOWN * abs(size)
         # Of a time axis that is too short, inertia that is not felt tells how much at least.
         known |= self.kind == "factor" and size + reach < 1
         return known and not usual
@@ -296,13 +301,13 @@ def _clear(
 
     Those of which no rival is as likely: a force that the robot file lacks, or other bodies.
     """
-    options, clear = model.options, list[_Find]()
+    clear = list[_Find]()
     for find in finds:
         again = any((find.kind, find.motors) == (one.kind, one.motors) for one in undone)
-        shape = options.shape if _caused(find) else options.factor_shape
-        worth = find.worth(options, found)
+        shape = SHAPE if _caused(find) else FACTOR_SHAPE
+        worth = find.worth(found)
         worth &= model.explains(find.after, find.motors, shape, whole=find.kind == "sign")
-        if worth and not again and find.evidence - found.evidence >= options.evidence:
+        if worth and not again and find.evidence - found.evidence >= EVIDENCE:
             clear.append(find)
     if not clear:
         return []
@@ -317,7 +322,7 @@ def _clear(
         )
         for find in likely
     ]
-    clear = [find for find in beside if find.evidence - found.evidence >= options.evidence]
+    clear = [find for find in beside if find.evidence - found.evidence >= EVIDENCE]
     return sorted(clear, key=lambda find: -find.evidence)
 
 
@@ -333,6 +338,6 @@ def _finding(model: Evidence, clear: Sequence[_Find], found: Explanation) -> Fin
     said = best.finding(model, found)
     for one in others:
         other = one.finding(model, found)
-        if best.evidence - one.evidence < model.options.evidence and other.title != said.title:
+        if best.evidence - one.evidence < EVIDENCE and other.title != said.title:
             return replace(said, why=f"{said.why}; nearly as likely, {other.title}")
     return said

@@ -11,7 +11,7 @@ import numpy as np
 from loopid.arguments import FloatArray
 from loopid.findings import Finding
 from loopid.identification.delay import directions
-from loopid.identification.evidence import TINY, SuspicionOptions
+from loopid.identification.evidence import LEAST_SAMPLES, MODEL_ERROR, TINY
 from loopid.kinematics.projection import closed_motion
 from loopid.logs.log import Log
 from loopid.logs.preparing import PROVISIONAL
@@ -20,9 +20,15 @@ from loopid.regressors.motion_regressors import motion_regressor
 from loopid.robot.robot import Robot
 
 RIDGE = 1e-9  # of columns of size 1, so that a column that is none does no harm
+# Part of the changes of values that are as many rows apart as most, and median change in steps of
+# the encoder, from which on values are held by a slower bus.
+HELD, JUMP = 0.8, 3.0
+# Shifts in s: that a delay may be, and the longest that is tried. Part of the forces that must be
+# left at any shift of the first; of that, and of the forces, what may be left at the best one.
+DELAY, LATEST, UNEXPLAINED, LATE, LEFT = 0.15, 30.0, 0.03, 0.25, 0.15
 
 
-def held_values(log: Log, options: SuspicionOptions = SuspicionOptions()) -> Iterator[Finding]:
+def held_values(log: Log) -> Iterator[Finding]:
     """Positions or forces that change only every few rows, and then by many encoder steps at once.
 
     Values that change so regularly are held by a slower bus. Those of a coarse encoder change by
@@ -33,12 +39,12 @@ def held_values(log: Log, options: SuspicionOptions = SuspicionOptions()) -> Ite
         steps = np.abs(np.diff(values[part], axis=0))
         rows = np.flatnonzero(steps.any(axis=1))
         runs = np.diff(rows)
-        if len(runs) < options.least_samples:
+        if len(runs) < LEAST_SAMPLES:
             continue
         count = int(np.median(runs))
         least = np.where(steps > 0, steps, inf).min(axis=0)
         jumps = np.median(steps[rows] / least, axis=0).max()
-        if count > 1 and (runs == count).mean() > options.held and jumps > options.jump:
+        if count > 1 and (runs == count).mean() > HELD and jumps > JUMP:
             rate = log.rate(part)
             yield Finding(
                 "warning",
@@ -49,9 +55,7 @@ def held_values(log: Log, options: SuspicionOptions = SuspicionOptions()) -> Ite
             )
 
 
-def late_by_seconds(
-    robot: Robot, recordings: Sequence[Recording], options: SuspicionOptions
-) -> Finding | None:
+def late_by_seconds(robot: Robot, recordings: Sequence[Recording]) -> Finding | None:
     """Forces that belong to positions of seconds before or after, by correlation.
 
     At each shift the forces of each motor are explained by the bodies of the robot file, as a
@@ -59,16 +63,16 @@ def late_by_seconds(
     best counts where it explains them clearly better than any that a delay has.
     """
     one = max(recordings, key=len)
-    lags, errors = _errors_by_lag(robot, one, options)
-    near = np.abs(lags) <= options.delay
+    lags, errors = _errors_by_lag(robot, one)
+    near = np.abs(lags) <= DELAY
     if near.all() or not near.any():
         return None
     usual, best = float(errors[near].min()), int(errors.argmin())
     lag = float(lags[best])
     # The fewer samples a shift leaves, the easier they are explained.
     left = 1 - abs(lag) / float(np.ptp(one.motion.time))
-    most = min(options.late * left * usual, options.factor_shape)
-    if usual < options.unexplained or errors[best] > most:
+    most = min(LATE * left * usual, LEFT)
+    if usual < UNEXPLAINED or errors[best] > most:
         return None
     if 0 < best < len(lags) - 1:  # between shifts: mean squares are a parabola
         before, here, after = errors[best - 1 : best + 2] ** 2
@@ -84,9 +88,7 @@ def late_by_seconds(
     )
 
 
-def _errors_by_lag(
-    robot: Robot, recording: Recording, options: SuspicionOptions
-) -> tuple[FloatArray, FloatArray]:
+def _errors_by_lag(robot: Robot, recording: Recording) -> tuple[FloatArray, FloatArray]:
     """Shifts (L,) in s, and what is left of the forces at each, in parts of them."""
     motion, force = recording.motion, recording.motor_force
     steps = np.diff(motion.time)
@@ -94,7 +96,7 @@ def _errors_by_lag(
     breaks = np.flatnonzero(np.append(True, np.append(steps > 1.5 * step, True)))
     part = max((slice(a, b) for a, b in pairwise(breaks.tolist())), key=lambda p: p.stop - p.start)
     count = part.stop - part.start
-    most = min(2 * count // 3, round(options.latest / step))
+    most = min(2 * count // 3, round(LATEST / step))
     lags, length = np.arange(-most, most + 1), 1 << (2 * count - 1).bit_length()
     whole = closed_motion(
         robot, motion.configurations[part], motion.velocities[part], motion.accelerations[part]
@@ -105,7 +107,7 @@ def _errors_by_lag(
     # Samples that are no more than one, of signals in twice the band of the motion: a parameter
     # costs as many.
     alike = max(1.0, PROVISIONAL / (4 * step * (recording.cutoff or inf)))
-    motors = np.flatnonzero(recording.used[part].sum(axis=0) >= options.least_samples)
+    motors = np.flatnonzero(recording.used[part].sum(axis=0) >= LEAST_SAMPLES)
     for k in motors:
         used = recording.used[part, k].astype(float)
         X = np.column_stack([bodies[:, k], *(each[:, k] for each in own), np.ones(count)])
@@ -129,5 +131,5 @@ def _errors_by_lag(
         left = squares - (g * np.linalg.solve(H, g[:, :, None])[:, :, 0]).sum(axis=1)
         error = np.maximum(left, 0.0) / (np.maximum(squares, TINY) * np.maximum(freedom, RIDGE))
         error[freedom <= 0] = 1.0  # nothing is explained by as many parameters
-        total += np.log(error + options.model_error**2)
+        total += np.log(error + MODEL_ERROR**2)
     return np.multiply(lags, step), np.exp(total / max(2 * len(motors), 1))

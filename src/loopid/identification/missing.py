@@ -27,7 +27,6 @@ from loopid.identification.leaving_out import stretches_of
 from loopid.identification.lengths import length_forces
 from loopid.identification.result import Fit
 from loopid.logs.recording import Recording
-from loopid.parameters import ParameterSet
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
@@ -403,8 +402,7 @@ class _LeftOut(NamedTuple):
     def ratio(self, columns: FloatArray) -> float:
         """Squared error of the motors of columns (N, dof, k) with these, over that without."""
         samples, k, n = self.fit.samples, columns.shape[2], len(self.fit.result.parameters)
-        names = ParameterSet.from_labels(f"beside.{i}" for i in range(k))
-        prior, wide = self.fit.prior, samples.beside(names, columns)
+        prior, wide = self.fit.prior, samples.beside("beside", columns)
         rows = None if prior is None else np.insert(prior, [n] * k, 0.0, axis=1)
         result = replace(
             self.fit.result,

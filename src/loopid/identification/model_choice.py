@@ -15,7 +15,7 @@ import numpy as np
 from loopid.arguments import FloatArray, checked
 from loopid.errors import DataError, OptionError
 from loopid.findings import Finding
-from loopid.identification.delay import directions
+from loopid.identification.delay import drive_columns
 from loopid.identification.estimator import UNKNOWN, nearest_to_file
 from loopid.identification.force_models import AUTOMATIC
 from loopid.identification.information import body_sizes
@@ -32,7 +32,7 @@ from loopid.workers import one_blas_thread
 
 USE_FULL = 'use model="full"'
 UNLOGGED = "gravity"  # where nothing is logged
-# What is fitted of each motor beside the bodies.
+# What is fitted of each motor beside the bodies, as of ``drive_columns``; inertia in a full model.
 DRIVES = {"gravity": ("Fc", "Fv", "Fo"), "full": ("Fc", "Fv", "Fo", "Ia")}
 SAMPLES = 2000  # that are looked at, evenly spread
 CLEAR = 2.0  # standard errors
@@ -190,14 +190,12 @@ class _Fit:
         bodies = robot.standard_parameters(model)
         driven = [k for k, name in enumerate(robot.independent) if name not in robot.free]
         kinds = DRIVES[model]
-        names = [f"{robot.independent[k]}.{kind}" for kind in kinds for k in driven]
+        names = [f"{robot.independent[k]}.{kind}" for k in driven for kind in kinds]
+        places = [4 * k + place for k in driven for place in range(len(kinds))]
         parts = []
         for run, motion in zip(recordings, motions, strict=True):
-            rates, ones = run.motion.velocities, np.ones_like(run.force)
-            signals = directions(run), rates, ones, run.motion.accelerations
-            eye = np.eye(len(robot.independent))[:, driven]
-            own = [each[:, :, None] * eye for each in signals[: len(kinds)]]
-            W = np.concatenate([motion_regressor(robot, motion, model), *own], axis=2)
+            own = drive_columns(run)[:, :, places]
+            W = np.concatenate([motion_regressor(robot, motion, model), own], axis=2)
             parameters = robot.parameters(model) + ParameterSet.from_labels(names)
             used = run.used & np.isin(np.arange(W.shape[1]), driven)
             parts.append(FitSamples.of(parameters, run.actuators, W, run.force, used=used))

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked
+from loopid.arguments import FloatArray, checked, spread_rows
 from loopid.errors import DataError, DataWarning, OptionError, RankError, warn
 from loopid.identification.consistent import (
     CONSISTENT,
@@ -80,7 +80,7 @@ def require_forces(robot: Robot, recordings: Sequence[Recording]) -> None:
     for run in recordings:
         largest = np.maximum(largest, np.abs(run.force[:, :driven]).max(axis=0, initial=0.0))
         used |= run.used[:, :driven].any(axis=0)
-        some = np.unique(np.linspace(0, len(run) - 1, LOOKED_AT).astype(int))
+        some = spread_rows(len(run), LOOKED_AT)
         motion = run.motion
         state = motion.configurations[some], motion.velocities[some], motion.accelerations[some]
         parts = force_parts(robot, *state).total[:, :driven]
@@ -177,7 +177,8 @@ def identify(
     )
     runs = *training, *judging, *friction
     suspected = suspicions_by_log(own, runs, force_model.joint_terms)
-    for each in (found for one in suspected for found in one.mistakes):
+    mistakes = [found for one in suspected for found in one.mistakes]
+    for each in mistakes:
         each.warn()  # before what a wrong log may end in
     if cutoff is not None:
         cutoff.warn()
@@ -217,12 +218,7 @@ def identify(
             with_delay_errors(each, data, training, delay),
             cutoff=None if cutoff is None else cutoff.chosen,
             use=use,
-            mistakes=tuple(
-                str(found)
-                for one in suspected
-                for found in one.mistakes
-                if found.severity == "mistake"
-            ),
+            mistakes=tuple(str(each) for each in mistakes if each.severity == "mistake"),
         )
         for name, each in fits.items()
     }
@@ -239,13 +235,9 @@ def identify(
         data = force_model.widened(data, training)
         new = data if left_out else force_model.widened(new, judging)
         judged = _judged(fits, data, new, left, regions)
+    broken = {name: absurdities(force_model, each.fit, data) for name, each in judged.items()}
     judged = {
-        name: replace(
-            each,
-            fit=replace(
-                each.fit, model=force_model, broken=absurdities(force_model, each.fit, data)
-            ),
-        )
+        name: replace(each, fit=replace(each.fit, model=force_model, broken=broken[name]))
         for name, each in judged.items()
     }
     parts = tuple(training), tuple(judging), tuple(friction)
@@ -387,17 +379,12 @@ def _judged(
         )
         for name, fit in fits.items()
     }
-    return {
-        name: _with_unseen(each, regions if name == CONSISTENT else None)
-        for name, each in judged.items()
-    }
-
-
-def _with_unseen(found: Candidate, regions: FloatArray | None) -> Candidate:
-    """A candidate whose fit knows its errors on data that it has not seen."""
-    rms = found.validation.residual_rms
-    fit = replace(found.fit, unseen_rms=rms if regions is None else np.fmax(rms, regions))
-    return replace(found, fit=fit, regions=regions)
+    # Fits know their errors on data that they have not seen.
+    for name, found in judged.items():
+        rms, own = found.validation.residual_rms, regions if name == CONSISTENT else None
+        fit = replace(found.fit, unseen_rms=rms if own is None else np.fmax(rms, own))
+        judged[name] = replace(found, fit=fit, regions=own)
+    return judged
 
 
 @checked

@@ -14,7 +14,7 @@ from loopid.identification.correlation import mean_of_series
 from loopid.identification.data import recordings_of
 from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import ROUND_OFF, FitSamples
-from loopid.identification.result import CONSTANT_FORCE, Fit, Quality
+from loopid.identification.result import Fit, Quality
 from loopid.logs.preparing import at_cutoff
 from loopid.logs.recording import Recording
 from loopid.numbers import root
@@ -255,14 +255,8 @@ def judge(
 
 def quality_of(samples: FitSamples, predicted: FloatArray) -> Quality:
     """Errors of predicted forces (N, dof) where these are used."""
-    problem, used = samples.problem, samples.used
-    squares = (np.where(used, samples.force - predicted, 0.0) ** 2).sum(axis=0)
-    force = problem.force_squares()
-    total = force - problem.samples * problem.mean_force**2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        rms = np.sqrt(np.where(problem.samples > 0, squares / problem.samples, np.nan))
-        shares = np.where(total > CONSTANT_FORCE * force, 1.0 - squares / total, np.nan)
-    return Quality(rms, shares, problem.samples)
+    squares = (np.where(samples.used, samples.force - predicted, 0.0) ** 2).sum(axis=0)
+    return Quality.of(samples.problem, squares)
 
 
 def _rms_errors(samples: FitSamples, residual: FloatArray) -> FloatArray:

@@ -100,6 +100,12 @@ class FitProblem:
         """Root mean squares (dof,) of the forces; 0 without samples."""
         return np.asarray(np.sqrt(self.force_squares() / np.maximum(self.samples, 1)))
 
+    @property
+    def force_weights(self) -> FloatArray:
+        """One over the root mean squares (dof,) of the forces; 0 where there are none."""
+        sizes = self.force_rms
+        return np.divide(1.0, sizes, out=np.zeros(len(sizes)), where=sizes > 0)
+
     def weighted(self, weights: FloatArray, prior: FloatArray | None = None) -> FloatArray:
         """One triangular factor (n + 1, n + 1) of all rows times weights (dof,).
 
@@ -258,8 +264,14 @@ class FitSamples:
             instruments=None if Z is None else np.take(Z, chosen, axis=2),
         )
 
-    def beside(self, parameters: ParameterSet, columns: FloatArray) -> FitSamples:
-        """The same forces with further parameters, of columns (N, dof, k), after the others."""
+    def beside(self, parameters: ParameterSet | str, columns: FloatArray) -> FitSamples:
+        """The same forces with further parameters, of columns (N, dof, k), after the others.
+
+        A word calls all of them, with numbers.
+        """
+        if isinstance(parameters, str):
+            names = (f"{parameters}.{k}" for k in range(columns.shape[2]))
+            parameters = ParameterSet.from_labels(names)
         return replace(
             self,
             parameters=self.parameters + parameters,

@@ -60,6 +60,16 @@ class Quality(OfArrays):
     r_squared: FloatArray
     samples: IntArray
 
+    @classmethod
+    def of(cls, problem: FitProblem, squares: FloatArray) -> Quality:
+        """Of sums of squared residuals (dof,) of a problem."""
+        force = problem.force_squares()
+        total = force - problem.samples * problem.mean_force**2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            mean = np.where(problem.samples > 0, squares / problem.samples, np.nan)
+            r_squared = np.where(total > CONSTANT_FORCE * force, 1.0 - squares / total, np.nan)
+        return cls(np.sqrt(mean), r_squared, problem.samples)
+
 
 @checked
 def fit_quality(problem: FitProblem, values: FloatArray) -> Quality:
@@ -73,12 +83,7 @@ def fit_quality(problem: FitProblem, values: FloatArray) -> Quality:
     phi, width = finite(values, "values"), len(problem.parameters)
     if phi.shape != (width,):
         raise DataError(f"values must have shape ({width},), not {phi.shape}")
-    squares, force = problem.residual_squares(phi), problem.force_squares()
-    total = force - problem.samples * problem.mean_force**2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        mean = np.where(problem.samples > 0, squares / problem.samples, np.nan)
-        r_squared = np.where(total > CONSTANT_FORCE * force, 1.0 - squares / total, np.nan)
-    return Quality(np.sqrt(mean), r_squared, problem.samples)
+    return Quality.of(problem, problem.residual_squares(phi))
 
 
 @record
@@ -271,6 +276,8 @@ class Estimate:
 
     def __str__(self) -> str:
         low, high = self.interval
+        if not self.standard_error and np.isinf(high):
+            return f"{self.name}: {self.value:.5g} {self.unit}".rstrip() + ", assumed"
         return (
             f"{self.name}: {self.value:.5g} ± {self.standard_error:.2g} {self.unit}".rstrip()
             + f" ({self.relative_std:.1f} %), 95 %: {low:.5g} to {high:.5g}"

@@ -10,14 +10,14 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from loopid.arguments import FloatArray, checked, finite
-from loopid.errors import DataError, OptionError
+from loopid.errors import DataError
 from loopid.identification.correlation import mean_of_series
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator
 from loopid.identification.fitting import quiet_fit, working_fit
 from loopid.identification.identification import Identification
 from loopid.identification.information import Excitation
 from loopid.identification.prediction import Candidate, judge
-from loopid.identification.problem import FitProblem, FitSamples
+from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit, of_all, relative_deviation
 from loopid.parameters import ParameterSet, html_table
 from loopid.records import record
@@ -44,12 +44,10 @@ class ReductionStep:
         none was dropped.
     values : FloatArray
         (n,).
-    training_error, validation_error : float
+    training_error : float
         Over all actuators.
-    standard_error : float
-        Of ``validation_error``.
-    excess, excess_error : float
-        Of ``validation_error`` over that of the best step, and its standard error; 0 for the best.
+    error : PredictionError
+        On the validation data, beside the best step.
     """
 
     labels: tuple[str, ...]
@@ -57,10 +55,7 @@ class ReductionStep:
     relative_std: float
     values: FloatArray
     training_error: float
-    validation_error: float
-    standard_error: float
-    excess: float
-    excess_error: float
+    error: PredictionError
 
 
 @record
@@ -102,16 +97,15 @@ class Reduction:
         more = f" and {len(names) - 12} more" if len(names) > 12 else ""
         return (
             f"Reduction to {len(names)} of {len(self.parameters)} parameters, validation error "
-            f"{self.chosen.validation_error:.4g} (all: {self.steps[0].validation_error:.4g}):\n  "
+            f"{self.chosen.error.mean:.4g} (all: {self.steps[0].error.mean:.4g}):\n  "
             f"{', '.join(names[:12])}{more}"
         )
 
     def _repr_html_(self) -> str:
         head = ("parameters", "dropped", "% std", "training error", "validation error", "±")
-        numbers = "relative_std", "training_error", "validation_error", "standard_error"
         rows = [
-            (len(step.labels), step.dropped or "", *(getattr(step, name) for name in numbers))
-            for step in self.steps
+            (len(s.labels), s.dropped or "", s.relative_std, s.training_error, *s.error[:2])
+            for s in self.steps
         ]
         return html_table(head, rows)
 
@@ -171,7 +165,6 @@ def eliminate_parameters(
     *,
     estimator: str | Estimator = "wls",
     reference: FloatArray | None = None,
-    keep: Sequence[str] = (),
 ) -> Reduction:
     """Drop the least certain parameters one by one, and keep as few as predict as well.
 
@@ -187,8 +180,6 @@ def eliminate_parameters(
         As of ``fit``. Weights and error model are those of the full model at every step.
     reference : FloatArray, optional
         (n,), values of dropped parameters, such as the robot file's; by default zero.
-    keep : sequence of str
-        Names that are never dropped.
 
     Raises
     ------
@@ -218,15 +209,12 @@ def eliminate_parameters(
     start = np.zeros(len(names)) if reference is None else finite(reference, "reference")
     if start.shape != (len(names),):
         raise DataError(f"reference must have shape ({len(names)},), not {start.shape}")
-    for name in keep:
-        if name not in names.labels:
-            raise OptionError.unknown("parameter to keep", name, names.labels)
     full = working_fit(training, estimator)
     scale = _error_scale(full.result)
-    fitted = list(_eliminations(full, training, start, keep, scale))
+    fitted = list(_eliminations(full, training, start, scale))
     errors = prediction_errors(validation, [values for *_, values, _ in fitted], scale)
-    steps = tuple(ReductionStep(*f, *e[:-1]) for f, e in zip(fitted, errors, strict=True))
-    chosen = [step for step, error in zip(steps, errors, strict=True) if error.as_good][-1]
+    steps = tuple(ReductionStep(*f, e) for f, e in zip(fitted, errors, strict=True))
+    chosen = [step for step in steps if step.error.as_good][-1]
     columns = [names.labels.index(label) for label in chosen.labels]
     result = quiet_fit(training.reduced(columns, start), estimator)
     return Reduction(names, start, steps, chosen, result)
@@ -245,13 +233,9 @@ def _error_scale(full: Fit) -> FloatArray:
 
 
 def _eliminations(
-    full: WorkingFit,
-    training: FitSamples,
-    reference: FloatArray,
-    keep: Sequence[str],
-    scale: FloatArray,
+    full: WorkingFit, training: FitSamples, reference: FloatArray, scale: FloatArray
 ) -> Iterator[tuple[tuple[str, ...], str | None, float, FloatArray, float]]:
-    """First fields of the steps, from all parameters down to those to keep, or to one.
+    """First fields of the steps, from all parameters down to one.
 
     Weights, working samples and error model stay those of the full fit, so that no sample is needed
     again: with R the weighted triangular factor and C the full covariance, M = R C Rᵀ is the
@@ -268,13 +252,12 @@ def _eliminations(
         squares = training.problem.residual_squares(values) * scale**2
         error = float(squares.sum() / training.problem.rows)
         yield tuple(labels[j] for j in columns), dropped, relative, values, error
-        free = [k for k, j in enumerate(columns) if labels[j] not in keep]
-        if not free or len(columns) == 1:
+        if len(columns) == 1:
             return
         response = np.linalg.inv(T) @ Q.T @ R
         errors = np.sqrt(np.einsum("ij,jk,ik->i", response, full.result.covariance, response))
         deviations = relative_deviation(errors, (values - reference)[columns])
-        worst = max(free, key=lambda k: deviations[k])
+        worst = int(np.argmax(deviations))
         dropped, relative = labels[columns.pop(worst)], float(deviations[worst])
 
 
@@ -342,7 +325,7 @@ def _mean(samples: FitSamples, series: FloatArray, scale: FloatArray) -> tuple[f
 
 
 @checked
-def influence(data: FitSamples | FitProblem, values: FloatArray) -> FloatArray:
+def influence(data: FitSamples, values: FloatArray) -> FloatArray:
     """Size of the forces of the first i parameters, in % of that of the measured forces.
 
     p_i = |W[:, :i] Φ[:i]| / |T| · 100 for i = 1 to r, the paper's (12), with the base regressor and
@@ -351,7 +334,7 @@ def influence(data: FitSamples | FitProblem, values: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    data : FitSamples or FitProblem
+    data : FitSamples
         With the parameters in the order that is asked about.
     values : FloatArray
         (r,).
@@ -361,7 +344,7 @@ def influence(data: FitSamples | FitProblem, values: FloatArray) -> FloatArray:
     DataError
         When the values have another shape, or the forces are all zero.
     """
-    factor, phi = _weighted_factor(data, values)
+    factor, phi = _factor(data, values)
     size = float(np.linalg.norm(factor[:, -1]))
     if not size > 0:
         raise DataError("the measured forces are all zero: influence is undefined")
@@ -370,60 +353,20 @@ def influence(data: FitSamples | FitProblem, values: FloatArray) -> FloatArray:
 
 
 @checked
-def truncated_values(
-    data: FitSamples | FitProblem,
-    values: FloatArray,
-    kept: int | Sequence[str],
-    *,
-    weights: FloatArray | None = None,
-) -> FloatArray:
-    """Expected values of a fit of some parameters when the true model has all of them.
+def truncated_values(data: FitSamples, values: FloatArray, count: int) -> FloatArray:
+    """Expected values (count,) of a fit of the first parameters when the true model has all n.
 
-    The forces of the others bias the kept ones: φ₁ + (W₁ᵀW₁)⁻¹ W₁ᵀW₂ φ₂, whatever the noise.
-
-    Parameters
-    ----------
-    data : FitSamples or FitProblem
-        Of all n parameters; forces do not matter.
-    values : FloatArray
-        (n,), the true ones.
-    kept : int or sequence of str
-        The first so many parameters, or names.
-    weights : FloatArray, optional
-        (dof,), of the fit, ``Fit.weights``; by default all actuators alike.
-
-    Returns
-    -------
-    FloatArray
-        In the order of ``kept``.
+    The forces of the others bias them: φ₁ + (W₁ᵀW₁)⁻¹ W₁ᵀW₂ φ₂, whatever the noise. ``values`` (n,)
+    are the true ones.
     """
-    factor, phi = _weighted_factor(data, values, weights)
-    labels = data.parameters.labels
-    if isinstance(kept, int):
-        if not 0 < kept <= len(labels):
-            raise OptionError(f"the number of parameters kept must be 1 to {len(labels)}: {kept}")
-        kept = labels[:kept]
-    for name in kept:
-        if name not in labels:
-            raise OptionError.unknown("parameter", name, labels)
-    if len(set(kept)) < max(len(kept), 1):
-        raise OptionError("the parameters kept must be at least one, none of them twice")
-    columns = [labels.index(name) for name in kept]
-    others = [j for j in range(len(phi)) if j not in columns]
-    force = factor[:, others] @ phi[others]
-    bias = np.linalg.lstsq(factor[:, columns], force)[0]
-    return np.asarray(phi[columns] + bias, dtype=np.float64)
+    factor, phi = _factor(data, values)
+    force = factor[:, count:-1] @ phi[count:]
+    return np.asarray(phi[:count] + np.linalg.lstsq(factor[:, :count], force)[0])
 
 
-def _weighted_factor(
-    data: FitSamples | FitProblem, values: FloatArray, weights: FloatArray | None = None
-) -> tuple[FloatArray, FloatArray]:
-    """Triangular factor (r + 1, r + 1) of the weighted [W | T], and checked values (r,)."""
-    problem = data.problem if isinstance(data, FitSamples) else data
-    phi, dof = finite(values, "values"), len(problem.actuators)
-    if phi.shape != (len(problem.parameters),):
-        raise DataError(f"values must have shape ({len(problem.parameters)},), not {phi.shape}")
-    scale = np.ones(dof) if weights is None else finite(weights, "weights")
-    if scale.shape != (dof,):
-        raise DataError(f"weights must have shape ({dof},), not {scale.shape}")
-    return problem.weighted(scale), phi
+def _factor(data: FitSamples, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Triangular factor (r + 1, r + 1) of [W | T], and checked values (r,)."""
+    phi = finite(values, "values")
+    if phi.shape != (len(data.parameters),):
+        raise DataError(f"values must have shape ({len(data.parameters)},), not {phi.shape}")
+    return data.problem.weighted(np.ones(len(data.actuators))), phi

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arguments import FloatArray, Share, checked
+from loopid.arguments import FloatArray, checked
 from loopid.errors import DataError, RankError
 from loopid.identification.estimator import LEAST_EXCITATION, scaled_svd
 from loopid.identification.fitting import quiet_fit
@@ -25,30 +25,15 @@ from loopid.identification.problem import FitSamples
 from loopid.identification.result import LEAST_FREEDOM
 from loopid.logs.recording import Recording
 from loopid.parameters import Parameter
-from loopid.records import record
 from loopid.regressors.joint_terms import terms_of_file
 from loopid.workers import one_blas_thread
 
 OFFSET = "Fo"
 # Part of the effect of an offset that other parameters must not make up for: less is round-off.
 OWN_EFFECT = 1e-4
-
-
-@record(kw_only=True, checked=True)
-class TermOptions:
-    """When motors have offsets.
-
-    Attributes
-    ----------
-    false_alarm : float
-        Probability that any motor keeps a badly known offset where none has; 0 for the usual terms
-        whatever the data say.
-    known_offset : float
-        Standard error, relative to the motor's force, up to which an offset is told well.
-    """
-
-    false_alarm: Share = 0.01
-    known_offset: Share = 0.05
+# Probability that any motor keeps a badly known offset where none has; standard error, relative to
+# the motor's force, up to which an offset is told well.
+FALSE_ALARM, KNOWN_OFFSET = 0.01, 0.05
 
 
 @checked
@@ -56,7 +41,6 @@ def choose_terms(
     force_model: ForceModel,
     recordings: Sequence[Recording],
     *,
-    options: TermOptions = TermOptions(),
     n_jobs: int = 1,
 ) -> ForceModel:
     """Leave out the offsets that recordings do not tell.
@@ -76,12 +60,12 @@ def choose_terms(
         The same one where all offsets are told.
     """
     usual, offsets = force_model.joint_terms, list(_offsets(force_model))
-    if usual is None or not (force_model.automatic and options.false_alarm and offsets):
+    if usual is None or not (force_model.automatic and offsets):
         return force_model
     evidence = _Evidence.of(samples_of(force_model, recordings, n_jobs=n_jobs))
     if evidence is None:
         return force_model
-    gone = evidence.unknown(offsets, options)
+    gone = evidence.unknown(offsets)
     if not gone:
         return force_model
     return force_model.with_terms(
@@ -132,11 +116,11 @@ class _Evidence(NamedTuple):
         forces = dict(zip(data.actuators, data.problem.force_rms.tolist(), strict=True))
         return cls(columns, Q @ fit.values, Q @ fit.covariance @ Q.T, freedom, forces)
 
-    def unknown(self, offsets: Sequence[Parameter], options: TermOptions) -> list[str]:
+    def unknown(self, offsets: Sequence[Parameter]) -> list[str]:
         """Labels of offsets that are neither told well nor significant."""
         from scipy.special import stdtr  # slow to import
 
-        found, least = [], options.false_alarm / len(offsets)  # by Bonferroni
+        found, least = [], FALSE_ALARM / len(offsets)  # by Bonferroni
         for each in offsets:
             unit = self._own(each.label)
             if unit is not None:
@@ -144,7 +128,7 @@ class _Evidence(NamedTuple):
                 # A redundant motor has no row: its offset counts beside the largest force of any.
                 force = self.forces.get(each.link, max(self.forces.values()))
                 part = abs(unit @ self.columns[each.label])
-                if error <= options.known_offset * force * part:
+                if error <= KNOWN_OFFSET * force * part:
                     continue
                 if 2 * stdtr(self.freedom, -abs(unit @ self.estimate) / error) < least:
                     continue

@@ -1,9 +1,5 @@
 from .assembly import Assembly as Assembly, AssemblyOptions as AssemblyOptions, assemble as assemble
-from .closing import (
-    ClosingOptions as ClosingOptions,
-    ModeOptions as ModeOptions,
-    displaced as displaced,
-)
+from .closing import displaced as displaced
 from .constraint import (
     constraint_drift as constraint_drift,
     constraint_jacobian as constraint_jacobian,

@@ -14,13 +14,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import field, replace
+from dataclasses import field
 from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, checked, rectangular, samples
-from loopid.errors import AssemblyError, OptionError
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    NotNegative,
+    checked,
+    rectangular,
+    samples,
+)
+from loopid.errors import AssemblyError
 from loopid.kinematics.measured import Linearisation, MeasuredCoordinates, measured_coordinates
 from loopid.kinematics.poses import blocks, integrate
 from loopid.kinematics.projection import Solver
@@ -29,6 +37,12 @@ from loopid.robot.robot import Robot
 from loopid.workers import one_blas_thread
 
 CLOSURE_TOLERANCE = 1e-10  # of the characteristic length; what a configuration must reach
+NEWTON_STEPS = 12  # of a correction at most
+LONGEST_STEP = 0.4  # rad or characteristic lengths, of the first of these
+# Each further step as a part of the last at most. By Kantorovich's theorem one may then expect that
+# the root is unique around the start, hence the one on its branch.
+CONTRACTION = 0.2
+REGULAR = 1e-6  # ratio of singular values above which inverses are good enough for such a step
 
 
 @record(kw_only=True, checked=True)
@@ -45,21 +59,12 @@ class AssemblyOptions:
         Part of the way to a sample that must be done at a time; below it the sample is given up.
     most_steps : float
         Of a path; by default more than the shortest step leaves room for.
-    longest_step : float
-        First Newton step of a correction at most.
-    contraction : float
-        Each further Newton step as a part of the last at most. By Kantorovich's theorem one may
-        then expect that the root is unique around the start, hence the one on its branch.
-    newton_steps : int
-        Of a correction at most.
     near : float
         Way of the unknown coordinates for which the start's tangent is followed first.
     short : float
         A Newton step this short, the root of the round-off, leaves an error of round-off.
     rough : float
         The same on the way, where the next correction starts.
-    regular : float
-        Ratio of singular values above which inverses are good enough for a Newton step.
     least_window, window : int
         Samples of a trajectory that are reached at a time.
 
@@ -72,25 +77,14 @@ class AssemblyOptions:
     (1, 4)
     """
 
-    tolerance: float = CLOSURE_TOLERANCE
+    tolerance: NotNegative = CLOSURE_TOLERANCE
     shortest_step: float = 2.0**-12
     most_steps: float = 1e6
-    longest_step: float = 0.4
-    contraction: float = 0.2
-    newton_steps: int = 12
     near: float = 1e-2
     short: float = 1e-8
     rough: float = 1e-3
-    regular: float = 1e-6
     least_window: int = 16
     window: int = 256
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.tolerance < np.inf:
-            raise OptionError(
-                f"tolerance must be a part of the characteristic length, not {self.tolerance}",
-                tolerance=self.tolerance,
-            )
 
 
 USUAL = AssemblyOptions()
@@ -302,7 +296,7 @@ def _predicted(
     if measured.holds:
         return start
     pull = at.known @ way[:, :, None]
-    steps = -Solver.of(at.unknown, options.regular).solve(pull)[:, :, 0]
+    steps = -Solver.of(at.unknown, REGULAR).solve(pull)[:, :, 0]
     steps[np.abs(steps).max(axis=1, initial=0.0) > options.near] = 0.0
     return integrate(measured.robot, start, measured.tangent(steps))
 
@@ -349,14 +343,14 @@ def correct(
     q, count = measured.write(q, values), len(q)
     accepted, short = np.zeros(count, dtype=bool), np.full(count, short)
     jacobian = tangent = np.empty((count, 0, 0))
-    longest: FloatArray | float = options.longest_step
+    longest: FloatArray | float = LONGEST_STEP
     k: IntArray | slice = slice(None)  # those that go on
-    for _ in range(options.newton_steps):
+    for _ in range(NEWTON_STEPS):
         at = measured.linearise(q[k], values[k])
         pull = at.residual[:, :, None]
         if tangents:
             pull = np.concatenate([pull, at.known], axis=2)
-        solution = Solver.of(at.unknown, options.regular).solve(pull)
+        solution = Solver.of(at.unknown, REGULAR).solve(pull)
         step, slope = -solution[:, :, 0], -solution[:, :, 1:]
         q[k] = integrate(measured.robot, q[k], measured.tangent(step))
         if len(at.unknown) == count:
@@ -372,7 +366,7 @@ def correct(
             k = left = np.arange(count)[k][going]
             if not len(left):
                 break
-        longest = options.contraction * length[going]
+        longest = CONTRACTION * length[going]
     return Correction(q, accepted, jacobian, tangent)
 
 
@@ -424,7 +418,7 @@ def _together(
     home = correct(measured, start[None], here, options.short, options, tangents=True)
     steps = measured.difference(here, targets) @ home.tangent[0].T
     length = np.abs(steps).max(axis=1, initial=0.0)
-    near = _leading_true(length <= options.longest_step)
+    near = _leading_true(length <= LONGEST_STEP)
     if not near:
         return _no_samples(measured.robot, options)
     targets, steps, length = targets[:near], steps[:near], length[:near]
@@ -433,15 +427,11 @@ def _together(
     q = found.configurations
     residual, small = _closed(measured, q, targets, options)
     rest = np.abs(measured.steps(guess, q)).max(axis=1, initial=0.0)
-    good = found.accepted & small & (rest <= options.contraction * length + options.short)
+    good = found.accepted & small & (rest <= CONTRACTION * length + options.short)
     good &= same_side(np.repeat(home.jacobian, near, axis=0), found.jacobian)
     count = _leading_true(good)
-    return replace(
-        _no_samples(measured.robot, options),
-        configurations=q[:count],
-        residual=residual[:count],
-        assembled=good[:count],
-    )
+    tolerance = largest_opening(measured.robot, options.tolerance)
+    return Assembly(q[:count], residual[:count], good[:count], tolerance)
 
 
 def _leading_true(values: BoolArray) -> int:

@@ -30,35 +30,22 @@ from loopid.kinematics.projection import (
     singularity_measure,
     velocity_map,
 )
-from loopid.records import record
 from loopid.robot.robot import AssemblyMode, Loop, Robot
 
 FOLDED = 0.02  # singularity measure of a drawn pose at which modes count as meeting
 DIGITS = 4  # to which distances differ: round-off does not choose
 
 
-@record(checked=True)
-class ClosingOptions:
-    """How loops are closed.
-
-    Steps and damping are in rad or characteristic lengths, as the scaled Jacobian has them; they
-    are so short because far starts are to reach the nearest closed configuration.
-    """
-
-    steps: int = 100  # damped ones, at most
-    longest_step: float = 0.3
-    first_damping: float = 0.1
-    # Below this damping steps zigzag between far starts and take long to be damped again
-    least_damping: float = 1e-3
-    stuck: float = 1e3  # the damping at which nothing helps
-    worthwhile: float = 0.999  # a step that leaves more of the error is damped more
-    done: float = 1e-9  # the error, in characteristic lengths, from which on plain steps do better
-    polish_steps: int = 12  # plain ones, at most
-    short: float = 1e-8  # a plain step this short leaves an error of round-off
-    continuation_steps: int = 20  # equal parts that the residual shrinks by
-
-
-CLOSING = ClosingOptions()
+# Steps and damping are in rad or characteristic lengths, as the scaled Jacobian has them; they are
+# so short because far starts are to reach the nearest closed configuration.
+LONGEST_STEP = 0.3
+DAMPED_STEPS, PLAIN_STEPS = 100, 12  # at most
+FIRST_DAMPING, STUCK = 0.1, 1e3  # the damping to begin with, and at which nothing helps
+LEAST_DAMPING = 1e-3  # below it steps zigzag between far starts and take long to be damped again
+WORTHWHILE = 0.999  # a step that leaves more of the error is damped more
+DONE = 1e-9  # the error, in characteristic lengths, from which on plain steps do better
+SHORT = 1e-8  # a plain step this short leaves an error of round-off
+CONTINUATION_STEPS = 20  # equal parts that the residual shrinks by
 WALKS, WALK_STEPS, STEP = 8, 3, 0.1  # to poses nearby, each step in rad or characteristic lengths
 CLOSED = 1e-7  # residual of poses nearby that counts as closed, in characteristic lengths
 
@@ -83,11 +70,7 @@ class _Points:
 
 
 def close_loops(
-    robot: Robot,
-    configurations: FloatArray,
-    movable: IntArray | None = None,
-    *,
-    options: ClosingOptions = CLOSING,
+    robot: Robot, configurations: FloatArray, movable: IntArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Move coordinates, by velocity indices, until the loops close, as far as they do.
 
@@ -96,31 +79,23 @@ def close_loops(
     """
     free = np.arange(robot.model.nv) if movable is None else movable
     points = _Points(robot, configurations)
-    _descend(points, free, np.zeros_like(points.residual), options)
-    return _polished(points, free, options)
+    _descend(points, free, np.zeros_like(points.residual))
+    return _polished(points, free)
 
 
 def close_by_continuation(
-    robot: Robot,
-    configurations: FloatArray,
-    movable: IntArray,
-    *,
-    options: ClosingOptions = CLOSING,
+    robot: Robot, configurations: FloatArray, movable: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     """As ``close_loops``, shrinking the residual in equal parts so as to stay near the start."""
     points = _Points(robot, configurations)
     first = points.residual.copy()
-    for left in np.linspace(1.0, 0.0, options.continuation_steps + 1)[1:]:
-        _descend(points, movable, left * first, options)
-    return _polished(points, movable, options)
+    for left in np.linspace(1.0, 0.0, CONTINUATION_STEPS + 1)[1:]:
+        _descend(points, movable, left * first)
+    return _polished(points, movable)
 
 
 def displaced(
-    robot: Robot,
-    configurations: FloatArray,
-    steps: FloatArray,
-    *,
-    options: ClosingOptions = CLOSING,
+    robot: Robot, configurations: FloatArray, steps: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Move closed configurations (N, nq) by steps (N, dof) of the independent coordinates.
 
@@ -130,12 +105,12 @@ def displaced(
     """
     chosen, dependent = partition(robot)
     longest = float(np.abs(steps / robot.coordinate_scales[chosen]).max(initial=0.0))
-    parts = int(np.ceil(longest / options.longest_step))
+    parts = int(np.ceil(longest / LONGEST_STEP))
     q, residual = configurations, largest_residual(robot, configurations)
     for _ in range(parts):
         G, _ = velocity_map(robot, Constraint(robot, q).scaled()[1], chosen, dependent)
         q = integrate(robot, q, np.einsum("nij,nj->ni", G, steps / parts))
-        q, residual = _polished(_Points(robot, q), dependent, options)
+        q, residual = _polished(_Points(robot, q), dependent)
     return q, residual
 
 
@@ -159,36 +134,34 @@ def nearby_configurations(robot: Robot, configuration: FloatArray) -> FloatArray
     return np.concatenate([configuration[None], q[residual <= near]])
 
 
-def _descend(at: _Points, movable: IntArray, goal: FloatArray, options: ClosingOptions) -> None:
+def _descend(at: _Points, movable: IntArray, goal: FloatArray) -> None:
     """Levenberg-Marquardt steps towards a residual, inside the limits."""
     robot, length = at.robot, at.robot.length
-    damping = np.full(len(at.q), options.first_damping * length)
+    damping = np.full(len(at.q), FIRST_DAMPING * length)
     error = np.linalg.norm(at.residual - goal, axis=1)
-    for _ in range(options.steps if len(movable) else 0):
-        k = np.flatnonzero((error > options.done * length) & (damping < options.stuck * length))
+    for _ in range(DAMPED_STEPS if len(movable) else 0):
+        k = np.flatnonzero((error > DONE * length) & (damping < STUCK * length))
         if not len(k):
             break
-        there = _Points(robot, _tried(at, k, movable, goal[k], damping[k], options))
+        there = _Points(robot, _tried(at, k, movable, goal[k], damping[k]))
         error_there = np.linalg.norm(there.residual - goal[k], axis=1)
-        damping[k] *= np.where(error_there < options.worthwhile * error[k], 0.3, 4.0)
-        damping = np.maximum(damping, options.least_damping * length)
+        damping[k] *= np.where(error_there < WORTHWHILE * error[k], 0.3, 4.0)
+        damping = np.maximum(damping, LEAST_DAMPING * length)
         better = error_there < error[k]
         at.replace(k, there, better)
         error[k[better]] = error_there[better]
 
 
-def _polished(
-    at: _Points, movable: IntArray, options: ClosingOptions
-) -> tuple[FloatArray, FloatArray]:
+def _polished(at: _Points, movable: IntArray) -> tuple[FloatArray, FloatArray]:
     """Plain Gauss-Newton steps to round-off, kept where they shrink the residual."""
     k = np.arange(len(at.q))
-    for _ in range(options.polish_steps if len(movable) else 0):
+    for _ in range(PLAIN_STEPS if len(movable) else 0):
         factors = Factorisation.of(at.jacobian[k][:, :, movable], at.robot.closure_rank_tolerance)
         step = -factors.solve(at.residual[k][:, :, None])[:, :, 0]
-        there = _Points(at.robot, _moved(at, k, movable, step, options))
+        there = _Points(at.robot, _moved(at, k, movable, step))
         better = there.largest < at.largest[k]
         at.replace(k, there, better)
-        k = k[better & (np.abs(step).max(axis=1, initial=0.0) > options.short)]
+        k = k[better & (np.abs(step).max(axis=1, initial=0.0) > SHORT)]
         if not len(k):
             break
     return at.q, at.largest
@@ -200,7 +173,6 @@ def _tried(
     movable: IntArray,
     goal: FloatArray,
     damping: FloatArray,
-    options: ClosingOptions,
 ) -> FloatArray:
     """Configurations after a damped step, in which joints that their limits stop take no part."""
     robot, q = at.robot, at.q[rows]
@@ -214,7 +186,7 @@ def _tried(
         # Normal equations would lift round-off, and let processors find other poses.
         factors = Factorisation.of(columns, robot.closure_rank_tolerance)
         step = -factors.solve(open_by[:, :, None], damping)[:, :, 0]
-        return _moved(at, rows, movable, step, options)
+        return _moved(at, rows, movable, step)
 
     ahead = moved(columns)
     beyond = ((q <= lower) & (ahead < lower)) | ((q >= upper) & (ahead > upper))
@@ -223,12 +195,10 @@ def _tried(
     return np.clip(ahead, lower, upper)
 
 
-def _moved(
-    at: _Points, rows: IntArray, movable: IntArray, step: FloatArray, options: ClosingOptions
-) -> FloatArray:
+def _moved(at: _Points, rows: IntArray, movable: IntArray, step: FloatArray) -> FloatArray:
     """Configurations of some rows moved by scaled steps (N, u) of limited length."""
     robot, longest = at.robot, np.abs(step).max(axis=1, initial=0.0)
-    step = step * np.minimum(1.0, options.longest_step / np.maximum(longest, 1e-300))[:, None]
+    step = step * np.minimum(1.0, LONGEST_STEP / np.maximum(longest, 1e-300))[:, None]
     tangent = np.zeros((len(rows), robot.model.nv))
     tangent[:, movable] = step * robot.coordinate_scales[movable]
     return integrate(robot, at.q[rows], tangent)
@@ -237,28 +207,17 @@ def _moved(
 # Assembly modes.
 
 
-@record(checked=True)
-class ModeOptions:
-    """How assembly modes are searched; lengths are in characteristic ones."""
-
-    # Starts of the passive joints, ever further from the drawn pose; each is one of every loop
-    starts: int = 64
-    starts_of_many: int = 16  # of more loops than these
-    many_loops: int = 8
-    most: int = 8  # modes that are returned
-    # Steps of the motors away from a folded pose, in rad or lengths, and how many of them
-    least_step: float = 0.15
-    largest_step: float = 0.35
-    steps: int = 4
-    same: float = 1e-4  # distance of points in the same pose
-    parallel: float = 1e-4  # relative rate at which parallel links may turn against each other
-    # A mode leads to the drawn pose when a part of the step away from it leaves at most a part of
-    # the distance: where two branches fold, it falls with the root
-    back: float = 0.1
-    left: float = 0.5
-
-
-MODES = ModeOptions()
+# Starts of the passive joints, ever further from the drawn pose. Each is one of every loop: fewer
+# do where there are many.
+STARTS, STARTS_OF_MANY, MANY_LOOPS = 64, 16, 8
+MOST_MODES = 8
+# Steps of the motors away from a folded pose, in rad or characteristic lengths, and their number.
+LEAST_STEP, LARGEST_STEP, MOTOR_STEPS = 0.15, 0.35, 4
+SAME = 1e-4  # characteristic lengths between points in the same pose
+PARALLEL = 1e-4  # relative rate at which parallel links may turn against each other
+# A mode leads to the drawn pose when a part of the step away from it leaves at most a part of the
+# distance: where two branches fold, it falls with the root.
+BACK, LEFT = 0.1, 0.5
 
 
 @dataclass(frozen=True)
@@ -279,9 +238,7 @@ class _Solution:
         return not self.continues, parallel, round(self.distance, DIGITS), last
 
 
-def assembly_modes(
-    robot: Robot, drawn: FloatArray, *, options: ModeOptions = MODES
-) -> tuple[AssemblyMode, ...]:
+def assembly_modes(robot: Robot, drawn: FloatArray) -> tuple[AssemblyMode, ...]:
     """Assembly modes of a robot around a drawn pose (nq,), closed or not; the best first.
 
     The robot is closed at its reference: the drawn pose, or one near it. Modes that lead to a
@@ -293,12 +250,10 @@ def assembly_modes(
     folded = bool(singularity_measure(robot, home)[0] < FOLDED)
     loops = [_LoopPoses(motors, loop, drawn) for loop in robot.loops]
     origin = motors.read(home)
-    for step in _motor_steps(motors, origin[0], options) if folded else [np.zeros(motors.width)]:
-        starts = motors.write(
-            np.concatenate([home, _scattered(motors, drawn, options)]), origin + step
-        )
+    for step in _motor_steps(motors, origin[0]) if folded else [np.zeros(motors.width)]:
+        starts = motors.write(np.concatenate([home, _scattered(motors, drawn)]), origin + step)
         q = _unwound(robot, close_loops(robot, starts, motors.unknown)[0], drawn)
-        found = [loop.solutions(q, options) for loop in loops]
+        found = [loop.solutions(q) for loop in loops]
         if all(found):
             break
     else:
@@ -307,10 +262,10 @@ def assembly_modes(
     for loop, solutions in zip(loops, found, strict=True):
         base = loop.put(base, solutions[0].q)
     if folded:
-        found = _told_apart(motors, loops, found, base, origin + options.back * step, options.left)
+        found = _told_apart(motors, loops, found, base, origin + BACK * step)
     ranked = [sorted(solutions, key=lambda solution: solution.order) for solutions in found]
     modes = []
-    for choice in islice(_choices([len(solutions) for solutions in ranked]), options.most):
+    for choice in islice(_choices([len(solutions) for solutions in ranked]), MOST_MODES):
         parts = [solutions[k] for solutions, k in zip(ranked, choice, strict=True)]
         for loop, part in zip(loops, parts, strict=True):
             base = loop.put(base, part.q)
@@ -331,16 +286,14 @@ def _choices(counts: Sequence[int]) -> Iterator[tuple[int, ...]]:
                 yield tuple(choice.get(loop, 0) for loop in range(len(counts)))
 
 
-def _motor_steps(
-    motors: JointCoordinates, origin: FloatArray, options: ModeOptions
-) -> Iterator[FloatArray]:
+def _motor_steps(motors: JointCoordinates, origin: FloatArray) -> Iterator[FloatArray]:
     """Steps (m,) of the motors: first towards the farther limits, then in any direction."""
     robot, generator = motors.robot, random_generator(0, stream=4)
     limits = np.array([robot.limits(name) for name in robot.measured]).reshape(-1, 2)
     down, up = origin - limits[:, 0], limits[:, 1] - origin
     places = robot.draw_places(motors.known)
-    for attempt in range(options.steps):
-        size = generator.uniform(options.least_step, options.largest_step, motors.width)[places]
+    for attempt in range(MOTOR_STEPS):
+        size = generator.uniform(LEAST_STEP, LARGEST_STEP, motors.width)[places]
         upwards = generator.uniform(size=motors.width)[places] < 0.5 if attempt else up >= down
         size = np.minimum(
             size * robot.coordinate_scales[motors.known], 0.5 * np.where(upwards, up, down)
@@ -348,10 +301,10 @@ def _motor_steps(
         yield np.where(upwards, 1.0, -1.0) * np.maximum(size, 0.0)
 
 
-def _scattered(motors: JointCoordinates, drawn: FloatArray, options: ModeOptions) -> FloatArray:
+def _scattered(motors: JointCoordinates, drawn: FloatArray) -> FloatArray:
     """The drawn pose (N, nq) with passive joints ever further away, up to half a turn."""
-    many = len(motors.robot.loops) > options.many_loops
-    count = options.starts_of_many if many else options.starts
+    many = len(motors.robot.loops) > MANY_LOOPS
+    count = STARTS_OF_MANY if many else STARTS
     radius = np.pi * np.linspace(0.0, 1.0, count)[:, None]
     steps = random_generator(0, stream=5).uniform(-1.0, 1.0, (count, len(motors.unknown)))
     steps = steps[:, motors.robot.draw_places(motors.unknown)]
@@ -380,7 +333,6 @@ def _told_apart(
     found: Sequence[Sequence[_Solution]],
     base: FloatArray,
     back: FloatArray,
-    left_at_most: float,
 ) -> list[list[_Solution]]:
     """The solutions, with whether they lead back to the singular pose that is the reference."""
     own = [(loop, one) for loop, solutions in zip(loops, found, strict=True) for one in solutions]
@@ -392,7 +344,7 @@ def _told_apart(
         points = loop.points(np.stack([motors.robot.reference, away[k], near[k]]))
         first, left = (float(np.abs(points[i] - points[0]).max(initial=0.0)) for i in (1, 2))
         # Where the first ones do not lead back, the others were not tried on their own.
-        continues = left <= left_at_most * first or not path.assembled[0]
+        continues = left <= LEFT * first or not path.assembled[0]
         marked[loops.index(loop)].append(replace(one, continues=continues))
     return marked
 
@@ -435,7 +387,7 @@ class _LoopPoses:
         away = frames.origin - frames.origin[:, :1]
         return np.asarray(away @ frames.rotation[:, 0] / self.robot.length)
 
-    def solutions(self, q: FloatArray, options: ModeOptions) -> list[_Solution]:
+    def solutions(self, q: FloatArray) -> list[_Solution]:
         """Different poses among those (N, nq) that close the loop, regular and inside limits."""
         robot = self.robot
         residual, jacobian = Constraint(robot, q).scaled()
@@ -447,9 +399,9 @@ class _LoopPoses:
         frames = frame_poses(robot, q, self.frames)
         points, found = self._points(frames), list[_Solution]()
         for k in np.flatnonzero(good):
-            if all(np.abs(points[k] - other.points).max() > options.same for other in found):
+            if all(np.abs(points[k] - other.points).max() > SAME for other in found):
                 turning = self._turning(jacobian[k], frames.angular[k])
-                parallel = _pairs(turning, options.parallel)
+                parallel = _pairs(turning, PARALLEL)
                 found.append(_Solution(q[k], points[k], self._distance(q[k]), parallel))
         return found
 

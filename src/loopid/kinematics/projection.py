@@ -326,7 +326,14 @@ def closed_motion(
     parts = partition(robot, independent)
     rates = samples(velocities, len(parts[0]), "velocities", len(q))
     second = samples(accelerations, len(parts[0]), "accelerations", len(q))
-    return completed(robot, q, parts, rates, second)
+    found = []
+    for rows, each in tangent_spaces(robot, q, parts):
+        v = (each.G @ rates[rows, :, None])[:, :, 0]
+        found.append((each.G, each.solver.matrices, v, each.gamma(v[:, None])[:, 0]))
+    G, columns, v, gamma = map(_joined, zip(*found, strict=True))
+    a = (G @ second[:, :, None])[:, :, 0] + gamma
+    a.setflags(write=False)  # a record need not copy what nobody else has
+    return ClosedMotion(q, v, a, gamma, Projection(G, parts[0], columns))
 
 
 @checked
@@ -353,29 +360,6 @@ def partition(robot: Robot, independent: Sequence[str] | None = None) -> tuple[I
         dependent.setflags(write=False)
         known[key] = chosen, dependent
     return known[key]
-
-
-def velocity_maps(robot: Robot, q: FloatArray, parts: tuple[IntArray, IntArray]) -> FloatArray:
-    """G (N, nv, dof) of ``project`` alone."""
-    return _joined([each.G for _, each in tangent_spaces(robot, q, parts)])
-
-
-def completed(
-    robot: Robot,
-    q: FloatArray,
-    parts: tuple[IntArray, IntArray],
-    rates: FloatArray,
-    accelerations: FloatArray,
-) -> ClosedMotion:
-    """As ``closed_motion``, of arrays and indices that are checked."""
-    found = []
-    for rows, each in tangent_spaces(robot, q, parts):
-        v = (each.G @ rates[rows, :, None])[:, :, 0]
-        found.append((each.G, each.solver.matrices, v, each.gamma(v[:, None])[:, 0]))
-    G, columns, v, gamma = map(_joined, zip(*found, strict=True))
-    a = (G @ accelerations[:, :, None])[:, :, 0] + gamma
-    a.setflags(write=False)  # a record need not copy what nobody else has
-    return ClosedMotion(q, v, a, gamma, Projection(G, parts[0], columns))
 
 
 @dataclass(eq=False)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import field, replace
+from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from loopid.arguments import FloatArray, checked, frozen, random_generator, require_count
-from loopid.errors import AssemblyError, OptionError
+from loopid.errors import AssemblyError
 from loopid.kinematics.assembly import AssemblyOptions, follow_paths, largest_opening
 from loopid.kinematics.closing import displaced, nearby_configurations
 from loopid.kinematics.measured import MeasuredCoordinates, measured_coordinates
@@ -18,6 +20,14 @@ from loopid.records import record
 from loopid.robot.robot import Robot
 
 DEFAULT_MARGIN = 0.02
+LEAST_MARGIN = 1e-4  # down to which it falls where few draws keep it
+BATCH = 64  # draws between which spread and margin adapt
+# Where less than a part of a batch closes, the next is drawn from nearer by a factor, down to the
+# least spread.
+FEW, NARROWER, LEAST_SPREAD = 0.5, 0.5, 0.05
+MANY_LOOPS = 8  # from which on draws begin nearer: one of them fails in nearly every draw
+# Another draw is cheaper than more steps: of a path, and to a draw near by.
+SHORTEST_STEP, MOST_STEPS, LEAST_STEPS = 2.0**-6, 32, 8
 MOST_KEPT = 512  # samples that are kept with a robot: most work draws the same ones again
 UNLIMITED = 1e3  # turns, or characteristic lengths, beyond which a limit is none
 PART_LENGTH = 0.3  # characteristic lengths that a floating base moves
@@ -32,46 +42,15 @@ class SamplingOptions:
     margin : float, optional
         Least singularity measure of a pose, see ``Projection.singularity``; by default that of the
         robot's file, else the usual one, or less where the geometry hardly allows it.
-    usual_margin, least_margin : float
-        The margin without a choice, and how far it may fall where few draws keep it.
     spread : float
         Part of the limits around the reference that draws come from.
-    least_spread, narrower, few : float
-        Where less than the part ``few`` of a batch closes, the next is drawn from nearer by the
-        factor ``narrower``, down to the least spread.
-    many_loops : int
-        Number of loops from which on draws begin nearer: one of them fails in nearly every draw.
-    batch : int
-        Draws between which spread and margin adapt.
     attempts : int
         Draws for each configuration found, after which they are given up.
-    paths : AssemblyOptions
-        How draws are assembled: another draw is cheaper than more steps.
-    least_steps : int
-        Steps of a path to a draw near by.
     """
 
-    margin: float | None = None
-    usual_margin: float = DEFAULT_MARGIN
-    least_margin: float = 1e-4
+    margin: Annotated[float, Field(ge=0, le=1)] | None = None
     spread: float = 1.0
-    least_spread: float = 0.05
-    narrower: float = 0.5
-    few: float = 0.5
-    many_loops: int = 8
-    batch: int = 64
     attempts: int = 200
-    paths: AssemblyOptions = field(
-        default_factory=lambda: AssemblyOptions(shortest_step=2.0**-6, most_steps=32)
-    )
-    least_steps: int = 8
-
-    def __post_init__(self) -> None:
-        if not (self.margin is None or 0 <= self.margin <= 1):
-            raise OptionError(
-                f"margin must be a singularity measure from 0 to 1, not {self.margin}",
-                margin=self.margin,
-            )
 
 
 @checked
@@ -146,15 +125,15 @@ def _drawn(robot: Robot, seed: int, options: SamplingOptions) -> Iterator[FloatA
     measured = measured_coordinates(robot, None)
     home, lower, upper = _ranges(measured)
     places = robot.draw_places(robot.velocity_indices(robot.measured))
-    steps = max(options.paths.most_steps * options.spread, options.least_steps)
-    paths = replace(options.paths, most_steps=steps)
-    spread = min(options.spread, options.many_loops / max(len(robot.loops), 1))
+    steps = max(MOST_STEPS * options.spread, LEAST_STEPS)
+    paths = AssemblyOptions(shortest_step=SHORTEST_STEP, most_steps=steps)
+    spread = min(options.spread, MANY_LOOPS / max(len(robot.loops), 1))
     least = _least_margin(robot, options)
-    batch, drawn, found, broken = options.batch, 0, 0, np.zeros(robot.model.nq)
+    drawn, found, broken = 0, 0, np.zeros(robot.model.nq)
     while True:
-        if drawn > options.attempts * (found + batch):
+        if drawn > options.attempts * (found + BATCH):
             raise _too_few(robot, found, drawn, least, broken)
-        part = generator.uniform(size=(batch, len(home)))[:, places]
+        part = generator.uniform(size=(BATCH, len(home)))[:, places]
         values = home + spread * (lower + part * (upper - lower) - home)
         outcome = follow_paths(measured, robot.reference[None], values, paths)
         q = outcome.configurations[outcome.assembled]
@@ -162,11 +141,11 @@ def _drawn(robot: Robot, seed: int, options: SamplingOptions) -> Iterator[FloatA
         q, broken = q[~outside.any(axis=1)], broken + outside.sum(axis=0)
         q = _completed(robot, q, generator)
         regular = q[singularity_measure(robot, q) >= least]
-        if len(q) < options.few * batch:  # draw nearer
-            spread = max(options.narrower * spread, options.least_spread)
-        if len(regular) < options.few * len(q) and options.margin is None:  # accept less
-            least = max(0.5 * least, options.least_margin)
-        found, drawn = found + len(regular), drawn + batch
+        if len(q) < FEW * BATCH:  # draw nearer
+            spread = max(NARROWER * spread, LEAST_SPREAD)
+        if len(regular) < FEW * len(q) and options.margin is None:  # accept less
+            least = max(0.5 * least, LEAST_MARGIN)
+        found, drawn = found + len(regular), drawn + BATCH
         if len(regular):
             yield regular
 
@@ -176,7 +155,7 @@ def _least_margin(robot: Robot, options: SamplingOptions) -> float:
     if options.margin is not None:
         return options.margin
     own = float(singularity_measure(robot, robot.reference[None])[0])
-    return max(options.least_margin, min(options.usual_margin, 0.5 * own))
+    return max(LEAST_MARGIN, min(DEFAULT_MARGIN, 0.5 * own))
 
 
 def _ranges(measured: MeasuredCoordinates) -> tuple[FloatArray, FloatArray, FloatArray]:

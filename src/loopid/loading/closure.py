@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pydantic import ValidationError
-
-from loopid.border import refusal
+from loopid.border import validated
 from loopid.errors import OptionError, naming
 from loopid.loading.description import ClosureDescription, Description, closure_kind
 from loopid.loading.tree import Reference
@@ -72,7 +70,8 @@ class Closure:
             content["axes"] = [list(x) if isinstance(x, tuple) else x for x in self.axes]
         optional = {"length": self.length, "joint": self.joint}
         content |= {key: value for key, value in optional.items() if value is not None}
-        return _described(f"closure {self.frame_a}-{self.frame_b}", content)
+        what = f"closure {self.frame_a}-{self.frame_b}"
+        return validated(ClosureDescription, content, what, OptionError)
 
 
 @record(checked=True)
@@ -110,14 +109,8 @@ class Coupling:
     def description(self) -> ClosureDescription:
         """As a robot file says it."""
         content = {"type": JointCoupling.kind, "joints": dict(self.joints), "offset": self.offset}
-        return _described(f"coupling of {', '.join(self.joints)}", content)
-
-
-def _described(what: str, content: dict[str, Any]) -> ClosureDescription:
-    try:
-        return ClosureDescription.model_validate(content)
-    except ValidationError as error:
-        raise refusal(error, content, what, OptionError) from None
+        what = f"coupling of {', '.join(self.joints)}"
+        return validated(ClosureDescription, content, what, OptionError)
 
 
 def with_more(

@@ -196,8 +196,8 @@ class Description(Section):
         [], "Joints that move together, as by gears."
     )
     cables: dict[str, list[str]] = key({}, "Cable to the frames that it runs through.")
-    drives: dict[str, dict[str, float]] = key(
-        {}, "Motor to the joints that it turns, each with its ratio."
+    drives: dict[str, Coefficients] = key(
+        {}, "Motor to the joints that it turns, each with its ratio: turns of the motor per turn."
     )
     remove_closures: list[str] = key([], "Closures of the tree's file that do not hold.")
     name_mot: list[str] | str | None = key(
@@ -223,7 +223,9 @@ class Description(Section):
         {}, "Joint to values of its terms; null where unknown."
     )
     platform: PlatformDescription | None = key(None, "A frame and its coordinates.")
-    identical: dict[str, list[str]] = key({}, "Name to links with equal parameters.")
+    identical: dict[str, Annotated[list[str], Field(min_length=2)]] = key(
+        {}, "Name to links with equal parameters."
+    )
 
     @model_validator(mode="after")
     def _lists_match(self) -> Description:
@@ -253,24 +255,12 @@ class Description(Section):
         return self
 
     @model_validator(mode="after")
-    def _drives_drive(self) -> Description:
-        for name, joints in self.drives.items():
-            if not joints or not all(1e-30 < abs(ratio) < 1e30 for ratio in joints.values()):
-                raise ValueError(
-                    f"drives: {name} needs the joints that it turns with, each with a ratio, the "
-                    "turns of the motor per turn of the joint"
-                )
-        return self
-
-    @model_validator(mode="after")
     def _groups_are_disjoint(self) -> Description:
         for link in _repeated(link for group in self.identical.values() for link in group):
             raise ValueError(f"identical: link {link} is listed twice")
-        for name, group in self.identical.items():
+        for name in self.identical:
             if not name.strip():
                 raise ValueError("identical: a group needs a name")
-            if len(group) < 2:
-                raise ValueError(f"identical: {name} needs two links or more, not {len(group)}")
         return self
 
     @property

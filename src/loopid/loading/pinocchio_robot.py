@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import FloatArray, checked, finite
-from loopid.errors import DataError, OptionError
+from loopid.arguments import FloatArray, checked, shaped
+from loopid.errors import OptionError
 from loopid.loading.build import build_robot
 from loopid.loading.closure import Closure, Coupling, with_more
 from loopid.loading.description import Description
@@ -234,9 +234,7 @@ def _values(
     """Values of joints of a reference, which may be a configuration (nq,)."""
     if reference is None or isinstance(reference, Mapping):
         return reference or {}
-    q = finite(reference, "reference")
-    if q.shape != (tree.nq,):
-        raise DataError(f"reference must have shape ({tree.nq},), not {q.shape}")
+    q = shaped(reference, "reference", tree.nq)
     return {
         tree.names[k]: read_joint(own, q)
         if own.nv == 1

@@ -104,7 +104,8 @@ def build_tree(source: TreeSource, description: Description, locked: Sequence[st
         joint_named(source.model, name, "in joint_name")
     source = replace(source, description=description)
     _add_lengths(source.model, description)
-    _add_drives(source.model, description)
+    for name in description.drives:  # a turning joint for each motor that turns several joints
+        _add_joint(source.model, "drives", name, pin.JointModelRZ(), pin.SE3.Identity())
     if description.gravity is not None:
         source.model.gravity.linear = np.array(description.gravity)
     source = _replaced(source, _replacements(source.model, description), turned=False)
@@ -133,12 +134,6 @@ def _add_lengths(model: pin.Model, description: Description) -> None:
         if name in starts:
             place.translation = data.oMf[frame_named(model, starts[name])].translation
         _add_joint(model, "cables", name, pin.JointModelPZ(), place)
-
-
-def _add_drives(model: pin.Model, description: Description) -> None:
-    """Add a turning joint for each motor that turns several joints."""
-    for name in description.drives:
-        _add_joint(model, "drives", name, pin.JointModelRZ(), pin.SE3.Identity())
 
 
 def _add_joint(

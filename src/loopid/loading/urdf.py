@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import pinocchio as pin
 from lxml import etree
-from pydantic import ValidationError
 
 from loopid.arguments import number
-from loopid.border import refusal
+from loopid.border import validated
 from loopid.errors import RobotFileError, naming
 from loopid.loading.description import ClosureDescription, Description
 from loopid.loading.model_closures import warn_of_size
@@ -265,12 +264,7 @@ def mounted(
         if any(other.name == frame for other in model.frames):
             raise RobotFileError(f"its frame cannot be called {frame!r}, which is taken: rename it")
         add_frame(model, frame, link, place)
-    try:
-        return ClosureDescription.model_validate(
-            {"type": kind, "name": name, "frames": frames} | content
-        )
-    except ValidationError as error:
-        raise refusal(error) from error
+    return validated(ClosureDescription, {"type": kind, "name": name, "frames": frames} | content)
 
 
 def _axes(

@@ -10,9 +10,17 @@ import numpy as np
 
 from loopid.arguments import FloatArray
 from loopid.errors import DataWarning, LogError, OptionError, warn
-from loopid.logs.grid import LEAST_ROWS, Dropped, LogTolerances, Stream, continued, rows_text
+from loopid.logs.grid import (
+    LEAST_ROWS,
+    Dropped,
+    LogTolerances,
+    Stream,
+    continued,
+    rows_text,
+    stream_of,
+)
 from loopid.logs.log import Log
-from loopid.logs.signals import POSE, QUANTITIES, Channel
+from loopid.logs.signals import POSE, QUANTITIES
 from loopid.robot.robot import Robot, link_frames, lock_options
 
 # Factors that would make a unit of another one.
@@ -24,7 +32,7 @@ EXCESS = 1e-3  # relative, over a limit of speed or force: the round-off of how 
 COMPARED_OVER = 0.5  # s over which measured rates are compared with changes of the position
 
 
-def check_log(robot: Robot, log: Log, tolerances: LogTolerances = LogTolerances()) -> Log:
+def check_log(robot: Robot, log: Log) -> Log:
     """The log without impossible samples; warns of what looks wrong, as ``read_log`` does.
 
     One that was compared with its robot before stays as it is.
@@ -47,24 +55,16 @@ def check_log(robot: Robot, log: Log, tolerances: LogTolerances = LogTolerances(
     if log.checked or len(log) < LEAST_ROWS:
         return log
     given = {name: getattr(log, name) for name in QUANTITIES if getattr(log, name) is not None}
-    channels = tuple(
-        Channel(name, joint, label, 1.0, 0.0, log.slides.get(label))
-        for name in given
-        for joint in log.joints
-        for label in (f"{joint}.{name}",)
-    )
-    rows, stamps = np.arange(len(log)), np.round((log.time - log.time[0]) * 1e9).astype(np.int64)
-    values = np.concatenate([*given.values()], axis=1)
-    stream = Stream(log.name, channels, rows + 1, stamps, values)
-    stream = check_stream(robot, stream, tolerances)
+    whole = stream_of(log.name, log.joints, log.time, given, log.slides)
+    stream = check_stream(robot, whole, LogTolerances())
     check_moving([stream])
     if len(stream.rows) < len(log):
         dropped = (Dropped.at(why, log.time[lost - 1]) for why, lost in stream.left_out)
-        log = log.select(np.isin(rows + 1, stream.rows), *dropped)
+        log = log.select(np.isin(whole.rows, stream.rows), *dropped)
     columns = np.split(stream.values, len(given), axis=1)
     found: dict[str, Any] = dict(zip(given, columns, strict=True))
     log = replace(log, checked=True, **found)
-    check_rates(log, tolerances)
+    check_rates(log, LogTolerances())
     return log
 
 

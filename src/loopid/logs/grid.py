@@ -7,8 +7,9 @@ they are off by at most h²/8 times their second derivative by time, h between s
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -154,6 +155,24 @@ def make_stream(
         )
     rest = table.rows[fine], stamps[fine], values[fine]
     return with_increasing_stamps(Stream(source, channels, *rest, tuple(left_out)), allowed)
+
+
+def stream_of(
+    name: str,
+    joints: tuple[str, ...],
+    time: FloatArray,
+    signals: Mapping[str, FloatArray],
+    slides: Mapping[str, bool] = MappingProxyType({}),
+) -> Stream:
+    """Signals (N, k) by their quantities, in SI units, at times (N,) in s."""
+    channels = tuple(
+        Channel(what, one, f"{one}.{what}", 1.0, 0.0, slides.get(f"{one}.{what}"))
+        for what, values in signals.items()
+        for one in (joints if what in QUANTITIES else map(str, range(values.shape[1])))
+    )
+    stamps = np.round((time - time[0]) * 1e9).astype(np.int64)
+    rows, values = np.arange(1, len(time) + 1), np.concatenate([*signals.values()], axis=1)
+    return Stream(name, channels, rows, stamps, values)
 
 
 def with_increasing_stamps(stream: Stream, allowed: LogTolerances) -> Stream:
@@ -334,15 +353,8 @@ def on_even_grid(
     off = (np.abs(part - np.linspace(part[0], part[-1], len(part))).max() for part in parts)
     if max(off) <= EVEN * median and (steps > 0).all():
         return time, signals, stretches, ()
-    channels = [
-        Channel(what, name, f"{name}.{what}", 1.0, 0.0)
-        for what, values in signals.items()
-        for name in (joints if what in QUANTITIES else map(str, range(values.shape[1])))
-    ]
-    stamps = np.round((time - time[0]) * 1e9).astype(np.int64)
-    rows, values = np.arange(1, len(time) + 1), np.concatenate([*signals.values()], axis=1)
-    stream = Stream(name, tuple(channels), rows, stamps, values)
-    aligned = align([with_increasing_stamps(stream, allowed)], joints, allowed.gap)
+    stream = with_increasing_stamps(stream_of(name, joints, time, signals), allowed)
+    aligned = align([stream], joints, allowed.gap)
     return aligned.time + time[0], aligned.signals, aligned.stretches, aligned.dropped
 
 

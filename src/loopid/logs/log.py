@@ -304,7 +304,6 @@ class Log(Tabular):
         *,
         mapping: LogMapping | None = None,
         name: str = "frame",
-        tolerances: LogTolerances = LogTolerances(),
     ) -> Log:
         """A log from a table in memory, its columns found as those of a file are.
 
@@ -317,7 +316,6 @@ class Log(Tabular):
             The m motors.
         mapping : LogMapping, optional
             Which columns are what, and their units; by default as their names say, in SI units.
-        tolerances : LogTolerances
 
         Raises
         ------
@@ -339,7 +337,7 @@ class Log(Tabular):
         """
         from loopid.logs.mapping import LogMapping  # arrays need no models of files
 
-        mapping, joints = mapping or LogMapping(), tuple(joints)
+        mapping, joints, allowed = mapping or LogMapping(), tuple(joints), LogTolerances()
         mapping.stream_delays(name, joints, [name])
         columns = _columns_of(frame)
         finder = ColumnFinder(name, {name: tuple(columns)}, mapping)
@@ -347,9 +345,9 @@ class Log(Tabular):
         time = finder.time(name)
         wanted = {*time.names, *(channel.column for channel in channels)}
         table = array_table(name, {one: _cells(columns[one]) for one in columns if one in wanted})
-        stream = make_stream(name, table, time, tuple(channels), tolerances)
+        stream = make_stream(name, table, time, tuple(channels), allowed)
         streams = [on_joints(stream, mapping.joint_maps)]
-        return cls.from_streams(name, streams, joints, mapping, tolerances)
+        return cls.from_streams(name, streams, joints, mapping, allowed)
 
     @classmethod
     def from_streams(

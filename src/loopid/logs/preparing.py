@@ -255,13 +255,11 @@ def read_recordings(
     *,
     rows: tuple[int, int | None] | None = None,
     filter: FilterOptions = FilterOptions(),  # noqa: A002
-    masks: MaskOptions = MaskOptions(),
     progress: Progress | None = None,
 ) -> tuple[Recording, ...]:
     """Read logs and make them ready; see ``read_log`` and ``prepare``."""
     logs = (read_log(path, robot, mapping=mapping, rows=rows) for path in paths)
-    options: dict[str, Any] = {"filter": filter, "masks": masks, "progress": progress}
-    return tuple(prepare(robot, log, **options) for log in logs)
+    return tuple(prepare(robot, log, filter=filter, progress=progress) for log in logs)
 
 
 # ---- encoders that freeze ----------------------------------------------------------------------

@@ -88,7 +88,7 @@ def read_log(
     <Log 'five_bar': 2241 samples of left_crank_joint, right_crank_joint over 22.40 s in 1 stretch>
     """
     require_name(path, "the log")
-    mapping = mapping if isinstance(mapping, LogMapping) else _mapping(mapping)
+    mapping = _mapping(mapping)
     require_known_motion(robot, mapping.free)
     place = _existing(path)
     for wrench in mapping.wrenches:
@@ -104,8 +104,10 @@ def read_log(
     return replace(log, checked=True)
 
 
-def _mapping(path: str | Path | None) -> LogMapping:
-    return LogMapping() if path is None else read_mapping(path)
+def _mapping(given: LogMapping | str | Path | None) -> LogMapping:
+    if isinstance(given, LogMapping):
+        return given
+    return LogMapping() if given is None else read_mapping(given)
 
 
 def _existing(path: str | Path) -> Path:
@@ -227,7 +229,7 @@ def locked_as_logged(
 
     if not any(value is not None for value in robot.locked.values()):
         return robot
-    mapping = mapping if isinstance(mapping, LogMapping) else _mapping(mapping)
+    mapping = _mapping(mapping)
     log = open_log(_existing(path), mapping)
     finder = ColumnFinder(str(path), log.columns(), mapping, log.ordered, log.choice)
     found = _elsewhere(str(path), log, finder, robot.locked)

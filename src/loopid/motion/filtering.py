@@ -52,7 +52,7 @@ class LowPass:
         return int(np.ceil(PADDING * max(self.order, 2) * rate / self.cutoff)) + 1
 
     @checked
-    def apply(self, values: FloatArray, rate: float) -> FloatArray:
+    def apply(self, values: FloatArray, rate: Positive) -> FloatArray:
         """Filter signals (N, ...) along their first axis, sampled at a rate in Hz.
 
         Raises
@@ -62,7 +62,7 @@ class LowPass:
         DataError
             When there are fewer than ``least_samples``.
         """
-        signal = _signal(values, rate)
+        signal = _signal(values)
         padding = self.least_samples(rate) - 1
         if not self.cutoff < 0.5 * rate:
             raise OptionError(
@@ -129,13 +129,13 @@ def recursion(numerator: FloatArray, denominator: FloatArray, signal: FloatArray
 
 
 @checked
-def differentiate(values: FloatArray, rate: float) -> FloatArray:
+def differentiate(values: FloatArray, rate: Positive) -> FloatArray:
     """Derivatives by time (N, ...) of evenly sampled signals.
 
     Central differences of fourth order [Fornberg1988], of second order in the first and the last
     two samples. Of a frequency ω at steps h, (ωh)⁴/30 is lost.
     """
-    signal = _signal(values, rate)
+    signal = _signal(values)
     if len(signal) < 3:
         raise DataError(f"{len(signal)} samples are too few to differentiate: it takes 3")
     found = np.gradient(signal, 1.0 / rate, axis=0, edge_order=2)
@@ -144,10 +144,8 @@ def differentiate(values: FloatArray, rate: float) -> FloatArray:
     return np.asarray(found, dtype=np.float64)
 
 
-def _signal(values: FloatArray, rate: float) -> FloatArray:
+def _signal(values: FloatArray) -> FloatArray:
     signal = finite(values, "signal")
     if signal.ndim == 0:
         raise DataError("a signal must have an axis of samples, but this is a single number")
-    if not 0 < rate < np.inf:
-        raise OptionError(f"the sample rate must be positive, not {rate} Hz")
     return signal

@@ -62,7 +62,7 @@ class JointMotion:
 
 
 @checked
-def joint_motion(robot: Robot, motion: Motion, start: FloatArray | None = None) -> JointMotion:
+def joint_motion(robot: Robot, motion: Motion) -> JointMotion:
     """Follow a motion of the platform coordinates or of independent joints.
 
     Parameters
@@ -70,8 +70,6 @@ def joint_motion(robot: Robot, motion: Motion, start: FloatArray | None = None) 
     motion : Motion
         Named after the platform coordinates of the robot file, or after joints that determine the
         motion.
-    start : FloatArray, optional
-        (nq,), a closed configuration on the assembly branch; by default the reference.
 
     Returns
     -------
@@ -96,7 +94,7 @@ def joint_motion(robot: Robot, motion: Motion, start: FloatArray | None = None) 
     independent = robot.velocity_indices(robot.independent)
     platform = robot.platform
     if platform is not None and motion.names == platform.names:
-        q = assemble(robot, motion.position, "platform", start=start, trajectory=True)
+        q = assemble(robot, motion.position, "platform", trajectory=True)
         v, a = platform_motion(robot, q, motion.velocity, motion.acceleration)
     elif set(motion.names) <= set(robot.joints):
         free = [name for name in robot.free if name not in robot.joints]
@@ -105,7 +103,7 @@ def joint_motion(robot: Robot, motion: Motion, start: FloatArray | None = None) 
                 f"a motion of joints does not tell what {', '.join(free)} of {robot.name} do, "
                 f"which the motors leave free: lock them ({lock_options(robot)})"
             )
-        q = assemble(robot, motion.position, motion.names, start=start, trajectory=True)
+        q = assemble(robot, motion.position, motion.names, trajectory=True)
         whole = closed_motion(
             robot, q, motion.velocity, motion.acceleration, independent=motion.names
         )

@@ -10,10 +10,10 @@ from loopid.arguments import (
     FloatArray,
     NotNegative,
     checked,
-    finite,
     frozen,
     random_generator,
     row_blocks,
+    shaped,
 )
 from loopid.errors import DataError, OptionError
 from loopid.files import csv_text
@@ -137,12 +137,8 @@ def simulate(
         if joint_terms is None or joint_values is None:
             raise OptionError("joint_terms and joint_values go together: give both or neither")
         names = joint_terms.parameters(robot)
-        values.append(finite(joint_values, "joint values"))
-        if values[-1].shape != (len(names),):
-            raise DataError(
-                f"joint values must have shape ({len(names)},), one each for "
-                f"{', '.join(names.labels)}, not {values[-1].shape}"
-            )
+        what = f"joint values of {', '.join(names.labels)}"
+        values.append(shaped(joint_values, what, len(names)))
     force = _motor_forces(robot, motion, joint_terms, np.concatenate(values))
     noise, generator = noise or Noise(), random_generator(seed)
     error = generator.uniform(-noise.uniform, noise.uniform, force.shape)

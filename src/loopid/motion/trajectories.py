@@ -14,7 +14,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from loopid.arguments import FloatArray, Positive, checked, finite
+from loopid.arguments import FloatArray, Positive, checked, finite, shaped
 from loopid.errors import DataError
 from loopid.records import Tabular, columns_of, record
 
@@ -42,11 +42,8 @@ class Motion(Tabular):
         if len(backwards):
             raise DataError(f"time must increase, but does not after sample {backwards[0]}")
         object.__setattr__(self, "time", time)
-        shape = (len(time), len(self.names))
         for name in ("position", "velocity", "acceleration"):
-            values = finite(getattr(self, name), name)
-            if values.shape != shape:
-                raise DataError(f"{name} must have shape {shape}, not {values.shape}")
+            values = shaped(getattr(self, name), name, len(time), len(self.names))
             object.__setattr__(self, name, values)
 
     def __len__(self) -> int:
@@ -285,10 +282,8 @@ def _stops(
     """The start and all waypoints (c,), which fit the coordinates and each other."""
     if not waypoints:
         raise DataError("a motion needs at least one waypoint")
-    stops = [finite(point, "waypoint") for point in (start, *(w.position for w in waypoints))]
-    for point in stops:
-        if point.shape != (len(names),):
-            raise DataError(f"a waypoint must have shape ({len(names)},), not {point.shape}")
+    points = start, *(waypoint.position for waypoint in waypoints)
+    stops = [shaped(point, "a waypoint", len(names)) for point in points]
     for waypoint in waypoints:
         if waypoint.curve is not None and waypoint.curve.shape.shape[1] != len(names):
             raise DataError(f"a curve must have a shape (functions, {len(names)})")

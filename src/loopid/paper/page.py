@@ -35,7 +35,7 @@ from loopid.plots.structure import robot_chart, search_chart
 from loopid.report.look import json_fields, json_value, plain_table
 from loopid.report.page import Card, Figure, Part, Report, Section, Tone
 from loopid.report.searches import groups_table, search_record, subgroup_facts
-from loopid.report.structure import base_record, motions_record, motions_table
+from loopid.report.structure import base_record
 
 FITS = 3.0  # standard errors within which a value of the paper fits
 
@@ -204,10 +204,7 @@ def _reached(search: SearchResult) -> str:
 def _sections(found: PaperReproduction, subgroups: dict[str, Any]) -> tuple[Section, ...]:
     """Results with their figures, then all other tables."""
     comparison, simulated, actual = found.base, found.simulated, found.actual
-    experiment, symbolic = found.experiment, found.symbolic
-    seconds = {name: float(m.time[-1]) for name, m in experiment.motions.items()}
-    motions = motions_record(experiment.robot.name, experiment.reviews, seconds)
-    account = subgroups["gap"]["subgroups"]
+    symbolic, account = found.symbolic, subgroups["gap"]["subgroups"]
     searches: tuple[Part, ...] = (
         f"W stacks {comparison.poses} random closed poses; its columns stand limb by limb. With "
         f"the paper's alpha of {account['alpha']:g} a group has n* = {account['group_size']} rows, "
@@ -259,13 +256,11 @@ def _sections(found: PaperReproduction, subgroups: dict[str, Any]) -> tuple[Sect
     )
     tables: tuple[Part, ...] = (
         geometry_table(found.geometry),
-        motions_table(motions),
         shares_table(found.shares),
         simulated_table(simulated),
         fifteen_table(simulated),
         conditions_table(simulated),
         steps_table(found.two_steps),
-        influence_table(simulated),
         actual_table(actual),
     )
     groups = tuple(groups_table(each, _groups_title(each)) for each in subgroups.values())
@@ -370,16 +365,10 @@ def search_table(comparison: BaseComparison) -> Table:
 
 
 def shares_table(shares: ForceShares) -> Table:
-    """Greatest forces over the nine trajectories, and over the one of figures 2 and 3."""
-    rows = []
-    for part in ("inertial", "coriolis", "gravity"):
-        for name, values in (
-            (f"{part}, trajectory {shares.trajectory}", np.abs(getattr(shares, part)).max(axis=0)),
-            (f"{part}, all nine", shares.greatest[part]),
-        ):
-            rows.append((name, *(f"{value:.3g}" for value in values)))
+    """Greatest forces over the nine trajectories."""
+    rows = ((name, *(f"{x:.3g}" for x in values)) for name, values in shares.greatest.items())
     limbs = [f">limb {k + 1}" for k in range(shares.gravity.shape[1])]
-    return plain_table("figures 2 and 3: greatest forces (N)", ("", *limbs), rows)
+    return plain_table("greatest forces over all nine trajectories (N)", ("", *limbs), rows)
 
 
 def simulated_table(simulated: SimulatedFit) -> Table:
@@ -414,17 +403,6 @@ def _paper_fits(printed: float, expected: float, error: float, single: tuple[flo
     return "single" if inside else "no"
 
 
-def fifteen_table(simulated: SimulatedFit) -> Table:
-    """All fifteen from the same forces."""
-    fitted = [_reach(simulated.fifteen, k, ".4f", ".4f") for k in range(len(TABLE_II))]
-    rows = (
-        (k + 1, paper_expression(TABLE_II[k]), f"{truth:.4f}", fitted[k])
-        for k, truth in enumerate(simulated.truth)
-    )
-    columns = (">", "base parameter", ">CAD", ">loopid ± 95 %")
-    return plain_table("all 15 base parameters, simulated (kg, kg m)", columns, rows)
-
-
 def conditions_table(simulated: SimulatedFit) -> Table:
     """Condition numbers of W_1."""
     rows = [("paper (not named)", *(f"{CONDITION_NUMBERS[n]:g}" for n in (15, 8)))]
@@ -446,14 +424,19 @@ def steps_table(steps: TwoSteps) -> Table:
     return plain_table(title, columns, rows)
 
 
-def influence_table(simulated: SimulatedFit) -> Table:
-    """Figure 4 in numbers."""
+def fifteen_table(simulated: SimulatedFit) -> Table:
+    """All fifteen from the same forces, and figure 4 in numbers."""
     rows = []
     for k, terms in enumerate(TABLE_II):
+        value, truth = _reach(simulated.fifteen, k, ".4f", ".4f"), f"{simulated.truth[k]:.4f}"
         numbers = simulated.alone[k], simulated.influence[k], simulated.explained[k]
-        rows.append((k + 1, paper_expression(terms), *(f"{number:.2f}" for number in numbers)))
-    columns = (">i", "base parameter", ">alone (N rms)", ">p_i (%)", ">explained (%)")
-    return plain_table("figure 4: influence of the first i base parameters", columns, rows)
+        sizes = (f"{number:.2f}" for number in numbers)
+        rows.append((k + 1, paper_expression(terms), truth, value, *sizes))
+    columns = (">i", "base parameter", ">CAD", ">loopid ± 95 %", ">alone (N)", ">p_i (%)")
+    title = "all 15 base parameters, simulated (kg, kg m); figure 4: influence of the first i"
+    table = plain_table(title, (*columns, ">explained (%)"), rows)
+    table.caption = "alone: root mean square of the forces that a parameter makes"
+    return table
 
 
 def actual_table(actual: ActualFit) -> Table:

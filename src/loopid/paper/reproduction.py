@@ -38,7 +38,7 @@ from loopid.logs.reading import read_log
 from loopid.logs.recording import FilterOptions, Recording
 from loopid.motion import joint_motion
 from loopid.motion.files import read_motion_program
-from loopid.motion.joints import JointMotion, MotionReview, review_motion
+from loopid.motion.joints import JointMotion
 from loopid.motion.simulation import Noise, simulate
 from loopid.observation import triangular_factor
 from loopid.paper.structure import (
@@ -101,13 +101,12 @@ UP_AND_DOWN = ("3", "4")
 
 @record
 class Experiment:
-    """The nine identification trajectories, each with what it asks of the motors, by name."""
+    """The nine identification trajectories by name."""
 
     force_model: ForceModel  # gravity, Coulomb and viscous friction
     order: IntArray  # (23,), its columns in the order of Table II, then friction by limb
     rate: float  # samples per second
     motions: dict[str, JointMotion]
-    reviews: dict[str, MotionReview]  # limits, singularity margin and speeds
     parts: dict[str, ForceParts]  # inertial, Coriolis and gravitational forces
     samples: dict[str, FitSamples]  # regressors (N, 4, 23), and exact forces without friction
 
@@ -165,18 +164,17 @@ def run_experiment(
     model = force_model(robot, "gravity", friction)
     order = np.array([*rows_of_table_ii(model.base), *model.joint_columns])
     program = read_motion_program(robot.name)
-    motions, reviews, parts, samples = {}, {}, {}, {}
+    motions, parts, samples = {}, {}, {}
     names = names or tuple(program.motions)
     for done, name in enumerate(names, start=1):
         motion = joint_motion(robot, program.motion(name, rate))
         state = motion.configurations, motion.velocities, motion.accelerations
-        motions[name], reviews[name] = motion, review_motion(robot, motion)
-        parts[name] = force_parts(robot, *state)
+        motions[name], parts[name] = motion, force_parts(robot, *state)
         recording = Recording.of_motion(motion, parts[name].total, robot.actuated, name=name)
         samples[name] = model.samples(recording).select(order)
         if progress is not None:
             progress(done, len(names))
-    return Experiment(model, order, rate, motions, reviews, parts, samples)
+    return Experiment(model, order, rate, motions, parts, samples)
 
 
 @record
@@ -260,7 +258,7 @@ def fit_simulated(experiment: Experiment, seed: int) -> SimulatedFit:
     single, truth = experiment.frictionless(seed), experiment.truth[BODIES]
     whole, first = FitSamples.combined(list(single.values())), len(EIGHT)
     fifteen = quiet_fit(whole, "ols")
-    biased = [truncated_values(part.problem, truth, first) for part in single.values()]
+    biased = [truncated_values(part, truth, first) for part in single.values()]
     force = np.linalg.norm(whole.force)
     partial = np.cumsum(whole.regressor * fifteen.values, axis=2)
     left = np.linalg.norm(whole.force[:, :, None] - partial, axis=(0, 1))
@@ -268,7 +266,7 @@ def fit_simulated(experiment: Experiment, seed: int) -> SimulatedFit:
         truth=truth,
         fifteen=fifteen,
         eight=quiet_fit(whole.select(EIGHT), "ols"),
-        expected=truncated_values(whole.problem, truth, first),
+        expected=truncated_values(whole, truth, first),
         expected_range=np.stack([np.min(biased, axis=0), np.max(biased, axis=0)], axis=1),
         condition_numbers={
             name: _conditions(part) for name, part in ({"all": whole} | single).items()

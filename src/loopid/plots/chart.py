@@ -245,7 +245,8 @@ class Panel:
         )
         panel.set("class", f"panel{' small' * self.small}{' equal' * self.equal}")
         if self.motor:
-            panel.append(E.h3(*_badge(self.number, self.worst), self.motor))
+            badge = E.i({"class": f"badge{' worst' * self.worst}"}, str(self.number))
+            panel.append(E.h3(*([badge] if self.number else []), self.motor))
         if self.note:
             panel.append(E.p({"class": "note"}, self.note))
         small = self.motor or not headed
@@ -372,22 +373,9 @@ class Chart:
             ends = group[0], group[-1]
             drawn = (p.html(headed=p is ends[0], ticked=p is ends[1]) for p in group)
             grid.append(E.div({"class": "lanes"}, *drawn))
-            self._draw_once(grid[-1], group[0].motor)
             if self.x_label:
                 grid[-1].append(E.div({"class": "along"}, self.x_label))
         return grid
-
-    def _draw_once(self, lanes: HtmlElement, name: str) -> None:
-        """What is shaded alike in all lanes is said in the first one."""
-        shades = dict[str, str]()
-        for path in [each for each in lanes.iter("path") if "shade" in each.get("class", "")]:
-            own, known = f"{self.name}-{name}-{len(shades)}", path.get("d")
-            if known in shades:
-                path.addprevious(E.use(href=f"#{shades[known]}"))
-                path.drop_tree()
-            elif known:
-                shades[known] = own
-                path.set("id", own)
 
     def figure(self) -> Any:
         """The chart as a figure of matplotlib, as wide as a column of a paper.
@@ -503,10 +491,6 @@ def in_parts(count: int, table: Callable[[range], HtmlElement]) -> list[HtmlElem
 def unfolding(title: str, *content: HtmlElement) -> HtmlElement:
     """A title that unfolds to what is below it."""
     return E.details(E.summary(title), *content)
-
-
-def _badge(number: int, worst: bool) -> list[HtmlElement]:
-    return [E.i({"class": f"badge{' worst' * worst}"}, str(number))] if number else []
 
 
 def _ticks_html(side: str, marks: Iterable[tuple[float, str]], ends: Ends) -> Iterable[HtmlElement]:

@@ -23,9 +23,21 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from loopid.arguments import FloatArray, IntArray, NotNegative, checked, finite, frozen, samples
+from loopid.arguments import (
+    FloatArray,
+    IntArray,
+    NotNegative,
+    checked,
+    finite,
+    frozen,
+    samples,
+    shaped,
+)
 from loopid.errors import DataError, MobilityError, OptionError, SingularityError
 from loopid.kinematics.assembly import (
+    CONTRACTION,
+    LONGEST_STEP,
+    NEWTON_STEPS,
     USUAL,
     AssemblyOptions,
     follow_paths,
@@ -313,9 +325,8 @@ class Dynamics:
         self.parameters: ParameterSet = (
             self.robot.parameters() if model is None else model.base.combinations
         )
-        self.values = _numbers(
-            values, len(self.parameters), "standard parameters" if model is None else "values"
-        )
+        name = "standard parameters" if model is None else "values"
+        self.values = shaped(values, name, len(self.parameters))
         shape = 2 * self.values.shape
         self.covariance = np.zeros(shape) if covariance is None else np.array(covariance)
         self.dof, self._partition = len(self.robot.independent), partition(self.robot)
@@ -387,7 +398,7 @@ class Dynamics:
             return u
         if u is not None:
             if np.ndim(u) == 1:
-                return self._last(_numbers(u, self._measured.width, "positions"))
+                return self._last(shaped(u, "positions", self._measured.width))
             targets = samples(u, self._measured.width, "positions")
             if trajectory:
                 found = follow_trajectory(self._measured, self.start, targets, self.options)
@@ -437,8 +448,8 @@ class Dynamics:
         robot, measured, last = self.robot, self._measured, before.tangents
         way = measured.difference(self._memory.positions[None], u[None])
         q = measured.write(integrate(robot, before.configurations, way @ last.G[0].T), u[None])
-        longest = self.options.longest_step
-        for _ in range(self.options.newton_steps):
+        longest = LONGEST_STEP
+        for _ in range(NEWTON_STEPS):
             constraint = Constraint(robot, q)
             residual = robot.row_scales * constraint.residual()
             step = -last.solver.solve(residual[:, :, None])[:, :, 0]
@@ -454,7 +465,7 @@ class Dynamics:
             if not length <= longest:
                 return None
             q = integrate(robot, q, measured.tangent(step))
-            longest = self.options.contraction * length
+            longest = CONTRACTION * length
         return None
 
     def _followed(self, before: Pose, u: FloatArray) -> Pose:
@@ -571,7 +582,7 @@ class Dynamics:
 
     def friction_regressor(self, u: FloatArray | Pose, du: FloatArray) -> FloatArray:
         """(dof, n) or (N, dof, n), ``friction`` per unit of each parameter."""
-        pose, v = self.pose(u), None
+        pose = self.pose(u)
         v, a = self._rates(pose, du, None)
         K = np.zeros((len(v), 1, self.dof, len(self.values)))
         self._add(K, pose, v, a, [law for law in self._laws if law.friction])
@@ -701,7 +712,7 @@ class Dynamics:
 
     @slips.setter
     def slips(self, states: FloatArray) -> None:
-        given = _numbers(states, len(self._slipping), "slips")
+        given = shaped(states, "slips", len(self._slipping))
         if np.abs(given).max(initial=0.0) > 1:
             raise DataError(f"slips must be from -1 to 1, not {given.tolist()}", argument="slips")
         self._memory.slips = np.array(given)
@@ -754,15 +765,6 @@ class Dynamics:
             raise OptionError(
                 f"a gravity model has no {what}: identify with the model 'full'", given=self.kind
             )
-
-
-def _numbers(given: FloatArray, width: int, name: str) -> FloatArray:
-    values = finite(given, name)
-    if values.shape != (width,):
-        raise DataError(
-            f"{name} must have shape ({width},), not {values.shape}", given=values.shape
-        )
-    return values
 
 
 def _standard(base: Any, values: FloatArray, prior: FloatArray) -> FloatArray:

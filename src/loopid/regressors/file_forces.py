@@ -16,6 +16,7 @@ from loopid.kinematics.sampling import random_configurations, random_motions
 from loopid.records import record
 from loopid.regressors.joint_laws import joint_term
 from loopid.regressors.joint_terms import OF_FILE, JointTerms
+from loopid.regressors.motion_regressors import motion_regressor
 from loopid.robot.robot import LeftOut, Robot, link_frames
 
 SAMPLES = 60  # random states that forces of the robot file are compared in
@@ -63,7 +64,9 @@ def file_forces(robot: Robot) -> tuple[FileForce, ...]:
 def _sized(
     robot: Robot, terms: JointTerms | None, motion: ClosedMotion | None
 ) -> Iterator[FileForce]:
-    rigid = None if motion is None else _rms(_rigid_forces(robot, motion))
+    rigid = None
+    if motion is not None:
+        rigid = _rms(motion_regressor(robot, motion) @ robot.standard_parameters())
 
     def size(force: FloatArray | None) -> float:
         if rigid is None or force is None:
@@ -93,12 +96,6 @@ def _sized(
 
 def _rms(force: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt((force**2).mean(axis=0)))
-
-
-def _rigid_forces(robot: Robot, motion: ClosedMotion) -> FloatArray:
-    state = motion.configurations, motion.velocities, motion.accelerations
-    columns = torque_regressors(robot, *state, G=motion.projection.G)
-    return np.asarray(columns @ robot.standard_parameters("full"))
 
 
 def _force(robot: Robot, motion: ClosedMotion | None, left: LeftOut) -> FloatArray | None:

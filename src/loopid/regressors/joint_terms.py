@@ -14,10 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import FloatArray, IntArray
+from loopid.arguments import FloatArray, IntArray, NotNegative
 from loopid.errors import ModelWarning, OptionError, RobotFileError, warn
 from loopid.kinematics.projection import ClosedMotion
-from loopid.kinematics.reactions import bearing_forces
 from loopid.parameters import KINDS, Parameter, ParameterSet
 from loopid.records import record
 from loopid.regressors.joint_laws import JointState, joint_term
@@ -62,8 +61,8 @@ class JointTerms:
 
     joints: tuple[str, ...]
     kinds: tuple[str, ...] | tuple[tuple[str, ...], ...] = ("Fc", "Fv")
-    dead_zone: float = 0.0
-    smoothing: float = 0.0
+    dead_zone: NotNegative = 0.0
+    smoothing: NotNegative = 0.0
 
     def __post_init__(self) -> None:
         repeated = sorted({joint for joint in self.joints if self.joints.count(joint) > 1})
@@ -79,11 +78,6 @@ class JointTerms:
             )
         for kind in {kind for kinds in self._own_kinds for kind in kinds}:
             joint_term(kind)
-        for name in ("dead_zone", "smoothing"):
-            if not 0 <= getattr(self, name) < np.inf:
-                given = getattr(self, name)
-                message = f"{name} must be a rate from 0 on, not {given}"
-                raise OptionError(message, argument=name, given=given)
 
     @classmethod
     def of(cls, robot: Robot, terms: str) -> JointTerms | None:
@@ -299,6 +293,8 @@ class JointTerms:
         """
         if not (names := self.loaded):
             return {}, ()
+        from loopid.kinematics.reactions import bearing_forces  # seldom needed
+
         ids = [robot.joint_ids[k] for k in robot.velocity_indices(names)]
         forces, undetermined = bearing_forces(
             robot, motion, ids, standard_parameters=standard_parameters

@@ -12,17 +12,12 @@ import numpy as np
 from loopid.arguments import FloatArray, checked, samples
 from loopid.kinematics.poses import torque_regressors
 from loopid.kinematics.projection import ClosedMotion, closed_motion, project
-from loopid.parameters import ParameterSet, model_kinds
+from loopid.parameters import ParameterSet
 from loopid.records import record
 from loopid.regressors.dynamics import Dynamics
 from loopid.regressors.joint_terms import JointTerms
 from loopid.regressors.maxwell_slip import Slips
 from loopid.robot.robot import Robot
-
-
-def _full(robot: Robot, motion: ClosedMotion) -> FloatArray:
-    q, v, a = motion.configurations, motion.velocities, motion.accelerations
-    return torque_regressors(robot, q, v, a, G=motion.projection.G)
 
 
 @checked
@@ -93,7 +88,7 @@ def dynamic_regressor(
     >>> loopid.regressors.dynamic_regressor(robot, q, still, accelerations=pushed).shape
     (1, 4, 90)
     """
-    return _full(robot, closed_motion(robot, configurations, velocities, accelerations))
+    return motion_regressor(robot, closed_motion(robot, configurations, velocities, accelerations))
 
 
 @checked
@@ -123,11 +118,9 @@ def motion_regressor(
     ``standard_parameters`` (n,) of the full model. Hysteresis needs ``JointTerms.slips`` of the
     whole motion; without, friction is that of steady motion.
     """
-    if model_kinds(model) == model_kinds("full"):
-        bodies = _full(robot, motion)
-    else:
-        q, G = motion.configurations, motion.projection.G
-        bodies = torque_regressors(robot, q, model=model, G=G)
+    q, G = motion.configurations, motion.projection.G
+    rates = (motion.velocities, motion.accelerations) if model == "full" else ()
+    bodies = torque_regressors(robot, q, *rates, model=model, G=G)
     if joint_terms is None:
         return bodies
     columns = joint_terms.columns(robot, motion, standard_parameters, slips=slips)

@@ -135,11 +135,9 @@ def payload_report(found: PayloadFit) -> Report:
     numbers = zip(told["parameters"], told["values"], spans, told["units"], strict=True)
     rows = [(name, number(value), span, unit) for name, value, span, unit in numbers]
     if told["mass"] is not None:
-        centre, reach = found.centre()
         rows += [
             (f"centre of mass, {axis}", number(x), interval(*ends), "m")
-            for axis, x, ends in zip("xyz", centre.tolist(), reach.tolist(), strict=True)
-            if np.isfinite(x)
+            for axis, x, ends in _centre(found)
         ]
     tables = [plain_table("", ("", ">value", ">95 % interval", "unit"), rows)]
     if (motors := found.motors) is not None:
@@ -173,11 +171,9 @@ def _payload_card(found: PayloadFit, told: dict[str, Any], verdict: str) -> Card
         return Card(tone="rough", word="No mass", use=verdict)
     motors, apart = found.motors, _disagreement(found)
     ends = found.intervals()[told["values"].index(told["mass"])]
-    centre, reach = found.centre()
     figures = [
         Figure(_of_width(x, own), f"centre of mass along {axis}", "m")
-        for axis, x, own in zip("xyz", centre, reach, strict=True)
-        if np.isfinite(x)
+        for axis, x, own in _centre(found)
     ]
     if motors is not None:
         span = f"{motors.values.min():.3g} to {motors.values.max():.3g}"
@@ -207,14 +203,16 @@ def _motors_said(found: PayloadFit) -> str:
     return f", on which motors disagree ({motors.values.min():.3g} to {motors.values.max():.3g} kg)"
 
 
+def _centre(found: PayloadFit) -> list[tuple[str, float, FloatArray]]:
+    """Axes that the forces tell, with the centre of mass and its interval along them."""
+    centre, reach = found.centre()
+    axes = zip("xyz", centre.tolist(), reach, strict=True)
+    return [(axis, x, ends) for axis, x, ends in axes if np.isfinite(x)]
+
+
 def _centre_said(found: PayloadFit) -> str:
     """Where the centre of mass is, along the axes that the forces tell."""
-    centre, reach = found.centre()
-    told = [
-        f"{axis} {_of_width(x, ends)}"
-        for axis, x, ends in zip("xyz", centre, reach, strict=True)
-        if np.isfinite(x)
-    ]
+    told = [f"{axis} {_of_width(x, ends)}" for axis, x, ends in _centre(found)]
     if not told:
         return "its centre is not told"
     return f"its centre is at {', '.join(told)} m in the link's frame"

@@ -11,14 +11,13 @@ from loopid.errors import counted
 from loopid.identification.identification import Identification
 from loopid.identification.information import WeakDirection
 from loopid.identification.prediction import Candidate, Prediction, prediction_reach
-from loopid.identification.result import Estimate, Fit
 from loopid.identification.saved import content
 from loopid.identification.term_sets import TermComparison
 from loopid.identification.unseen import WHERE
 from loopid.identification.verdict import GOOD, NOT_FIT, ROUGH, Verdict
 from loopid.logs.recording import Recording
 from loopid.numbers import interval, number, root, with_error
-from loopid.parameters import KINDS, Parameter
+from loopid.parameters import KINDS
 from loopid.plots.identified import (
     delays_chart,
     filter_chart,
@@ -33,9 +32,8 @@ from loopid.plots.identified import (
     used_chart,
     value_text,
 )
-from loopid.plots.pictures import forces_chart
+from loopid.plots.pictures import alone, forces_chart
 from loopid.plots.structure import force_unit, robot_chart
-from loopid.regressors.joint_laws import grouped
 from loopid.report.look import json_fields, json_value, plain_table, table_of
 from loopid.report.page import Card, Figure, Part, Report, Section, Tone
 
@@ -59,8 +57,9 @@ def identification_report(
     judged = found.verdict
     robot = found.force_model.robot
     rows = list[tuple[str, ...]]()
-    for each in _shown(found.fit):
-        value, error = _value_and_error(found.fit, each)
+    for each in alone(found.fit):
+        assumed = each.name in found.fit.assumed  # as in the robot file
+        value, error = with_error(each.value, 0.0 if assumed else each.standard_error)
         rows.append((each.name, value, "= file" if error == "-" else f"± {error}", each.unit))
     if len(rows) > 2 * SHOWN or any(" more" in row[0] for row in rows):
         left = len(rows) - SHOWN
@@ -173,7 +172,7 @@ def _sections(found: Identification, worst: str) -> Iterator[Section]:
     yield Section("Checks of the log", (*log, *_log_tables(found)), folded=True, short="Log")
     model: list[Part] = [terms_chart(found.term_sets)]
     model += [] if found.cutoff is None else [filter_chart(found.cutoff)]
-    model += [_candidates_table(found), _essential_table(found)]
+    model += [_candidates_table(found)]
     yield Section("Checks of the model", tuple(model), folded=True, short="Model")
     values = _estimates_table(found)
     yield Section("All values", (values,), folded=values.row_count > OPEN)
@@ -348,12 +347,6 @@ def _term_sets(found: TermComparison) -> list[dict[str, Any]]:
     ]
 
 
-def _value_and_error(fit: Fit, estimate: Estimate) -> tuple[str, str]:
-    """As they are shown; no error of what is as in the robot file."""
-    error = 0.0 if estimate.name in fit.assumed else estimate.standard_error
-    return with_error(estimate.value, error)
-
-
 def _estimates_table(found: Identification) -> Table:
     """All values of the recommended fit."""
     fit, model = found.fit, found.force_model
@@ -370,46 +363,23 @@ def _estimates_table(found: Identification) -> Table:
         ),
     }
     title = f"recommended: {found.recommended.name}, as in parameters.yaml"
-    return table_of(title, columns, _shown(fit))
+    return table_of(title, columns, alone(fit))
 
 
 def _clear(low: float, high: float) -> str:
     return "clear" if low > 0 or high < 0 else "not clear"
 
 
-def _shown(fit: Fit) -> list[Estimate]:
-    """Estimates without terms that the evidence sizes: the friction of each motor has these."""
-    shown = zip(fit.parameters, fit.estimates, strict=True)
-    return [one for each, one in shown if not grouped(each.kind)]
-
-
-def _essential_table(found: Identification) -> Table:
-    reduction = found.reduction
-    prior, joints = found.force_model.prior, set(found.force_model.joint_columns)
-    expressions = found.force_model.base.expressions
-    rows = (
-        (
-            expressions[column],
-            f"{estimate.value:.4g}",
-            f"{estimate.standard_error:.2g}",
-            f"{prior[column]:.4g}" if prior[column] or column not in joints else "-",
-            estimate.unit,
-        )
-        for column, estimate in zip(reduction.columns, reduction.result.estimates, strict=True)
-    )
-    columns = ("parameter", ">value", ">± std", ">robot file", "unit")
-    return plain_table("essential parameters; the others as in the robot file", columns, rows)
-
-
 def _robot_tables(found: Identification) -> list[Table]:
     """Masses, moments, rotors and friction of the recommended robot, and who tells them."""
     file = found.force_model.standard_prior.tolist()
-    known = dict(zip(found.force_model.base.parameters.labels, file, strict=True))
+    known = zip(found.force_model.base.parameters, file, strict=True)
+    bodies = {each.label: value for each, value in known if each.kind in KINDS}
     columns = {
         "parameter": "name",
         ">value": lambda each: with_error(each.value, each.standard_error)[0],
         ">95 % interval": lambda each: interval(*each.interval),
-        ">file": lambda each: number(known[each.name]) if _of_body(each) else "-",
+        ">file": lambda each: number(bodies[each.name]) if each.name in bodies else "-",
         "unit": "unit",
         "by": lambda each: "log" if each.told else "file",
     }
@@ -417,22 +387,14 @@ def _robot_tables(found: Identification) -> list[Table]:
     return [table_of(f"robot: {found.recommended.name}", columns, robot)] if robot else []
 
 
-def _of_body(estimate: Estimate) -> bool:
-    """Whether it is a parameter of a body."""
-    return Parameter.parse(estimate.name).kind in KINDS
-
-
 def _candidates_table(found: Identification) -> Table:
     """Errors on new data of the robot file, all parameters, the essential ones, and others."""
     columns = {
-        **{"fit": "name", ">fitted": "fitted", ">error over the file's": _over_file},
+        **{"fit": "name", ">fitted": "fitted"},
+        ">error over the file's": lambda each: " ± ".join(with_error(*root(*each.error_ratio))),
         "against the file": lambda each: _grade(each, found),
     }
     return table_of("other fits: errors on new data", columns, _candidates(found))
-
-
-def _over_file(each: Candidate) -> str:
-    return " ± ".join(with_error(*root(*each.error_ratio)))
 
 
 def _grade(each: Candidate, found: Identification) -> str:

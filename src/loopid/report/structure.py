@@ -42,7 +42,7 @@ def check_report(robot: Robot) -> Report:
     """What a robot is: joints, closures, mobility, distance to singularity."""
     found = check_record(robot)
     joints, *tables = check_tables(found)
-    signs = _wrong(robot, found)
+    signs = list(_wrong(robot, found))
     wrong = [_finding(text, do) for text, do in signs]
     closes = f"The robot closes its loops to {found['closure_residual']:.1e} m"
     first = "".join(f"{text}{f': {do}' * bool(do)}" for text, do in signs[:1])
@@ -102,56 +102,41 @@ def _finding(text: str, do: str) -> Finding:
     return Finding("warning", title, "".join(why), do)
 
 
-def _wrong(robot: Robot, found: dict[str, Any]) -> list[tuple[str, str]]:
+def _wrong(robot: Robot, found: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """What is wrong with a robot, or looks like it, the most important first, and what to do."""
     held, floating = found["held_motors"], robot.coordinates_of(robot.floating)
     free = [name for name in found["undetermined"] if name not in floating]
     extra = [name for name in found["redundant_actuation"] if name not in held]
-    said = list[tuple[str, str]]()
     if not found["motors_known"] and found["closures"]:
-        said.append(
-            (
-                "no file says which joints have motors, so that all "
-                f"{len(found['actuated'])} count",
-                "list them as 'name_mot' in a YAML beside it",
-            )
+        count = f"all {len(found['actuated'])} count"
+        yield (
+            f"no file says which joints have motors, so that {count}",
+            "list them as 'name_mot' in a YAML beside it",
         )
     if held:
-        said.append(
-            (
-                f"loops do not let motors {shortened(held)} move",
-                "look where the frames of their closures are",
-            )
-        )
+        text = f"loops do not let motors {shortened(held)} move"
+        yield text, "look where the frames of their closures are"
     if extra:
-        said.append(
-            (
-                f"it has {_freedoms(found)}",
-                f"where {shortened(extra)} have none, leave them out of 'name_mot', and where a "
-                "closure has too many rows, choose another type: a pin is a hinge, a ball 3d",
-            )
+        yield (
+            f"it has {_freedoms(found)}",
+            f"where {shortened(extra)} have none, leave them out of 'name_mot', and where a "
+            "closure has too many rows, choose another type: a pin is a hinge, a ball 3d",
         )
-    said += [(text, "") for text in found["undeclared_loops"]]
-    said += [("its reference is singular", "")] if found["singular_reference"] else []
-    said += [("its reference is near a singularity", "")] if found["near_singularity"] else []
+    yield from ((text, "") for text in found["undeclared_loops"])
+    if found["singular_reference"]:
+        yield "its reference is singular", ""
+    if found["near_singularity"]:
+        yield "its reference is near a singularity", ""
     if free:
-        said.append(
-            (
-                f"the motors leave {shortened(free)} free",
-                "lock what does not move, and write what moves with a loop into 'closures'",
-            )
-        )
+        text = f"the motors leave {shortened(free)} free"
+        yield text, "lock what does not move, and write what moves with a loop into 'closures'"
     for closure in found["closures"]:  # even a flat loop feels two
         if closure["rank"] < LEAST_RANK < closure["rows"]:
-            said.append(
-                (
-                    f"the loop hardly feels closure {closure['name']}, {closure['rank']} of its "
-                    f"{closure['rows']} rows ({closure['type']})",
-                    "look at its frames, its axes and its type",
-                )
-            )
-    said += [(f"no solid body is like {text}", "") for text in found["inertia_defects"]]
-    return [*said, *((text, "") for text in found["odd_masses"])]
+            felt = f"{closure['rank']} of its {closure['rows']} rows ({closure['type']})"
+            text = f"the loop hardly feels closure {closure['name']}, {felt}"
+            yield text, "look at its frames, its axes and its type"
+    yield from ((f"no solid body is like {text}", "") for text in found["inertia_defects"])
+    yield from ((text, "") for text in found["odd_masses"])
 
 
 def check_record(robot: Robot) -> dict[str, Any]:
