@@ -104,7 +104,7 @@ class MissingExtraError(LoopidError, ImportError):
 
 
 class FileError(LoopidError, OSError):
-    """A file is not there, or cannot be written where it was asked for."""
+    """A file is not there, or cannot be written there."""
 
 
 class RobotFileError(LoopidError, ValueError):
@@ -124,15 +124,15 @@ class SingularityError(LoopidError, ArithmeticError):
 
 
 class DataError(LoopidError, ValueError):
-    """Values have the wrong shape, are not finite, or are none that anything could have."""
+    """Values have the wrong shape, are not finite, or physically impossible."""
 
 
 class RankError(LoopidError, ArithmeticError):
-    """A rank cannot be told from round-off."""
+    """A rank cannot be separated from round-off."""
 
 
 class LogError(LoopidError, ValueError):
-    """A log cannot be read, or not as what it is said to be."""
+    """A log cannot be read, or does not match its declared format."""
 
 
 @contextmanager
@@ -150,7 +150,7 @@ class ModelWarning(UserWarning):
 
 
 class DataWarning(UserWarning):
-    """Data are left out, look wrong, or tell little of a parameter."""
+    """Data are left out, look wrong, or determine a parameter badly."""
 
 
 class AccuracyWarning(UserWarning):

@@ -132,7 +132,7 @@ def count_unpacked(path: Path, ceiling: Ceiling) -> None:
     with path.open("rb") as file:
         if file.peek(2).startswith(b"\x1f\x8b"):
             try:
-                # The end tells the size of the last part modulo 2³²: most bombs are told at once.
+                # The end states the size of the last part modulo 2³²: most bombs are found at once.
                 file.seek(-min(GZIP_SIZE, ceiling.stored), os.SEEK_END)
                 Ceiling(path, ceiling.ratio, ceiling.way_out).count(
                     int.from_bytes(file.read(GZIP_SIZE), "little")

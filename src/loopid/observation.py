@@ -244,7 +244,7 @@ def _touched(matrix: FloatArray) -> BoolArray:
 
 
 def _updated(factor: FloatArray, matrix: FloatArray) -> FloatArray:
-    """The factor (n, n) of what a factor stands for and of a matrix (m, n)."""
+    """A factor (n, n) updated with the rows of a matrix (m, n)."""
     width, factor = len(factor), np.asfortranarray(factor)
     step, panel = max(ROWS, width), min(max(PANEL, width // PANEL_PART), width)
     for start in range(0, len(matrix), step):

@@ -15,7 +15,7 @@ Entry = TypeVar("Entry")
 class Registry(Mapping[str, Entry], Generic[Entry]):
     """Entries by name, in the order in which they were registered.
 
-    An entry may be given as ``"module:name"``; it is imported when it is first asked for.
+    An entry may be given as ``"module:name"``; it is imported when it is first used.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
 def exchanged(table: dict[str, Any], **entries: Any) -> Iterator[None]:
     """Exchange entries of another library's table, such as the names in a module, for a while.
 
-    For libraries that cannot be told otherwise. Entries that were not there are removed again.
+    For libraries that take no argument for it. Entries that were not there are removed again.
     """
     before = {name: table[name] for name in entries if name in table}
     table.update(entries)

@@ -188,7 +188,7 @@ def test_free_coordinates_are_named_and_can_be_locked(run, run_json, write):
     assert locked["undetermined"] == []
     assert {"ball_X", "ball_Y"} <= {joint["name"] for joint in locked["joints"]}
     # At rest: two first moments of the rocker, and two of the rod across its length. The crank's
-    # axis is upright. All of them are felt however the rod is stopped.
+    # axis is upright. All of them have an effect however the rod is stopped.
     ranks = [run_json("base", file, *lock)["rank"] for lock in ((), ("--lock", "ball.wz"))]
     assert ranks == [4, 4]
 
@@ -204,7 +204,9 @@ def test_motors_may_feel_no_weight(run, run_json, write_urdf, model, ranks):
     record = run_json("base", file, "--model", model)
     alone = record["motors_alone"]
     assert (record["rank"], alone and alone["rank"]) == ranks
-    said = summary(run("base", file, "--model", model, "--verbose").out, "felt by the motors alone")
+    said = summary(
+        run("base", file, "--model", model, "--verbose").out, "sensed by the motors alone"
+    )
     assert said.startswith("no parameter: only rows '= 0'") == (alone is None)
 
 
@@ -411,7 +413,7 @@ def test_a_loop_that_its_closure_hardly_takes_part_in_comes_before_thin_rods(run
     )
     told = run("check", tmp_path / "sliders.yaml").out
     said = " ".join(told.split())
-    assert "Look at this first: the loop hardly feels closure" in said
+    assert "Look at this first: the loop hardly depends on closure" in said
     assert "1 of its 6 rows (6d): look at its frames" in said
     assert "1 degree of freedom for 1 motor" in said
     assert "1 degrees" not in said
@@ -420,4 +422,4 @@ def test_a_loop_that_its_closure_hardly_takes_part_in_comes_before_thin_rods(run
 def test_loops_that_are_as_they_should_be_are_no_news(linkage):
     for name in LINKAGES:
         said = check_report(linkage(name)).verdict
-        assert "the loop feels" not in said, name
+        assert "hardly depends on" not in said, name

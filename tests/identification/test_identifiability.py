@@ -183,7 +183,7 @@ def test_a_motor_of_few_rows_leaves_what_it_cannot_tell_to_the_robot_file(crank_
     found = fit_excited(samples, model.prior, excitation)
     assert 0 < len(found.assumed) < len(found.values)
     assert abs(found["right_crank_joint.Fc"].value) < 0.05
-    with pytest.warns(DataWarning, match=re.escape(f"do not tell all of {found.assumed[0]}")):
+    with pytest.warns(DataWarning, match=re.escape(f"do not determine all of {found.assumed[0]}")):
         fit_all(model, samples, identifiability(model, samples))
     options = FitOptions(unidentifiable="error")
     with pytest.raises((DataError, RankError)):

@@ -687,7 +687,7 @@ OF_FITS = {
             loopid.Dynamics(forces(model="full")), 0.01, frame="rocker", noise=0.1
         ),
     ),
-    "values that are not told yet": (
+    "values that are not determined yet": (
         lambda _: RecursiveLeastSquares(np.zeros(2), None, np.ones(1)).covariance,
         "begin with a covariance",
         lambda _: RecursiveLeastSquares(np.zeros(2), np.eye(2), np.ones(1)).covariance,

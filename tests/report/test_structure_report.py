@@ -112,7 +112,7 @@ def test_terms_rebuild_the_matrix(knee, base):
         assert list(row) == [parameter["terms"].get(label, 0.0) for label in labels]
 
 
-def test_what_the_motors_alone_feel_stands_beside_all_that_is_felt(tmp_path):
+def test_what_the_motors_alone_sense_stands_beside_all_that_has_an_effect(tmp_path):
     """The free spin of a rod in ball joints has a row "= 0", which no motor feels."""
     for name, text in zip(("robot.urdf", "robot.yaml"), files(*rssr("SPHERICAL")), strict=True):
         (tmp_path / name).write_text(text)
@@ -130,9 +130,9 @@ def test_what_the_motors_alone_feel_stands_beside_all_that_is_felt(tmp_path):
     sums = [row["expression"] for row in record["motors_alone"]["base_parameters"]]
     assert sums == list(alone.expressions)
     titles = [str(table.title) for table in base_tables(record)]
-    assert "what the motors alone feel" in titles
+    assert "what the motors alone sense" in titles
     findings = [str(cell) for cell in base_tables(record)[-1].columns[0].cells]
-    assert "felt by the motors alone" in findings
+    assert "sensed by the motors alone" in findings
 
 
 def test_without_free_coordinates_the_motors_feel_all(knee, base):

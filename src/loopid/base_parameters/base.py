@@ -314,7 +314,7 @@ def find_felt_parameters(
     criterion: str = "nullspace",
     options: SearchOptions | None = None,
 ) -> tuple[BaseParameters, BaseParameters | None]:
-    """Find the base parameters, and those that the motors alone feel, within one time limit.
+    """Find the base parameters, and those that the motors alone sense, within one time limit.
 
     Parameters
     ----------
@@ -326,7 +326,7 @@ def find_felt_parameters(
     base : BaseParameters
         Of all rows: forces of the motors, and "= 0" of coordinates that they leave free.
     motors_alone : BaseParameters or None
-        What the motors alone feel; None without free coordinates, or where they feel nothing.
+        What the motors alone sense; None without free coordinates, or where it is nothing.
 
     Raises
     ------

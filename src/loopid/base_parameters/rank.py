@@ -37,7 +37,7 @@ CHANGE, DRAWS = 0.02, 8
 # They are tried where the least singular value that is not round-off is below so many times the
 # accuracy of the file, over the characteristic length, and below a part of the largest.
 REACH, FARTHEST = 1e3, 1e-2
-# Where the file does not tell its accuracy, they are tried where that value is fainter, with
+# Where the file does not state its accuracy, they are tried where that value is fainter, with
 # lengths presumed to be off by a part of the characteristic length.
 FAINT, PRESUMED = 1e-5, 1e-6
 CLEAR = (
@@ -160,7 +160,7 @@ def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
     if rank == observation.rows < len(columns):
         raise RankError(
             f"the rank may be larger: it equals the number of rows, {rank}, so more samples are "
-            f"needed to tell how many of the {len(columns)} parameters are independent",
+            f"needed to decide how many of the {len(columns)} parameters are independent",
             rank=rank,
             parameters=len(columns),
         )
@@ -169,7 +169,7 @@ def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
     if last > rank:
         forces = values[rank:last, None] * directions[rank:last]
         doubtful = _combinations(observation, forces, scales, source)
-        # Nothing that counts is felt of columns so much shorter than what counts.
+        # Columns have no effect that counts where they are so much shorter than what counts.
         shortest = sizes[0] * min(np.sqrt(values[rank - 1] * below), SHORT * values[rank - 1])
         felt = norms > shortest
     some = ~felt & (norms > SHORTEST * largest)
@@ -241,7 +241,7 @@ def _common_units(
 
 
 def _spanned(matrix: FloatArray, felt: BoolArray, short: BoolArray, rank: int) -> BoolArray:
-    """Which of some short columns (p,) of a matrix (m, p) lie in the span of those that are felt.
+    """Which of some short columns (p,) of a matrix (m, p) lie in the span of those with an effect.
 
     Round-off does not: however short they are, they have an effect.
     """

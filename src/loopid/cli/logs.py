@@ -37,7 +37,7 @@ CUTOFF = Option(
 )
 AUTOMATIC_TERMS = Option(
     "auto",
-    help=f"{TERMS[:-1]}; auto: the usual ones, and what LOG asks for.",
+    help=f"{TERMS[:-1]}; auto: the usual ones, and what LOG needs.",
     autocompletion=completion.terms,
 )
 ROWS = Option(None, metavar="M:N", help="Rows of each LOG to use, counted from 1.")
@@ -57,7 +57,7 @@ def identify(
     estimator: str = Option("wls", help="wls, ols, bisquare or iv (with --reference)."),
     unidentifiable: str = Option(
         "prior",
-        help="What LOG does not excite: as in the robot file (prior), or an error.",
+        help="Unexcited parameters: keep the robot file's values (prior), or an error.",
     ),
     reference: list[str] | None = Option(
         None, metavar="LOG", help="For iv: commanded positions, one for each LOG, in order."
@@ -124,7 +124,7 @@ MOST_WANTED = 5  # parameters that a command names; of more, the motion is for a
 def excite_command(
     found: Identification, logs: Sequence[str] = ("LOG",), mapping: str | None = None
 ) -> str:
-    """``loopid excite`` for a robot as it was loaded, and what the logs tell little of."""
+    """``loopid excite`` for a robot as it was loaded, and what the logs determine badly."""
     from loopid.loading.files import bundled_directory
 
     model = found.force_model

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from loopid.findings import Finding
     from loopid.report.page import Report
 
-MOST_SAID = 5  # findings that are shown without being asked for
-WIDTH = 80  # columns of a table where the terminal tells none, as by COLUMNS=0
+MOST_SAID = 5  # findings that are shown without ``--verbose``
+WIDTH = 80  # columns of a table where the terminal gives none, as by COLUMNS=0
 
 
 class Command(TyperCommand):
@@ -187,7 +187,7 @@ class Answer:
 
 
 def in_words(findings: Sequence[Finding], verbose: bool) -> list[str]:
-    """Mistakes and warnings, the most important first; if asked for, all with their evidence."""
+    """Mistakes and warnings, the most important first; if required, all with their evidence."""
     if verbose:
         return [f"{each.severity}: {each}" for each in findings]
     serious = [each for each in findings if each.severity != "note"]

@@ -43,7 +43,7 @@ class Law(Protocol):
     """What gives forces."""
 
     def force(self, signals: Signals, reference: Reference) -> FloatArray:
-        """Forces (dof,) of the motors in N or N m, asked for once a sample."""
+        """Forces (dof,) of the motors in N or N m, computed once a sample."""
         ...  # pragma: no cover
 
 

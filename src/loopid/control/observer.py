@@ -42,12 +42,12 @@ class WrenchEstimate:
     sensitivity : FloatArray
         (dof, n), D: how the residual depends on the values of the dynamics.
     wrench, wrench_covariance : FloatArray
-        (6,) and (6, 6): the least one that explains the residual, without what no motor feels.
+        (6,) and (6, 6): the least one that explains the residual, without what no motor senses.
     floor : FloatArray
         (6,), what a component must be, alone and lasting, to raise an alarm on 97.5 % of the
-        occasions; infinite where no motor feels it.
+        occasions; infinite where no motor senses it.
     unseen : FloatArray
-        (6, k), wrenches that no motor feels: forces, and moments over the robot's length.
+        (6, k), wrenches that no motor senses: forces, and moments over the robot's length.
     standing : BoolArray
         (dof,), motors whose friction may be anything up to Coulomb's.
     statistic, threshold : float
@@ -72,7 +72,7 @@ class WrenchEstimate:
 
     @property
     def unseen_components(self) -> tuple[str, ...]:
-        """Components that no motor feels."""
+        """Components that no motor senses."""
         return tuple(np.array(COMPONENTS)[~np.isfinite(self.floor)].tolist())
 
 

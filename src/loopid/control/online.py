@@ -33,7 +33,7 @@ class RecursiveLeastSquares:
     values : FloatArray
         (n,), to begin with.
     covariance : FloatArray or None
-        (n, n) of these; None where nothing is known, and the data alone are to tell.
+        (n, n) of these; None where nothing is known, and the data alone determine them.
     deviations : FloatArray
         (dof,), standard deviations of the forces in N or N m.
     forgetting : "none", "exponential" or "directional"
@@ -98,7 +98,7 @@ class RecursiveLeastSquares:
         Raises
         ------
         RankError
-            When the data do not tell all of them, and nothing was known before.
+            When the data do not determine all of them, and nothing was known before.
         """
         R = self._told()
         return np.asarray(solve_triangular(R, self._work[: self._n, self._n], check_finite=False))
@@ -145,8 +145,8 @@ class RecursiveLeastSquares:
         own = np.abs(R.diagonal())
         if missing := int((own <= np.finfo(float).eps * own.max()).sum()):
             raise RankError(
-                f"{missing} of {self._n} values are not told yet: begin with a covariance, or with "
-                "more samples"
+                f"{missing} of {self._n} values are not determined yet: begin with a covariance, "
+                "or with more samples"
             )
         return R
 

@@ -109,7 +109,7 @@ class ControlLoop:
     external : FloatArray
         (dof,), forces from outside on the independent coordinates, to be set at will.
     signals : Signals
-        What the controller was told last.
+        The last inputs of the controller.
 
     Raises
     ------

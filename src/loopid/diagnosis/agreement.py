@@ -1,4 +1,4 @@
-"""Whether fits of two logs of one robot agree: what tells honest intervals without any truth.
+"""Whether fits of two logs of one robot agree: a test of intervals without any truth.
 
 Logs are independent, so that the variance of a difference is the sum of both variances. What is
 known of it has the degrees of freedom of [Welch1947]. The robot file, which both fits may weigh,

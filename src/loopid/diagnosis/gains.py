@@ -6,7 +6,7 @@ g_i = 1 / s_i. The known mass is part of δ; all that is not known of Φ, δ and
 [Gautier2014] by Gauss-Newton steps. The currents, which are noisy, stand on the left alone: on the
 right, as columns of a least squares for g_i, their noise would make all gains too small.
 
-Read the other way round, gains that are known tell the mass: with any other mass, s is as many
+Read the other way round, known gains determine the mass: with any other mass, s is as many
 times as large, so that m s_i is the mass by motor i alone.
 """
 
@@ -40,9 +40,9 @@ from loopid.records import record
 # Relative change of the scales at which steps end, how many there are at most, and the change at
 # which scales count as found after these.
 CONVERGED, MOST_STEPS, SETTLED = 1e-9, 50, 1e-6
-# Part of a motor's scale in what no force depends on, from which the motor does not tell its gain.
+# Part of a motor's scale in what no force depends on, from which its gain is undetermined.
 INVOLVED = 1e-3
-# Half of a gain's 95 % interval, in parts of it, from which a motor does not tell it.
+# Half of a gain's 95 % interval, in parts of it, from which it is undetermined.
 WIDEST = 0.5
 
 
@@ -102,7 +102,7 @@ class GainFit:
     Attributes
     ----------
     actuators : tuple of str
-        The m motors that tell their gains.
+        The m motors whose gains are determined.
     gains : FloatArray
         (m,); multiply ``force_scale`` of the log's mapping by them.
     covariance : FloatArray
@@ -110,7 +110,7 @@ class GainFit:
     degrees_of_freedom : float
         Of the intervals.
     untold : tuple of str
-        Motors that do not tell their gains: their forces do not depend on robot and load, or
+        Motors whose gains are undetermined: their forces do not depend on robot and load, or
         hardly.
     """
 
@@ -136,7 +136,7 @@ class GainFit:
     ) -> LogMapping:
         """The mapping by which the logs of recordings are read with these gains.
 
-        Its ``content`` is that of a mapping file. Motors that do not tell their gains keep them.
+        Its ``content`` is that of a mapping file. Motors whose gains are undetermined keep them.
 
         Parameters
         ----------
@@ -160,7 +160,7 @@ class GainFit:
     def __repr__(self) -> str:
         told = zip(self.actuators, self.gains, self.intervals(), strict=True)
         lines = [f"  {n}: {gain:.4f} [{low:.4f} ... {high:.4f}]" for n, gain, (low, high) in told]
-        lines += [f"  {name}: untold" for name in self.untold]
+        lines += [f"  {name}: undetermined" for name in self.untold]
         return "\n".join(["GainFit, true force over logged force:", *lines[:9]])
 
 
@@ -195,7 +195,7 @@ def drive_gains(
     OptionError
         When the robot has no body of that name, or motors that depend on each other.
     RankError
-        When no motor tells its gain.
+        When no gain is determined.
     DataError
         When a gain is negative.
 
@@ -220,7 +220,7 @@ def drive_gains(
     found = motor_scales(runs, load.parameters[: len(runs.kinds)], estimator)
     if not found.actuators:
         known, advice = ("mass", ": give its centre") if load.centre is None else ("load", "")
-        raise RankError(f"no force of a motor tells what the known {known} on {link} does{advice}")
+        raise RankError(f"no force of a motor shows what the known {known} on {link} does{advice}")
     s = found.values
     covariance = found.covariance / np.outer(s**2, s**2)
     return GainFit(found.actuators, 1 / s, covariance, found.degrees_of_freedom, found.untold)
@@ -233,7 +233,7 @@ class MotorNumbers:
     Attributes
     ----------
     actuators : tuple of str
-        The m motors that tell it.
+        The m motors that determine it.
     values, covariance : FloatArray
         (m,) and (m, m).
     degrees_of_freedom : float

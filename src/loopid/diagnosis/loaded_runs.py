@@ -62,7 +62,7 @@ class LoadedRuns:
         *,
         estimator: str = "wls",
     ) -> LoadedRuns:
-        """Prepare recordings as ``identify`` does: all by what those without the load tell."""
+        """Prepare recordings as ``identify`` does: all by those without the load."""
         if not unloaded or not loaded:
             raise DataError("a load takes recordings without it, and others with it")
         _columns(force_model, link)
@@ -121,7 +121,7 @@ class LoadedRuns:
 
 
 def _plain_fit(force_model: ForceModel, data: FitSamples, estimator: str) -> Fit:
-    """All that no prior needs to tell apart; elsewhere as in the robot file."""
+    """All that is identifiable without a prior; elsewhere as in the robot file."""
     plain = data.select(force_model.plain_columns)
     prior, excitation = force_model.prior, Excitation.of(force_model, plain.problem)
     return fit_excited(plain, prior[force_model.plain_columns], excitation, estimator=estimator)

@@ -14,7 +14,7 @@ from loopid.records import record
 from loopid.regressors.structural import LEAST_SAMPLES, structural_observation
 from loopid.robot.robot import AssemblyMode, Robot
 
-ROWS_PER_COLUMN = 1.5  # of observations that only tell a rank
+ROWS_PER_COLUMN = 1.5  # of observations for a rank alone
 # Parts of the limits that poses are from: all, as for base parameters; less where these do not
 # close, or show no gap.
 SPREADS = (1.0, 0.05)

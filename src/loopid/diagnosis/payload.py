@@ -112,13 +112,13 @@ class PayloadFit:
     link : str
         That the payload was fixed to; moments are about its origin, along its axes.
     base : BaseParameters
-        Of the payload: which combinations of its parameters can be told from the forces.
+        Of the payload: which combinations of its parameters are identifiable.
     fit : Fit
         Of these combinations; its quality is that of robot and payload in all runs.
     standard_parameters : FloatArray
         (4,) or (10,), of the most likely solid body with these.
     motors : MotorMasses or None
-        The mass by each motor; None where the forces do not tell it, or motors depend on each
+        The mass by each motor; None where the forces do not determine it, or motors depend on each
         other.
     """
 
@@ -130,7 +130,7 @@ class PayloadFit:
 
     @property
     def parameters(self) -> ParameterSet:
-        """Leading parameter of each combination that can be told."""
+        """Leading parameter of each identifiable combination."""
         return self.fit.parameters
 
     @property
@@ -154,19 +154,19 @@ class PayloadFit:
         Raises
         ------
         RankError
-            When the forces tell it only together with other parameters.
+            When it is identifiable only together with other parameters.
         """
         return float(self.values[self._alone()["m"]])
 
     def centre(self, level: float = 0.95) -> tuple[FloatArray, FloatArray]:
         """Centre of mass (3,) in the link's frame in m, and its confidence intervals (3, 2).
 
-        To first order in the errors; NaN along axes that the forces do not tell.
+        To first order in the errors; NaN along axes where it is undetermined.
 
         Raises
         ------
         RankError
-            When the forces tell the mass only together with other parameters.
+            When the mass is identifiable only together with other parameters.
         """
         alone, centre, reach = self._alone(), np.full(3, np.nan), np.full(3, np.nan)
         mass, freedom = self.mass, self.fit.degrees_of_freedom
@@ -180,11 +180,11 @@ class PayloadFit:
         return frozen(centre), frozen(np.stack([centre - reach, centre + reach], axis=1))
 
     def _alone(self) -> dict[str, int]:
-        """Rows, by kind, of parameters that are told alone; the mass has to be one."""
+        """Rows, by kind, of parameters that are identifiable alone; the mass has to be one."""
         rows = _alone(self.base)
         if "m" not in rows:
             raise RankError(
-                f"the forces do not tell the mass of a payload on {self.link} alone: they tell "
+                f"the forces do not determine the mass of a payload on {self.link} alone, but "
                 f"{', '.join(self.base.expressions)}"
             )
         return rows
@@ -222,7 +222,7 @@ def identify_payload(
     Parameters
     ----------
     force_model : ForceModel
-        ``"gravity"`` tells mass and first moments, ``"full"`` inertias too.
+        ``"gravity"`` determines mass and first moments, ``"full"`` inertias too.
     link : str
         A body of the robot.
     unloaded, loaded : sequence of Recording
@@ -288,7 +288,7 @@ def identify_payload(
 
 
 def _payload_parameters(runs: LoadedRuns) -> BaseParameters:
-    """Which combinations of a payload's parameters the forces tell, in random states."""
+    """Identifiable combinations of a payload's parameters, in random states."""
     regressor, robot = runs.random_load, runs.force_model.robot
     if not regressor.any():
         raise RankError(f"no force of a motor depends on a payload on {runs.link}")
@@ -297,7 +297,7 @@ def _payload_parameters(runs: LoadedRuns) -> BaseParameters:
 
 
 def _alone(base: BaseParameters) -> dict[str, int]:
-    """Rows, by kind, of parameters that are told alone."""
+    """Rows, by kind, of parameters that are identifiable alone."""
     kinds = zip(base.parameters.select(base.base), base.terms, strict=True)
     return {parameter.kind: k for k, (parameter, terms) in enumerate(kinds) if len(terms) == 1}
 

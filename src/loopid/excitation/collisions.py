@@ -20,7 +20,7 @@ from loopid.robot.robot import Robot
 
 # Pairs of links that stay this part of the robot's length apart in random poses are not looked at.
 FAR = 0.1
-# Shapes of URDF, with the numbers that tell their size.
+# Shapes of URDF, with the numbers of their size.
 SIZES: dict[str, dict[str, int]] = {
     "box": {"size": 3},
     "cylinder": {"radius": 1, "length": 1},

@@ -41,7 +41,7 @@ from loopid.workers import one_blas_thread
 
 # Seconds of a motion, and sizes, where nothing else is said.
 DURATIONS, SIZES = {"gravity": 20.0, "full": 10.0}, {"fourier": 6, "spline": 10}
-# Random poses, by which margins, reaches and pairs of links are told.
+# Random poses, which decide margins, reaches and pairs of links.
 POSES = 128
 # Part of the largest force of a motor, below which another's is round-off.
 NO_FORCE = 1e-6
@@ -57,12 +57,12 @@ LEAST_GAIN = 1.01  # ratio of standard errors below which a design gained nothin
 
 @record
 class ExpectedFit:
-    """What a fit tells of z parameters.
+    """Accuracy of z parameters in a fit.
 
     Attributes
     ----------
     standard_errors : FloatArray
-        (z,), infinite where nothing tells a parameter.
+        (z,), infinite where a parameter is undetermined.
     spectrum : FloatArray
         (z,), singular values of the weighted observation, its columns scaled to length 1.
     """
@@ -156,7 +156,7 @@ class ExcitationDesign:
 
     @property
     def standard_errors(self) -> FloatArray:
-        """(z,) of the parameters by a fit of a run; infinite where nothing tells one."""
+        """(z,) of the parameters by a fit of a run; infinite where one is undetermined."""
         return self.expected.standard_errors
 
     @property
@@ -165,11 +165,11 @@ class ExcitationDesign:
         before, now = self.before.standard_errors, self.standard_errors
         known = np.isfinite(before) & np.isfinite(now) & (now > 0)
         if (np.isinf(before) & np.isfinite(now)).any():
-            return float("inf")  # something is told that was not
+            return float("inf")  # something is determined that was not
         return float(np.median(before[known] / now[known])) if known.any() else float("nan")
 
     def require_gain(self) -> None:
-        """Refuse a motion that tells no more than what there was before.
+        """Refuse a motion that adds no information.
 
         Raises
         ------
@@ -180,7 +180,7 @@ class ExcitationDesign:
             return
         earlier = "the logs alone do" if self.after_logs else "the first motion tried does"
         raise DataError(
-            f"no motion of {self.motion.duration:g} s was found that tells more than {earlier}: "
+            f"no motion of {self.motion.duration:g} s was found that shows more than {earlier}: "
             f"allow more evaluations={4 * max(self.evaluations, 1)}, or a longer "
             f"duration={2 * self.motion.duration:g}",
             given=self.gain,
@@ -239,7 +239,7 @@ def design_motion(
     AssemblyError
         Naming the bound that no pose of the robot keeps.
     MissingExtraError
-        When IPOPT is asked for and not installed.
+        When IPOPT is chosen and not installed.
 
     Warns
     -----
@@ -330,7 +330,7 @@ def _require_designable(
     robot = model.robot
     if robot.free:
         raise OptionError(
-            f"no motion of the motors tells what {', '.join(robot.free)} of {robot.name} "
+            f"no motion of the motors determines what {', '.join(robot.free)} of {robot.name} "
             f"do, which they leave free: load it with {lock_options(robot)}",
             free=robot.free,
         )
@@ -342,7 +342,7 @@ def _require_designable(
         )
     if options.shape == "poses" and (model.model != "gravity" or model.joint_terms):
         raise OptionError(
-            "standing in poses tells the gravity model without joint terms only: use "
+            "standing in poses identifies the gravity model without joint terms only: use "
             "shape='fourier' or 'spline' here",
             given="poses",
             valid=("fourier", "spline"),
@@ -402,7 +402,7 @@ def _warn_of_unexcited(
 
 
 class Run(NamedTuple):
-    """A run of a motion, and what it tells with what there was before; see ``ExcitationDesign``."""
+    """A run of a motion, and its information with that from before; see ``ExcitationDesign``."""
 
     motion: Motion
     joint_motion: JointMotion
@@ -435,7 +435,7 @@ def _run(problem: Problem, X: FloatArray) -> Run:
 
 
 def _expected_fit(problem: Problem, motors: Motion, forces: FloatArray) -> ExpectedFit:
-    """What a log of the motors' positions and forces (N, motors) will tell.
+    """Information in a log of the motors' positions and forces (N, motors).
 
     The log that the run would give without errors is prepared as any log is: filtered, cut at both
     ends, thinned out, and without the motors that stand. Weighted least squares of its samples X,

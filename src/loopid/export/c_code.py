@@ -31,7 +31,7 @@ LONGEST_NAME = 60  # of files and functions that are named after the robot
 LONGEST_TEXT = 4000  # bytes: C99 promises strings of 4095
 CLOSED = 1e-9  # m
 SHORTEST_PART = 2.0**-16  # of the way from the reference, before it is given up
-# Ways of the motors, in rad or characteristic lengths; the header tells a quarter of what C bears,
+# Ways of the motors, in rad or robot lengths; the header states a quarter of the tested range,
 # to and fro along the direction that moves the others most, at the worst of random poses.
 WAYS = [float(f"{digit}e{power}") for power in range(-6, 0) for digit in (1, 2, 5)]
 NEWTON_STEPS, POSES, WORST = 3, 100, 20

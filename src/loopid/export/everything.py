@@ -25,7 +25,7 @@ def export_fit(
     overwrite: bool = False,
     anyway: bool = False,
 ) -> list[Path]:
-    """Write what is asked for; all that may be refused is found out before the first file.
+    """Write what is required; all that may be refused is found out before the first file.
 
     Parameters
     ----------
@@ -47,9 +47,9 @@ def export_fit(
     Raises
     ------
     OptionError
-        When nothing is asked for, or the fit is not fit for use.
+        When nothing is required, or the fit is not fit for use.
     DataError
-        When a robot file is asked for, and the fit has no bodies.
+        When a robot file is required, and the fit has no bodies.
 
     Warns
     -----

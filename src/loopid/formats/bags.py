@@ -121,7 +121,7 @@ class BagFormat(LogFormat):
         return filled
 
     def _chosen(self, topics: Mapping[str, Any]) -> dict[str, int]:
-        """Topics with joint states, or the one that is asked for, and how many messages."""
+        """Topics with joint states, or the one that is required, and how many messages."""
         counts = {n: topic.msgcount for n, topic in topics.items() if topic.msgtype == JOINT_STATE}
         if not counts:
             listed = [f"{n} ({t.msgtype or 'several types'})" for n, t in topics.items()]

@@ -61,7 +61,7 @@ class Hdf5Format(ArrayFormat):
         return streams
 
     def _chosen(self, file: h5py.File) -> h5py.Group:
-        """The group that is asked for, or the whole file."""
+        """The group that is required, or the whole file."""
         import h5py
 
         if self.chosen is None:

@@ -324,7 +324,7 @@ def _coupling(lengths: Lengths, equality: int) -> ClosureDescription:
 
 
 class Lengths:
-    """Lengths of tendons as coordinates of their own, made where they are asked for."""
+    """Lengths of tendons as coordinates of their own, made where they are needed."""
 
     def __init__(self, scene: Scene, model: pin.Model) -> None:
         self.scene, self.model = scene, model

@@ -1,8 +1,8 @@
 """SDF, Gazebo's format: links placed in a model, joints between them, some of which close loops.
 
-A model is told as a URDF, whose reader does the rest. A link has its own axes there, and its origin
-on the joint that carries it. Joints that lead to a link which is reached already close a loop, as
-the file is drawn.
+A model is rewritten as a URDF, whose reader does the rest. A link has its own axes there, and its
+origin on the joint that carries it. Joints that lead to a link which is reached already close a
+loop, as the file is drawn.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ if TYPE_CHECKING:  # slow to import, and only needed to read a log
     import polars
 
 ENDINGS = (".csv", ".txt", ".tsv")
-LEAST_LINES = 4  # that tell how a text is written, where they are long
+LEAST_LINES = 4  # that decide how a text is written, where they are long
 MOST_COLUMNS = 10_000
 COMMENTS = ("#", "%")
 # Of separators that do equally well, the first is taken; None is any space.

@@ -18,13 +18,13 @@ least squares [Lawson1974, ch. 23].
 
 The deviations are those under which the data are most likely, by MacKay's fixed point
 [MacKay1992]. Those of single bodies scatter about a common s as 1 / s_i² ~ Gamma(ν / 2, ν s² / 2):
-a body that is far off does not loosen the others. With γ_i of the ten parameters of a body told by
-the data and d_i = 2 D(P_i | P⁰_i),
+a body that is far off does not loosen the others. With γ_i of the ten parameters of a body
+determined by the data and d_i = 2 D(P_i | P⁰_i),
 
     s_i² = (ν s² + d_i) / (ν + γ_i)  and  Σ_i (d_i - γ_i s²) / (ν s² + d_i) = 0.
 
 A group of joint terms, such as the points of a friction curve, has one deviation σ, found in the
-same fixed point: with u the terms in units of σ and γ the number of them that the data tell,
+same fixed point: with u the terms in units of σ and γ the number of them that the data determine,
 σ² = |σ u|² / γ. Where the data ask for none, σ falls to its least and the terms with it.
 
 The inverse Hessian is the covariance (Laplace). What of a variance rests on the file is known with
@@ -67,7 +67,7 @@ CONSISTENT = "consistent"
 # the common one: few let a body be far off while the others are right.
 FARTHEST, NU = 3.0, 4.0
 # Deviation of a joint term of which nothing is known, in values that would make all of the force:
-# so large that only terms without an effect in the data feel it.
+# so large that only terms without an effect in the data depend on it.
 FLAT = 10.0
 # Errors of forces, relative to their root mean square, that are round-off. Deviation of bodies
 # without any mass in the file, which stay without, in sizes of light bodies.
@@ -85,8 +85,8 @@ class ConsistentOptions:
     ----------
     deviations : tuple of float
         Least and largest deviation of the file as a whole that the data may choose, in parts of its
-        bodies. The least is not less because the evidence averages over ten parameters a body: of
-        a body that is but heavier, most are right.
+        bodies. The least is bounded: the evidence averages over ten parameters a body, and a
+        wrong mass spoils one of them.
 
     Raises
     ------
@@ -432,7 +432,7 @@ class _Step:
 
     @property
     def told(self) -> FloatArray:
-        """How much of each z the data tell, from 0 to 1."""
+        """How much of each z the data determine, from 0 to 1."""
         return np.asarray(np.maximum(1.0 - (self._root**2).sum(axis=1), 0.0))
 
     def covariance(self, rows: FloatArray) -> FloatArray:
@@ -635,7 +635,7 @@ def _approached(program: _Program, state: _State) -> _State:
 
 
 def _told(program: _Program, told: FloatArray) -> FloatArray:
-    """How many of the ten parameters of each body the data tell, (b,), of all z."""
+    """How many of the ten parameters of each body the data determine, (b,), of all z."""
     bodies = told[: WIDTH * len(program.file)]
     return np.asarray(bodies.reshape(-1, WIDTH).sum(axis=1))
 
@@ -732,7 +732,7 @@ def _robot_uncertainty(
         parameters=force_model.base.parameters,
         gain=gain,
         beside=np.maximum((spread * T).sum(axis=1) - (gain * both).sum(axis=1), 0.0),
-        # What no force depends on only the file tells, though it goes with its body.
+        # What no force depends on only the file gives, though it goes with its body.
         file=np.where(M.any(axis=0), (T**2).sum(axis=1), 0.0),
         degrees_of_freedom=_freedom(program, state, T),
     )
@@ -795,7 +795,7 @@ def _freedom(program: _Program, state: _State, told: FloatArray) -> FloatArray:
 
 
 # Of the mean mass: what a body has that the file gives a size but no mass; of the robot's length:
-# the radius of bodies of which the file tells none.
+# the radius of bodies of which the file gives none.
 LEAST_MASS, LEAST_REACH = 0.01, 0.1
 
 
@@ -826,7 +826,7 @@ def warn_of_bodies(force_model: ForceModel, found: Fit) -> None:
     if not force_model.has_masses:
         warn(
             f"the file of {name} gives no masses: of all bodies with the base parameters that the "
-            "data tell, those nearest to balls of 1 kg are taken",
+            "data determine, those nearest to balls of 1 kg are taken",
             ModelWarning,
         )
         return

@@ -284,7 +284,7 @@ class ErrorModel:
     Of weighted columns x (N, n), orthonormal over all actuators and zero where a sample is not
     used, weighted residuals (N,), the stretches' rows, and the least deviation of the errors.
     ``sums`` (n, n) is the covariance of Σ_t x_t e_t under the ``model`` of the errors e. One
-    actuator tells few combinations of all parameters: what is computed again and again is of those.
+    actuator determines few combinations of all parameters: repeated work is on those alone.
     """
 
     def __init__(

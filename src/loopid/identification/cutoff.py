@@ -108,7 +108,7 @@ BOUNDS = {
     ),
     "alone": (
         "only one cut-off was tried, {:.3g} Hz: the length of the log allows for no lower one, and "
-        "its rate for no higher one; a longer log would tell more"
+        "its rate for no higher one; a longer log would give more"
     ),
 }
 

@@ -14,9 +14,9 @@ forces by time, in a column a motor. Noise of positions is in these columns, too
 instruments for the derivatives of the measured forces [Janot2014]. Intervals allow for
 autocorrelated errors as all others do (``correlation.py``).
 
-What tells most of a delay is where friction changes sides, in a wide band, where there is most
+Most informative of a delay is where friction changes sides, in a wide band, where there is most
 noise of positions, too. The widest band that is looked at is that around which estimates change
-least (``cutoff.py``); narrower ones follow for as long as the interval shrinks and tells the same.
+least (``cutoff.py``); narrower ones follow for as long as the interval shrinks and agrees.
 """
 
 from __future__ import annotations
@@ -66,11 +66,11 @@ LONGEST, PART, TRIED = 0.25, 0.05, 51
 # Newton's method at most.
 ROUNDS, ITERATIONS = 2, 15
 # Singular value of the scaled regressor, relative to the largest, below which a combination of its
-# columns counts for nothing; the same of what a delay does beside them. Least error of the forces.
+# columns is ignored; the same of what a delay does beside them. Least error of the forces.
 KNOWN, PRECISION = 1e-6, 1e-8
 # Parts of time that count as recordings of their own. Errors of positions from a coarse encoder
-# gather where the motion turns back and friction jumps, which tells most of a delay: estimates
-# scatter between parts more than their autocorrelation lets expect.
+# gather where the motion turns back and friction jumps, which informs most of a delay: estimates
+# scatter between parts more than their autocorrelation predicts.
 BLOCKS = 20
 # Forces at most that are looked at in a band wider than the motion's: so many take a second. The
 # narrowest band, relative to that.
@@ -80,13 +80,13 @@ SLIP = 0.1
 # A delay is clear from so many steps of the log on, and so many times half of its 95 % interval;
 # of a motor that differs from the others, for which its delay is undone alone, so many times.
 LEAST, CLEAR, ALONE = 0.2, 2.0, 6.0
-# Half of an interval in s from which on it tells no delay that there could be: slow motions.
+# Half of an interval in s from which on it excludes no possible delay: slow motions.
 VAGUE = 0.05
-# Probability that delays of motors that agree seem to differ; the interval of the common one is
-# then wider by as much as they do.
+# False-alarm probability of the test that all motors share one delay; beyond it the interval
+# of the common one is wider by as much as they differ.
 CHANCE = 0.01
 # Deviation in s of delays, or a step of the log where that is less: so much is held for possible
-# where the data do not tell.
+# where the data do not determine it.
 USUAL = 0.01
 
 
@@ -101,7 +101,7 @@ class Delay:
     common : float
         In s, of all motors together; negative where positions are late.
     interval : tuple of float
-        Of 95 %; infinite where the recordings do not tell.
+        Of 95 %; infinite where it is undetermined.
     each : FloatArray
         (m,), of each motor by itself.
     intervals : FloatArray
@@ -310,7 +310,7 @@ def _moved(robot: Robot, recording: Recording, shifts: FloatArray) -> Recording:
     log, masks = recording.log.delayed(shifts), recording.masks or MaskOptions()
     force, used = _Run(robot, recording).force(shifts)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # told when it was prepared
+        warnings.simplefilter("ignore")  # given when it was prepared
         limits = saturation_of(robot, recording.log, masks)
     if np.isfinite(limits).any():
         rows = np.searchsorted(log.time, recording.motion.time).clip(max=len(log) - 1)
@@ -325,7 +325,7 @@ def _moved(robot: Robot, recording: Recording, shifts: FloatArray) -> Recording:
 def with_delay_errors(
     fit: Fit, data: FitSamples, recordings: Sequence[Recording], delay: Delay | None
 ) -> Fit:
-    """A fit with what is not known of the delay in its covariance.
+    """Add the uncertainty of the delay to a fit's covariance.
 
     An error of the delay adds forces D = ∂τ/∂t to those of the samples x, which move the estimates
     by C Σ xᵀ D / σ², with C their covariance and σ² the variance of so many independent errors as
@@ -432,7 +432,7 @@ class _Forces:
         self.step = min(step for run in self.runs for step in run.steps)
         longest = min(LONGEST, PART * max(length for run in self.runs for length in run.lengths))
         self.shifts = np.linspace(-longest, longest, TRIED)
-        # Motors that act on all coordinates together are not told apart.
+        # Motors that act on all coordinates together are not separated.
         self.count = 1 if robot.redundant else len(robot.actuated)
         self.driven = ~np.isin(robot.independent, robot.free)
         tried, used = zip(*map(self.at, self.shifts[:, None]), strict=True)
@@ -563,7 +563,7 @@ class _Search:
     def errors(self, shifts: FloatArray) -> tuple[FloatArray, float]:
         """Standard errors (k,) of delays of each at shifts, and that of their common one.
 
-        Of normal distributions with the same 95 % intervals; infinite where the data do not tell.
+        Of normal distributions with the same 95 % intervals; infinite where it is undetermined.
         """
         force, _ = self.forces.at(shifts)
         columns = self.slopes(force, len(shifts))
@@ -583,14 +583,14 @@ class _Search:
         result, left = found.result, left[:, told]
         C = result.covariance[width:, width:]
         scale = np.ptp(result.intervals()[width:], axis=1) / 2 / NORMAL / np.sqrt(np.diag(C))
-        # What is measured of a column alone counts: its noise of positions tells nothing.
+        # What is measured of a column alone counts: its noise of positions has no information.
         counts = left.T @ self._measured(force, len(shifts))[:, told]
         if np.linalg.cond(counts / np.outer(sizes[told], sizes[told])) > 1 / KNOWN:
             return errors, np.inf
         change = np.linalg.solve(counts, left.T @ left)
         C = change @ C @ change.T
         errors[told] = scale * np.sqrt(np.diag(C))
-        # The common delay is a mean of those of the motors, by what they tell.
+        # The common delay is a mean of those of the motors, weighted by their information.
         shares = counts.sum(axis=0) / counts.sum()
         return errors, float(np.sqrt(shares @ C @ shares) * scale.max())
 
@@ -670,7 +670,7 @@ class _Search:
 
 
 def _disagreement(delays: FloatArray, errors: FloatArray) -> float:
-    """How many times as far as their errors let expect delays (k,) differ, where clearly."""
+    """How many times their expected difference delays (k,) differ, where clearly."""
     from scipy.special import chdtri  # slow to import
 
     known = np.isfinite(errors)

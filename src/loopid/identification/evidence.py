@@ -168,7 +168,7 @@ class Evidence:
     # Columns that explain forces.
 
     def _choose_columns(self) -> None:
-        """Combinations of the regressor's columns: what the forces feel, and what is known."""
+        """Combinations of the regressor's columns: those with an effect, and what is known."""
         robot, bodies = self.robot, self.robot.standard_parameters("full")
         named = () if self.joint_terms is None else self.joint_terms.parameters(robot)
         others = [not (one.link in self.names and one.kind in OWN) for one in named]
@@ -254,7 +254,7 @@ class Evidence:
         power = (Q[:, :, 1:].swapaxes(1, 2) @ own[:, :, 1:2])[:, :, 0]
         return _Table(columns - Q @ parts, counts, parts[:, 1:], power)
 
-    # What is asked.
+    # The tests.
 
     def explained(self, undone: Sequence[Undone]) -> list[Explanation]:
         """How the log is explained, at errors of the size that they have, and the evidence."""

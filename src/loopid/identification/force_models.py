@@ -55,7 +55,7 @@ LEAST_ERROR = 1e-4
 SILENT = 1e-10
 # Random states of the robot: at least so many, and so many rows for each column.
 LEAST_STATES, ROWS_PER_COLUMN = 60, 3
-FEW = 5  # states that tell whether closures are redundant
+FEW = 5  # states that decide whether closures are redundant
 
 
 @record
@@ -198,7 +198,7 @@ class ForceModel:
         """The same model with gears that carry the bodies of values (n,).
 
         Where a joint term leads a combination with bodies, as a rotor with its link, standard
-        parameters that begin with those of the bodies tell how much is theirs; without them that
+        parameters that begin with those of the bodies say how much is theirs; without them that
         stays as it is, by default none.
         """
         if not len(self.load_columns[1]):
@@ -328,7 +328,7 @@ class ForceModel:
     def with_columns(self, kinds: Mapping[str, tuple[str, ...]]) -> ForceModel:
         """The same model with further joint terms as columns of their own, after the others.
 
-        They may be nearly the same, such as two rates of Stribeck friction: what is told apart is
+        They may be nearly the same, such as two rates of Stribeck friction: what is separated is
         for the data to say. Its structure is that of this model.
         """
         terms, base = (self.joint_terms or JointTerms(())).joined(kinds), self.base
@@ -520,8 +520,8 @@ def force_model(
     Warns
     -----
     ModelWarning
-        Of forces of the robot file that are left out, of joint terms that no motor feels, and of
-        loads that redundant closures leave open.
+        Of forces of the robot file that are left out, of joint terms that no motor senses, and
+        of loads that redundant closures leave open.
 
     Examples
     --------
@@ -544,7 +544,7 @@ def force_model(
     idle = [p.label for p in base.parameters if p.kind not in KINDS and p.label not in felt]
     if idle:
         warn(
-            f"no motor of {robot.name} feels {', '.join(idle)} in any pose: the model is "
+            f"no motor of {robot.name} senses {', '.join(idle)} in any pose: the model is "
             "without them",
             ModelWarning,
         )
@@ -604,7 +604,7 @@ def chosen_terms(robot: Robot, model: str, choice: str) -> tuple[JointTerms | No
 def parted(terms: JointTerms | None) -> tuple[JointTerms | None, dict[str, tuple[str, ...]]]:
     """Joint terms without those of groups, and the kinds of these by their joints.
 
-    Terms of a group may be nearly alike, and are no base parameters: priors tell them apart.
+    Terms of a group may be nearly alike, and are no base parameters: priors separate them.
     """
     if terms is None:
         return None, {}
@@ -727,7 +727,7 @@ def distributed_problem(
     -------
     FitProblem
         For any estimator that needs factors only: ``WeightedLeastSquares().fit(problem)``. Its
-        intervals are those of independent errors: factors do not tell autocorrelated ones.
+        intervals are those of independent errors: factors do not hold autocorrelated ones.
 
     Raises
     ------

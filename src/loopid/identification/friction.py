@@ -9,7 +9,7 @@ motor's force τ that moves the bodies [Hamon2010]. The evidence chooses each de
 joint has the shape that its data ask for, and where they ask for none a line; groups without an
 effect are dropped. Load needs bodies, which the fit gives: rounds of fits find both.
 
-The curve is told between the slowest and the fastest rate of the samples in the fit. Below, it
+The curve is identified between the slowest and the fastest rate of the fitted samples. Below, it
 stays as it is there; above, it goes on as the line; in both its band widens.
 """
 
@@ -62,13 +62,13 @@ DIGITS = 2
 # Load of a motor in the root mean square, relative to its force, below which it has no load
 # friction: Coulomb friction would be taken for it.
 LEAST_LOAD = 0.1
-# Samples of a motor for each of its terms: fewer tell no shape.
+# Samples of a motor for each of its terms: fewer determine no shape.
 LEAST_ROWS = 5
 # Fits that find bodies, load friction and the size of errors together, before anything is dropped.
 ROUNDS = 2
 # Logarithm of how much likelier the data are with a group that is clearly there: twenty times.
 CLEARLY = 3.0
-# Terms of a group that the data tell, below which it has no effect.
+# Terms of a group that the data determine, below which it has no effect.
 NO_EFFECT = 0.01
 # Part of the friction at the slowest, or fastest, rate that it may differ by far beyond: Stribeck
 # friction of half as much more, two deviations, is not unusual.
@@ -121,7 +121,7 @@ def curve_kinds(slowest: float, fastest: float) -> tuple[str, ...]:
 def friction_kinds(
     force_model: ForceModel, data: FitSamples, use: MotorUse, loads: FloatArray
 ) -> dict[str, tuple[str, ...]]:
-    """What may be asked for of each motor with Coulomb and viscous friction alone.
+    """What each motor may need beside Coulomb and viscous friction alone.
 
     ``loads`` (N, dof) are the forces that move the bodies.
     """
@@ -436,7 +436,7 @@ def _loaded_joints(fit: Fit) -> list[str]:
 def _doubt(fit: Fit, joint: str, rates: FloatArray, sizes: FloatArray) -> FloatArray:
     """Deviation (k,) of friction of sizes (k,) between the points of its curves, and beyond.
 
-    A curve is linear between its points, its prior is not. Beyond the rates that samples have told
+    A curve is linear between its points, its prior is not. Beyond the rates that samples have
     it is at least a part of the friction.
     """
     if fit.use is None or joint not in fit.use.joints:

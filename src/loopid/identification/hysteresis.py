@@ -27,7 +27,7 @@ from loopid.workers import one_blas_thread
 # Prior deviations of elements that are tried, relative to the motor's force, and the logarithm of
 # how much likelier the data are with the best of them for hysteresis to come into question.
 TRIED, POSSIBLE = np.geomspace(1e-3, 1.0, 7), 0.5
-# Part of the force that has changed sides over the way that is told: of a law that falls off
+# Part of the force that has changed sides over the identified way: of a law that falls off
 # exponentially, as Dahl's, its constant. Part of it that has within a loop.
 TOLD, WHOLE = 1 - np.exp(-1), 0.98
 POINTS = 400  # of a loop, each way

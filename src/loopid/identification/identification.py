@@ -59,14 +59,14 @@ class Identification:
     data, new : FitSamples
         Training, and what judges, as samples of a fit.
     identifiability : Identifiability
-        What the training data tell of the parameters that were fitted to them.
+        Identifiability of the fitted parameters from the training data.
     candidates : dict of Candidate
         ``"robot file"``: its bodies, and joint terms that are fitted; ``"all parameters"``: all
         fitted by the estimator; ``"consistent"``, with weighted least squares as the estimator:
         all fitted with the robot file weighed, every body solid.
     options : FitOptions
     cutoff : CutoffChoice or None
-        Of the filter; None where the recordings left nothing to choose.
+        Of the filter; None if the caller fixed it.
     delay : Delay or None
         Between forces and motion, what is clear of it undone in all recordings; None where it was
         not looked for, and for motions without a log.
@@ -109,7 +109,7 @@ class Identification:
         """What to predict and to export with.
 
         Consistent parameters, unless they are clearly worse on new data than the baseline; where
-        an estimator was asked for, all parameters by that.
+        an estimator was chosen, all parameters by that.
         """
         if CONSISTENT not in self.candidates:
             return self[ALL]
@@ -157,7 +157,7 @@ class Identification:
 
     @cached_property
     def sensor_noise(self) -> FloatArray:
-        """Noise (dof,) of the sensors of force in N or N m; NaN where it cannot be told."""
+        """Noise (dof,) of the sensors of force in N or N m; NaN where it is undetermined."""
         every = np.array([sensor_noise(run) for run in self.training])
         known = ~np.isnan(every).all(axis=0)
         return np.where(known, np.nan_to_num(every, nan=0.0).max(axis=0), np.nan)
@@ -174,7 +174,7 @@ class Identification:
 
     @property
     def prior_deviation(self) -> float | None:
-        """How far the robot file is off, in parts of its bodies, where it is weighed."""
+        """Scale of the inertia prior, relative to the bodies; of consistent fits."""
         weighed = self.candidates.get(CONSISTENT)
         found = None if weighed is None else weighed.fit.deviation
         return None if found is None else found.common

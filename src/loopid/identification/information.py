@@ -1,4 +1,4 @@
-"""What a log tells of the parameters that the structure lets be identified.
+"""Identifiability from a log, of parameters that the structure makes identifiable.
 
 A combination of base parameters is *unidentifiable* from a log where no force of the log depends on
 it, and *weakly identifiable* where its standard error is above its size in the robot file.
@@ -90,7 +90,7 @@ def _weighed(
 
 @record
 class Excitation:
-    """Directions of n parameters, by what they do to the forces of some data.
+    """SVD of the scaled regressor of n parameters.
 
     Attributes
     ----------
@@ -211,7 +211,7 @@ def fit_excited(
 def told_values(
     samples: FitSamples, prior: FloatArray, excitation: Excitation, estimator: Estimator
 ) -> FloatArray:
-    """Values (n,) of ``fit_excited`` without uncertainty; the prior where nothing is told."""
+    """Values (n,) of ``fit_excited`` without uncertainty; the prior where they are undetermined."""
     for rank in range(excitation.rank, 0, -1):
         part = replace(excitation, rank=rank)
         try:
@@ -279,7 +279,7 @@ class WeakDirection:
 
 @record
 class Identifiability:
-    """What a log tells of the base parameters.
+    """Identifiability of the base parameters from a log.
 
     Attributes
     ----------
@@ -325,7 +325,7 @@ class Identifiability:
 
     @property
     def well_determined(self) -> int:
-        """How many combinations the log tells better than the robot file [MacKay1992]."""
+        """How many combinations the log determines better than the robot file [MacKay1992]."""
         return int((self.standard_errors <= WEAK).sum())
 
     @property
@@ -484,7 +484,7 @@ def _standard_errors(
     """
     if not excitation.rank:
         return np.empty(0), np.empty((0, 0))
-    # What the motion excites is asked for, not what the model lacks.
+    # What the motion excites is required, not what the model lacks.
     alike = replace(samples, regions=0 * samples.regions)
     excited = excited_samples(alike, prior, excitation)
     for estimator in ("wls", "ols"):

@@ -2,7 +2,7 @@
 
 A model that lacks a force errs by the state of the robot. Such errors are alike wherever a state
 comes back, so that their autocorrelation in time says little. Regions of states are left out in
-turn: how far estimates move without each tells what errors of any kind do to them
+turn: how far estimates move without each shows what errors of any kind do to them
 [BellMcCaffrey2002]. Recordings are left out alike: what differs between them, such as friction by
 temperature, does not show within one [Efron1982].
 
@@ -24,10 +24,10 @@ from loopid.records import record
 from loopid.workers import one_blas_thread
 
 LEAST_GROUPS = 3  # whose scatter counts
-MOST_SHARE = 1.0 - 1e-6  # of a combination of parameters that one group may tell
+MOST_SHARE = 1.0 - 1e-6  # of a combination of parameters that one group may determine
 FALSE_ALARM = 0.01  # probability that a user is warned of a scatter that is chance
-# Probability of as much scatter of regions by chance, from which on it is chance. Groups that tell
-# much scatter too much; by the root of that more is asked for. So intervals of right models are a
+# Probability of as much scatter of regions by chance, up to which it is chance. Groups that inform
+# much scatter too much; by the root of that more is required. So intervals of right models are a
 # fifth wider than errors within recordings make them, not a third, and hold as often where forces
 # are missing.
 LIKELY = 0.4
@@ -42,7 +42,7 @@ class Jackknife:
     groups : IntArray
         (N,), number of the group of each sample.
     changes : FloatArray
-        (m, n); 0 for what a group alone tells.
+        (m, n); 0 for what one group alone determines.
     prior : FloatArray
         (n, k), changes of the estimates by unit errors of the rows of a prior.
     freedom : FloatArray
@@ -118,7 +118,7 @@ def with_scatter(found: WorkingFit, *, quiet: bool = True) -> WorkingFit:
     """Of a fit ``within_runs``, what its estimates scatter between recordings and regions included.
 
     Variances of estimates that scatter more are those of the scatter, with its degrees of freedom.
-    Of regions more than chance is asked for: they may all be alike, while recordings differ.
+    Of regions more than chance is required: they may all be alike, while recordings differ.
     """
     samples = found.samples
     with one_blas_thread():

@@ -19,7 +19,7 @@ from loopid.records import record
 
 FOLDS = 5  # stretches: each fit has four fifths of the data
 REGIONS, ROWS = 16, 10  # of states, at most, and samples of each at least
-DIGITS = 6  # of states in their deviations, that tell them apart
+DIGITS = 6  # of states in their deviations, that separate them
 ROUND_OFF = 1e-9  # of the widest coordinate: others do not move
 SAME = 0.05  # of the deviations of states: such ones are the same
 PERIODS = 1.0  # of the cut-off, over which a filter spreads what happens in one sample

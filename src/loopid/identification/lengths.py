@@ -1,6 +1,6 @@
 """What lengths of the robot file that are off would do to the forces.
 
-Bodies take up most of it, as a link that is longer moves a body further. What is left tells the
+Bodies take up most of it, as a link that is longer moves a body further. What is left gives the
 length.
 """
 

@@ -52,7 +52,7 @@ KNOWN, BETTER = 0.5, 0.8
 
 @record
 class MotorGain:
-    """Measured force of a motor over what the bodies and the other motors let expect.
+    """Measured force of a motor over what the bodies and the other motors predict.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Suspicions:
     ----------
     recording : str
     gains : tuple of MotorGain
-        Of each motor whose gain the log tells, once mistakes of other motors are undone.
+        Of each motor whose gain the log determines, once mistakes of other motors are undone.
     mistakes : tuple of Finding
         The likeliest first: which motors, how sure, and how to undo it.
     """
@@ -170,7 +170,7 @@ class _Find(NamedTuple):
             return abs(size) - reach > least
         usual = size - reach <= least and 1 / least <= size + reach
         known = reach <= KNOWN * abs(size)
-        # Of a time axis that is too short, inertia that is not felt tells how much at least.
+        # Of a time axis that is too short, missing inertia shows how much at least.
         known |= self.kind == "factor" and size + reach < 1
         return known and not usual
 
@@ -244,7 +244,7 @@ def _sized(
 ) -> list[tuple[Tried, float]]:
     """Mistakes at the most likely sizes near those that were tried, all searched for together.
 
-    With standard deviations of the logarithms of their sizes; those that tell no size are left out.
+    With standard deviations of the logarithms of their sizes; those without a size are left out.
     """
     sign, at = np.sign([size for *_, size in tried]), np.log(np.abs([size for *_, size in tried]))
     step = np.array([log(KINDS[kind].sizes[1] / KINDS[kind].sizes[0]) for kind, *_ in tried])
@@ -278,7 +278,7 @@ def _sized(
 def _closely(
     model: Evidence, found: Explanation, tried: Sequence[tuple[Tried, float]]
 ) -> list[_Find]:
-    """Mistakes with what all samples say, and what is lost by the choice of a size and a motor."""
+    """Faults rescored on all samples, and the cost of choosing a size and a motor."""
     after, finds = model.explained(_undone(found, [one for one, _ in tried])), list[_Find]()
     for ((name, motors, size), deviation), explained in zip(tried, after, strict=True):
         kind, lost = KINDS[name], 0.0

@@ -1,6 +1,6 @@
-"""Forces that a model lacks, told by what they would explain: what physics could add, tested.
+"""Forces that a model lacks, found by what they would explain: what physics could add, tested.
 
-Friction by evidence is a part of the default model. Beside it, a motor may feel waves over its
+Friction by evidence is a part of the default model. Beside it, a motor may show waves over its
 position (teeth, poles), a spring, friction that drifts as oil warms up, a direction, other motors
 through its gear; lengths of the robot file may be off. Each is a few columns beside those of the
 fit. What they explain of the residuals is tested by F, with errors that are autocorrelated, and by
@@ -210,7 +210,7 @@ LAWS = (
 def missing_forces(
     fit: WorkingFit, force_model: ForceModel, recordings: Sequence[Recording]
 ) -> tuple[MissingForce, ...]:
-    """What each motor clearly feels beside a fit of recordings: the likeliest force, if any.
+    """What each motor clearly shows beside a fit of recordings: the likeliest force, if any.
 
     Or lengths of the robot file that are off, where that is likelier than any force.
 
@@ -468,7 +468,7 @@ class _Search:
         return columns
 
     def _of_all(self, law: _Law) -> float:
-        """Chance of a law of all motors that are asked for it."""
+        """Chance of a law of all motors that are tested for it."""
         asked = [self._columns(motor, law) for motor in self.motors if law in self.laws[motor]]
         if len(asked) < 2:
             return 1.0

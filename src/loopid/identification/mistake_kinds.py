@@ -164,7 +164,7 @@ def _zero(one: _Mistaken) -> Called:
 
 def _time(one: _Mistaken) -> Called:
     size, least, most = one.factor, "", ""
-    if one.reach > abs(one.size) / 2:  # forces tell only that inertia is not felt
+    if one.reach > abs(one.size) / 2:  # forces show only that inertia is missing
         size, least, most = one.size + one.reach, "at least ", " or less"
     how = f"{least}{max(size, 1 / size):.3g} times too {'long' if size > 1 else 'short'}"
     do = f"multiply its times by {1 / size:.3g}{' or more' * bool(most)}"
@@ -206,7 +206,7 @@ PLACES = ("positions", "ratio", "zero")  # of what belongs to positions
 # square of the time axis; zeros are in rad or characteristic lengths.
 KINDS = {
     "gain": MistakeKind(("gain",), 1, _force, GAINS, BOTH, FORCE_CAUSES, least=1.25),
-    # Of a motor whose bodies hardly tell its gain, by friction that would give energy.
+    # Of a motor whose bodies hardly determine its gain, by friction that would give energy.
     "sign": MistakeKind(("gain",), 1, _force, (), (-1.0,), FORCE_CAUSES),
     "common_gain": MistakeKind(("gain",), 0, _force, GAINS, BOTH, FORCE_CAUSES, 0.9, 4.0),
     "factor": MistakeKind(("time",), 0, _time, TIMES, (1.0,), TIME_CAUSES, least=1.3),

@@ -2,7 +2,7 @@
 
 A gravity model is right where motion is so slow that inertia does not show. What a model lacks goes
 into its other parameters. Inertia may be left out where the forces, once gravity and friction are
-fitted, could not tell the inertia of the robot file from none.
+fitted, do not distinguish the inertia of the robot file from none.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class ModelChoice:
 
     @property
     def shown(self) -> bool:
-        """Whether the recordings could tell the inertia of the robot file from none."""
+        """Whether the recordings distinguish the inertia of the robot file from none."""
         return CLEAR * self.factor_error < 1
 
     @property
@@ -103,9 +103,9 @@ def _percent(part: float) -> str:
 
 @checked
 def choose_model(robot: Robot, recordings: Sequence[Recording]) -> ModelChoice:
-    """Choose the model that recordings ask for.
+    """Choose the model that recordings need.
 
-    The full one, unless the recordings could not tell the inertia of the robot file from none, and
+    The full one, unless the recordings do not distinguish the file's inertia from none, and
     fitted inertia of bodies and rotors predicts stretches left out no better. Errors count as alike
     within blocks of time, and as independent between them (sandwich covariance).
 
@@ -139,7 +139,7 @@ def choose_model(robot: Robot, recordings: Sequence[Recording]) -> ModelChoice:
     inertia = full.forces_of_file - gravity.forces_of_file
     with one_blas_thread():
         predicted = {model: fit.left_out(runs) for model, fit in fits.items()}
-        # Rows between those that are looked at tell more, if not quite as much.
+        # Rows between those that are looked at add information, if not quite as much.
         error = _factor_error(gravity, inertia, full) / np.sqrt(step)
     (ratio, spread), _ = error_ratio(full.samples, predicted["full"], predicted["gravity"])
     found = ModelChoice(

@@ -88,8 +88,8 @@ def require_forces(robot: Robot, recordings: Sequence[Recording]) -> None:
     zero = [robot.independent[k] for k in np.flatnonzero(used & (largest == 0))]
     if zero:
         raise DataError(
-            f"the force of {', '.join(zero)} is zero in all samples of {names}: it tells nothing, "
-            "so name the column that has it as 'force' in a mapping"
+            f"the force of {', '.join(zero)} is zero in all samples of {names}: it has no "
+            "information, so name the column that has it as 'force' in a mapping"
         )
     most = float(largest.max(initial=0.0))
     if 0 < most < LEAST_FORCES * needed:
@@ -396,16 +396,16 @@ def fit_all(
     first: FitSamples | None = None,
     options: FitOptions = FitOptions(),
 ) -> Fit:
-    """Fit all parameters that the data tell, by the estimator of the options.
+    """Fit all parameters that the data determine, by the estimator of the options.
 
-    Joint terms whose size the evidence decides are zero: it takes a prior to tell them apart.
+    Joint terms whose size the evidence decides are zero: it takes a prior to separate them.
 
     Parameters
     ----------
     data : FitSamples
         Of all parameters.
     excited : Identifiability
-        What they tell of those that are fitted to them.
+        Identifiability of those that are fitted to them.
     first : FitSamples, optional
         Of an experiment that the joint terms are taken from.
 
@@ -443,7 +443,7 @@ def fit_told(
     estimator: Estimator,
     unidentifiable: str,
 ) -> Fit:
-    """Fit what data tell; the rest is as in the robot file (n,), unless that is an error."""
+    """Fit what data determine; the rest is as in the robot file (n,), or an error."""
     if not excited.unidentifiable:
         try:
             return working_fit(data, estimator, quiet=False).result
@@ -453,7 +453,7 @@ def fit_told(
     found = fit_excited(data, prior, excited.excitation, estimator=estimator)
     if found.assumed and not excited.unidentifiable:
         warn(
-            "weighted by the motors' errors, the data do not tell all of "
+            "weighted by the motors' errors, the data do not determine all of "
             f"{', '.join(found.assumed)}: what is left open is as in the robot file",
             DataWarning,
         )
@@ -528,7 +528,7 @@ def fit_joint_terms(
 def not_below(least: FloatArray, data: FitSamples, found: Fit) -> FloatArray:
     """Values (n,) of a fit from their least ones on, such as friction from zero on.
 
-    What the data do not tell stays as it is in the fit.
+    What the data do not determine stays as it is in the fit.
     """
     from scipy.optimize import lsq_linear  # slow to import
 

@@ -54,7 +54,7 @@ def absurdities(force_model: ForceModel, fit: Fit, data: FitSamples) -> tuple[st
 
 
 def require_sane(fit: Fit, anyway: bool) -> None:
-    """Refuse a fit that breaks a law, on its logs or by its values, unless asked for anyway.
+    """Refuse a fit that breaks a law, on its logs or by its values, unless ``anyway`` is given.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def require_sane(fit: Fit, anyway: bool) -> None:
 
 
 def require_fit_for_use(fit: Fit, anyway: bool) -> None:
-    """Refuse a fit of a log with a mistake, or one that breaks a law, unless asked for anyway.
+    """Refuse a fit of a log with a mistake, or one that breaks a law, unless ``anyway`` is given.
 
     Raises
     ------

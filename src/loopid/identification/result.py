@@ -203,7 +203,7 @@ class TermDeviations(OfArrays):
     own : FloatArray
         (g,), deviation of each, in the unit of its terms.
     told : FloatArray
-        (g,), how many of its terms the data tell.
+        (g,), how many of its terms the data determine.
     evidence : FloatArray
         (g,), logarithm of how much likelier the data are with the group than without it.
     """
@@ -284,7 +284,7 @@ class Estimate:
         )
 
 
-# Part of the variance by the robot file that the data must take away for a value to be told.
+# Part of the file's variance that the data must take away for a value to count as theirs.
 TOLD = 0.5
 
 
@@ -320,7 +320,7 @@ class StandardEstimate(Estimate):
     Attributes
     ----------
     told : bool
-        Whether the data tell it; otherwise only the robot file does.
+        Whether the data determine it; otherwise only the robot file does.
     """
 
     told: bool = False
@@ -539,7 +539,7 @@ class Fit(OfArrays, Tabular):
     def standard(self) -> dict[str, StandardEstimate]:
         """Masses, first moments, inertias and joint terms of the robot, by their labels.
 
-        Empty for fits of base parameters alone. Of what only the robot file tells the interval is
+        Empty for fits of base parameters alone. Of what only the robot file gives the interval is
         by how far off the file is.
         """
         from scipy.special import stdtrit  # here, as it takes a while to import

@@ -335,7 +335,7 @@ def influence(data: FitSamples, values: FloatArray) -> FloatArray:
     Parameters
     ----------
     data : FitSamples
-        With the parameters in the order that is asked about.
+        With the parameters in the order of elimination.
     values : FloatArray
         (r,).
 

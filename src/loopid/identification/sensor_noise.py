@@ -2,7 +2,7 @@
 
 The motion of a robot ends far below. What is left there is the sensors' own, if it is white: then
 it is as strong below the cut-off. Where a controller has filtered the forces their spectrum falls
-before the Nyquist frequency, and the noise below the cut-off cannot be told.
+before the Nyquist frequency, and the noise below the cut-off is undetermined.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ FALLS, JUMPS = 0.7, 0.4
 def sensor_noise(recording: Recording) -> FloatArray:
     """Root mean squares (dof,) in N or N m of the sensors' noise below the cut-off.
 
-    NaN where it cannot be told: without a log, in a short one, or of filtered forces.
+    NaN where it is undetermined: without a log, in a short one, or of filtered forces.
     """
     log, found = recording.log, np.full(len(recording.actuators), np.nan)
     if log is None:

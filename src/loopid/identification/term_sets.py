@@ -221,7 +221,7 @@ def _fits(
 ) -> list[tuple[int, FloatArray]]:
     """Numbers of parameters and values (n,), with the bodies of the robot file and fitted ones.
 
-    Least squares of standard parameters, of which the data need not tell all apart; values are
+    Least squares of standard parameters, which the data need not all determine; values are
     those of the base parameters, zero for terms that are not in the set.
     """
     base, n = model.base, len(model.base)

@@ -1,10 +1,10 @@
-"""Offsets that data tell: a motor without a clear one has none.
+"""Identifiable offsets: a motor without a clear one has none.
 
 An offset hardly differs from gravity, or from Coulomb friction where a motor moves one way, in
 motions that excite little. Errors of both would be large and opposite, and add up on other motions:
-a motor keeps its offset where the data tell it well, or where it is clearly significant.
+a motor keeps its offset where the data determine it well, or where it is clearly significant.
 
-All terms are fitted at once, and the residuals tell the errors and their autocorrelation. With a
+All terms are fitted at once, and the residuals give the errors and their autocorrelation. With a
 unit vector q of what an offset adds to the other columns, and estimates u of covariance F,
 qᵀu / √(qᵀFq) has Student's distribution.
 """
@@ -32,7 +32,7 @@ OFFSET = "Fo"
 # Part of the effect of an offset that other parameters must not make up for: less is round-off.
 OWN_EFFECT = 1e-4
 # Probability that any motor keeps a badly known offset where none has; standard error, relative to
-# the motor's force, up to which an offset is told well.
+# the motor's force, up to which an offset is well determined.
 FALSE_ALARM, KNOWN_OFFSET = 0.01, 0.05
 
 
@@ -43,7 +43,7 @@ def choose_terms(
     *,
     n_jobs: int = 1,
 ) -> ForceModel:
-    """Leave out the offsets that recordings do not tell.
+    """Leave out offsets that are not identifiable.
 
     A step of ``identify``. Models whose terms were chosen by name are taken as they are.
 
@@ -57,7 +57,7 @@ def choose_terms(
     Returns
     -------
     ForceModel
-        The same one where all offsets are told.
+        The same one where all offsets are identifiable.
     """
     usual, offsets = force_model.joint_terms, list(_offsets(force_model))
     if usual is None or not (force_model.automatic and offsets):
@@ -117,7 +117,7 @@ class _Evidence(NamedTuple):
         return cls(columns, Q @ fit.values, Q @ fit.covariance @ Q.T, freedom, forces)
 
     def unknown(self, offsets: Sequence[Parameter]) -> list[str]:
-        """Labels of offsets that are neither told well nor significant."""
+        """Labels of offsets that are neither well determined nor significant."""
         from scipy.special import stdtr  # slow to import
 
         found, least = [], FALSE_ALARM / len(offsets)  # by Bonferroni

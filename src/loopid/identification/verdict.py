@@ -53,7 +53,7 @@ class Verdict:
     band : float or None
         In Hz, below which forces were fitted and judged; None without a filter.
     significant, parameters : int
-        Parameters of the recommended fit, and how many of them clearly differ from zero.
+        Parameters of the recommended fit, and how many of them are significant.
     excite : tuple of str
         Parameters that a further motion should excite: ``design_motion(model,
         parameters=verdict.excite, after=recordings)``; none where another motion would not help.
@@ -208,7 +208,7 @@ def _noisy(found: Identification) -> tuple[str, float] | None:
 
 
 def _model_findings(found: Identification) -> Iterator[Finding]:
-    """What the model lacks, and where the data cannot tell."""
+    """What the model lacks, and where the data do not decide."""
     model = _of_model(found)
     yield from () if model is None else (model,)
     yield from missing_findings(found.missing)

@@ -4,7 +4,7 @@ All starts advance together, each with its own damping; every linear solve is ba
 
 Assembly modes are the closed poses that the same values of the motors allow. Loops that share no
 dependent coordinate are assembled each on its own: ten parallelograms need as many starts as one.
-Modes meet at singular poses, such as that of a folded parallelogram; there they are told apart a
+Modes meet at singular poses, such as that of a folded parallelogram; there they are separated a
 step of the motors away.
 """
 

@@ -135,7 +135,7 @@ def _without_numbers(closure: LoopClosure) -> tuple[type, ...]:
 
 
 def prepared(robot: Robot) -> Prepared:
-    """What is prepared for a robot, made when it is first asked for."""
+    """What is prepared for a robot, made when it is first used."""
     kept = vars(robot)
     found: Prepared | None = kept.get("_prepared")
     if found is None:

@@ -292,7 +292,7 @@ def _axes(
 def _motors(
     urdf: UrdfFile, dialects: Iterable[Dialect], mimics: Collection[str], looped: bool
 ) -> list[str] | None:
-    """Joints with motors, in the order of the file; none where the file does not tell.
+    """Joints with motors, in the order of the file; none where the file does not say.
 
     What dialects say decides, where any does. Otherwise joints that follow others have no motors.
     Of the rest, in a robot with closures, those have motors that ``<transmission>`` tags name, if

@@ -138,7 +138,7 @@ def exact_angle(text: str) -> float:
     """Angle in rad: the multiple of 5° that rounds, or is cut, to the text, else what it says.
 
     A quarter turn written as 1.5708 tilts an axis by 4e-6 rad. Redundant closures then contradict
-    each other, and parameters that no motor feels seem to have an effect of 1e-11.
+    each other, and parameters without effect seem to have an effect of 1e-11.
     """
     value = float(text)
     decimals = len(text.partition(".")[2])

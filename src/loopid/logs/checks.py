@@ -261,7 +261,7 @@ def _both_changes(log: Log, k: int, rates: FloatArray, order: int) -> tuple[Floa
     return integrals, changes
 
 
-# ---- what tells where a robot is ----------------------------------------------------------------
+# ---- where a robot is -------------------------------------------------------------------------
 
 
 def require_known_motion(robot: Robot, free: Collection[str] = ()) -> None:
@@ -276,7 +276,7 @@ def require_known_motion(robot: Robot, free: Collection[str] = ()) -> None:
         joints = [name for name in known if name not in free]
         advice = f", or measure {', '.join(joints)} ('free')" if joints else ""
         raise OptionError(
-            f"a log of the motors does not tell where {', '.join(left)} of {robot.name} are, which "
+            f"a log of the motors does not determine {', '.join(left)} of {robot.name}, which "
             f"the motors leave free: lock them ({lock_options(robot, left)}){advice}",
             free=tuple(left),
             measurable=tuple(joints),
@@ -291,7 +291,7 @@ def require_known_motion(robot: Robot, free: Collection[str] = ()) -> None:
 
 
 def measurable(robot: Robot) -> tuple[str, ...]:
-    """Free joints that sensors can tell: with one coordinate, or floating bases outside loops."""
+    """Free joints that sensors measure: with one coordinate, or floating bases outside loops."""
     found = []
     for name in robot.joints:
         joint = robot.joint(name)

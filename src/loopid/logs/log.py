@@ -136,7 +136,7 @@ class Log(Tabular):
     checked : bool
         Whether its values were compared with its robot: ``prepare`` does it otherwise.
     free : mapping
-        Joints that no motor moves to where sensors tell that they are: (N, 1) in m or rad, of a
+        Joints that no motor moves to where sensors measure them: (N, 1) in m or rad, of a
         floating base (N, 7), the position of its frame and a quaternion with w last.
 
     Examples

@@ -93,7 +93,7 @@ def prepare(
     Raises
     ------
     OptionError
-        When the robot has other motors than the log, or they do not tell where it is.
+        When the robot has other motors than the log, or they do not determine its pose.
     LogError
         When no stretch is long enough, or no force can be used; of a log made in Python, for all
         that ``read_log`` refuses.
@@ -184,8 +184,8 @@ def prepare_again(
 ) -> tuple[Recording, ...]:
     """The same parts of the recordings' logs, filtered otherwise.
 
-    A log of which several are parts is prepared once. Nothing that was told when it was first
-    prepared is told again. A recording without a log, of a motion that is known exactly, stays as
+    A log of which several are parts is prepared once. No warning of when it was first
+    prepared is repeated. A recording without a log, of a motion that is known exactly, stays as
     it is.
 
     Parameters
@@ -481,7 +481,7 @@ def assemble_samples(
         dropped.append(Dropped.at("near a singularity", time[near]))
         said = (
             f"{log.name}: the robot is near a singularity in {_where(time, near)} (measure down to "
-            f"{measure.min():.1e}, at least {masks.singularity:g} is asked for)"
+            f"{measure.min():.1e}, at least {masks.singularity:g} is required)"
         )
         if not good.any():
             raise LogError(said, source=log.name, tolerance=masks.singularity)
@@ -543,7 +543,7 @@ def motion_of(
 ) -> JointMotion:
     """What all joints do at rows (K,) that are assembled, with bases as they were measured.
 
-    No loop feels where a base is.
+    No loop depends on where a base is.
     """
     q, independent = found.configurations, robot.velocity_indices(robot.independent)
     for joint in (robot.joint(name) for name in log.free if name in robot.floating):
@@ -590,7 +590,7 @@ def standing(
     """Where each motor is at or near a standstill (K, m), of some rows (K,).
 
     Friction can be anything while a motor stands, and the filter spreads it. A motor that turns
-    back is slow for less long: there friction tells how it builds up.
+    back is slow for less long: there friction shows how it builds up.
     """
     if log.idle_speed is None:
         speeds = idle_speeds(robot, velocity[rows], masks)
@@ -704,12 +704,12 @@ def on_independent(
 LEFT, WIDTHS = 0.02, 5.0
 # A cut-off before anything is fitted: so many bands, and samples a period of it, at least.
 PROVISIONAL, LEAST_PERIOD = 6.0, 5.0
-# Samples that tell a band; of fewer, the cut-off is this part of the rate.
+# Samples that determine a band; of fewer, the cut-off is this part of the rate.
 LEAST_COUNT, SHORT_CUTOFF = 64, 0.05
 
 
 def motion_band(robot: Robot, log: Log) -> float:
-    """Frequency in Hz below which nearly all of the motors' velocities are; 0 if not to be told.
+    """Frequency in Hz below which nearly all of the motors' velocities are; 0 if undetermined.
 
     By the longest stretch, for sliding and turning motors each on their own; the wider counts.
     """

@@ -69,7 +69,7 @@ def read_log(
     MissingExtraError
         When the library that reads the format is not installed.
     OptionError
-        When motors and free joints do not tell where the robot is, or no row is within ``rows``.
+        When motors and free joints do not determine the pose, or no row is within ``rows``.
     LogError
         When it is no log of this robot: unreadable, columns not found, times that do not increase,
         too many bad rows, the wrong unit, nothing that moves.

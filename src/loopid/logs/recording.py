@@ -286,7 +286,7 @@ class Recording(Tabular):
     def split(self, fraction: float) -> tuple[Recording, Recording]:
         """The first part of the samples in which a motor moves, and the rest, for validation.
 
-        Pauses and gaps count for nothing: a log that stands still at first still has both parts.
+        Pauses and gaps are ignored: a log that stands still at first still has both parts.
 
         Raises
         ------

@@ -157,7 +157,7 @@ def words(name: str) -> str:
     return "_".join(word.lstrip("0") or "0" if word.isdecimal() else word for word in found)
 
 
-# Words of what was asked for, not measured.
+# Words of what was commanded, not measured.
 COMMANDED = {"cmd", "command", "commanded", "desired", "target", "reference", "ref", "setpoint"}
 
 

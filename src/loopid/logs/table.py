@@ -28,7 +28,7 @@ AROUND_CELLS = " \t\r\"'"
 # Larger numbers (in the file's units) are no measurements, and would overflow later.
 LARGEST_NUMBER = 1e15
 NANOSECONDS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
-LOOKED_AT = 20  # first lines of a text, and cells of a time, that tell how it is written
+LOOKED_AT = 20  # first lines of a text, and cells of a time, that show how it is written
 NO_STAMP = np.iinfo(np.int64).min
 LARGEST_STAMP = 9 * 10**18  # ns: 1e19 would overflow, and 9e18 is the year 2255
 MOST_LISTED = 30  # columns or topics in a message

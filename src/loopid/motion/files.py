@@ -313,7 +313,7 @@ class MotionProgram:
     path: Path  # file it was read from
     # The c coordinates that all motions move: platform coordinates or joints
     coordinates: tuple[str, ...]
-    rate: float  # samples per second where nothing else is asked for
+    rate: float  # samples per second where none is given
     plans: tuple[PlannedMotion, ...]  # in the order of the file
 
     def __repr__(self) -> str:

@@ -100,7 +100,7 @@ def joint_motion(robot: Robot, motion: Motion) -> JointMotion:
         free = [name for name in robot.free if name not in robot.joints]
         if free:
             raise OptionError(
-                f"a motion of joints does not tell what {', '.join(free)} of {robot.name} do, "
+                f"a motion of joints does not determine {', '.join(free)} of {robot.name}, "
                 f"which the motors leave free: lock them ({lock_options(robot)})"
             )
         q = assemble(robot, motion.position, motion.names, trajectory=True)
@@ -141,7 +141,7 @@ class MotionReview:
     ranges: tuple[JointRange, ...]  # in the order of the robot's joints
     singularity: float  # least singularity measure on the way
     singular_time: float  # when it is least, in s
-    margin: float  # what the measure was asked to keep
+    margin: float  # threshold of the measure
     speeds: dict[str, float]  # largest speed of each independent coordinate, in m/s or rad/s
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""What the sensors of a robot would tell of a motion."""
+"""What the sensors of a robot would measure along a motion."""
 
 from __future__ import annotations
 

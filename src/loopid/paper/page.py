@@ -247,7 +247,7 @@ def _sections(found: PaperReproduction, subgroups: dict[str, Any]) -> tuple[Sect
     )
     robot: tuple[Part, ...] = (
         "The first 60 % of each log are fitted. The values of eight parameters have no intervals: "
-        "they are biased by the seven that are left out, by an amount that the log does not tell. "
+        "they are biased by the seven that are left out, by an amount that the log does not show. "
         "With CAD as prior, bodies are solid and as near to the robot file as the data say.",
         *([STAND_IN] if actual.is_stand_in else []),
         errors_chart(actual),

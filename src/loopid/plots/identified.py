@@ -257,7 +257,7 @@ def joints_chart(found: Identification) -> Chart:
         own = [each for _, each in all_]
         ends = np.array([each.interval for each in own])
         texts = tuple(value_text(each, fit.assumed).removesuffix(unit) for each in own)
-        words = "", "differs from zero", "cannot be told from zero"
+        words = "", "differs from zero", "not distinct from zero"
         panels.append(
             Panel(
                 f"{short[:1].upper()}{short[1:]}{f' ({unit})' * bool(unit)}",
@@ -291,8 +291,8 @@ def masses_chart(found: Identification) -> Chart:
         },
     )
     caption = (
-        "Change from the robot file. Forces tell sums of masses: a mass by the file is the one "
-        "nearest to it of all that give these forces."
+        "Change from the robot file. Forces determine sums of masses: a mass by the file is the "
+        "one nearest to it of all that give these forces."
     )
     return Chart("masses", caption, "change (%)", (panel,) if masses else ())
 
@@ -318,7 +318,7 @@ def used_chart(robot: Robot, recordings: Mapping[str, Sequence[Recording]]) -> C
 
 @checked
 def gains_chart(suspicions: Sequence[Suspicions]) -> Chart:
-    """Measured forces over expected ones, of each motor whose gain the log tells; 1 is right."""
+    """Measured forces over expected ones, of each motor with a determined gain; 1 is right."""
     panels = []
     for each in (each for each in suspicions if each.gains):
         gains = np.array([gain.gain for gain in each.gains])

@@ -33,7 +33,7 @@ class FileForce:
     value: float = np.nan  # coefficient of the joint term, in ``unit``; NaN for what no model has
     unit: str = ""
     # Rms over random states, relative to the rigid-body forces of the motor, or free coordinate,
-    # that feels it most; infinite where these are zero, NaN where it is not known
+    # that senses it most; infinite where these are zero, NaN where it is not known
     size: float = np.nan
 
 

@@ -2,7 +2,7 @@
 
 The motors give a coefficient times a signal, such as q̈ or sign q̇, beside what moves the bodies
 [Khalil2004, ch. 12]. ``JOINT_TERMS`` is the registry of the laws: a new one is an entry there, from
-anywhere. What is wrong with it is told at registration, or when it first meets a joint.
+anywhere. Errors in it are raised at registration, or when it first meets a joint.
 """
 
 from __future__ import annotations
@@ -357,8 +357,8 @@ def length_term(
     """A force along a line between two points, such as a gas spring's or a cable's.
 
     The line has the length l(q) at a position q of the joint, and pulls with a force F: by virtual
-    work the joint feels F dl/dq. The coefficient is F, or with ``stiff`` the k of F = k l; a spring
-    that is slack at another length has both terms.
+    work the force in the joint is F dl/dq. The coefficient is F, or with ``stiff`` k of F = k l;
+    a spring that is slack at another length has both terms.
 
     Parameters
     ----------

@@ -62,7 +62,7 @@ def structural_observation(
     -------
     Observation
         The same to the bit with any number of BLAS threads. Where the motors leave coordinates
-        free, what the motors alone feel is its ``motors_alone``.
+        free, what the motors alone sense is its ``motors_alone``.
 
     Raises
     ------
@@ -227,7 +227,7 @@ class RandomDraws(Draws):
         batches: Iterable[_Batch],
         first: int | None = None,
     ) -> RandomDraws:
-        """Those of a robot whose accuracy its file tells."""
+        """Those of a robot whose accuracy its file states."""
         geometry = geometry_accuracy(motions.robot)
         known = max(geometry.length, geometry.angle * motions.robot.length)
         drawn = motions, seeds, samples, tuple(batches)

@@ -27,7 +27,7 @@ FOUND = (
 
 
 def excitation_report(found: ExcitationDesign) -> Report:
-    """A designed motion: what it tells, and what it keeps."""
+    """A designed motion: its information, and its limits."""
     model, before = found.force_model, found.before.standard_errors
     known = np.isfinite(before)
     broken = [check.name for check in found.checks if check.violations]
@@ -38,7 +38,7 @@ def excitation_report(found: ExcitationDesign) -> Report:
         earlier = "with the logs alone" if found.after_logs else "by the first motion tried"
         change = f", with standard errors {share:.2g} times those {earlier} (median)"
     verdict = (
-        f"A motion of {found.motion.duration:g} s {kept} and tells "
+        f"A motion of {found.motion.duration:g} s {kept} and determines "
         f"{np.isfinite(found.standard_errors).sum()} of {len(found.parameters)} parameters"
         f"{change}; the condition number is {found.criteria.condition_number:.3g}"
         + ("." if found.converged else ", which more evaluations may improve.")
@@ -54,7 +54,7 @@ def excitation_report(found: ExcitationDesign) -> Report:
         sections=lambda: [
             Section("Motion", (motion_chart(found), _summary(found))),
             Section(
-                "What it tells",
+                "Expected accuracy",
                 (errors_chart(found), _errors("standard errors", found), _noise(found)),
             ),
             Section("What it keeps", (_checks(found),)),
@@ -64,14 +64,14 @@ def excitation_report(found: ExcitationDesign) -> Report:
 
 
 def _card(found: ExcitationDesign, broken: list[str]) -> Card:
-    """What the motion tells, and whether it keeps its limits."""
+    """What the motion determines, and whether it keeps its limits."""
     count, told = len(found.parameters), int(np.isfinite(found.standard_errors).sum())
     return Card(
         tone="bad" if broken else "good" if told == count else "rough",
         word="Breaks limits" if broken else "Keeps all limits",
         use=", ".join(broken) if broken else f"in a motion of {found.motion.duration:g} s",
         figures=(
-            Figure(str(told), "parameters told", f"of {count}"),
+            Figure(str(told), "parameters determined", f"of {count}"),
             Figure(f"{found.criteria.condition_number:.3g}", "condition number"),
             Figure(f"{found.min_singularity_measure:.3g}", "least singularity measure"),
             Figure(str(found.violations), "violations on the fine grid"),

@@ -102,7 +102,7 @@ def _prediction_record(found: Prediction) -> dict[str, Any]:
 
 
 def _prediction_table(robot: Robot, found: Prediction) -> Table:
-    columns = "motor", ">moving", ">RMS error", ">of its force", ">standing", ">RMS error", "unit"
+    columns = "motor", ">moving", ">RMS error", ">of its force", ">at rest", ">RMS error", "unit"
     rows = (
         (
             *(motor, f"{n:,}", number(rms), f"{100 * part:.2g} %", f"{rest:,}", number(error)),
@@ -123,8 +123,8 @@ def payload_report(found: PayloadFit) -> Report:
     told = _payload_record(found)
     spans = [interval(*ends) for ends in found.intervals()]
     sure = sum(low > 0 or high < 0 for low, high in found.intervals())
-    clear = f"{sure} of {len(spans)} values differ clearly from zero"
-    verdict = f"The forces tell no mass of the payload alone; {clear}."
+    clear = f"{sure} of {len(spans)} values are significant"
+    verdict = f"The forces determine no mass of the payload alone; {clear}."
     if told["mass"] is not None:
         at = told["values"].index(told["mass"])
         mass, span = _of_width(told["mass"], found.intervals()[at]), spans[at]
@@ -143,7 +143,7 @@ def payload_report(found: PayloadFit) -> Report:
     if (motors := found.motors) is not None:
         by = zip(motors.actuators, motors.values, motors.intervals(), strict=True)
         masses = [(name, _of_width(value, ends), interval(*ends)) for name, value, ends in by]
-        masses += [(name, "untold", "-") for name in motors.untold]
+        masses += [(name, "undetermined", "-") for name in motors.untold]
         title = "mass by each motor alone, as if its gain were right"
         tables.append(plain_table(title, ("motor", ">kg", ">95 % interval"), masses))
     return Report(
@@ -211,15 +211,15 @@ def _centre(found: PayloadFit) -> list[tuple[str, float, FloatArray]]:
 
 
 def _centre_said(found: PayloadFit) -> str:
-    """Where the centre of mass is, along the axes that the forces tell."""
+    """Where the centre of mass is, along the axes where it is determined."""
     told = [f"{axis} {_of_width(x, ends)}" for axis, x, ends in _centre(found)]
     if not told:
-        return "its centre is not told"
+        return "its centre is undetermined"
     return f"its centre is at {', '.join(told)} m in the link's frame"
 
 
 def _payload_record(found: PayloadFit) -> dict[str, Any]:
-    """Mass and centre where the forces tell them."""
+    """Mass and centre where they are determined."""
     try:
         mass, (centre, spread) = found.mass, found.centre()
     except RankError:
@@ -248,9 +248,9 @@ def gains_report(found: GainFit) -> Report:
     off = sum(low > 1 or high < 1 for low, high in ends)
     told = zip(found.actuators, found.gains, ends, strict=True)
     rows = [(name, _of_width(gain, span), interval(*span)) for name, gain, span in told]
-    rows += [(name, "untold", "-") for name in found.untold]
-    title = "true force over logged force: force_scale of the mapping is to be so many times it"
-    untold = f"; {', '.join(found.untold)} cannot tell" if found.untold else ""
+    rows += [(name, "undetermined", "-") for name in found.untold]
+    title = "true force over logged force: multiply force_scale of the mapping by it"
+    untold = f"; undetermined: {', '.join(found.untold)}" if found.untold else ""
     return Report(
         name="gains",
         title="Gains of the drives",

@@ -52,7 +52,7 @@ def identification_report(
 ) -> Report:
     """What an identification found; the command designs the motion that its verdict asks for.
 
-    Its files are refused where the recommended fit breaks a law, unless asked for anyway.
+    Its files are refused where the recommended fit breaks a law, unless forced.
     """
     judged = found.verdict
     robot = found.force_model.robot
@@ -145,7 +145,7 @@ def _card(found: Identification, judged: Verdict, command: str) -> Card:
 
 
 def _sections(found: Identification, worst: str) -> Iterator[Section]:
-    """Errors, forces, friction, parameters, what is not told, checks, and all values."""
+    """Errors, forces, friction, parameters, what is unidentified, checks, and all values."""
     told = found.identifiability
     errors, robot = model_errors_chart(found, worst=worst), found.force_model.robot
     motors = tuple(panel.motor for panel in errors.panels)
@@ -164,7 +164,9 @@ def _sections(found: Identification, worst: str) -> Iterator[Section]:
         short="Parameters",
     )
     if told.weak or told.unidentifiable:
-        yield Section("What the log does not tell", (_untold_table(found),), short="Not told")
+        yield Section(
+            "What the log does not identify", (_untold_table(found),), short="Not identified"
+        )
     used = {"fitted": found.training, "new data, not fitted": found.validation}
     log = [used_chart(robot, used), gains_chart(found.suspicions)]
     log += [] if found.delay is None else [delays_chart(found.delay)]
@@ -210,7 +212,7 @@ def _changed(found: Identification) -> str:
 
 
 def _untold_table(found: Identification) -> Table:
-    """Combinations that the file tells better than the log."""
+    """Combinations that the file determines better than the log."""
     told = found.identifiability
     rows = [(each.text, "0", "unknown: as in the file") for each in told.unidentifiable]
     rows += [
@@ -371,7 +373,7 @@ def _clear(low: float, high: float) -> str:
 
 
 def _robot_tables(found: Identification) -> list[Table]:
-    """Masses, moments, rotors and friction of the recommended robot, and who tells them."""
+    """Masses, moments, rotors and friction of the recommended robot, and their source."""
     file = found.force_model.standard_prior.tolist()
     known = zip(found.force_model.base.parameters, file, strict=True)
     bodies = {each.label: value for each, value in known if each.kind in KINDS}

@@ -24,7 +24,7 @@ from loopid.records import record
 from loopid.report.look import facts, json_text, json_value, plain_table, rounded
 
 LIBRARIES = "loopid", "pin", "numpy", "scipy"
-VERSION = 1  # of the records' forms, which ``schema.py`` tells: a new one where programs notice
+VERSION = 1  # of the records' forms, which ``schema.py`` states: a new one where programs notice
 # What a browser is allowed: nothing from elsewhere.
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 Tone = Literal["good", "rough", "bad", "info"]
@@ -423,7 +423,7 @@ class Report:
         )
 
     def files(self, command: str = "", *, figures: bool = False) -> dict[str, bytes | str]:
-        """Page, record, results, and figures for papers if asked for, by file name."""
+        """Page, record, results, and figures for papers if required, by file name."""
         page = self.page(command)
         parts = (*page.pictures, *(part for each in page.sections for part in each.parts))
         charts = [part for part in parts if isinstance(part, Chart)]

@@ -1,4 +1,4 @@
-"""The forms of all records; ``json_schema`` tells them to programs in other languages.
+"""The forms of all records; ``json_schema`` gives them to programs in other languages.
 
 A form is a type; a list with the form of its entries; a dict of keys with their forms, all of which
 are there, or with the one key ``str``: of any keys; or a tuple of a form and None. What stands in

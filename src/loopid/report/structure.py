@@ -130,10 +130,10 @@ def _wrong(robot: Robot, found: dict[str, Any]) -> Iterator[tuple[str, str]]:
     if free:
         text = f"the motors leave {shortened(free)} free"
         yield text, "lock what does not move, and write what moves with a loop into 'closures'"
-    for closure in found["closures"]:  # even a flat loop feels two
+    for closure in found["closures"]:  # even a flat loop needs two
         if closure["rank"] < LEAST_RANK < closure["rows"]:
             felt = f"{closure['rank']} of its {closure['rows']} rows ({closure['type']})"
-            text = f"the loop hardly feels closure {closure['name']}, {felt}"
+            text = f"the loop hardly depends on closure {closure['name']}, {felt}"
             yield text, "look at its frames, its axes and its type"
     yield from ((f"no solid body is like {text}", "") for text in found["inertia_defects"])
     yield from ((text, "") for text in found["odd_masses"])
@@ -335,8 +335,8 @@ def base_report(
     account = subgroup_facts(found["search"]) if found["search"]["subgroups"] else {}
     doubtful = f", {len(found['doubtful'])} more are doubtful" if found["doubtful"] else ""
     verdict = (
-        f"Forces tell {found['rank']} combinations of {found['standard_parameters']} parameters"
-        f" ({_gap(found)}){doubtful}; written as below, cond(V22) "
+        f"Forces determine {found['rank']} combinations of {found['standard_parameters']} "
+        f"parameters ({_gap(found)}){doubtful}; written as below, cond(V22) "
         f"and cond(W_B) are {_conditions(found)}: {certificate(found['search'])}."
     )
     search, sure = found["search"], not found["rank_bounds"] and not found["doubtful"]
@@ -364,7 +364,7 @@ def base_report(
             figures=(
                 Figure(
                     str(found["rank"]),
-                    "combinations that forces tell",
+                    "identifiable combinations",
                     f"of {found['standard_parameters']} parameters",
                 ),
                 Figure(f"{found['rank_gap'] or math.inf:.1e}", "gap of singular values"),
@@ -391,7 +391,7 @@ def base_record(
 
     ``condition_number`` is that of W_B at the sampled poses; the search's is its criterion's, and
     no choice has less than that over ``gap``, null where nothing was proven. Where coordinates are
-    free, ``motors_alone`` is what is felt without their rows "= 0".
+    free, ``motors_alone`` is what has an effect without their rows "= 0".
     """
     return {
         "mechanism": robot.name,
@@ -427,7 +427,7 @@ def base_tables(record: dict[str, Any]) -> list[Table]:
     title = f"base parameters, {record['model']} model"
     tables = [_parameters(title, record)]
     if alone := record["motors_alone"]:
-        tables.append(_parameters("what the motors alone feel", alone))
+        tables.append(_parameters("what the motors alone sense", alone))
     if record["doubtful"]:
         columns = {
             "": _few_terms,
@@ -482,12 +482,12 @@ def _findings(record: dict[str, Any]) -> dict[str, str]:
     }
     if alone := record["motors_alone"]:
         free = ", ".join(record["undetermined"])
-        rows["felt by the motors alone"] = (
+        rows["sensed by the motors alone"] = (
             f"{alone['rank']} base parameters ({_gap(alone)}), without the rows '= 0' of {free}; "
             f"{certificate(alone['search'])}"
         )
     elif record["undetermined"]:
-        rows["felt by the motors alone"] = "no parameter: only rows '= 0' have an effect"
+        rows["sensed by the motors alone"] = "no parameter: only rows '= 0' have an effect"
     return rows
 
 

@@ -54,7 +54,7 @@ class _OwnPages(websockets.serve):
             process_request=_of(places, process_request),
             **options | {"create_connection": _Connection},
         )
-        # Of what viser does with a message; its tasks have nobody to tell.
+        # Of what viser does with a message; its tasks have no receiver.
         asyncio.get_running_loop().set_exception_handler(lambda *_: None)
 
 

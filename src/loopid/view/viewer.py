@@ -35,7 +35,7 @@ from loopid.view.solids import read_solids
 # Of the user, with some above to go on to: the server waits for ever for one that cannot be had.
 Port: TypeAlias = Annotated[int, Field(ge=1024, le=65_000)]
 RATE = 25.0  # poses a second of a playback
-STEPS, PAUSE = 2, 0.02  # to where a slider is, as browsers tell it every 50 ms; s between them
+STEPS, PAUSE = 2, 0.02  # to where a slider is, as browsers send it every 50 ms; s between them
 STOPPED = "stopped by a singularity or the end of reach, "
 BROWSERS = "chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"
 HEADLESS = ["headless=new", "use-angle=swiftshader", "enable-unsafe-swiftshader", "no-first-run"]
@@ -237,7 +237,7 @@ class Viewer:
     def _place(self, pose: Pose, said: str = "", dragged: Any = None) -> None:
         """Put everything where a pose has it, and say how the pose is.
 
-        What a browser is told at each pose costs it more than the pose itself: nothing is placed
+        What a browser receives at each pose costs it more than the pose itself: nothing is placed
         that is not shown.
         """
         with self._lock, self._server.atomic():

@@ -96,7 +96,7 @@ int @NAME@_forces(const struct @NAME@_state *state, const double *du, const doub
 /* K, row by row: K[row * @GUARD@_PARAMETERS + column]. */
 int @NAME@_regressor(const struct @NAME@_state *state, const double *du, const double *ddu, double *K);
 
-/* Forces of the surroundings, as the motors feel them, by the robot's momentum [DeLuca2005]: through
+/* Forces of the surroundings, as the motors sense them, by the robot's momentum [DeLuca2005]: through
    a low-pass filter of the given bandwidth in rad/s. force: of the motors, on average since the last
    call, which is dt ago. The first call gives zeros. */
 int @NAME@_observe(struct @NAME@_state *state, const double *du, const double *force, const double *phi,
