@@ -59,6 +59,14 @@ def test_a_delay_is_found_within_its_interval(case, delay):
     assert not found.clear or delay
 
 
+@pytest.mark.parametrize("delay", [0.0, 0.0173])
+def test_a_delay_without_noise_is_exact(case, delay):
+    """Wherever the search begins: its end is the root, to far less than a step of the log."""
+    model, _, log = case
+    found = find_delay(model, [prepared(model, noisy(log, delay, noise=0.0))], cutoff=8.0)
+    assert np.abs([found.common - delay, *(found.each - delay)]).max() < 1e-3 / RATE
+
+
 @pytest.mark.parametrize(
     "slip",
     [

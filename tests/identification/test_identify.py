@@ -445,16 +445,16 @@ def test_what_is_not_significant_is_named(logged):
 
 
 def test_the_model_of_the_errors_converges(logged):
-    noise = logged["all parameters"].fit.noise
     first, whole, longer = (
         within_runs(WeightedLeastSquares().fit_samples(logged.data), count).result
         for count in (0, CORRECTIONS, 12)
     )
     np.testing.assert_allclose(longer.standard_errors, whole.standard_errors, rtol=0.01)
-    # What a fit takes up makes errors slower, not something else, to the scatter of so few.
-    assert (noise.effective_samples <= 1.1 * first.noise.effective_samples).all()
-    assert (noise.effective_samples >= 0.5 * first.noise.effective_samples).all()
-    assert (whole.standard_errors >= 0.99 * first.standard_errors).all()
+    # A fit takes up what is slow: errors are larger and slower than residuals as of white ones.
+    # How many samples they are worth may go either way.
+    assert (whole.noise.deviation >= first.noise.deviation).all()
+    assert (whole.noise.lag_one >= first.noise.lag_one).all()
+    assert (whole.standard_errors >= first.standard_errors).all()
 
 
 @pytest.mark.parametrize("model", ["gravity", "full"])

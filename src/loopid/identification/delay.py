@@ -62,9 +62,9 @@ DEGREE = 5  # of splines between samples: off by 5e-4 of a signal at a fifth of 
 # Shifts in s that are looked at, and the same as a part of the longest stretch: longer ones leave
 # too little of a log. Shifts of all forces that are tried first, an odd number.
 LONGEST, PART, TRIED = 0.25, 0.05, 51
-# Rounds in which weights follow from residuals: more change them by a few per cent. Newton's
-# method: iterations at most, and the change in steps of the log that ends them.
-ROUNDS, ITERATIONS, SETTLED = 2, 15, 1e-3
+# Rounds in which weights follow from residuals: more change them by a few per cent. Iterations of
+# Newton's method at most.
+ROUNDS, ITERATIONS = 2, 15
 # Singular value of the scaled regressor, relative to the largest, below which a combination of its
 # columns is ignored; the same of what a delay does beside them. Least error of the forces.
 KNOWN, PRECISION = 1e-6, 1e-8
@@ -547,14 +547,15 @@ class _Search:
     def settled(self, shifts: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Delays (k,) of all motors together or each, from shifts on, and which have settled.
 
-        A motor so slow that its delay does not settle keeps no other from settling.
+        A step that is too small to be clear is the last: the next one is far smaller. A motor so
+        slow that its delay does not settle keeps no other from settling.
         """
         reach = 2 * float(self.forces.shifts[1] - self.forces.shifts[0])
         done = np.zeros(len(shifts), dtype=bool)
         for _ in range(ITERATIONS):
             change = np.clip(self._newton(shifts)[0], -reach, reach)
             shifts = np.clip(shifts + change, *self.forces.shifts[[0, -1]])
-            done = np.abs(change) <= SETTLED * self.forces.step
+            done = np.abs(change) <= LEAST * self.forces.step
             if done.all():
                 break
         return shifts, done
