@@ -90,9 +90,9 @@ class Prediction(Tabular):
         return Quality(rms, np.where(total > 0, r_squared, np.nan), samples)
 
     def __repr__(self) -> str:
-        told = zip(self.recording.actuators, self.moving.r_squared, strict=True)
-        shares = ", ".join(f"{motor} {value:.3f}" for motor, value in told)
-        return f"<Prediction of {self.recording.name!r}: R² where motors move: {shares}>"
+        errors = zip(self.recording.actuators, self.relative_errors, strict=True)
+        shares = ", ".join(f"{motor} {error:.2%}" for motor, error in errors)
+        return f"<Prediction of {self.recording.name!r}: errors where motors move: {shares}>"
 
     def csv(self) -> str:
         """A table of text: time, then measured, predicted and used of each motor."""

@@ -761,7 +761,7 @@ class Fit(OfArrays, Tabular):
     def __repr__(self) -> str:
         more = len(self.values) - LISTED
         lines = [
-            f"Fit of {self.estimator}: {len(self.values)} parameters from "
+            f"Fit by {self.estimator!r}: {len(self.values)} parameters from "
             f"{int(self.quality.samples.sum())} forces of {len(self.actuators)} actuators, "
             f"condition number {self.condition_number:.4g}",
             *map(str, self.estimates[:LISTED]),
