@@ -127,7 +127,7 @@ def excite_command(
     """``loopid excite`` for a robot as it was loaded, and what the logs determine badly."""
     from loopid.loading.files import bundled_directory
 
-    model = found.force_model
+    model = found.force_model.plain  # what the evidence weighs is no aim of a motion
     robot, terms, excite = model.robot, model.joint_terms, found.verdict.excite
     wanted = excite if len(excite) <= MOST_WANTED else ()
     options: dict[str, Any] = {"model": model.model, "terms": terms and terms.choice(robot)}
