@@ -25,4 +25,4 @@ def test_terms_read_as_a_sum(terms, digits, text):
 def test_a_sum_has_digits():
     with pytest.raises(OptionError) as refused:
         expression(TERMS, 0)
-    assert refused.value.facts == {"given": 0}
+    assert refused.value.facts == {"argument": "digits", "given": 0}

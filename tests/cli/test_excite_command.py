@@ -30,7 +30,7 @@ def test_a_design_that_gained_nothing_is_refused_and_writes_nothing(run, tmp_pat
     words = "--shape", "poses", "--duration", "8", *QUICK, "--evaluations", "1", "--out", tmp_path
     done = run("excite", "five_bar", *words)
     assert done.code == 2
-    assert "tells more than the first motion tried" in done.err
+    assert "excites more than the first motion tried" in done.err
     assert "--evaluations" in done.err
     assert not list(tmp_path.iterdir())
 

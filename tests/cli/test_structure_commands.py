@@ -373,8 +373,8 @@ def test_check_prints_the_reference_that_chooses_another_mode(run, run_json, wri
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--search", "subgroup", "--alpha", "0.9"), ["alpha", "above 0 and at most 0.5", "0.9"]),
-        (("--search", "subgroup", "--cond-limit", "0"), ["condition_limit", "exceed 1", "2000"]),
+        (("--search", "subgroup", "--alpha", "0.9"), ["alpha", "0.5 or less", "0.9"]),
+        (("--search", "subgroup", "--cond-limit", "0"), ["condition_limit", "above 1", "0"]),
         (("--search", "subgroup", "--variant", "x"), ["variant", "gap, pseudocode"]),
         (("--alpha", "0.3"), ["alpha", "exact", "--search subgroup"]),
     ],

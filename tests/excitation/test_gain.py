@@ -17,7 +17,7 @@ def test_a_design_that_gained_nothing_is_refused_with_advice(load_once):
     assert found.gain > 0
     none = replace(found, before=found.expected)
     assert none.gain == 1.0
-    with pytest.raises(DataError, match=r"tells more than the first motion tried.*evaluations=\d+"):
+    with pytest.raises(DataError, match=r"excites more than the first motion.*evaluations=\d+"):
         none.require_gain()
     untold = replace(found.expected, standard_errors=np.full(len(found.parameters), np.inf))
     replace(found, before=untold).require_gain()  # it tells what nothing told

@@ -97,7 +97,7 @@ def test_what_no_step_explains_does_not_count_as_uncertainty():
     # A disturbance of the validation data that is far from all regressors.
     rough = np.where(np.arange(len(validation)) % 2, 1.0, -1.0)[:, None] * 3
     spoilt = eliminate_parameters(training, validation.with_force(validation.force + rough))
-    assert spoilt.chosen.standard_error > found.chosen.standard_error
+    assert spoilt.chosen.error.standard_error > found.chosen.error.standard_error
     assert spoilt.chosen.labels == found.chosen.labels
 
 

@@ -21,6 +21,7 @@ from loopid.progress import progress_bar
 
 if TYPE_CHECKING:
     from loopid.cli.shell import Answer
+    from loopid.diagnosis.gains import GainFit
     from loopid.identification.identification import Identification
     from loopid.identification.log_mistakes import Suspicions
     from loopid.logs.recording import Recording
@@ -207,17 +208,12 @@ def payload(
     from loopid.identification.force_models import force_model
     from loopid.identification.log_mistakes import suspicions_by_log
     from loopid.identification.model_choice import chosen_model
-    from loopid.logs.mapping import read_mapping
     from loopid.logs.reading import locked_as_logged
     from loopid.report.forces import gains_report, payload_report
 
     inputs = [name for name in (robot.path, mapping, *unloaded, *loaded_log) if name is not None]
     answer.require(*inputs)
-    if known_mass is None and (centre or write_mapping):
-        given = "--centre" if centre else "--write-mapping"
-        raise OptionError(f"{given} is for gains: say the mass of the payload, --known-mass KG")
-    if write_mapping is not None:
-        require_other_file(write_mapping, *inputs)
+    _require_gains(known_mass, centre, write_mapping, inputs)
     robot = locked_as_logged(robot, unloaded[0], mapping=mapping)
     runs: dict[str, Sequence[Recording]] = {
         "unloaded": recordings(robot, unloaded, mapping, cutoff, rows),
@@ -230,11 +226,31 @@ def payload(
     else:
         load = KnownLoad(known_mass, None if centre is None else numbers(centre, "--centre", 3))
         gains = drive_gains(fitted, link, load, **runs, estimator=estimator)
-        if write_mapping is not None:
-            own = None if mapping is None else read_mapping(mapping)
-            write_file(write_mapping, gains.mapping(logged, own).content)
+        _write_gains(write_mapping, gains, logged, mapping)
         report = gains_report(gains)
     answer.show(_vetoed(report, suspicions_by_log(robot, runs["unloaded"], fitted.joint_terms)))
+
+
+def _require_gains(
+    known_mass: float | None, centre: str | None, mapping: str | None, inputs: Sequence[Path | str]
+) -> None:
+    """Refuse options of gains without a mass, and a mapping in the place of an input."""
+    if known_mass is None and (centre or mapping):
+        given = "--centre" if centre else "--write-mapping"
+        raise OptionError(f"{given} is for gains: say the mass of the payload, --known-mass KG")
+    if mapping is not None:
+        require_other_file(mapping, *inputs)
+
+
+def _write_gains(
+    path: str | None, gains: GainFit, runs: Sequence[Recording], mapping: str | None
+) -> None:
+    """Write a mapping that has the gains, if asked for."""
+    from loopid.logs.mapping import read_mapping
+
+    if path is not None:
+        own = None if mapping is None else read_mapping(mapping)
+        write_file(path, gains.mapping(runs, own).content)
 
 
 def _vetoed(report: Report, suspected: Sequence[Suspicions]) -> Report:

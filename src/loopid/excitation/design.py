@@ -180,7 +180,7 @@ class ExcitationDesign:
             return
         earlier = "the logs alone do" if self.after_logs else "the first motion tried does"
         raise DataError(
-            f"no motion of {self.motion.duration:g} s was found that shows more than {earlier}: "
+            f"no motion of {self.motion.duration:g} s was found that excites more than {earlier}: "
             f"allow more evaluations={4 * max(self.evaluations, 1)}, or a longer "
             f"duration={2 * self.motion.duration:g}",
             given=self.gain,
