@@ -45,7 +45,18 @@ def in_options(text: str, context: typer.Context) -> str:
 
 
 def _excite(words: str, context: typer.Context) -> str:
-    return f"loopid excite {shlex.quote(str(context.params.get('file', 'ROBOT')))} {words}"
+    """The motion for parameters: their joint terms, and the logs that ask for the model."""
+    from loopid.parameters import KINDS
+
+    given = context.params
+    said = ["loopid", "excite", str(given.get("file", "ROBOT")), *shlex.split(words)]
+    kinds = dict.fromkeys(word.rpartition(".")[2] for word in said[3:] if "." in word)
+    if terms := [kind for kind in kinds if kind not in KINDS]:
+        said += ["--terms", ",".join(terms)]
+    if logs := given.get("logs"):
+        said += ["--mapping", str(given["mapping"])] if given.get("mapping") else []
+        said += [word for log in logs for word in ("--after", str(log))]
+    return shlex.join(said)
 
 
 def _in_words(known: Any, value: str) -> str:

@@ -375,7 +375,8 @@ class Identifiability:
 
     @property
     def _advice(self) -> str:
-        return f"excite them: design_motion with parameters={list(self.leads)}"
+        what = "them" if len(self.leads) > 1 else "it"
+        return f"excite {what}: design_motion with parameters={list(self.leads)}"
 
     @property
     def findings(self) -> tuple[Finding, ...]:
