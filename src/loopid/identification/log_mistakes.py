@@ -27,6 +27,7 @@ from loopid.identification.log_timing import held_values, late_by_seconds
 from loopid.identification.mistake_kinds import KINDS, Motors, called
 from loopid.logs.preparing import in_motion_band
 from loopid.logs.recording import Recording
+from loopid.numbers import number
 from loopid.records import record
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.robot import Robot
@@ -188,8 +189,8 @@ class _Find(NamedTuple):
             for one in (self.after, found)
         )
         why = (
-            f"{said.size}undone, errors are {after:.2g} % of the force instead of {before:.3g} % "
-            f"(evidence e^{self.evidence - found.evidence:.0f})"
+            f"{said.size}undone, errors are {number(after, 2)} % of the force instead of "
+            f"{number(before, 3)} % (evidence e^{self.evidence - found.evidence:.0f})"
         )
         return Finding("mistake", said.title, why, said.do)
 

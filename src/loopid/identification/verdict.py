@@ -11,6 +11,7 @@ from loopid.findings import PAGE, Finding, most_important_first
 from loopid.identification.consistent import UNSETTLED
 from loopid.identification.missing import missing_findings
 from loopid.identification.result import Fit
+from loopid.numbers import number
 from loopid.records import record
 from loopid.regressors.joint_laws import grouped
 
@@ -110,7 +111,7 @@ class Verdict:
         judged = JUDGED["regions" if self.where == "regions" else self.judged]
         band = "" if self.band is None else f" below {self.band:.3g} Hz"
         return (
-            f"{self.use}: {judged}{band} errors are at most {100 * self.error:.2g} % "
+            f"{self.use}: {judged}{band} errors are at most {number(100 * self.error, 2)} % "
             f"of a motor's force ({self.motor}{AT.get(self.where, '')}){self._beside_file}; "
             f"{self.significant} of "
             f"{self.parameters} values are significant. Next: {self.improvement}{page}."
@@ -136,7 +137,7 @@ class Verdict:
             return ""
         below, root = ratio < 1, np.sqrt(ratio)
         size = 100 * abs(1 - root)
-        spread = f" ± {50 * error / root:.1g}" if np.isfinite(error) else ""
+        spread = f" ± {number(50 * error / root, 1)}" if np.isfinite(error) else ""
         side = "below" if below else "above"
         return f", over all motors {size:.0f}{spread} % {side} those with the given bodies"
 
@@ -294,7 +295,7 @@ def _unexplained(found: Identification) -> Finding | None:
     return Finding(
         "warning",
         f"force of {found.new.actuators[worst]} is not explained{at.replace(',', '')}",
-        f"errors on new data are {100 * error:.2g} % of it",
+        f"errors on new data are {number(100 * error, 2)} % of it",
         "look for brakes, or a counterweight that the file lacks"
         if where == "standstill"
         else "look for a payload, a spring, a wrong length or a missing joint term",

@@ -40,8 +40,9 @@ def prediction_report(robot: Robot, predictions: Sequence[Prediction]) -> Report
         name="prediction",
         title=f"{robot.name}: forces predicted",
         verdict=(
-            f"{grade} predictions: where motors move, errors are at most {100 * worst:.2g} % of a "
-            f"motor's force ({motor}, {log}), over {samples:,} samples."
+            f"{grade} predictions: where motors move, errors are at most "
+            f"{number(100 * worst, 2)} % of a motor's force ({motor}, {log}), over {samples:,} "
+            "samples."
         ),
         card=Card(
             tone=tones[grade],
@@ -49,7 +50,7 @@ def prediction_report(robot: Robot, predictions: Sequence[Prediction]) -> Report
             use="predictions of forces where motors move",
             figures=(
                 Figure(
-                    f"{100 * worst:.2g} %",
+                    f"{number(100 * worst, 2)} %",
                     f"of its force: largest error ({motor}, {log})",
                     gauge=(worst, GOOD, ROUGH) if np.isfinite(worst) else (),
                 ),
@@ -105,7 +106,12 @@ def _prediction_table(robot: Robot, found: Prediction) -> Table:
     columns = "motor", ">moving", ">RMS error", ">of its force", ">at rest", ">RMS error", "unit"
     rows = (
         (
-            *(motor, f"{n:,}", number(rms), f"{100 * part:.2g} %", f"{rest:,}", number(error)),
+            motor,
+            f"{n:,}",
+            number(rms),
+            f"{number(100 * part, 2)} %",
+            f"{rest:,}",
+            number(error),
             force_unit(robot, motor),
         )
         for motor, n, rms, part, rest, error in zip(

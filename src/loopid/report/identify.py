@@ -108,7 +108,7 @@ def _card(found: Identification, judged: Verdict, command: str) -> Card:
     use = (
         judged.use.removeprefix(NOT_FIT).removeprefix("Fit").removeprefix(" for rough").strip(", ")
     )
-    percent = f"{100 * judged.error:.2g} %"
+    percent = f"{number(100 * judged.error, 2)} %"
     return Card(
         tone=tone,
         word=WORDS[judged.forces],
