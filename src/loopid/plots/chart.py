@@ -227,7 +227,7 @@ class Panel:
         if self.equal:
             shape = float(np.ptp(across) / np.ptp(high))
             width, height = min(width, height * shape), min(height, width / shape)
-        x_ticks, y_ticks = self._ticks(across, high)
+        x_ticks, y_ticks = self._ticks(across, high, TICKS if wide == COLUMN else TICKS // 2)
         size = round(FINE * width), round(FINE * height)
         svg = self._svg(across, high, self.marks, (x_ticks, y_ticks), size, alone=True)
         place = {"x": left, "y": LINE, "width": width, "height": height}
@@ -242,11 +242,11 @@ class Panel:
             down = LINE + 3 + _place(y, high[::-1], height)
             yield _text(_place(x, across, width), down, text, "sign middle")
 
-    def _ticks(self, across: Ends, high: Ends) -> tuple[Ticks, Ticks]:
-        """Numbers along x, and along y or names of rows, with their places."""
+    def _ticks(self, across: Ends, high: Ends, count: int = TICKS) -> tuple[Ticks, Ticks]:
+        """About so many numbers along x, and along y or names of rows, with their places."""
         if self.equal:
             return [], []
-        x_ticks = ticks(*across, log="x" in self.log)
+        x_ticks = ticks(*across, log="x" in self.log, count=count)
         if self.labels:
             return x_ticks, [*enumerate(self.labels)]
         return x_ticks, ticks(*high, log="y" in self.log, count=3 if self.small else TICKS)
