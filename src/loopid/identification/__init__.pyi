@@ -11,7 +11,6 @@ from .estimator import (
 from .fitting import fit as fit, fit_in_steps as fit_in_steps
 from .force_models import (
     ForceModel as ForceModel,
-    distributed_problem as distributed_problem,
     find_base_parameters as find_base_parameters,
     force_model as force_model,
     samples_of as samples_of,
@@ -41,5 +40,4 @@ from .result import Estimate as Estimate, Fit as Fit
 from .robust import Bisquare as Bisquare
 from .saved import load_fit as load_fit
 from .selection import Reduction as Reduction, eliminate as eliminate, influence as influence
-from .term_sets import compare_terms as compare_terms
 from .terms import choose_terms as choose_terms

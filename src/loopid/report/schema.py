@@ -29,7 +29,7 @@ from loopid.findings import Finding
 from loopid.identification.cutoff import CutoffChoice
 from loopid.identification.delay import Delay
 from loopid.identification.log_mistakes import Suspicions
-from loopid.identification.result import StandardEstimate
+from loopid.identification.result import Estimate
 from loopid.identification.verdict import Verdict
 from loopid.motion.joints import MotionReview
 from loopid.report.excitation import CRITERIA, FOUND
@@ -98,7 +98,6 @@ _BASE = {
 }
 _ERROR = {"error": Real, "standard_error": Real}
 _QUALITY = {"rms": [Real], "samples": [int]}
-_TERM_SET = {"fitted": int, "error": Real, "standard_error": Real, "enough": bool}
 _DIRECTION = {"combination": str, "effect": float, "standard_error": Real, "change": [float]}
 _RECORDING = {
     **{"name": str, "samples": int, "used": [int], "cutoff": Real},
@@ -163,13 +162,10 @@ FORMS: dict[str, dict[Any, Any]] = {
             {"motor": str, "number": int, "unit": str, "where": {str: Real}}
             | {"fit": _ERROR, "robot_file": _ERROR}
         ],
-        "robot": [of(StandardEstimate, *ROBOT)],
+        "robot": [of(Estimate, *ROBOT)],
         **{"cutoff": (of(CutoffChoice), None), "delay": (of(Delay), None)},
         "suspicions": [of(Suspicions)],
-        **{"joint_terms": {str: [str]}, "fitted_bodies_pay": bool},
-        "term_sets": [
-            {"terms": str, "chosen": bool, "robot_file": _TERM_SET, "fitted_bodies": _TERM_SET}
-        ],
+        "joint_terms": {str: [str]},
         "identifiability": {
             **dict.fromkeys(("structural_rank", "rank", "better_than_robot_file"), int),
             **{"parameters": [str], "structural_effects": [float], "effects": [float]},
