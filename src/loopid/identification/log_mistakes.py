@@ -24,7 +24,7 @@ from loopid.findings import Finding
 from loopid.identification.evidence import Evidence, Explanation, Undone
 from loopid.identification.force_models import parted
 from loopid.identification.log_timing import held_values, late_by_seconds
-from loopid.identification.mistake_kinds import KINDS, Motors, called
+from loopid.identification.mistake_kinds import KINDS, ZERO_OFF, Motors, called
 from loopid.logs.preparing import in_motion_band
 from loopid.logs.recording import Recording
 from loopid.numbers import number
@@ -40,8 +40,9 @@ CLOSELY = 6  # mistakes of positions that are looked at closely
 INTERVAL = 1.96  # standard deviations
 ROUNDS = 3  # mistakes one after the other
 # Logarithm of the ratio of evidences, less that of the number of motors whose mistake it may be,
-# from which on a mistake is suspected: one in twenty.
+# from which on one of two is right: one in twenty. Any of all kinds could be suspected by chance.
 EVIDENCE = 3.0
+SUSPECTED = EVIDENCE + log(len(KINDS))
 # Part of the forces, less friction, that may be left of a motor once its mistake is undone: a robot
 # file that explains no shape tells no mistake. Less of a factor that nobody has a cause for: a
 # missing force has any.
@@ -49,6 +50,7 @@ SHAPE, FACTOR_SHAPE = 0.4, 0.15
 # Half of the 95 % interval at most, as a part of the size: a size that is not known is none. Errors
 # of motors that were exchanged, over those before, at most.
 KNOWN, BETTER = 0.5, 0.8
+MATTERS = 0.1  # of what bodies may be off, that a zero must move them by to be worth a sentence
 
 
 @record
@@ -80,11 +82,14 @@ class Suspicions:
         Of each motor whose gain the log determines, once mistakes of other motors are undone.
     mistakes : tuple of Finding
         The likeliest first: which motors, how sure, and how to undo it.
+    untold : Finding or None
+        Mistakes that the log would not show: forces are explained about as well with them.
     """
 
     recording: str
     gains: tuple[MotorGain, ...] = ()
     mistakes: tuple[Finding, ...] = ()
+    untold: Finding | None = None
 
 
 @checked
@@ -133,11 +138,15 @@ def suspicions(
             mistakes.append(_finding(model, clear, found))
             undone.append(clear[0])
             found = model.weighed(clear[0].mended(found.undone))
+        # Of forces that follow another motion some look like a mistake.
+        if mistakes and not model.explains(found, model.present, SHAPE, whole=False):
+            mistakes.clear()
     gains = [find.gain(model.names) for find in finds if find.kind == "gain"]
     # Friction alone explains the forces of a motor whose gain may as well be 0.
     some = (one for one in gains if np.prod(one.interval) > 0)
     told = tuple(one for one in some if np.ptp(one.interval) < 2 * max(abs(one.gain), 1.0))
-    return Suspicions(recordings[0].name, told, (*mistakes, *held))
+    untold = None if mistakes else _untold(model, found)
+    return Suspicions(recordings[0].name, told, (*mistakes, *held), untold)
 
 
 @checked
@@ -308,7 +317,7 @@ def _clear(
         shape = SHAPE if _caused(find) else FACTOR_SHAPE
         worth = find.worth(found)
         worth &= model.explains(find.after, find.motors, shape, whole=find.kind == "sign")
-        if worth and not again and find.evidence - found.evidence >= EVIDENCE:
+        if worth and not again and find.evidence - found.evidence >= SUSPECTED:
             clear.append(find)
     if not clear:
         return []
@@ -323,8 +332,38 @@ def _clear(
         )
         for find in likely
     ]
-    clear = [find for find in beside if find.evidence - found.evidence >= EVIDENCE]
+    clear = [find for find in beside if find.evidence - found.evidence >= SUSPECTED]
     return sorted(clear, key=lambda find: -find.evidence)
+
+
+def _untold(model: Evidence, found: Explanation) -> Finding | None:
+    """Mistakes of a usual size with which the forces are explained about as well, if any."""
+    tried = list[Tried]()
+    for name, kind in KINDS.items():
+        if kind.untold and not (kind.fields == ("time",) and model.rates_measured):
+            every = [(k,) for k in model.present] if kind.motors else [tuple(model.present)]
+            tried += [(name, motors, size) for motors in every for size in kind.usual]
+    unknown = dict[str, dict[Motors, None]]()
+    for (name, motors, _), one in zip(tried, model.explained(_undone(found, tried)), strict=True):
+        # The zero of a first, vertical axis has no effect.
+        matters = KINDS[name].added <= (np.linalg.norm(one.values - found.values) > MATTERS)
+        if matters and one.evidence > found.evidence - EVIDENCE:
+            unknown.setdefault(name, {})[motors] = None
+    if not unknown:
+        return None
+    said = []
+    for name, of in unknown.items():
+        first = model.names[min(of)[0]] if KINDS[name].motors else ""
+        more = f" and {len(of) - 1} more" if len(of) > 1 else ""
+        said.append(f"{KINDS[name].untold} {first}".rstrip() + more)
+    return Finding(
+        # A log that tells its time axis has all but what little some motors carry.
+        "warning" if "factor" in unknown else "note",
+        f"the log does not tell {', '.join(said)}",
+        f"half or twice as much, or zeros that are {ZERO_OFF:g} rad off, would explain the forces "
+        "about as well, by other bodies",
+        "move faster and further",
+    )
 
 
 def _caused(find: _Find) -> bool:

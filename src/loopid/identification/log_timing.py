@@ -68,24 +68,35 @@ def late_by_seconds(robot: Robot, recordings: Sequence[Recording]) -> Finding | 
     if near.all() or not near.any():
         return None
     usual, best = float(errors[near].min()), int(errors.argmin())
-    lag = float(lags[best])
+    if usual < UNEXPLAINED or near[best] or not 0 < best < len(lags) - 1:
+        return None
+    lag, step = float(lags[best]), float(lags[1] - lags[0])
+    if step > DELAY:  # one may be between shifts
+        here, slope, bend = _between(errors, len(lags) // 2)
+        part = DELAY / step
+        usual = min(usual, float(np.sqrt(max(here + bend * part**2 - abs(slope) * part, 0.0))))
+    here, slope, bend = _between(errors, best)
+    bend = max(bend, TINY)
+    lag -= step * slope / (2 * bend)
+    least = float(np.sqrt(max(here - slope**2 / (4 * bend), 0.0)))
     # The fewer samples a shift leaves, the easier they are explained.
     left = 1 - abs(lag) / float(np.ptp(one.motion.time))
-    most = min(LATE * left * usual, LEFT)
-    if usual < UNEXPLAINED or errors[best] > most:
+    if least > min(LATE * left * usual, LEFT):
         return None
-    if 0 < best < len(lags) - 1:  # between shifts: mean squares are a parabola
-        before, here, after = errors[best - 1 : best + 2] ** 2
-        bend = before - 2 * here + after
-        lag += (lags[1] - lags[0]) * float((before - after) / (2 * bend)) if bend > 0 else 0.0
     how, key = ("late", f"{lag:.2g}") if lag > 0 else ("early", f"{lag:.2g}")
     return Finding(
         "mistake",
         f"the forces are {abs(lag):.2g} s {how}",
-        f"shifted, bodies of the robot file and friction leave {100 * errors[best]:.2g} % of them "
+        f"shifted, bodies of the robot file and friction leave {100 * least:.2g} % of them "
         f"instead of {100 * usual:.2g} %",
         f"align the clocks, or set delay: {key} in the mapping",
     )
+
+
+def _between(errors: FloatArray, shift: int) -> tuple[float, float, float]:
+    """The parabola of mean squares about a shift, in steps: its value, slope and bend there."""
+    before, here, after = (errors[shift - 1 : shift + 2] ** 2).tolist()
+    return here, (after - before) / 2, (after + before) / 2 - here
 
 
 def _errors_by_lag(robot: Robot, recording: Recording) -> tuple[FloatArray, FloatArray]:

@@ -37,6 +37,9 @@ class MistakeKind(NamedTuple):
     causes: tuple[Cause, ...] = ()  # that people have, by the size
     slack: float = 0.15  # of the logarithm of a size about that of its cause
     least: float = 1.0  # size that is worth a sentence
+    # Sizes that mistakes often have, and what a log does not tell that may as well have them.
+    usual: tuple[float, ...] = ()
+    untold: str = ""
 
     def undone(self, undone: Undone, motors: Motors, size: float) -> Undone:
         """With a mistake of some motors undone, too."""
@@ -201,20 +204,35 @@ TIME_CAUSES = tuple((factor, "") for factor in (2.0, 0.5, 5.0, 0.2, 10.0, 0.1, 6
 TIMES = tuple(np.logspace(-2, 2, 17).tolist())
 ZERO_CAUSES = tuple((turn * pi, "") for turn in (0.5, -0.5, 1.0, -1.0))
 ZEROS = tuple(np.geomspace(0.05, 4.0, 7).tolist())
+TWICE, ZERO_OFF = (0.5, 2.0), 0.3
 PLACES = ("positions", "ratio", "zero")  # of what belongs to positions
 # Bodies that are off by half, or of another material, are no gains; accelerations hang on the
 # square of the time axis; zeros are in rad or characteristic lengths.
 KINDS = {
-    "gain": MistakeKind(("gain",), 1, _force, GAINS, BOTH, FORCE_CAUSES, least=1.25),
+    "gain": MistakeKind(
+        *(("gain",), 1, _force, GAINS, BOTH, FORCE_CAUSES),
+        least=1.25,
+        usual=TWICE,
+        untold="force scales of",
+    ),
     # Of a motor whose bodies hardly determine its gain, by friction that would give energy.
     "sign": MistakeKind(("gain",), 1, _force, (), (-1.0,), FORCE_CAUSES),
     "common_gain": MistakeKind(("gain",), 0, _force, GAINS, BOTH, FORCE_CAUSES, 0.9, 4.0),
-    "factor": MistakeKind(("time",), 0, _time, TIMES, (1.0,), TIME_CAUSES, least=1.3),
+    "factor": MistakeKind(
+        *(("time",), 0, _time, TIMES, (1.0,), TIME_CAUSES),
+        least=1.3,
+        usual=TWICE,
+        untold="its time axis",
+    ),
     "ratio": MistakeKind(("ratio",), 1, _position, RATIOS, BOTH, POSITION_CAUSES, least=1.5),
     # A sign alone, where the size hardly matters.
     "turned": MistakeKind(("ratio",), 1, _position, (), (-1.0,), POSITION_CAUSES),
     "all turned": MistakeKind(("ratio",), 0, _position, (), (-1.0,), POSITION_CAUSES),
-    "zero": MistakeKind(("zero",), 1, _zero, ZEROS, BOTH, ZERO_CAUSES, 0.02, 0.05),
+    "zero": MistakeKind(
+        *(("zero",), 1, _zero, ZEROS, BOTH, ZERO_CAUSES, 0.02, 0.05),
+        usual=(-ZERO_OFF, ZERO_OFF),
+        untold="zeros of",
+    ),
     "forces": MistakeKind(("forces", "gain"), 2, _exchanged("forces")),
     "positions": MistakeKind(PLACES, 2, _exchanged("positions")),
     "positions and forces": MistakeKind(
