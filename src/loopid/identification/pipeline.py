@@ -205,7 +205,8 @@ def identify(
                 data = force_model.widened(data, training)
             solid = fit_solid_bodies(force_model, data, whole.noise, known=known, options=options)
         missing = missing_forces(solid, force_model, training)
-    start = fit_joint_terms(force_model, data, options=options)
+    least = whole.noise if solid is None else solid.result.noise
+    start = fit_joint_terms(force_model, data, noise=least, options=options)
     fits = {ROBOT_FILE: start, ALL: widened(whole, force_model.parameters)}
     if solid is not None:
         fits[CONSISTENT] = with_missing(with_assumed(solid.result, excited), missing)
@@ -473,12 +474,14 @@ def fit_joint_terms(
     force_model: ForceModel,
     data: FitSamples,
     *,
+    noise: NoiseModel | None = None,
     options: FitOptions = FitOptions(),
 ) -> Fit:
     """Fit the joint terms alone, with the bodies of the robot file: what others have to beat.
 
     Friction and drive inertia are not negative. Bodies are ``assumed``: their covariance is zero,
-    their intervals are infinite.
+    their intervals are infinite. Those of joint terms hold by how much the bodies seem to be off:
+    by errors beyond the ``noise`` of a better fit, by weighted least squares.
     """
     values = np.array(force_model.prior)
     joints = np.intersect1d(force_model.joint_columns, force_model.plain_columns)
@@ -505,7 +508,8 @@ def fit_joint_terms(
     else:
         terms = fit_excited(left, values[joints], excitation, estimator=estimator)
     if terms.noise is not None and options.name == "wls":
-        return replace(fit_terms(force_model, data, terms.noise), estimator=terms.estimator)
+        found = fit_terms(force_model, data, terms.noise, noise or terms.noise)
+        return replace(found, estimator=terms.estimator)
     # Each leads a base parameter of its own, with factor 1.
     standard, places = force_model.standard_prior, force_model.base.base[joints]
     kinds = [force_model.parameters[j].kind for j in joints]
