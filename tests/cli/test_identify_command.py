@@ -101,7 +101,6 @@ def test_figures_for_papers_are_drawn_where_asked_for(run, arm_files, tmp_path):
     assert done.code == 0, done.err
     drawn = {"errors", "filter", "forces", "friction", "parameters", "robot"}
     for name in drawn:
-        assert (tmp_path / f"{name}.pdf").read_bytes().startswith(b"%PDF")
         assert "<svg" in (tmp_path / f"{name}.svg").read_text()
 
 
