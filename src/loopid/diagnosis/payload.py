@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import solve_triangular
 from scipy.special import fdtrc, stdtrit
 
 from loopid.arguments import FloatArray, checked, frozen
@@ -26,8 +25,8 @@ from loopid.identification.estimator import (
     Estimator,
     WorkingFit,
     chosen_estimator,
-    require_excitation,
     result_of,
+    solved,
 )
 from loopid.identification.fitting import working_fit
 from loopid.identification.force_models import ForceModel
@@ -321,15 +320,11 @@ def _with_the_file(runs: LoadedRuns, base: BaseParameters) -> tuple[LoadedRuns, 
     rows = np.insert(robot.prior, np.full(k, n), 0.0, axis=1)
     weights, samples = robot.result.weights, _samples(runs, base)
     for _ in range(2):  # by the errors and loads of the robot alone, then by those of all
-        problem = samples.problem
-        factor = problem.weighted(weights, rows)
-        R = factor[:-1, :-1]
-        require_excitation(problem, R)
-        values = solve_triangular(R, factor[:-1, -1])
-        plain = result_of(CONSISTENT, problem, values, R, weights, 1.0)
+        values, R = solved(samples.problem, weights, rows)
+        plain = result_of(CONSISTENT, samples.problem, values, R, weights, 1.0)
         working = within_runs(WorkingFit(plain, samples, rows))
         assert working.result.noise is not None
-        weights = error_weights(problem, working.result.noise)
+        weights = error_weights(samples.problem, working.result.noise)
         load = np.zeros(len(runs.kinds))
         load[base.base] = values[n:]
         carrying = runs.carrying(load)
