@@ -102,15 +102,9 @@ DENSEST, THICKNESS = 22_600.0, 1e-3
 def nearest_solid(P: FloatArray, least_mass: float, reach: float) -> FloatArray:
     """A solid body (4, 4) for a pseudo-inertia that has none.
 
-    Mass and centre stay where the mass is positive. Second moments about the centre become at least
-    ``THICKNESS`` of the largest, and those of a ball of the densest matter; a point becomes a ball.
-
-    Parameters
-    ----------
-    least_mass : float
-        In kg, of a body without a positive mass; its centre is the origin.
-    reach : float
-        In m, radius of a point that becomes a ball.
+    Mass (kg) and centre stay where the mass is positive. Second moments about the centre become at
+    least ``THICKNESS`` of the largest, and those of a ball of the densest matter; a point becomes a
+    ball of radius ``reach`` (m).
     """
     has_mass = P[3, 3] > 0
     mass = float(P[3, 3]) if has_mass else least_mass

@@ -1,16 +1,14 @@
 """A joint that is locked stands where the log has it, or the log is refused."""
 
 import re
-import warnings
 
 import numpy as np
 import pytest
 
 import loopid
 from closure_robots import chain, files
-from loopid.errors import LogError, ModelWarning, OptionError
+from loopid.errors import LogError, OptionError
 from loopid.logs import read_log
-from loopid.logs.reading import locked_as_logged
 from loopid.regressors import gravity_regressor
 
 TIME = np.arange(200) / 100
@@ -38,24 +36,13 @@ def test_a_log_that_has_a_locked_joint_elsewhere_names_what_locks_it_there(arm, 
     robot = loopid.load(arm, lock=[lock])
     assert robot.locked == {"joint1": 0.5}
     assert read_log(log, robot).joints == ("joint2",)
-
-
-def test_a_lock_is_moved_to_where_the_log_has_it(arm, tmp_path):
-    log = write(tmp_path / "log.csv", np.full(200, 0.5))
-    drawn = loopid.load(arm, lock=["joint1"])
-    with pytest.warns(ModelWarning, match=r"locked where the log has it: joint1 at 0\.5"):
-        robot = locked_as_logged(drawn, log)
-    assert robot.locked == {"joint1": 0.5}
-    arm.with_name("there.yaml").write_text(
-        f"urdf: {arm.with_suffix('.urdf').name}\nreference: {{joint1: 0.5}}\n"
+    there = arm.with_name("there.yaml")
+    tree = arm.with_suffix(".urdf").name
+    there.write_text(f"urdf: {tree}\nreference: {{joint1: 0.5}}\n")
+    forces = (
+        gravity_regressor(each, [[0.3]]) for each in (robot, loopid.load(there, lock=["joint1"]))
     )
-    there = loopid.load(arm.with_name("there.yaml"), lock=["joint1"])
-    np.testing.assert_allclose(
-        gravity_regressor(robot, [[0.3]]), gravity_regressor(there, [[0.3]]), atol=1e-12
-    )
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert locked_as_logged(robot, log) is robot
+    np.testing.assert_allclose(*forces, atol=1e-12)
 
 
 def test_locks_at_values_are_of_joints_with_one_coordinate_and_numbers(arm):

@@ -85,7 +85,6 @@ def identify(
     """Identify parameters and friction from logs."""
     from loopid.identification.options import FitOptions
     from loopid.identification.pipeline import identify as identified
-    from loopid.logs.reading import locked_as_logged
     from loopid.report.identify import identification_report
 
     options = FitOptions(
@@ -102,7 +101,6 @@ def identify(
     answer.require(robot.path, mapping, *logs, *(validate or ()))
     if rows is not None and reference:
         raise OptionError("--rows would move LOG against its --reference: use --from and --to")
-    robot = locked_as_logged(robot, logs[0], mapping=mapping)
     runs = recordings(robot, logs, mapping, cutoff, rows)
     judging = recordings(robot, validate, mapping, cutoff)
     commanded = recordings(robot, reference, mapping, cutoff)
@@ -208,13 +206,11 @@ def payload(
     from loopid.identification.force_models import force_model
     from loopid.identification.log_mistakes import suspicions_by_log
     from loopid.identification.model_choice import chosen_model
-    from loopid.logs.reading import locked_as_logged
     from loopid.report.forces import gains_report, payload_report
 
     inputs = [name for name in (robot.path, mapping, *unloaded, *loaded_log) if name is not None]
     answer.require(*inputs)
     _require_gains(known_mass, centre, write_mapping, inputs)
-    robot = locked_as_logged(robot, unloaded[0], mapping=mapping)
     runs: dict[str, Sequence[Recording]] = {
         "unloaded": recordings(robot, unloaded, mapping, cutoff, rows),
         "loaded": recordings(robot, loaded_log, mapping, cutoff, rows),
@@ -293,21 +289,28 @@ def export(
 
     The robot is loaded as it was for the fit, and refused where it is another one.
     """
-    from loopid.export.everything import export_fit
-    from loopid.identification.saved import load_fit
+    from loopid.export.c_code import c_source
+    from loopid.identification.plausibility import require_fit_for_use
+    from loopid.identification.saved import content, load_fit, robot_files
     from loopid.report.look import json_text
 
+    if robot is yaml is c is None:
+        raise OptionError(
+            "nothing to export: give --urdf FILE, --mjcf FILE, --yaml FILE or --c DIR"
+        )
+    saved, written = load_fit(fit, file), list[Path]()
+    model = saved.require_model()
+    # All that may be refused is found out before the first file is written.
+    require_fit_for_use(saved, anyway)
     if yaml is not None:
-        require_other_file(yaml, fit)
-    written = export_fit(
-        load_fit(fit, file),
-        robot=robot,
-        yaml=yaml,
-        c=c,
-        name=name,
-        overwrite=overwrite,
-        anyway=anyway,
-    )
+        require_other_file(yaml, fit, *robot_files(model.robot))
+        content(saved, yaml, anyway=anyway)
+    code = None if c is None else c_source(model, name=name, values=saved.values)
+    if robot is not None:
+        written.append(saved.to_robot_file(robot, overwrite=overwrite, anyway=anyway))
+    if yaml is not None:
+        written.append(saved.save(yaml, anyway=anyway))
+    written += [] if code is None or c is None else code.save(c)
     places = [str(place) for place in written]
     if as_json:
         typer.echo(json_text({"schema": "loopid export 1", "written": places}))

@@ -278,7 +278,6 @@ def excite(
     from loopid.excitation.problem import DesignOptions
     from loopid.identification.force_models import force_model
     from loopid.identification.model_choice import chosen_model, require_model
-    from loopid.logs.reading import locked_as_logged
     from loopid.regressors.joint_terms import JointTerms
     from loopid.report.excitation import excitation_report
 
@@ -308,7 +307,6 @@ def excite(
         seed=seed,
     )
     require_model(model)
-    robot = locked_as_logged(robot, after[0], mapping=mapping) if after else robot
     logged = recordings(robot, after, mapping)
     chosen = chosen_model(robot, model, logged)
     fitted = force_model(robot, chosen, JointTerms.of(robot, terms))

@@ -172,25 +172,9 @@ def _second_parents(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription
 def linked(
     urdf: UrdfFile, element: Element, sides: tuple[str, str] = PARENT_CHILD
 ) -> tuple[str, str]:
-    """The two links that a tag names, by an attribute or, in SDF, by text.
+    """The two links that tags inside an element name, by an attribute or, in SDF, by text.
 
-    Parameters
-    ----------
-    urdf : UrdfFile
-    element : Element
-        Such as ``<joint>`` or ``<loop>``.
-    sides : tuple of str
-        The tags inside that name the links.
-
-    Returns
-    -------
-    tuple of str
-        Two different links of the file.
-
-    Raises
-    ------
-    RobotFileError
-        Naming an unknown link, with the known ones, or one that is at both ends.
+    A RobotFileError names an unknown link, with the known ones, or one that is at both ends.
     """
     links, found = [link.name for link in urdf.robot.links], []
     for side in sides:
@@ -214,30 +198,8 @@ def closure_of(
 ) -> ClosureDescription:
     """The closure of a tag with a type and a name, between places in two links.
 
-    Parameters
-    ----------
-    model : pin.Model
-        Its frames are mounted there, as ``NAME_SIDE``.
-    element : Element
-        The tag, whose type is a kind of joint of URDF.
-    links : tuple of str
-        The two links, as of ``linked``.
-    places : tuple of pin.SE3
-        Of the frames in the links, in m.
-    sides : tuple of str
-        Ends of the names of the frames.
-    axes : tuple of str or str, optional
-        The tags of the axes in the two frames, or the tag of both that must be there; by default
-        both are ``axis``, or x.
-
-    Returns
-    -------
-    ClosureDescription
-
-    Raises
-    ------
-    RobotFileError
-        Naming an unknown type, a missing or zero axis, or a name that is taken.
+    Its frames are mounted in the model, as ``NAME_SIDE``. ``axes`` are the tags of the axes in the
+    two frames, or the tag of both that must be there; by default both are ``axis``, or x.
     """
     given = (element.get("type") or "").strip()
     kind = (LOOPS | ALSO).get(given)

@@ -182,28 +182,10 @@ def prepare_again(
     recordings: Sequence[Recording],
     **changed: Any,
 ) -> tuple[Recording, ...]:
-    """The same parts of the recordings' logs, filtered otherwise.
+    """The same parts of the recordings' logs, with other fields of ``FilterOptions``.
 
-    A log of which several are parts is prepared once. No warning of when it was first
-    prepared is repeated. A recording without a log, of a motion that is known exactly, stays as
-    it is.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        From ``prepare``, or parts of one.
-    changed
-        Fields of ``FilterOptions`` in place of those that each was prepared with.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> from loopid.logs.preparing import prepare_again
-    >>> robot = loopid.load("five_bar")
-    >>> log = loopid.read_log(robot.path.parent / "logs" / "five_bar.csv", robot)
-    >>> parts = loopid.prepare(robot, log).split(0.5)
-    >>> [run.cutoff for run in prepare_again(robot, parts, cutoff=4.0)]
-    [4.0, 4.0]
+    A log of which several are parts is prepared once. No warning of when it was first prepared is
+    repeated. A recording without a log, of a motion that is known exactly, stays as it is.
     """
     whole: dict[tuple[int, FilterOptions, MaskOptions], Recording] = {}
     found = []

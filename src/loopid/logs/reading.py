@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from loopid.arguments import checked
-from loopid.errors import FileError, LogError, ModelWarning, OptionError, warn
+from loopid.errors import FileError, LogError, OptionError
 from loopid.files import require_name, why_no_file
 from loopid.logs.checks import (
     check_moving,
@@ -164,29 +164,12 @@ def refuse_moved(
     source: str, log: LogFormat, finder: ColumnFinder, locked: Mapping[str, float | None]
 ) -> None:
     """Refuse a log in which a joint that is locked stands elsewhere, or moves."""
-    for joint, value in _elsewhere(source, log, finder, locked).items():
-        raise LogError(
-            f"{source}: {joint} is locked at {locked[joint]:.6g}, but stands at {value:.6g}: load "
-            f'the robot with lock=["{joint}={value:.6g}"]',
-            source=source,
-            joint=joint,
-            given=value,
-            tolerance=LOCKED,
-        )
-
-
-def _elsewhere(
-    source: str, log: LogFormat, finder: ColumnFinder, locked: Mapping[str, float | None]
-) -> dict[str, float]:
-    """Where a log has joints that are locked elsewhere; one in which they move is refused."""
-    found = {}
     for joint, value in locked.items():
         column = finder.own_position(joint)
         if value is None or column is None:
             continue
         place, scale = column
-        times = finder.time(place.stream).names
-        (table, *_) = log.tables(place.stream, times, [place.column])
+        (table, *_) = log.tables(place.stream, finder.time(place.stream).names, [place.column])
         positions = scale * numbers_in(source, table.cells[place.column])
         low, high = np.nanpercentile(positions, (1, 99)) if len(positions) else (value, value)
         if high - low > LOCKED:
@@ -196,51 +179,16 @@ def _elsewhere(
                 source=source,
                 joint=joint,
             )
-        middle = float(np.nanmedian(positions))
+        middle = float(np.nanmedian(positions)) if len(positions) else value
         if abs(middle - value) > LOCKED:
-            found[joint] = middle
-    return found
-
-
-@checked
-def locked_as_logged(
-    robot: Robot, path: str | Path, *, mapping: LogMapping | str | Path | None = None
-) -> Robot:
-    """The robot, its locked joints where a log has them.
-
-    Parameters
-    ----------
-    robot : Robot
-        Of a file; others stay as they are, and ``read_log`` says which ``lock`` would do.
-    path, mapping
-        As of ``read_log``.
-
-    Raises
-    ------
-    LogError
-        When a joint that is locked moves.
-
-    Warns
-    -----
-    ModelWarning
-        Of joints that are locked elsewhere for the log.
-    """
-    from loopid.loading.robot_files import load  # logs are read without it
-
-    if not any(value is not None for value in robot.locked.values()):
-        return robot
-    mapping = _mapping(mapping)
-    log = open_log(_existing(path), mapping)
-    finder = ColumnFinder(str(path), log.columns(), mapping, log.ordered, log.choice)
-    found = _elsewhere(str(path), log, finder, robot.locked)
-    if not found or robot.path is None:
-        return robot
-    places = ", ".join(f"{joint} at {value:.6g}" for joint, value in found.items())
-    warn(f"{path}: locked where the log has it: {places}", ModelWarning)
-    given = robot.options["lock"]
-    lock = [each for each in given if (each.rpartition("=")[0] or each) not in found]
-    lock += [f"{joint}={value:.6g}" for joint, value in found.items()]
-    return load(robot.path, **{**robot.options, "lock": lock})
+            raise LogError(
+                f"{source}: {joint} is locked at {value:.6g}, but stands at {middle:.6g}: load the "
+                f'robot with lock=["{joint}={middle:.6g}"]',
+                source=source,
+                joint=joint,
+                given=middle,
+                tolerance=LOCKED,
+            )
 
 
 def open_log(path: Path, mapping: LogMapping) -> LogFormat:
@@ -266,4 +214,4 @@ def open_log(path: Path, mapping: LogMapping) -> LogFormat:
                 format=name,
             )
     chosen = getattr(mapping, kind.choice) if kind.choice else None
-    return kind(path, chosen, mapping.unpacked_ratio)
+    return kind(path, chosen)

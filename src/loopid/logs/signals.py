@@ -392,11 +392,13 @@ class ColumnFinder:
     def time(self, stream: str) -> TimeColumn:
         """The time of a stream; a LogError when it is not found, or there are several."""
         if stream not in self._times:
-            given, period = self.mapping.time, self.mapping.row_period
-            if period is not None:
-                self._times[stream] = TimeColumn("", period * NANOSECONDS["s"])
-                return self._times[stream]
-            found = self._found_time(stream) if given is None else self._given_time(given, stream)
+            given, rate = self.mapping.time, self.mapping.rate
+            if rate is not None:
+                found = TimeColumn("", NANOSECONDS["s"] / rate)
+            elif given is not None:
+                found = self._given_time(given, stream)
+            else:
+                found = self._found_time(stream)
             self._times[stream] = found
         return self._times[stream]
 

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from loopid.arguments import FloatArray, IntArray, number
 from loopid.errors import LogError, LoopidError, MissingExtraError
-from loopid.files import UNPACKED_RATIO, Ceiling
 from loopid.registry import log_formats
 
 if TYPE_CHECKING:  # slow to import, and only needed to read a log
@@ -64,17 +63,8 @@ class LogFormat(ABC):
     choice: ClassVar[str | None] = None  # the key of a mapping that chooses: topic or group
     ordered: ClassVar[bool] = True  # whether the order of the columns says something
 
-    def __init__(
-        self, path: Path, chosen: str | None = None, unpacked_ratio: float = UNPACKED_RATIO
-    ) -> None:
-        self.path = path
-        self.chosen = chosen
-        self.unpacked_ratio = unpacked_ratio
-
-    def ceiling(self, path: Path | None = None) -> Ceiling:
-        """How much the log, or a file of it, may stand for."""
-        way_out = "; give a larger 'unpacked_ratio' in a mapping if it is to be trusted"
-        return Ceiling(path or self.path, self.unpacked_ratio, way_out)
+    def __init__(self, path: Path, chosen: str | None = None) -> None:
+        self.path, self.chosen = path, chosen
 
     @classmethod
     def accepts(cls, path: Path) -> bool:

@@ -182,12 +182,8 @@ def simulate_log(
 ) -> str:
     """The log that a robot would give while it follows a motion, as CSV.
 
-    Parameters
-    ----------
-    terms : str
-        Joint terms with their values, such as ``"Fc=60,Fv=900; elbow: Ks=12"``.
-    cad_error : float
-        How far its bodies are off the robot file's; see ``scaled_bodies``.
+    Terms come with values, as ``"Fc=60,Fv=900; elbow: Ks=12"``; ``cad_error`` is the deviation of
+    ``scaled_bodies``.
     """
     chosen, values = JointTerms.with_values(robot, terms)
     measured = simulate(

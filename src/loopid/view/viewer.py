@@ -91,8 +91,6 @@ class Viewer:
     ) -> None:
         try:
             import viser
-
-            from loopid.view.serving import own_pages_only
         except ImportError as error:
             raise MissingExtraError.of("viser", "view") from error
         masses = {"robot file": body_masses(robot)}
@@ -101,7 +99,7 @@ class Viewer:
         self._lock, self._closed = threading.RLock(), threading.Event()
         self.pose = self.scene.at(robot.reference)
         logging.getLogger("websockets.server").addFilter(_is_news)
-        with redirect_stdout(io.StringIO()), own_pages_only():
+        with redirect_stdout(io.StringIO()):
             self._server = viser.ViserServer("127.0.0.1", port, label=robot.name, verbose=False)
         self.url = f"http://127.0.0.1:{self._server.get_port()}"
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
