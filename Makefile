@@ -85,7 +85,7 @@ clean:
 	@touch $@
 
 .venv/demo: .venv/pip pyproject.toml
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[plot,symbolic]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[symbolic]'
 	@touch $@
 
 .venv/docs: .venv/pip pyproject.toml

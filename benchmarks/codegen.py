@@ -6,8 +6,9 @@ Drive inertia and friction of all motors are in the models. All motors move by 0
 from random closed poses and back: assembly in two Newton steps, then forces; compiled with -O2, in
 a loop of C, the least processor time of some runs. Beside it Python, one sample after the other.
 
-Then N random motions each, of ways of some length with 1, 2 and 3 Newton steps: how many are refused,
-and how many that are not end elsewhere than Python's assembly, which follows the whole way.
+Then N random motions each, of ways of some length with 1, 2 and 3 Newton steps: how many are
+refused, and how many that are not end elsewhere than Python's assembly, which follows the whole
+way.
 """
 
 from __future__ import annotations

@@ -133,16 +133,8 @@ def quietly(function, *arguments, **options):
         return function(*arguments, **options)
 
 
-def with_deviation(found, common):
-    """An identification whose robot file is said to be off by so much."""
-    fit = found["consistent"].fit
-    deviated = replace(fit, deviation=replace(fit.deviation, common=common))
-    candidates = {**found.candidates, "consistent": replace(found["consistent"], fit=deviated)}
-    return replace(found, candidates=candidates)
-
-
 def with_answers(found, asked):
     """An identification that has been asked what another one has, and would answer alike."""
-    for name in ("term_sets", "reduction", "essential"):
+    for name in ("reduction", "essential"):
         found.__dict__[name] = getattr(asked, name)
     return found

@@ -25,7 +25,6 @@ from loopid.errors import (
     one_line,
     warn,
 )
-from loopid.plots.chart import require_matplotlib
 
 
 @given(st.text(st.characters(), max_size=8))
@@ -60,10 +59,11 @@ def unknown_model(knee, folder):
     loopid.force_model(knee, "half")
 
 
-def figures_without_matplotlib(knee, folder):
+def log_without_its_reader(knee, folder):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(sys.modules, "matplotlib.figure", None)
-        require_matplotlib()
+        patch.setitem(sys.modules, "h5py", None)
+        (folder / "run.h5").touch()
+        loopid.read_log(folder / "run.h5", knee)
 
 
 def missing_file(knee, folder):
@@ -103,7 +103,7 @@ def no_log(knee, folder):
 
 WAYS = {
     unknown_model: (OptionError, {"given": "half", "valid": ("gravity", "full")}),
-    figures_without_matplotlib: (MissingExtraError, {"package": "matplotlib", "extra": "plot"}),
+    log_without_its_reader: (MissingExtraError, {"package": "h5py", "extra": "logs"}),
     missing_file: (FileError, {"file": "nowhere.yaml"}),
     unknown_motor: (RobotFileError, {"given": "leg5_stroke"}),
     too_few_coordinates: (MobilityError, {"unknown": 11}),

@@ -6,7 +6,6 @@ from xml.sax.saxutils import escape
 
 import pytest
 from lxml.html import fromstring
-from matplotlib.figure import Figure
 
 from loopid import load_fit
 from made_runs import ARM
@@ -39,12 +38,8 @@ def renamed(path, names, quote):
 
 @pytest.mark.validate
 @pytest.mark.parametrize("names", NAMES, ids=["markup", "long"])
-def test_an_identification_with_such_names(run, arm_files, tmp_path, monkeypatch, names):
+def test_an_identification_with_such_names(run, arm_files, tmp_path, names):
     robot, log, _ = arm_files
-    draw = Figure.savefig  # as SVG alone, which holds the names
-    monkeypatch.setattr(
-        Figure, "savefig", lambda *a, **o: draw(*a, **o) if o["format"] == "svg" else None
-    )
     (tmp_path / "arm.urdf").write_text(renamed(robot, names, escape))
     (tmp_path / "{0}[red].csv").write_text(renamed(log, names, str))
     out = tmp_path / "out"

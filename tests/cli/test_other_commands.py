@@ -178,17 +178,6 @@ def test_shells_complete_options():
     assert done.stderr == ""
 
 
-@pytest.mark.parametrize("command", [["paper"], ["identify", "3ups_rpu", "nowhere.csv"]])
-def test_figures_without_matplotlib_are_refused_before_the_work(
-    run, command, tmp_path, monkeypatch
-):
-    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    done = run(*command, "--out", str(tmp_path / "out"), "--figures")
-    assert done.code == 2
-    assert "matplotlib is not installed: pip install 'loopid[plot]' brings it" in done.err
-    assert not (tmp_path / "out").exists()
-
-
 def test_view_shows_a_robot_or_says_what_is_missing(run, monkeypatch, tmp_path):
     pytest.importorskip("viser")
     from loopid.view.viewer import Viewer

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 import loopid
-from loopid import JointTerms, identify, load_fit
+from loopid import JointTerms, load_fit
 from loopid.errors import DataError, OptionError
 from loopid.export.robot_file import export_robot_file
-from loopid.identification import compare_terms
 from loopid.identification.fitting import quiet_fit
 from loopid.motion import scaled_bodies
-from made_runs import quietly, record, wander, with_deviation
+from made_runs import record, wander
 
 FRICTION = "Fc=0.1,Fv=0.05; left_crank_joint: Fl=0.003; passive: Fl=0.02"
 DRAWS = 40
@@ -55,19 +54,6 @@ def test_intervals_cover_it(loaded, truth):
         covered = (intervals[:, 0] <= truth) & (truth <= intervals[:, 1])
         inside.append(covered[model.joint_columns])
     assert 0.92 <= np.mean(inside) <= 0.98
-
-
-def test_it_is_bought_where_it_is_there_only(loaded):
-    model, _, motions = loaded
-    robot, noise = model.robot, 0.05
-    plain = JointTerms.with_values(robot, "Fc=0.1,Fv=0.05")
-    for runs, enough in (
-        ([run_of(loaded, k, noise, k) for k in (0, 1)], model.joint_terms),
-        ([record(robot, motions[k], plain, None, noise, k) for k in (0, 1)], plain[0]),
-    ):
-        identified = quietly(identify, model, runs[:1], validation=runs[1:])
-        found = compare_terms(with_deviation(identified, 0.2))
-        assert found.enough[1].choice == enough.choice(robot)
 
 
 def test_a_saved_fit_predicts_with_the_bodies_that_loaded_the_joints(loaded, truth, tmp_path):

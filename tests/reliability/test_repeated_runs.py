@@ -15,13 +15,7 @@ import loopid
 from loopid.cli import main
 from made_runs import ARM, logged, wander
 
-# Figures are left empty: that they are the same again is tested where they are drawn.
-PROGRAM = """
-from matplotlib.figure import Figure
-Figure.savefig = lambda *_, **__: None
-from loopid.cli import main
-main()
-"""
+PROGRAM = "from loopid.cli import main; main()"
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +58,6 @@ def alone(arm_files):
         with pytest.MonkeyPatch.context() as patch, threadpool_limits(1), quiet():
             patch.chdir(arm_files)
             patch.setattr(sys, "argv", ["loopid", *command(run, f"alone{run}")])
-            patch.setattr("matplotlib.figure.Figure.savefig", lambda *_, **__: None)
             with redirect_stdout(printed), suppress(SystemExit):
                 main()
         return printed.getvalue(), contents(arm_files / f"alone{run}")

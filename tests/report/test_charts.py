@@ -1,4 +1,4 @@
-"""Charts: one description, drawn on the page and for papers; what is drawn is what was given."""
+"""Charts: one description, drawn on the page and alone; what is drawn is what was given."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from lxml.html import tostring
 
-from loopid.errors import MissingExtraError
 from loopid.plots import Chart, Mark, Panel
-from loopid.plots.chart import COLUMN, HIGH, STEPS, WIDE, ticks
+from loopid.plots.chart import COLUMN, FINE, HIGH, STEPS, WIDE, ticks
 
+SVG = "{http://www.w3.org/2000/svg}"
 TIME = np.linspace(0.0, 10.0, 50_000)
 
 
@@ -176,38 +176,44 @@ def test_names_stay_text():
     root = chart.html()
     assert not list(root.iter("img"))
     assert "onerror" in root.text_content()
-    assert set(chart.files()) == {"n.svg", "n.pdf"}
-    assert "onerror" not in re.sub(r"<!--.*?-->", "", chart._repr_html_())  # text is drawn as paths
+    alone = ET.fromstring(chart.svg())
+    assert {each.tag for each in alone.iter()} == {
+        f"{SVG}{tag}" for tag in ("svg", "title", "style", "g", "text", "path")
+    }
+    assert name.replace("\x1b", "\\x1b") in {each.text for each in alone.iter(f"{SVG}title")}
 
 
-# For papers.
+# Alone, for papers.
 
 
-@pytest.fixture(scope="module")
-def drawn():
+def test_a_chart_alone_has_its_marks_names_and_numbers():
     marks = (
         Mark("line", TIME, np.sin(TIME), "measured"),
         Mark("band", TIME, np.sin(TIME) - 1, "fit", "band", np.sin(TIME) + 1),
-        Mark("dots", TIME, np.cos(TIME), "file", "dots"),
+        Mark("motors", np.array([5.0]), np.zeros(1), "fit", "motor", texts=("7",)),
     )
     spans = (Mark("span", np.zeros(2), np.arange(2.0), "fit", "span", np.ones(2)),)
     panels = Panel("force (N)", marks), Panel("named", spans, labels=("a", "b" * 90))
     chart = Chart("forces", "caption", "time (s)", panels)
-    return chart.files(), chart.files()
+    root = ET.fromstring(chart.svg())
+    assert root.get("width") == str(COLUMN)
+    assert root.findtext(f"{SVG}title") == "caption"
+    texts = [each.text for each in root.iter(f"{SVG}text")]
+    assert {"force (N)", "named", "a", "time (s)", "line", "band", "span", "7"} <= set(texts)
+    assert any(text.startswith("bb") and len(text) < 30 for text in texts)
+    outer = root.find(f"{SVG}g/{SVG}svg")
+    left, width = (float(outer.get(side)) for side in ("x", "width"))
+    assert left + width < COLUMN
+    across, _ = panels[0].limits()
+    (ten,) = [each for each in root.iter(f"{SVG}text") if each.text == "10"][:1]
+    place = left + width * (10 - across[0]) / np.ptp(across)
+    assert float(ten.get("x")) == pytest.approx(place, abs=0.1)
+    (line,) = [each for each in outer if each.get("class") == "line measured"]
+    (drawn,) = points(line.get("d"))
+    assert drawn[-1, 0] / FINE == pytest.approx(place - left, abs=0.1)
+    assert chart.svg() == chart.svg()
 
 
-def test_a_figure_is_as_wide_as_a_column_and_the_same_bytes_again(drawn):
-    files, again = drawn
-    assert files == again
-    root = ET.fromstring(files["forces.svg"])
-    assert root.tag == "{http://www.w3.org/2000/svg}svg"
-    width, height = (float(root.get(side).removesuffix("pt")) / 72 for side in ("width", "height"))
-    assert width == pytest.approx(COLUMN)
-    assert 1.0 < height < 9.5
-    assert files["forces.pdf"].startswith(b"%PDF")
-
-
-def test_without_matplotlib_the_extra_is_named(monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
-    with pytest.raises(MissingExtraError, match=r"matplotlib is not installed.*loopid\[plot\]"):
-        Chart("n", "c", "x", (Panel("t", (Mark("a", TIME, TIME),)),)).files()
+def test_what_is_upright_is_drawn_on_logarithmic_axes():
+    (line, _), _ = paths(Panel("t", (Mark.upright("used", 10.0), Mark("a", TIME, TIME)), log="xy"))
+    assert len(points(line.get("d"))) == 1

@@ -230,11 +230,6 @@ def test_charts_of_the_log_and_the_model_are_those_of_the_records(study, report)
     assert (good.x[0], good.to[0]) == (cutoff.equally_good[0], cutoff.equally_good[-1])
     assert good.x[0] <= cutoff.chosen <= good.to[0]
     assert all(f"{each:.3g}" in drawn["filter"].caption for each in cutoff.equally_good)
-    (points,) = marks(drawn["terms"].panels[0], "bodies fitted")
-    errors = [each.errors[1].mean for each in study.term_sets.sets]
-    np.testing.assert_allclose(points.x**2, errors)
-    labels = drawn["terms"].panels[0].labels
-    assert labels[study.term_sets.sets.index(study.term_sets.chosen)].endswith(" (used)")
     gains = [gain.gain for gain in found.suspicions[0].gains]
     points = [m for m in drawn["gains"].panels[0].marks if m.kind in ("disc", "ring")]
     assert sorted(np.concatenate([m.x for m in points])) == sorted(gains)
@@ -432,26 +427,6 @@ def test_candidates_are_recorded_with_their_errors(study):
         for part in ("training", "validation"):
             quality = getattr(candidate, part)
             np.testing.assert_array_equal(entry[part]["rms"], quality.residual_rms)
-
-
-def test_term_sets_are_recorded_and_the_one_that_is_enough_is_named(study):
-    found, record = study.term_sets, identification_record(study)
-    assert record["joint_terms"] == {
-        joint: ["Fc", "Fv"] for joint in study.force_model.robot.actuated
-    }
-    assert [entry["terms"] for entry in record["term_sets"]] == ["none", "Fv", "Fc,Fv", "Fc,Fv,Fo"]
-    assert [entry["chosen"] for entry in record["term_sets"]] == [False, False, True, False]
-    for entry, each in zip(record["term_sets"], found.sets, strict=True):
-        for k, bodies in enumerate(("robot_file", "fitted_bodies")):
-            assert entry[bodies]["error"] ** 2 == pytest.approx(each.errors[k].mean)
-            assert entry[bodies]["enough"] == (found.enough[k] is each)
-    (said,) = [each for each in study.findings if each.title == "the joint terms are Fc,Fv"]
-    sentence = said.why
-    assert "these are enough with fitted bodies" in sentence
-    assert "Try" not in sentence
-    other = replace(study)
-    other.__dict__["term_sets"] = replace(found, chosen=found.sets[0])
-    assert any('Try terms="Fc,Fv".' in each.why for each in other.findings)
 
 
 def test_what_is_not_finite_is_null(study):

@@ -52,9 +52,6 @@ def identify(
     mapping: str | None = MAPPING,
     model: str = LOGGED_MODEL,
     terms: str = AUTOMATIC_TERMS,
-    compare_terms: list[str] | None = Option(
-        None, metavar="CHOICE", help="Judge these terms too, as of --terms; repeatable."
-    ),
     estimator: str = Option("wls", help="wls, ols, bisquare or iv (with --reference)."),
     unidentifiable: str = Option(
         "prior",
@@ -90,7 +87,6 @@ def identify(
     options = FitOptions(
         model=model,
         terms=terms,
-        compared=tuple(compare_terms or ()),
         estimator=estimator,
         unidentifiable=unidentifiable,
         fraction=fraction,

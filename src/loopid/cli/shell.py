@@ -107,14 +107,10 @@ class Answer:
     figures: bool
 
     def require(self, *inputs: str | Path | None) -> None:
-        """Refuse, before the work is done, what could not be drawn or written safely.
+        """Refuse, before the work is done, what could not be written safely.
 
         No input may be one of the files that would be written to the folder.
         """
-        if self.figures:
-            from loopid.plots.chart import require_matplotlib
-
-            require_matplotlib()
         if self.folder is not None:
             require_folder(self.folder)
             for name in WRITTEN:
@@ -202,7 +198,7 @@ def answering(
         None, metavar="DIR", help="Write report.html and results to a folder."
     ),
     figures: bool = typer.Option(
-        False, "--figures", help="With --out: figures for papers, as SVG and PDF."
+        False, "--figures", help="With --out: each chart as SVG, for papers."
     ),
     verbose: bool = typer.Option(False, "--verbose", "-v", help="All tables, whole warnings."),
     as_json: bool = typer.Option(False, "--json", help="Print JSON instead of text."),

@@ -41,5 +41,4 @@ from .result import Estimate as Estimate, Fit as Fit
 from .robust import Bisquare as Bisquare
 from .saved import load_fit as load_fit
 from .selection import Reduction as Reduction, eliminate as eliminate, influence as influence
-from .term_sets import compare_terms as compare_terms
 from .terms import choose_terms as choose_terms

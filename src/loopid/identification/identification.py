@@ -37,7 +37,6 @@ from loopid.records import record
 
 if TYPE_CHECKING:
     from loopid.identification.selection import Reduction
-    from loopid.identification.term_sets import TermComparison
 
 # Of the moving samples that are fitted where many models are compared.
 FRACTION = 0.6
@@ -184,13 +183,6 @@ class Identification:
         """Mistakes in the logs: no figure counts before they are mended."""
         found = (each for one in self.suspicions for each in one.mistakes)
         return tuple(each for each in found if each.severity == "mistake")
-
-    @cached_property
-    def term_sets(self) -> TermComparison:
-        """What sets of joint terms buy on new data."""
-        from loopid.identification.term_sets import compare_terms  # stands on this
-
-        return compare_terms(self, choices=self.options.compared)
 
     @cached_property
     def reduction(self) -> Reduction:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from loopid.findings import Finding
 from loopid.identification.force_models import parted
 from loopid.identification.friction import friction_findings
@@ -16,7 +14,6 @@ from loopid.regressors.joint_terms import NO_TERMS
 
 if TYPE_CHECKING:
     from loopid.identification.identification import Identification
-    from loopid.identification.term_sets import TermComparison
 
 NAMED = 4  # parameters that a note names
 IDLE = 0.3  # part of a motor's samples left out, above which it is worth a word
@@ -25,7 +22,6 @@ IDLE = 0.3  # part of a motor's samples left out, above which it is worth a word
 def checks_of(found: Identification) -> tuple[tuple[bool, str], ...]:
     """What was checked, and whether it passed."""
     delay, told, cutoff = found.delay, found.identifiability, found.cutoff
-    pay = found.term_sets.bodies_pay
     every, known = told.structural_rank, told.well_determined
     said = [
         (not found.mistakes, "signs, units and order of motors", "a mistake is suspected"),
@@ -35,7 +31,11 @@ def checks_of(found: Identification) -> tuple[tuple[bool, str], ...]:
             "all known better than by the file",
             f"{every - known} less known than by the file",
         ),
-        (pay, "fitted bodies predict better", "fitted bodies do not predict clearly better"),
+        (
+            found.recommended.beats_baseline,
+            "fitted bodies predict better",
+            "fitted bodies do not predict clearly better",
+        ),
     ]
     if delay is not None:
         said.insert(1, (not delay.clear, "no clear delay", "a delay, undone"))
@@ -44,24 +44,8 @@ def checks_of(found: Identification) -> tuple[tuple[bool, str], ...]:
     return tuple((bool(good), text if good else other) for good, text, other in said)
 
 
-def _missing_terms(found: Identification) -> Iterator[Finding]:
-    """Joint terms without which intervals do not hold."""
-    own, best = found.term_sets.chosen, found.term_sets.missing
-    if best is None:
-        return
-    times = np.sqrt(own.errors[1].mean / best.errors[1].mean)
-    yield Finding(
-        "warning",
-        f"joint terms {own.choice} are too few",
-        f"with {best.choice} errors on new data are {times:.3g} times smaller, and intervals "
-        "do not hold what no term models",
-        f'use terms="{best.choice}"',
-    )
-
-
 def notes_of(found: Identification) -> Iterator[Finding]:
-    """Joint terms that are missing; then what is good to know, and nothing wrong."""
-    yield from _missing_terms(found)
+    """What is good to know, and nothing wrong."""
     fit, told, cutoff = found.fit, found.identifiability, found.training[0].cutoff
     runs = (*found.training, *found.validation)
     filtered = "unfiltered" if cutoff is None else f"filtered at {cutoff:.3g} Hz"
@@ -76,7 +60,7 @@ def notes_of(found: Identification) -> Iterator[Finding]:
             "the condition number of the weighted regressor is "
             f"{found['all parameters'].fit.condition_number:.4g}",
         ),
-        (f"the joint terms are {choice}", _terms_note(found.term_sets)),
+        (f"the joint terms are {choice}", ""),
     ]
     if unclear:
         more = f" and {len(unclear) - NAMED} more" if len(unclear) > NAMED else ""
@@ -93,19 +77,6 @@ def notes_of(found: Identification) -> Iterator[Finding]:
         title = "unidentifiable combinations are as in the robot file"
         notes.append((title, f"the values of {', '.join(told.assumed)} rest on it"))
     yield from (Finding("note", *note) for note in notes)
-
-
-def _terms_note(found: TermComparison) -> str:
-    with_file, fitted = (
-        f"{'these are' if each is found.chosen else f'{each.choice} are'} enough with {bodies}"
-        for each, bodies in zip(found.enough, ("the given bodies", "fitted bodies"), strict=True)
-    )
-    said = (
-        f"On new data {fitted}, {with_file}: fitted bodies are "
-        f"{'' if found.bodies_pay else 'not '}clearly better."
-    )
-    good = found.chosen.errors[1].as_good
-    return said if good else f'{said} Try terms="{found.enough[1].choice}".'
 
 
 def _recommendation(found: Identification) -> str:

@@ -8,7 +8,6 @@ from loopid.identification.estimator import ESTIMATORS, Estimator
 from loopid.identification.force_models import AUTOMATIC, chosen_terms
 from loopid.identification.model_choice import require_model
 from loopid.records import record
-from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.robot import Robot
 from loopid.workers import require_processes
 
@@ -27,8 +26,6 @@ class FitOptions:
         (``choose_model``).
     terms : str
         Joint terms of a robot, as of ``JointTerms.of``; by default those of ``force_model``.
-    compared : tuple of str
-        Further choices of joint terms that are judged on new data (``compare_terms``).
     estimator : str or Estimator
         A name of ``ESTIMATORS``, or an estimator with its own options. With ``"wls"`` the robot
         file is weighed, too (``consistent_fit``).
@@ -61,7 +58,6 @@ class FitOptions:
 
     model: str = AUTOMATIC
     terms: str = AUTOMATIC
-    compared: tuple[str, ...] = ()
     estimator: str | Estimator = "wls"
     unidentifiable: str = "prior"
     fraction: float | None = None
@@ -90,8 +86,6 @@ class FitOptions:
         """
         model = require_model(self.model)
         chosen_terms(robot, "full" if model == AUTOMATIC else model, self.terms)
-        for choice in self.compared:
-            JointTerms.of(robot, choice)
 
     def require_references(self, count: int) -> None:
         """Refuse reference motions for another estimator than ``"iv"``, and that without any."""

@@ -10,7 +10,6 @@ from .identified import (
     masses_chart as masses_chart,
     model_errors_chart as model_errors_chart,
     parameters_chart as parameters_chart,
-    terms_chart as terms_chart,
     used_chart as used_chart,
 )
 from .pictures import comparison_chart as comparison_chart, forces_chart as forces_chart

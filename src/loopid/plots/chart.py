@@ -1,4 +1,4 @@
-"""Charts: said once, drawn as SVG on a page, which a script zooms, and by matplotlib for papers.
+"""Charts: said once, drawn as SVG on a page, which a script zooms, and alone for papers.
 
 Marks are paths in a plain square whose sides the page stretches as wide as it is; the width of
 lines stays. Long lines are thinned to the least and the largest of each step of time.
@@ -6,37 +6,32 @@ lines stays. Long lines are thinned to the least and the largest of each step of
 
 from __future__ import annotations
 
-import io
 import math
-import warnings
+from base64 import b64encode
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import field
 from typing import Any
 
 import numpy as np
 from lxml.builder import ElementMaker
+from lxml.etree import tostring
 from lxml.html import HtmlElement, html_parser
 
 from loopid.arguments import FloatArray, IntArray, spread_rows
-from loopid.errors import MissingExtraError, one_line, short_name
+from loopid.errors import one_line, short_name
 from loopid.records import record
 
-# By what is drawn: colour, width of a line, and its dashes. The page has the same as classes of its
-# style sheet, there for dark screens, too.
-LOOKS: dict[str, tuple[str, float, str]] = {
-    "measured": ("#3b424c", 1.2, "-"),
-    "fit": ("#bf4700", 0.9, "-"),
-    "file": ("#0068a8", 0.9, "-"),
-    "other": ("#0b7046", 0.9, "-"),
-    "weak": ("#875900", 0.9, "-"),
-    "faint": ("#78818d", 0.6, "-"),
-    "limit": ("#565e6a", 0.6, ":"),
-    "links": ("#c0c8d2", 4.0, "-"),
+# Colours by what is drawn. The style sheet of the page has the same, and those for dark screens.
+LOOKS = {
+    **{"measured": "#3b424c", "fit": "#bf4700", "file": "#0068a8", "other": "#0b7046"},
+    **{"weak": "#875900", "faint": "#78818d", "limit": "#565e6a", "links": "#c0c8d2"},
 }
 Ends = tuple[float, float]
-SIGNS = {"motor": "o", "slide": "s", "joint": "o", "closure": "D"}
+Ticks = list[tuple[float, str]]  # places on an axis, with their texts
+SIGNS = "motor", "slide", "joint", "closure"
 UPRIGHT = "upright", "shade"  # kinds that reach over all of y
-POINTS = {"dots": ".", "disc": "o", "ring": "o", "box": "s"}
+POINTS = "dots", "disc", "ring", "box"
+HOLLOW = "ring", "box", "joint", "closure"
 # Of a line, with its least and largest value in each: half a column of a page shows no more.
 STEPS = 250
 MOST_DOTS = 1500
@@ -49,18 +44,28 @@ NEAR = 5.0  # % of an axis next to its ends, where numbers stand inwards
 ALIKE = 1e-5  # relative difference of values that have one place on an axis
 TICKS = 5  # of an axis, about
 PLAIN = 3  # powers of 10 that are written out
-COLUMN = 3.5  # inches: a column of a two-column page
-LONGEST, LEGEND = 44, 80  # characters of a name that is drawn, and in a line of a legend
-STYLE: Any = {
-    "text.parse_math": False,  # names stay text
-    **dict.fromkeys(("font.size", "axes.titlesize", "axes.labelsize"), 7.5),
-    **{"legend.fontsize": 7, "legend.frameon": False},
-    **{"axes.spines.top": False, "axes.spines.right": False},
-    **{"axes.grid": True, "grid.color": "#dddddd", "grid.linewidth": 0.5},
-    **{"figure.constrained_layout.use": True, "svg.hashsalt": "loopid", "svg.fonttype": "path"},
+# For papers, in px (96 an inch): a column of a two-column page, and what stands about the marks.
+COLUMN, LINE, NUMBERS, NAMES = 336, 14, 34, 116
+FINE = 10  # steps a px
+LETTER, LONGEST, SHORT = 6, 56, 18  # width of a letter; characters of a title and a name
+KEYS = {
+    **dict.fromkeys(("line", "span"), "M-90 0h180"),
+    "upright": "M0 -50v100",
+    **dict.fromkeys(("shade", "band"), "M-90 -40h180v80h-180z"),
 }
-# Of figures with names that the font lacks, which are boxes there, or that leave no room.
-HARMLESS = "Glyph .* missing from font|constrained_layout not applied"
+STYLE = """
+text { font: 10px sans-serif; fill: #16191d; }
+.end { text-anchor: end; } .middle { text-anchor: middle; }
+path { fill: none; stroke: currentColor; stroke-width: 11; stroke-linejoin: round; }
+.grid { color: #dadfe6; stroke-width: 5; } .limit { stroke-dasharray: 15 25; }
+.band, .shade { fill: currentColor; stroke: none; opacity: .25; }
+.dots, .disc, .ring, .joint, .motor, .links { stroke-linecap: round; }
+.box, .slide, .closure { stroke-linecap: square; }
+.dots { stroke-width: 20; opacity: .5; } .disc, .ring, .box { stroke-width: 55; }
+.links { stroke-width: 50; } .motor, .slide { stroke-width: 110; }
+.joint, .closure { stroke-width: 70; }
+path.hole { color: #fff; stroke-width: 30; } .sign { fill: #fff; }
+"""
 
 
 def _add_text(element: HtmlElement, text: str) -> None:
@@ -206,43 +211,52 @@ class Panel:
         return across, high
 
     @property
-    def height(self) -> float:
-        """In inches, for papers."""
+    def height(self) -> int:
+        """For papers, in px."""
         if self.labels:
-            return 0.5 + 0.16 * len(self.labels)
-        return 0.7 if self.small else 2.4 if self.equal else 1.4
+            return LINE * (2 + len(self.labels))
+        return 80 if self.small else 230 if self.equal else 140
 
-    def draw(self, ax: Any) -> None:
-        """Draw on axes of matplotlib."""
-        for mark in (each.thinned() for each in self.marks):
-            _draw(mark, ax)
-        title = f"{self.motor}: {self.title}" if self.motor else self.title
-        ax.set_title(short_name(title, LONGEST), loc="left")
-        for axis in self.log:
-            from matplotlib.ticker import LogFormatter  # the usual one writes formulas
-
-            getattr(ax, f"set_{axis}scale")("log")
-            for which in ("major", "minor"):
-                getattr(getattr(ax, f"{axis}axis"), f"set_{which}_formatter")(LogFormatter())
+    def drawing(self, wide: float) -> Iterable[HtmlElement]:
+        """The panel for papers, so many px wide."""
+        across, high = self.limits()
+        title = ": ".join(filter(None, (self.motor, self.title)))
+        yield _text(0, LINE - 3, short_name(title, int(LONGEST * wide / COLUMN)))
+        left = NAMES if self.labels else 0 if self.equal else NUMBERS
+        width, height = wide - left - 8, self.height - 2.0 * LINE
         if self.equal:
-            ax.set_aspect("equal", "datalim")
+            shape = float(np.ptp(across) / np.ptp(high))
+            width, height = min(width, height * shape), min(height, width / shape)
+        x_ticks, y_ticks = self._ticks(across, high, TICKS if wide == COLUMN else TICKS // 2)
+        size = round(FINE * width), round(FINE * height)
+        svg = self._svg(across, high, self.marks, (x_ticks, y_ticks), size, alone=True)
+        place = {"x": left, "y": LINE, "width": width, "height": height}
+        svg.attrib.update({name: f"{value:g}" for name, value in place.items()})
+        yield svg
+        for at, text in x_ticks:
+            yield _text(left + _place(at, across, width), self.height - 3, text, "middle")
+        for at, text in y_ticks:
+            text = short_name(text, SHORT)
+            yield _text(left - 4, LINE + 3 + _place(at, high[::-1], height), text, "end")
+        for _, x, y, text in self._signs():
+            down = LINE + 3 + _place(y, high[::-1], height)
+            yield _text(_place(x, across, width), down, text, "sign middle")
+
+    def _ticks(self, across: Ends, high: Ends, count: int = TICKS) -> tuple[Ticks, Ticks]:
+        """About so many numbers along x, and along y or names of rows, with their places."""
+        if self.equal:
+            return [], []
+        x_ticks = ticks(*across, log="x" in self.log, count=count)
         if self.labels:
-            names = [short_name(name, LONGEST // 2) for name in self.labels]
-            ax.set_yticks(range(len(names)), names, fontsize=6)
-        if self.labels or self.y_limits is not None:
-            ax.set_ylim(*self.limits()[1])
-        if self.x_limits is not None:
-            ax.set_xlim(*(10**end if "x" in self.log else end for end in self.x_limits))
+            return x_ticks, [*enumerate(self.labels)]
+        return x_ticks, ticks(*high, log="y" in self.log, count=3 if self.small else TICKS)
 
     def html(self, *, headed: bool = True, ticked: bool = True) -> HtmlElement:
         """A part of a figure on a page, with a heading and numbers along x or without."""
         across, high = self.limits()
-        panel = E.div(
-            {
-                f"data-{n}": f"{a:.9g} {b:.9g}"
-                for n, (a, b) in zip("xy", (across, high), strict=True)
-            }
-        )
+        panel = E.div()
+        for axis, (low, top) in (("x", across), ("y", high)):
+            panel.set(f"data-{axis}", f"{low:.9g} {top:.9g}")
         panel.set("class", f"panel{' small' * self.small}{' equal' * self.equal}")
         if self.motor:
             badge = E.i({"class": f"badge{' worst' * self.worst}"}, str(self.number))
@@ -256,14 +270,13 @@ class Panel:
             panel.extend(in_parts(len(self.labels), lambda rows: self._table(rows, across)))
             return panel
         panel.append(E.output())
-        x_ticks = ticks(*across, log="x" in self.log, count=TICKS if ticked else 2 * TICKS)
-        y_ticks = ticks(*sorted(high), log="y" in self.log, count=3 if self.small else TICKS)
-        if self.equal:
-            x_ticks = y_ticks = []
-        svg = self._svg(across, high, self.marks, HIGH, [at for at, _ in x_ticks])
-        grid = [f"M0 {_place(y, high[::-1], HIGH):.0f}h{WIDE}" for y, _ in y_ticks]
-        svg.insert(0, E.path({"class": "grid", "d": "".join(grid)}))
-        plot = E.div({"class": "plot"}, svg, *self._signs(across, high))
+        x_ticks, y_ticks = self._ticks(across, high)
+        svg = self._svg(across, high, self.marks, (x_ticks, y_ticks), (WIDE, HIGH))
+        plot = E.div({"class": "plot"}, svg)
+        for mark, x, y, text in self._signs():
+            left, top = _place(x, across, 100), _place(y, high[::-1], 100)
+            place = {"style": f"left:{left:.2f}%;top:{top:.2f}%"}
+            plot.append(E.i({"class": f"sign {mark.kind} {mark.look}"}, place, text))
         if self.equal:
             plot.set("style", f"aspect-ratio:{np.ptp(across) / np.ptp(high):.3f}")
         panel.append(E.div({"class": "up"}, *_ticks_html("bottom", y_ticks, high)))
@@ -273,29 +286,36 @@ class Panel:
         return panel
 
     def _svg(
-        self, across: Ends, high: Ends, marks: Iterable[Mark], height: float, grid: list[float]
+        self,
+        across: Ends,
+        high: Ends,
+        marks: Iterable[Mark],
+        grid: tuple[Ticks, Ticks],
+        size: tuple[int, int],
+        *,
+        alone: bool = False,
     ) -> HtmlElement:
-        """Marks in a square that is so high."""
-        svg = E.svg({"viewBox": f"0 0 {WIDE} {height:g}", "preserveAspectRatio": "none"})
-        lines = "".join(f"M{_place(x, across, WIDE):.0f} 0v{height:g}" for x in grid)
-        svg.append(E.path({"class": "grid", "d": lines}))
-        for mark in (each.thinned() for each in marks if each.kind not in SIGNS):
-            path = _path(mark, self.log, across, high, height)
+        """Marks in a square of that size; signs are drawn, too, where no page lays them over it."""
+        wide, tall = size
+        svg = E.svg({"viewBox": f"0 0 {wide} {tall}", "preserveAspectRatio": "none"})
+        lines = [f"M{_place(x, across, wide):.0f} 0v{tall}" for x, _ in grid[0]]
+        lines += [f"M0 {_place(y, high[::-1], tall):.0f}h{wide}" for y, _ in grid[1]]
+        svg.append(E.path({"class": "grid", "d": "".join(lines)}))
+        for mark in (each.thinned() for each in marks if alone or each.kind not in SIGNS):
+            path = _path(mark, self.log, across, high, size)
             drawn = E.path({"class": f"{mark.kind} {mark.look}", "d": path})
             if mark.name and mark.kind == "line":
                 drawn.append(E.title(mark.name))
             svg.append(drawn)
-            if mark.kind in ("ring", "box"):
+            if mark.kind in HOLLOW:
                 svg.append(E.path({"class": f"{mark.kind} hole", "d": path}))
         return svg
 
-    def _signs(self, across: Ends, high: Ends) -> Iterable[HtmlElement]:
-        for mark in self.marks:
-            texts = mark.texts or ("",) * len(mark.x)
-            for x, y, text in zip(mark.x, mark.y, texts, strict=True) if mark.kind in SIGNS else ():
-                left, top = _place(x, across, 100), _place(y, high[::-1], 100)
-                place = {"style": f"left:{left:.2f}%;top:{top:.2f}%"}
-                yield E.i({"class": f"sign {mark.kind} {mark.look}"}, place, text)
+    def _signs(self) -> Iterable[tuple[Mark, float, float, str]]:
+        """Signs one by one, with their places and texts."""
+        for mark in (each for each in self.marks if each.kind in SIGNS):
+            for x, y, text in zip(mark.x, mark.y, mark.texts or ("",) * len(mark.x), strict=True):
+                yield mark, float(x), float(y), text
 
     def _table(self, rows: Iterable[int], across: Ends) -> HtmlElement:
         places = ticks(*across, log="x" in self.log, count=TICKS if self.columns else 3)
@@ -309,7 +329,7 @@ class Panel:
                 above = {"colspan": str(2 + len(self.columns)), "scope": "rowgroup"}
                 body.append(E.tr({"class": "group"}, E.th(above, group)))
             within = [_within(mark, k) for mark in self.marks]
-            svg = self._svg(across, (k + 0.5, k - 0.5), within, ROW, [at for at, _ in places])
+            svg = self._svg(across, (k + 0.5, k - 0.5), within, (places, []), (WIDE, ROW))
             name = E.td(
                 {"class": "name"},
                 _short_or_whole(self.labels[k], self.wholes[k] if self.wholes else ""),
@@ -351,8 +371,7 @@ class Chart:
 
     def html(self) -> HtmlElement:
         """A figure of a page."""
-        marks = (mark for panel in self.panels for mark in panel.marks if mark.name)
-        keys = dict.fromkeys((mark.name, mark.kind, mark.look) for mark in marks)
+        keys = self._keys()
         legend = (E.span(E.i({"class": f"key {kind} {look}"}), name) for name, kind, look in keys)
         lanes = [self.panels[k : k + self.lanes] for k in range(0, len(self.panels), self.lanes)]
         first, others = lanes[:MOST_GROUPS], lanes[MOST_GROUPS:]
@@ -377,90 +396,57 @@ class Chart:
                 grid[-1].append(E.div({"class": "along"}, self.x_label))
         return grid
 
-    def figure(self) -> Any:
-        """The chart as a figure of matplotlib, as wide as a column of a paper.
+    def _keys(self) -> list[tuple[str, str, str]]:
+        """Names of marks for a legend, with kind and look."""
+        marks = (mark for panel in self.panels for mark in panel.marks if mark.name)
+        return [*dict.fromkeys((mark.name, mark.kind, mark.look) for mark in marks)]
 
-        Raises
-        ------
-        MissingExtraError
-            When matplotlib is not installed.
+    def _repr_html_(self) -> str:  # an image of its own, which no style of a notebook enters
+        data = b64encode(self.svg().encode()).decode()
+        return str(tostring(E.img(src=f"data:image/svg+xml;base64,{data}"), encoding="unicode"))
+
+    def svg(self) -> str:
+        """The chart alone as SVG, as wide as a column of a paper.
 
         Examples
         --------
         >>> import loopid
-        >>> chart = loopid.plots.robot_chart(loopid.load("five_bar"))
-        >>> chart.figure().savefig("robot.pdf")  # doctest: +SKIP
+        >>> loopid.plots.robot_chart(loopid.load("five_bar")).svg()[:25]
+        '<svg xmlns="http://www.w3.'
         """
-        require_matplotlib()
-        import matplotlib as mpl
-        from matplotlib.figure import Figure
-
-        columns = min(self.columns, 2) if self.lanes == 1 else 1
-        heights = [panel.height for panel in self.panels[::columns]]
-        with mpl.rc_context(STYLE):
-            figure = Figure(figsize=(COLUMN, sum(heights) + 0.4))
-            axes = figure.subplots(len(heights), columns, squeeze=False, height_ratios=heights)
-            for ax, panel in zip(axes.flat, self.panels, strict=False):
-                panel.draw(ax)
-            for ax in axes.flat[len(self.panels) :]:
-                ax.set_axis_off()
-            axes[-1, 0].set_xlabel(self.x_label)
-            found = [ax.get_legend_handles_labels() for ax in axes.flat]
-            if handles := {n: h for each in found for h, n in zip(*each, strict=True)}:
-                beside = min(len(handles), LEGEND // (10 + max(map(len, handles))) or 1)
-                figure.legend(handles.values(), handles, loc="outside lower center", ncols=beside)
-        return figure
-
-    def _repr_html_(self) -> str:
-        return self.files()[f"{self.name}.svg"].decode()
-
-    def files(self) -> dict[str, bytes]:
-        """The figure as ``name.svg`` and ``name.pdf``; the same bytes every time."""
-        figure, files = self.figure(), dict[str, bytes]()
-        import matplotlib as mpl
-
-        with mpl.rc_context(STYLE), warnings.catch_warnings():
-            warnings.filterwarnings("ignore", HARMLESS)
-            for kind, dated in (("svg", "Date"), ("pdf", "CreationDate")):
-                stream = io.BytesIO()
-                figure.savefig(stream, format=kind, metadata={dated: None})
-                files[f"{self.name}.{kind}"] = stream.getvalue()
-                figure.set_layout_engine("none")  # laid out once
-        return files
+        named = any(panel.labels for panel in self.panels)
+        columns = 1 if named or self.lanes > 1 else min(self.columns, 2)
+        wide, down, drawn = COLUMN / columns, 0, list[HtmlElement]()
+        for k in range(0, len(self.panels), columns):
+            row = self.panels[k : k + columns]
+            for j, panel in enumerate(row):
+                move = {"transform": f"translate({j * wide:g} {down})"}
+                drawn.append(E.g(move, *panel.drawing(wide)))
+            down += max(panel.height for panel in row)
+        if self.x_label:
+            drawn.append(_text(COLUMN / 2, down + LINE - 3, self.x_label, "middle"))
+            down += LINE
+        keys = self._keys()
+        longest = max((len(name) for name, *_ in keys), default=0)
+        columns = max(min(len(keys), COLUMN // (LETTER * (longest + 5))), 1)
+        for k, (name, kind, look) in enumerate(keys):
+            x, y = COLUMN * (k % columns) / columns, down + LINE * (k // columns + 0.5)
+            scaled = {"transform": f"translate({x + LINE:g} {y:g}) scale({1 / FINE})"}
+            path = KEYS.get(kind, "M0 0h1")
+            drawn.append(E.g(scaled, E.path({"class": f"{kind} {look}", "d": path})))
+            if kind in HOLLOW:
+                drawn[-1].append(E.path({"class": f"{kind} hole", "d": path}))
+            drawn.append(_text(x + 2 * LINE, y + 3, name))
+        size = {"width": f"{COLUMN}", "height": f"{down + LINE * -(-len(keys) // columns) + 3}"}
+        size["viewBox"] = "0 0 {width} {height}".format(**size)
+        colours = "".join(f".{look} {{ color: {colour}; }}\n" for look, colour in LOOKS.items())
+        size["xmlns"] = "http://www.w3.org/2000/svg"
+        figure = E.svg(size, E.title(self.caption), E.style(colours + STYLE), *drawn)
+        return str(tostring(figure, encoding="unicode"))
 
 
-def require_matplotlib() -> None:
-    """Refuse figures where they cannot be drawn."""
-    try:
-        import matplotlib.figure  # noqa: F401
-    except ImportError as error:
-        raise MissingExtraError.of("matplotlib", "plot") from error
-
-
-def _draw(mark: Mark, ax: Any) -> None:
-    """Draw a mark on axes of matplotlib."""
-    colour, width, dashes = LOOKS[mark.look]
-    look: Any = {"color": colour, "linewidth": width, "label": mark.name or None}
-    if mark.kind == "line":
-        ax.plot(mark.x, mark.y, dashes, **look)
-    elif mark.kind in POINTS or mark.kind in SIGNS:
-        face = "white" if mark.kind in ("ring", "box", "joint", "closure") else colour
-        shape = {"markersize": 3, "markerfacecolor": face}
-        ax.plot(mark.x, mark.y, {**POINTS, **SIGNS}[mark.kind], **look | shape)
-        for x, y, text in zip(mark.x, mark.y, mark.texts, strict=False):
-            ax.annotate(text, (x, y), (3, 3), textcoords="offset points", fontsize=6)
-    elif mark.kind == "band":
-        ax.fill_between(mark.x, mark.y, mark.to, **look | {"linewidth": 0}, alpha=0.25)
-    elif mark.kind == "span":
-        ax.hlines(mark.y, mark.x, mark.to, **look)
-    else:
-        ends = mark.x if mark.to is None else mark.to
-        for k, (x, to) in enumerate(zip(mark.x, ends, strict=True)):
-            own = look if k == 0 else look | {"label": None}
-            if mark.kind == "upright":
-                ax.axvline(x, linestyle=dashes, **own)
-            else:
-                ax.axvspan(x, to, **own | {"linewidth": 0}, alpha=0.2)
+def _text(x: float, y: float, text: str, look: str = "") -> HtmlElement:
+    return E.text({"x": f"{x:.1f}", "y": f"{y:.1f}", "class": look}, text)
 
 
 def _within(mark: Mark, row: int) -> Mark:
@@ -506,28 +492,28 @@ def _place(at: Any, ends: Ends, size: float) -> Any:
     return size * (at - ends[0]) / (ends[1] - ends[0])
 
 
-def _path(mark: Mark, log: str, across: Ends, high: Ends, height: float) -> str:
+def _path(mark: Mark, log: str, across: Ends, high: Ends, size: tuple[int, int]) -> str:
     """A mark in whole numbers of the square."""
 
     def placed(values: FloatArray, axis: str) -> FloatArray:
-        ends, size = (across, WIDE) if axis == "x" else (high[::-1], height)
-        at = np.clip(_place(_scaled(values, axis in log), ends, size), -1e6, 1e6)
+        ends, room = (across, size[0]) if axis == "x" else (high[::-1], size[1])
+        at = np.clip(_place(_scaled(values, axis in log), ends, room), -1e6, 1e6)
         return np.asarray(at, dtype=np.float64)
 
     x, y = placed(mark.x, "x"), placed(mark.y, "y")
     y = np.zeros(len(x)) if mark.kind in UPRIGHT else y
     sideways = mark.kind in ("span", "shade")
-    to = placed(mark.y if mark.to is None else mark.to, "x" if sideways else "y")
+    to = y if mark.to is None else placed(mark.to, "x" if sideways else "y")
     known = np.isfinite(x) & np.isfinite(y) & np.isfinite(to)
     rows = list(zip(*(each[known].tolist() for each in (x, y, to)), strict=True))
     if mark.kind == "span":
         return "".join(f"M{a:.0f} {up:.0f}h{round(b) - round(a)}" for a, up, b in rows)
     if mark.kind == "shade":
-        wide = [(round(a), round(b) - round(a)) for a, _, b in rows]
-        return "".join(f"M{a} 0h{size}v{height:g}h{-size}z" for a, size in wide)
+        spans = [(round(a), round(b) - round(a)) for a, _, b in rows]
+        return "".join(f"M{a} 0h{wide}v{size[1]}h{-wide}z" for a, wide in spans)
     if mark.kind == "upright":
-        return "".join(f"M{a:.0f} 0v{height:g}" for a, _, _ in rows)
-    if mark.kind in POINTS:
+        return "".join(f"M{a:.0f} 0v{size[1]}" for a, _, _ in rows)
+    if mark.kind in POINTS or mark.kind in SIGNS:
         return _moves([(round(a), round(b)) for a, b, _ in sorted(rows)])
     edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
     parts = [slice(a, b) for a, b in edges.reshape(-1, 2).tolist()]
@@ -573,9 +559,7 @@ def _ends(parts: Iterable[FloatArray]) -> tuple[float, float]:
     return low - room, high + room
 
 
-def ticks(
-    low: float, high: float, *, log: bool = False, count: int = TICKS
-) -> list[tuple[float, str]]:
+def ticks(low: float, high: float, *, log: bool = False, count: int = TICKS) -> Ticks:
     """Round numbers between two ends, with their texts; of logarithms powers of 10, or 1, 2, 5."""
     if log and high - low < 2:
         decades = range(math.floor(low), math.ceil(high) + 1)

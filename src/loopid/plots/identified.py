@@ -21,7 +21,6 @@ from loopid.identification.information import body_sizes
 from loopid.identification.log_mistakes import Suspicions
 from loopid.identification.prediction import INTERVAL
 from loopid.identification.result import Estimate
-from loopid.identification.term_sets import TermComparison
 from loopid.identification.unseen import WHERE
 from loopid.identification.verdict import GOOD
 from loopid.logs.recording import Recording
@@ -352,35 +351,6 @@ def _expected(
     marks = _about(values, ends, right, ("", "differs", "as expected"))
     texts = {"value": tuple(f"{x:.3g}" for x in values.tolist())}
     return Panel(title, marks, labels=tuple(labels), columns=texts)
-
-
-@checked
-def terms_chart(found: TermComparison) -> Chart:
-    """Errors on new data with each set of joint terms, bodies fitted or of the robot file."""
-    marks, place = list[Mark](), np.arange(float(len(found.sets)))
-    sides = ((0, "given bodies", "file", "box"), (1, "bodies fitted", "fit", "disc"))
-    texts = dict[str, tuple[str, ...]]()
-    for k, name, look, kind in sides:
-        error, spread = np.transpose([each.rms[k] for each in found.sets])
-        reach = INTERVAL * spread
-        low = np.maximum(error - reach, 0.2 * error)
-        marks.append(Mark("95 % interval" if k else "", low, place, look, "span", error + reach))
-        marks.append(Mark(name, error, place, look, kind))
-        texts[name] = tuple(
-            " ± ".join(with_error(*pair)) + ("; enough" if each is found.enough[k] else "")
-            for each, *pair in zip(found.sets, error.tolist(), spread.tolist(), strict=True)
-        )
-    labels = tuple(
-        f"{each.choice} (used)" if each is found.chosen else each.choice for each in found.sets
-    )
-    caption = (
-        "Errors on new data; 1 is the size of the fit's errors. Enough: fewer terms are clearly "
-        "worse, more are not clearly better."
-    )
-    panel = Panel(
-        "Joint terms that were tried", tuple(marks), labels=labels, columns=texts, log="x"
-    )
-    return Chart("terms", caption, "", (panel,))
 
 
 @checked

@@ -12,7 +12,6 @@ from loopid.identification.identification import Identification
 from loopid.identification.information import WeakDirection
 from loopid.identification.prediction import Candidate, Prediction, prediction_reach
 from loopid.identification.saved import content
-from loopid.identification.term_sets import TermComparison
 from loopid.identification.unseen import WHERE
 from loopid.identification.verdict import GOOD, NOT_FIT, ROUGH, Verdict
 from loopid.logs.recording import Recording
@@ -28,7 +27,6 @@ from loopid.plots.identified import (
     masses_chart,
     model_errors_chart,
     parameters_chart,
-    terms_chart,
     used_chart,
     value_text,
 )
@@ -172,9 +170,8 @@ def _sections(found: Identification, worst: str) -> Iterator[Section]:
     log += [] if found.delay is None else [delays_chart(found.delay)]
     log = [each for each in log if each.panels]
     yield Section("Checks of the log", (*log, *_log_tables(found)), folded=True, short="Log")
-    model: list[Part] = [terms_chart(found.term_sets)]
-    model += [] if found.cutoff is None else [filter_chart(found.cutoff)]
-    model += [_candidates_table(found)]
+    model: list[Part] = [] if found.cutoff is None else [filter_chart(found.cutoff)]
+    model.append(_candidates_table(found))
     yield Section("Checks of the model", tuple(model), folded=True, short="Model")
     values = _estimates_table(found)
     yield Section("All values", (values,), folded=values.row_count > OPEN)
@@ -259,8 +256,6 @@ def identification_record(found: Identification, judged: Verdict | None = None) 
         "prior_deviation": json_value(found.prior_deviation),
         "cutoff": json_value(found.cutoff),
         "joint_terms": {} if terms is None else {j: list(k) for j, k in terms.of_joints.items()},
-        "term_sets": _term_sets(found.term_sets),
-        "fitted_bodies_pay": found.term_sets.bodies_pay,
         "identifiability": {
             **json_fields(told, "structural_rank", "rank"),
             "better_than_robot_file": told.well_determined,
@@ -329,24 +324,6 @@ def _candidate(candidate: Candidate) -> dict[str, Any]:
         "error_over_file_standard_error": error,
         "beats_baseline": candidate.beats_baseline,
     }
-
-
-def _term_sets(found: TermComparison) -> list[dict[str, Any]]:
-    return [
-        {
-            "terms": each.choice,
-            "chosen": each is found.chosen,
-            **{
-                bodies: {
-                    "fitted": each.parameters[k],
-                    **dict(zip(("error", "standard_error"), json_value(each.rms[k]), strict=True)),
-                    "enough": each is found.enough[k],
-                }
-                for k, bodies in enumerate(("robot_file", "fitted_bodies"))
-            },
-        }
-        for each in found.sets
-    ]
 
 
 def _estimates_table(found: Identification) -> Table:

@@ -427,7 +427,7 @@ class Report:
         page = self.page(command)
         parts = (*page.pictures, *(part for each in page.sections for part in each.parts))
         charts = [part for part in parts if isinstance(part, Chart)]
-        drawn = {n: c for chart in charts if figures for n, c in chart.files().items()}
+        drawn = {f"{chart.name}.svg": chart.svg() for chart in charts if figures}
         record = {f"{self.name}.json": json_text(self.data) + "\n"}
         return {"report.html": page.html(), **record, **self.results(), **drawn}
 

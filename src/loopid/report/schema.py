@@ -98,7 +98,6 @@ _BASE = {
 }
 _ERROR = {"error": Real, "standard_error": Real}
 _QUALITY = {"rms": [Real], "samples": [int]}
-_TERM_SET = {"fitted": int, "error": Real, "standard_error": Real, "enough": bool}
 _DIRECTION = {"combination": str, "effect": float, "standard_error": Real, "change": [float]}
 _RECORDING = {
     **{"name": str, "samples": int, "used": [int], "cutoff": Real},
@@ -166,10 +165,7 @@ FORMS: dict[str, dict[Any, Any]] = {
         "robot": [of(StandardEstimate, *ROBOT)],
         **{"cutoff": (of(CutoffChoice), None), "delay": (of(Delay), None)},
         "suspicions": [of(Suspicions)],
-        **{"joint_terms": {str: [str]}, "fitted_bodies_pay": bool},
-        "term_sets": [
-            {"terms": str, "chosen": bool, "robot_file": _TERM_SET, "fitted_bodies": _TERM_SET}
-        ],
+        "joint_terms": {str: [str]},
         "identifiability": {
             **dict.fromkeys(("structural_rank", "rank", "better_than_robot_file"), int),
             **{"parameters": [str], "structural_effects": [float], "effects": [float]},
