@@ -138,10 +138,7 @@ def robot_file_of(
 def _updated_links(
     robot: Robot, body: Body, links: Mapping[str, FloatArray], row: FloatArray
 ) -> dict[str, FloatArray]:
-    """New pseudo-inertias (4, 4), each seen from its link, of the links of a body that change.
-
-    ``links`` are those of the whole file; ``row`` (4 or 10,) are the parameters of the body.
-    """
+    """New pseudo-inertias (4, 4) of those links of a body that change for its ``row`` (4 or 10,)."""
     model, frames = robot.model, link_frames(robot.model)
     own = {name: model.frames[frames[name]] for name in links if name in frames}
     placements = {
@@ -316,10 +313,7 @@ def shared(links: Sequence[FloatArray], carrier: int, whole: FloatArray) -> list
 def shared_at_rest(
     links: Sequence[FloatArray], carrier: int, whole: FloatArray
 ) -> list[FloatArray]:
-    """The same where only mass and first moments (the last row of ``whole``) are known.
-
-    Inertias about the links' own centres of mass stay.
-    """
+    """The same where only mass and first moments (the last row of ``whole``) are known."""
     before = np.sum(links, axis=0)
     if np.abs(_relative_change(before, whole)[3]).max() <= SAME:
         return list(links)

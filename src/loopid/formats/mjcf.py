@@ -104,11 +104,7 @@ class Mount(NamedTuple):
 
 
 def _tree(scene: Scene, name: str) -> tuple[pin.Model, dict[str, str]]:
-    """The open tree, and the link that each joint carries.
-
-    The joints of a body are a chain, with massless links between them. Bodies without joints become
-    part of the body that carries them.
-    """
+    """The open tree, and the link that each joint carries; several joints of a body are a chain."""
     compiled = scene.compiled
     model, child_links = pin.Model(), dict[str, str]()
     model.name = name
@@ -206,11 +202,7 @@ def _effort_limit(scene: Scene, joint: int) -> float:
 
 
 def _reference(scene: Scene) -> dict[str, float | list[float]]:
-    """Joint values of the keyframe ``home``, else of the first one, else as the file is drawn.
-
-    Several coordinates of one joint are in Pinocchio's order: positions, then a quaternion with w
-    last.
-    """
+    """Joint values of the keyframe ``home``, else of the first one, else as the file is drawn."""
     compiled, keys = scene.compiled, scene.keys
     q = np.array(compiled.qpos0)
     if keys:
@@ -402,10 +394,7 @@ def _branches(scene: Scene, tendon: int) -> list[tuple[float, list[int]]]:
 def _motors(
     lengths: Lengths, closures: Sequence[ClosureDescription]
 ) -> tuple[list[str], Sequence[str]]:
-    """Joints and tendons that the actuators drive, in their order, and notes about other actuators.
-
-    Where couplings let all joints of a fixed tendon but one follow, that joint stands for it.
-    """
+    """Joints and tendons that the actuators drive, in their order, and notes about others."""
     scene, compiled = lengths.scene, lengths.scene.compiled
     joints: list[str] = []
     idle, wrapped = [], []

@@ -22,10 +22,7 @@ STILL = 1e-3  # rad or characteristic lengths that no random walk leaves
 
 
 def warn_of_findings(robot: Robot, around: FloatArray, tree: TreeSource) -> None:
-    """Warn of features that are left out, motors, singularities and inertias.
-
-    ``around`` (n, nq) are closed configurations around the reference.
-    """
+    """Warn of what is odd, with closed configurations ``around`` (n, nq) the reference."""
     path = robot.source
     for note in tree.notes:
         warn(f"{tree.file}: {note}", ModelWarning)
@@ -150,10 +147,7 @@ def odd_masses(robot: Robot) -> tuple[str, ...]:
 
 @checked
 def unequal_links(robot: Robot) -> tuple[str, ...]:
-    """Say which groups of links declared identical have inertials that differ, and by how much.
-
-    In kg, kg m and kg m², relative to the largest of the same unit in the group.
-    """
+    """Which groups of links declared identical have inertials that differ, and by how much."""
     joints = {body.link: body.joint_id for body in robot.bodies}
     found = []
     for group in robot.identical:

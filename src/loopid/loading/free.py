@@ -19,10 +19,7 @@ ALONG = 0.02  # rad between the axis of a joint and the line of a spin: they are
 
 
 def why_free(robot: Robot, around: FloatArray) -> list[str]:
-    """Sentences about what the motors leave free but for floating bases, one for each cause.
-
-    ``around`` (n, nq) are closed configurations.
-    """
+    """What the motors leave free, a sentence a cause; ``around`` (n, nq) are configurations."""
     floating = robot.coordinates_of(robot.floating)
     free = [name for name in robot.free if name not in floating]
     if not free:
@@ -62,10 +59,7 @@ UNKNOWN = (
 def _motions(
     robot: Robot, around: FloatArray, free: Sequence[str]
 ) -> tuple[FloatArray, FloatArray]:
-    """A regular configuration (nq,), and motions (k, nv) of one free coordinate each.
-
-    In common units, with all other independent coordinates at rest.
-    """
+    """A regular configuration (nq,), and motions (k, nv) of a free coordinate each, in units."""
     jacobians, tolerance = Constraint(robot, around).scaled()[1], robot.closure_rank_tolerance
     regular = int(Factorisation.of(jacobians, tolerance).rank.argmax()) if robot.rows else 0
     # The last of these, as the reference itself may be special.

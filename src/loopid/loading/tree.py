@@ -196,11 +196,7 @@ def _hinges(axes: str) -> Chain:
 
 
 def _replacements(model: pin.Model, description: Description) -> dict[str, Chain]:
-    """What the description puts in the place of joints, and hinges for couplings and limits.
-
-    A gear ratio relates turns that add up; a ``continuous`` joint only counts its angle on the
-    circle.
-    """
+    """What takes the places of joints; hinges where couplings or limits need turns that add up."""
     chains: dict[str, Chain] = {}
     for name, kind in zip(description.joint_name, description.joint_type, strict=True):
         if kind == "SPHERICAL":

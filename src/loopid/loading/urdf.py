@@ -118,10 +118,7 @@ def read_urdf(
 
 
 def _mimics(all_joints: Iterable[Joint]) -> dict[str, ClosureDescription]:
-    """Joints that follow another one: follower = multiplier · leader + offset.
-
-    A follower may lead others. Fixed joints have nothing to follow with: their tag says nothing.
-    """
+    """Joints that follow another one: follower = multiplier · leader + offset."""
     joints = {joint.name: joint for joint in all_joints}
     leaders = {
         name: joint.mimic.joint

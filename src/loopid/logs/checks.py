@@ -240,10 +240,7 @@ def check_rates(log: Log) -> None:
 
 
 def _both_changes(log: Log, k: int, rates: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
-    """Changes over some time, integrated from rates (N,) and of the position of motor k.
-
-    Accelerations are integrated twice, and compared with changes of the changes.
-    """
+    """Changes over some time: integrals of rates (N,), and of the position of motor k."""
     found = []
     for part in log.parts():
         rate, count, integral = log.rate(part), part.stop - part.start, rates[part]

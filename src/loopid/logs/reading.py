@@ -124,10 +124,7 @@ def read_streams(
     rows: tuple[int, int | None] | None = None,
     locked: Mapping[str, float | None] | None = None,
 ) -> list[Stream]:
-    """The streams of the motors, that of the first position first; of it, only some ``rows``.
-
-    Positions of joints that are locked, at some value, must be those of the log.
-    """
+    """The streams of the motors, that of the first position first; of it, only some ``rows``."""
     if rows is not None and (rows[0] < 1 or (rows[1] is not None and rows[1] < rows[0])):
         raise OptionError(
             f"rows must be counted from 1, the first before the last, not {rows}", given=rows

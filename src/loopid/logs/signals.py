@@ -162,10 +162,7 @@ COMMANDED = {"cmd", "command", "commanded", "desired", "target", "reference", "r
 
 
 def endings(name: str) -> list[str]:
-    """Ends of a path as ``words``: of "/joint_states/elbow/position", "elbow_position", ...
-
-    None of what was commanded.
-    """
+    """Ends of a path as ``words``, as "elbow_position" of "/joint_states/elbow/position"."""
     parts = [words(part) for part in re.split(r"[/.]", name)]
     if COMMANDED & set(words(name).split("_")):
         return []
@@ -552,10 +549,7 @@ class ColumnFinder:
         return found[0]
 
     def _matching(self, names: Sequence[str], alone: Sequence[str] = ()) -> list[Place]:
-        """Columns with one of the names: as they are, by their words, or at the end of a path.
-
-        Some names stand alone only.
-        """
+        """Columns by names, their words, or the end of a path; some stand ``alone`` only."""
         wanted = [name.casefold() for name in (*names, *alone)]
         by_words = [words(name) for name in (*names, *alone)]
         paths = [words(name) for name in names]

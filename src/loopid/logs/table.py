@@ -119,10 +119,7 @@ def floats(column: polars.Series) -> polars.Series:
 
 
 def stamps_in(source: str, column: polars.Series, unit: int) -> IntArray:
-    """A column of times as whole nanoseconds (R,), exact; ``NO_STAMP`` for other cells.
-
-    The unit is in nanoseconds; dates and durations know theirs.
-    """
+    """A column of times in a unit (ns) as whole nanoseconds (R,), exact; else ``NO_STAMP``."""
     import polars
 
     kind = column.dtype
