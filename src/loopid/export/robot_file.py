@@ -138,7 +138,7 @@ def robot_file_of(
 def _updated_links(
     robot: Robot, body: Body, links: Mapping[str, FloatArray], row: FloatArray
 ) -> dict[str, FloatArray]:
-    """New pseudo-inertias (4, 4) of those links of a body that change for its ``row`` (4 or 10,)."""
+    """New pseudo-inertias (4, 4) of links of a body that change for its ``row`` (4 or 10,)."""
     model, frames = robot.model, link_frames(robot.model)
     own = {name: model.frames[frames[name]] for name in links if name in frames}
     placements = {
