@@ -444,13 +444,14 @@ def test_what_was_saved_is_said(run, arm_files, tmp_path):
     assert last == f"Report: {out / 'report.html'}"
 
 
-def test_a_lock_that_a_log_contradicts_is_refused_with_the_one_to_give(run, write_files, tmp_path):
+def test_a_joint_is_locked_where_the_log_has_it(run_json, run, write_files, tmp_path):
     arm, time = write_files(*files(chain(2), {})), np.arange(400) / 50
     log = tmp_path / "run.csv"
     table = np.column_stack([time, np.full(400, 0.5), np.sin(2 * time), np.cos(time)])
     head = "time,joint1,joint2,joint2.force"
     np.savetxt(log, table, delimiter=",", comments="", header=head)
-    options = "--terms", "none", "--model", "gravity"
-    refused = run("identify", arm, log, *options, "--lock", "joint1")
-    assert_refused(refused, ["locked at 0, but stands at 0.5", "--lock joint1=0.5"])
-    assert run("identify", arm, log, *options, "--lock", "joint1=0.5").code == 0
+    options = "--lock", "joint1", "--terms", "none", "--model", "gravity"
+    done = run("identify", arm, log, *options)
+    assert "locked where the log has it: joint1 at 0.5" in done.err
+    saved = run_json("identify", arm, log, *options)["fit"]["robot"]["options"]
+    assert saved["lock"] == ["joint1=0.5"]

@@ -82,6 +82,7 @@ def identify(
     """Identify parameters and friction from logs."""
     from loopid.identification.options import FitOptions
     from loopid.identification.pipeline import identify as identified
+    from loopid.logs.reading import locked_as_logged
     from loopid.report.identify import identification_report
 
     options = FitOptions(
@@ -97,6 +98,7 @@ def identify(
     answer.require(robot.path, mapping, *logs, *(validate or ()))
     if rows is not None and reference:
         raise OptionError("--rows would move LOG against its --reference: use --from and --to")
+    robot = locked_as_logged(robot, logs[0], mapping=mapping)
     runs = recordings(robot, logs, mapping, cutoff, rows)
     judging = recordings(robot, validate, mapping, cutoff)
     commanded = recordings(robot, reference, mapping, cutoff)
@@ -202,11 +204,13 @@ def payload(
     from loopid.identification.force_models import force_model
     from loopid.identification.log_mistakes import suspicions_by_log
     from loopid.identification.model_choice import chosen_model
+    from loopid.logs.reading import locked_as_logged
     from loopid.report.forces import gains_report, payload_report
 
     inputs = [name for name in (robot.path, mapping, *unloaded, *loaded_log) if name is not None]
     answer.require(*inputs)
     _require_gains(known_mass, centre, write_mapping, inputs)
+    robot = locked_as_logged(robot, unloaded[0], mapping=mapping)
     runs: dict[str, Sequence[Recording]] = {
         "unloaded": recordings(robot, unloaded, mapping, cutoff, rows),
         "loaded": recordings(robot, loaded_log, mapping, cutoff, rows),

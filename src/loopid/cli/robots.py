@@ -226,7 +226,6 @@ def excite(
         None, help="Seconds; by default 20 for a gravity model, 10 for a full one."
     ),
     rate: float = Option(100.0, help="Samples per second of the run."),
-    coordinates: str = Option("joints", help="Design in joints or platform coordinates."),
     share: float = Option(1.0, help="Part of each limit that may be used."),
     limit: list[str] | None = Option(
         None, metavar="JOINT=LOW:HIGH", help="Range of a joint; repeatable."
@@ -278,6 +277,7 @@ def excite(
     from loopid.excitation.problem import DesignOptions
     from loopid.identification.force_models import force_model
     from loopid.identification.model_choice import chosen_model, require_model
+    from loopid.logs.reading import locked_as_logged
     from loopid.regressors.joint_terms import JointTerms
     from loopid.report.excitation import excitation_report
 
@@ -298,7 +298,6 @@ def excite(
         size=size,
         duration=duration,
         rate=rate,
-        coordinates=coordinates,
         noise=sizes(noise, "--noise") or None,
         starts=starts,
         evaluations=evaluations,
@@ -307,6 +306,7 @@ def excite(
         seed=seed,
     )
     require_model(model)
+    robot = locked_as_logged(robot, after[0], mapping=mapping) if after else robot
     logged = recordings(robot, after, mapping)
     chosen = chosen_model(robot, model, logged)
     fitted = force_model(robot, chosen, JointTerms.of(robot, terms))

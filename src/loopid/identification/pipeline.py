@@ -21,7 +21,7 @@ from loopid.identification.consistent import (
     quiet_consistent_fit,
     warn_of_bodies,
 )
-from loopid.identification.data import recordings_of
+from loopid.identification.data import each_of, recordings_of
 from loopid.identification.delay import in_time, with_delay_errors
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
@@ -48,6 +48,7 @@ from loopid.identification.result import Fit, NoiseModel, StandardUncertainty, f
 from loopid.identification.terms import choose_terms
 from loopid.logs.mapping import LogMapping
 from loopid.logs.preparing import at_cutoff
+from loopid.logs.reading import locked_as_logged
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.parameters import ParameterSet
@@ -162,9 +163,8 @@ def identify(
     """
     options.require_references(len(references))
     others = () if validation is None else validation, friction
+    robot, (recordings, judging, friction) = _read(robot, mapping, options, data, *others)
     own = robot if isinstance(robot, Robot) else robot.robot
-    options.require_terms(own)  # before any work is done
-    recordings, judging, friction = (recordings_of(own, each, mapping) for each in (data, *others))
     require_forces(own, recordings)
     choice, force_model = _model_of(robot, recordings, options)
     training, left_out = recordings, validation is None and options.fraction is None
@@ -249,6 +249,25 @@ def identify(
         missing=missing,
         choice=choice,
     )
+
+
+def _read(
+    robot: Robot | ForceModel,
+    mapping: LogMapping | str | Path | None,
+    options: FitOptions,
+    *data: Any,
+) -> tuple[Robot | ForceModel, list[tuple[Recording, ...]]]:
+    """The recordings of several data, and the robot: a locked joint is where the first log has it.
+
+    Options that the robot cannot have are refused before any work is done.
+    """
+    if isinstance(robot, Robot):
+        options.require_terms(robot)
+        first = next(iter(each_of(data[0])), None)
+        if isinstance(first, str | Path):
+            robot = locked_as_logged(robot, first, mapping=mapping)
+    own = robot if isinstance(robot, Robot) else robot.robot
+    return robot, [recordings_of(own, each, mapping) for each in data]
 
 
 def _model_of(

@@ -155,12 +155,29 @@ def refuse_moved(
     source: str, log: LogFormat, finder: ColumnFinder, locked: Mapping[str, float | None]
 ) -> None:
     """Refuse a log in which a joint that is locked stands elsewhere, or moves."""
+    for joint, value in _elsewhere(source, log, finder, locked).items():
+        raise LogError(
+            f"{source}: {joint} is locked at {locked[joint]:.6g}, but stands at {value:.6g}: load "
+            f'the robot with lock=["{joint}={value:.6g}"]',
+            source=source,
+            joint=joint,
+            given=value,
+            tolerance=LOCKED,
+        )
+
+
+def _elsewhere(
+    source: str, log: LogFormat, finder: ColumnFinder, locked: Mapping[str, float | None]
+) -> dict[str, float]:
+    """Where a log has joints that are locked elsewhere; one in which they move is refused."""
+    found = {}
     for joint, value in locked.items():
         column = finder.own_position(joint)
         if value is None or column is None:
             continue
         place, scale = column
-        (table, *_) = log.tables(place.stream, finder.time(place.stream).names, [place.column])
+        times = finder.time(place.stream).names
+        (table, *_) = log.tables(place.stream, times, [place.column])
         positions = scale * numbers_in(source, table.cells[place.column])
         low, high = np.nanpercentile(positions, (1, 99)) if len(positions) else (value, value)
         if high - low > LOCKED:
@@ -170,16 +187,61 @@ def refuse_moved(
                 source=source,
                 joint=joint,
             )
-        middle = float(np.nanmedian(positions)) if len(positions) else value
+        middle = float(np.nanmedian(positions))
         if abs(middle - value) > LOCKED:
-            raise LogError(
-                f"{source}: {joint} is locked at {value:.6g}, but stands at {middle:.6g}: load the "
-                f'robot with lock=["{joint}={middle:.6g}"]',
-                source=source,
-                joint=joint,
-                given=middle,
-                tolerance=LOCKED,
-            )
+            found[joint] = middle
+    return found
+
+
+@checked
+def locked_as_logged(
+    robot: Robot, path: str | Path, *, mapping: LogMapping | str | Path | None = None
+) -> Robot:
+    """The robot, its locked joints where a log has them, and motors locked that a log lacks.
+
+    Locked are only motors that move no other motor and no loop, such as those of a gripper. It is
+    warned of; a log in which a locked joint moves is refused.
+    """
+    from loopid.loading.robot_files import load  # logs are read without it
+
+    if robot.path is None:
+        return robot
+    mapping = _mapping(mapping)
+    log = open_log(_existing(path), mapping)
+    finder = ColumnFinder(str(path), log.columns(), mapping, log.ordered, log.choice)
+    found = _elsewhere(str(path), log, finder, robot.locked)
+    if found:
+        places = ", ".join(f"{joint} at {value:.6g}" for joint, value in found.items())
+        warn(f"{path}: locked where the log has it: {places}", ModelWarning)
+    lacking = _lacking(robot, finder)
+    if lacking:
+        names = ", ".join(lacking)
+        warn(f"{path} has no columns of {names}: locked as the robot file has it", ModelWarning)
+    if not (found or lacking):
+        return robot
+    lock = [
+        each for each in robot.options["lock"] if (each.rpartition("=")[0] or each) not in found
+    ]
+    lock += [f"{joint}={value:.6g}" for joint, value in found.items()]
+    return load(robot.path, **{**robot.options, "lock": [*lock, *lacking]})
+
+
+def _lacking(robot: Robot, finder: ColumnFinder) -> list[str]:
+    """Motors without columns in a log that has others by name; those that move nothing else.
+
+    A motor that moves a logged one, or a loop, must be where the log was recorded: it is refused.
+    """
+    motors = finder.mapping.measured(finder.source, robot.actuated)
+    named = [j for j, motor in zip(robot.actuated, motors, strict=True) if finder.names(motor)]
+    if not named:
+        return []
+    frames = [robot.model.frames[k] for each in robot.closures for k in each.frame_ids]
+    ends = {robot.model.getJointId(joint.partition(".")[0]) for joint in named} | {
+        f.parentJoint for f in frames
+    }
+    kept = {joint for end in ends for joint in robot.model.supports[end]}
+    moved = {*robot.actuated, *robot.following}
+    return [name for k, name in enumerate(robot.joints, 1) if name in moved and k not in kept]
 
 
 def open_log(path: Path, mapping: LogMapping) -> LogFormat:
