@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from loopid.arguments import checked
-from loopid.errors import FileError, LogError, OptionError
+from loopid.errors import FileError, LogError, ModelWarning, OptionError, warn
 from loopid.files import require_name, why_no_file
 from loopid.logs.checks import (
     check_moving,
