@@ -130,12 +130,3 @@ def key_path(detail: ErrorDetails, content: Any) -> tuple[Any, ...]:
             continue
         path.append(part)
     return (*path, *detail["loc"][-1:]) if detail["type"] == "missing" else (*path,)
-
-
-def editor_schema(form: type[Section], title: str) -> dict[str, Any]:
-    """JSON Schema of a file: editors complete its keys and mark what does not fit."""
-    return (
-        {"$schema": "http://json-schema.org/draft-07/schema#"}
-        | form.model_json_schema()
-        | {"title": title}
-    )

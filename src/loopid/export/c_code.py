@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked, finite
-from loopid.errors import DataError, MissingExtraError, OptionError
+from loopid.arguments import FloatArray, checked, shaped
+from loopid.errors import MissingExtraError, OptionError
 from loopid.files import write_files
 from loopid.identification.force_models import ForceModel
 from loopid.identification.plausibility import require_fit_for_use
@@ -207,11 +207,7 @@ def _value_fields(model: ForceModel, name: str, values: FloatArray | None) -> di
     """Values of the base parameters (n,) as a constant, where they are given."""
     if values is None:
         return {"VALUES": "", "VALUES_DECLARATION": ""}
-    phi, count = finite(values, "base parameters"), len(model.parameters)
-    if phi.shape != (count,):
-        raise DataError(
-            f"base parameters must have shape ({count},), not {phi.shape}", shape=phi.shape
-        )
+    phi = shaped(values, "base parameters", len(model.parameters))
     declared = f"const double {name}_values[{name.upper()}_PARAMETERS]"
     listed = ",\n    ".join(map(repr, phi.tolist()))
     return {

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from loopid.arguments import checked
-from loopid.border import Section, editor_schema
+from loopid.border import Section
 from loopid.errors import FileError, LogError, LoopidError, OptionError, counted, one_line
 from loopid.files import write_files
 from loopid.loading.closure import Closure
@@ -98,7 +98,8 @@ def file_schema(kind: str) -> dict[str, Any]:
     """JSON Schema of a kind of YAML, by which editors complete keys and mark what does not fit."""
     if kind not in FORMS:
         raise OptionError.unknown("kind of file", kind, FORMS)
-    return editor_schema(FORMS[kind], f"loopid {kind} file")
+    draft = {"$schema": "http://json-schema.org/draft-07/schema#"}
+    return draft | FORMS[kind].model_json_schema() | {"title": f"loopid {kind} file"}
 
 
 def _robot_text(drawn: Robot, tree: str, options: Mapping[str, Any]) -> str:

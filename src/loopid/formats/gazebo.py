@@ -69,13 +69,6 @@ def _unread_plugins(urdf: UrdfFile) -> tuple[str, ...]:
             mimicking.setdefault(file, []).append(follower)
         elif CLOSING_PLUGIN.search(file):
             closing[file] = None
-    return (
-        *(
-            f"plugin {file!r:.80} is not read: give a <mimic> to {shortened(joints)}"
-            for file, joints in mimicking.items()
-        ),
-        *(
-            f"plugin {file!r:.80} is not read: write its closure into a YAML beside it"
-            for file in closing
-        ),
-    )
+    advice = {file: f"give a <mimic> to {shortened(joints)}" for file, joints in mimicking.items()}
+    advice |= dict.fromkeys(closing, "write its closure into a YAML beside it")
+    return tuple(f"plugin {file!r:.80} is not read: {do}" for file, do in advice.items())

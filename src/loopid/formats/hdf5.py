@@ -39,14 +39,7 @@ class Hdf5Format(ArrayFormat):
                     places = _fields(item.dtype) if fields else array_columns(own, item.shape)
                     self.collect(columns, item.name, places)
 
-            start = self._chosen(file)
-            start.visititems(collect)
-            place = start.name
-        streams = {name: columns for name, columns in streams.items() if columns}
-        if not streams:
-            raise LogError(
-                f"{self.path} holds no arrays with one or two axes in {place}", file=self.path
-            )
+            self._chosen(file).visititems(collect)
         return streams
 
     def _chosen(self, file: h5py.File) -> h5py.Group:

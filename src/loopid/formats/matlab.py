@@ -26,8 +26,6 @@ class MatFormat(ArrayFormat):
             count = array.shape[1]
             places = {name: 0} if count == 1 else {f"{name}_{k}": k for k in range(count)}
             self.collect(columns, name, places)
-        if not columns:
-            raise LogError(f"{self.path} holds no arrays with one or two axes", file=self.path)
         return {stream_name(self.path): columns}
 
     def _read(self, arrays: Iterable[str]) -> Mapping[str, NDArray[Any]]:

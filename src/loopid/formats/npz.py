@@ -10,7 +10,6 @@ from zipfile import ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from loopid.errors import LogError
 from loopid.logs.table import ArrayFormat, Column, array_columns, refusals, stream_name
 
 
@@ -27,8 +26,6 @@ class NpzFormat(ArrayFormat):
             for member in archive.namelist():
                 array, shape = member.removesuffix(".npy"), _shape(archive, member)
                 self.collect(columns, array, array_columns(array, shape))
-        if not columns:
-            raise LogError(f"{self.path} holds no arrays with one or two axes", file=self.path)
         return {stream_name(self.path): columns}
 
     def _read(self, arrays: Iterable[str]) -> Mapping[str, NDArray[Any]]:

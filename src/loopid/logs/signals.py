@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain, count, product
 from math import pi
@@ -258,6 +258,7 @@ class ColumnFinder:
     mapping: LogMapping
     ordered: bool = True  # whether columns of a stream stand in an order that says something
     choice: str | None = None  # the key of the mapping that chooses among the streams
+    _times: dict[str, TimeColumn] = field(default_factory=dict)  # that were found
 
     def channels(self, joints: tuple[str, ...]) -> dict[str, list[Channel]]:
         """The columns of all quantities by stream, that of the first position first."""
@@ -381,10 +382,6 @@ class ColumnFinder:
                 valid=tuple(unit_names(quantity)),
             )
         return Unit("SI", 1.0)
-
-    @cached_property
-    def _times(self) -> dict[str, TimeColumn]:
-        return {}
 
     def time(self, stream: str) -> TimeColumn:
         """The time of a stream; a LogError when it is not found, or there are several."""

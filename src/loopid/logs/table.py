@@ -296,7 +296,10 @@ class ArrayFormat(LogFormat):
         """Arrays (R,) or (R, k) by name."""
 
     def columns(self) -> Mapping[str, tuple[str, ...]]:
-        return {stream: tuple(columns) for stream, columns in self._streams.items()}
+        found = {name: tuple(columns) for name, columns in self._streams.items() if columns}
+        if not found:
+            raise LogError(f"{self.path} holds no arrays with one or two axes", file=self.path)
+        return found
 
     def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
         places = {name: self._streams[stream][name] for name in (*times, *values)}
