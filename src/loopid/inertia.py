@@ -126,24 +126,12 @@ KEPT = 1e-14
 
 @record
 class Inertial:
-    """A mass, its centre, and a tensor about the centre along axes that are turned from the link's.
+    """A mass, its centre, and a tensor about the centre along axes of its own."""
 
-    Attributes
-    ----------
-    mass : float
-        In kg.
-    centre : FloatArray
-        (3,) in m, seen from the link.
-    axes : FloatArray
-        (3, 3), as columns.
-    tensor : FloatArray
-        (3, 3) in kg m².
-    """
-
-    mass: float
-    centre: FloatArray
-    axes: FloatArray
-    tensor: FloatArray
+    mass: float  # in kg
+    centre: FloatArray  # (3,) in m, seen from the link
+    axes: FloatArray  # (3, 3), as columns
+    tensor: FloatArray  # (3, 3) in kg m²
 
     @classmethod
     def of(cls, P: FloatArray, axes: FloatArray | None = None) -> Inertial:

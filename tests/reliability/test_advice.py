@@ -15,7 +15,6 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import beside_tests  # noqa: F401
-import h5py
 import numpy as np
 import pytest
 from recorded_logs import states, write_ros2
@@ -496,16 +495,6 @@ def replaced(compiler):
     return make
 
 
-def hdf5(**options):
-    def make(folder):
-        with h5py.File(folder / "run.h5", "w") as file:
-            for name, column in zip(NAMES, ROWS, strict=True):
-                file.create_dataset(name, data=column, **options)
-        return loopid.read_log(folder / "run.h5", load("four_bar"))
-
-    return make
-
-
 def exported(own=False, terms=False, **options):
     """The robot's own file, or another, with the values of the file, joint terms among them."""
 
@@ -857,7 +846,6 @@ OF_FILES = {
         "takes '#' in a path for something else: rename it",
         bag(lambda folder: (folder / "run#1.db3").rename(folder / "run_1.db3")),
     ),
-    "numbers in another packing": (hdf5(scaleoffset=6), "by gzip or lzf", hdf5(compression="gzip")),
     "a robot file that was changed": (
         changed_file(reload=False),
         "is not what it was when the robot was loaded: load it again",

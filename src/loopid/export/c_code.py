@@ -39,21 +39,13 @@ ONE_SIGNATURE = """/* CasADi's functions share one signature, of which not all i
 
 @record(checked=True)
 class CSource:
-    """C source of a robot, for its controller, and the same for CasADi.
+    """C source of a robot, for its controller, and the same for CasADi."""
 
-    Attributes
-    ----------
-    name : str
-        What all its functions and macros begin with.
-    header, source, casadi : str
-        Contents of ``<name>.h``, ``<name>.c`` and ``<name>.casadi``. The last is for
-        ``casadi.Function.deserialize``: the closures' residual, q̇, forces, M and the forces C u̇ +
-        g + friction, of closed configurations q, of u̇ and ü of the motors and of base parameters.
-    """
-
-    name: str
-    header: str = field(repr=False)
+    name: str  # what all its functions and macros begin with
+    header: str = field(repr=False)  # contents of ``<name>.h`` and ``<name>.c``
     source: str = field(repr=False)
+    # For ``casadi.Function.deserialize``: the closures' residual, q̇, forces, M and the forces C u̇ +
+    # g + friction, of closed configurations q, of u̇ and ü of the motors and of base parameters
     casadi: str = field(repr=False)
 
     def save(self, folder: str | Path) -> list[Path]:

@@ -39,21 +39,11 @@ UNIT = 0.1  # by which the length of a measured quaternion may be off one
 
 @record
 class Dropped:
-    """Samples that are left out, and why.
+    """Samples that are left out, and why."""
 
-    Attributes
-    ----------
-    reason : str
-        As in "leg4_stroke stands still".
-    count : int
-        How many samples.
-    first, last : float
-        Times of the first and the last of them, in s.
-    """
-
-    reason: str
+    reason: str  # as in "leg4_stroke stands still"
     count: int
-    first: float
+    first: float  # times of the first and the last of them, in s
     last: float
 
     @classmethod

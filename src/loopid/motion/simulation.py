@@ -62,24 +62,12 @@ class Noise:
 
 @record
 class Measurement:
-    """Simulated signals of all m motors, in the order of ``robot.actuated``.
+    """Simulated signals of all m motors, in the order of ``robot.actuated``."""
 
-    Attributes
-    ----------
-    time : FloatArray
-        (N,) in s.
-    position : FloatArray
-        (N, m) as the encoders read them, in m or rad.
-    force : FloatArray
-        (N, m) with friction and noise, in N or N m.
-    exact_force : FloatArray
-        (N, m) without noise.
-    """
-
-    time: FloatArray
-    position: FloatArray
-    force: FloatArray
-    exact_force: FloatArray
+    time: FloatArray  # (N,) in s
+    position: FloatArray  # (N, m) as the encoders read them, in m or rad
+    force: FloatArray  # (N, m) with friction and noise, in N or N m
+    exact_force: FloatArray  # (N, m) without noise
 
     def __repr__(self) -> str:
         count, motors = self.force.shape
