@@ -1,7 +1,9 @@
 """The viewer without a browser, and in one where it is installed."""
 
+import importlib
 import io
 import shutil
+import sys
 import warnings
 from pathlib import Path
 
@@ -69,9 +71,10 @@ def test_without_viser_or_a_browser_one_sentence_says_what_to_install(five_bar, 
         patch.setenv("PATH", "/nowhere")
         with pytest.raises(OptionError, match="install"):
             next(viewer.pictures())
-    monkeypatch.setitem(__import__("sys").modules, "viser", None)
+    monkeypatch.setitem(sys.modules, "viser", None)
+    monkeypatch.delitem(sys.modules, "loopid.view.viewer")
     with pytest.raises(MissingExtraError):
-        Viewer(five_bar)
+        importlib.import_module("loopid.view.viewer")
 
 
 def coloured(image, colour):
