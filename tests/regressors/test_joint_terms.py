@@ -15,7 +15,7 @@ from loopid.regressors import (
     JOINT_TERMS,
     JointState,
     JointTerm,
-    dynamic_regressor,
+    motion_regressor,
     structural_observation,
 )
 
@@ -84,7 +84,7 @@ def test_drives_and_friction_of_the_motors_are_base_parameters_of_their_own(knee
     v, a = random_motions(knee, 150, seed=3)
     motion = closed_motion(knee, q, v, a)
     terms = JointTerms(knee.actuated, ("Fc", "Fv", "Fo"))
-    rigid = dynamic_regressor(knee, q, v, accelerations=a)
+    rigid = motion_regressor(knee, closed_motion(knee, q, v, a))
     both = np.concatenate([rigid, terms.columns(knee, motion)], axis=2)
     names = knee.parameters() + terms.parameters(knee)
     of_bodies = Observation.from_matrix(rigid, knee.parameters(), length=knee.length)

@@ -860,8 +860,8 @@ OF_ANALYSES = {
     ),
     "friction of poses": (
         lambda _: loopid.design_motion(forces("parallelogram", "full"), options=POSES),
-        "use shape='fourier' or 'spline'",
-        lambda _: designed(shape="spline"),
+        "use shape='fourier'",
+        lambda _: designed(shape="fourier"),
     ),
 }
 POSES = loopid.DesignOptions(shape="poses")

@@ -151,8 +151,8 @@ class ChoiceProblem:
     def uncertainty(self, condition: float) -> float:
         """Relative error of condition numbers up to one given, by round-off in the vectors.
 
-        All vectors of such a selection are at most so many times as long as its shortest: a vector
-        with too few others that are as short is in none.
+        All vectors of such a selection are at most ``condition`` times as long as its shortest: a
+        vector with too few others that are as short is in none.
         """
         errors, (size, count) = self.structure.null_errors, self.vectors.shape
         if self.criterion == "regressor" or errors is None:
@@ -194,7 +194,7 @@ class Exclusion:
 
 @record
 class SearchResult:
-    """What a search found.
+    r"""What a search found.
 
     Attributes
     ----------
@@ -223,7 +223,7 @@ class SearchResult:
         Relative; see ``certified``.
     seconds : float
     proof : tuple of Exclusion
-        Where ``ExactSearch`` was asked to keep it.
+        With ``ExactSearch\(proof=True\)``.
     subgroups : SubgroupAccount or None
         What a subgroup search tried.
     options : SearchOptions
@@ -377,10 +377,7 @@ def most_readable(choices: Iterable[Readability]) -> Readability:
 def readabilities(
     null_basis: FloatArray, choices: IntArray, columns: IntArray | None = None
 ) -> Iterator[Readability]:
-    """Readability of several choices (c, d) of rows of a null basis (n, d), one after another.
-
-    ``columns`` (n,) are those that the rows belong to, if not 0 ... n - 1.
-    """
+    """Readability of choices (c, d) of rows of a null basis, of columns (n,) or 0 ... n - 1."""
     names = choices if columns is None else columns[choices]
     size = max(1, BATCH // null_basis.size)
     for start in range(0, len(choices), size):

@@ -237,10 +237,7 @@ class SubgroupSearch(SearchStrategy):
         return np.concatenate([first, np.setdiff1d(np.arange(problem.size), first)])
 
     def _judge(self, V22: FloatArray) -> tuple[FloatArray, BoolArray, IntArray]:
-        """Condition numbers of choices (c, d, d), which have full rank, and their order.
-
-        The worst come last; only the order of those that are invalid counts.
-        """
+        """Condition numbers of choices (c, d, d), who has full rank, and the order, worst last."""
         values = np.linalg.svd(V22, compute_uv=False)
         with np.errstate(divide="ignore", invalid="ignore"):
             conditions = np.where(values[:, -1] > 0, values[:, 0] / values[:, -1], np.inf)

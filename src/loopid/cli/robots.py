@@ -117,7 +117,7 @@ def base(
     ),
 ) -> None:
     """Find base parameters, and prove how to write them best."""
-    from loopid.base_parameters.base import find_felt_parameters
+    from loopid.base_parameters.base import find_base_and_motors_alone
     from loopid.base_parameters.choice import SearchOptions
     from loopid.regressors.joint_terms import JointTerms, warn_of_omitted
     from loopid.regressors.structural import structural_observation
@@ -132,7 +132,7 @@ def base(
             robot, model, samples=samples, seed=seed, progress=report, joint_terms=joint_terms
         )
     options = None if time_limit is None else SearchOptions(time_limit=time_limit)
-    found = find_felt_parameters(observation, strategy, criterion=criterion, options=options)
+    found = find_base_and_motors_alone(observation, strategy, criterion=criterion, options=options)
     answer.show(base_report(robot, model, *found))
 
 
@@ -218,7 +218,7 @@ def excite(
     ),
     terms: str = GIVEN_TERMS,
     criterion: str = Option("D", help="What is optimised: D, A, E or condition."),
-    shape: str = Option("fourier", help="fourier, spline, or poses to stand in (gravity)."),
+    shape: str = Option("fourier", help="fourier, or poses to stand in (gravity)."),
     size: int | None = Option(
         None, help="Number of harmonics, waypoints or poses; enough by default."
     ),

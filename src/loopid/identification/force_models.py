@@ -417,10 +417,7 @@ class ForceModel:
     def _filtered(
         self, recording: Recording, columns: Sequence[int], loads: FloatArray
     ) -> FloatArray:
-        """Columns (N, dof, m) of joint terms made at the rate of the log, and filtered.
-
-        ``loads`` (N, dof) are those of the motors.
-        """
+        """Columns (N, dof, m) of joint terms at the rate of the log, for loads (N, dof)."""
         history, robot = recording.history, self.robot
         assert history is not None
         links = [self.parameters[j].link for j in columns]
@@ -602,10 +599,7 @@ def chosen_terms(robot: Robot, model: str, choice: str) -> tuple[JointTerms | No
 
 
 def parted(terms: JointTerms | None) -> tuple[JointTerms | None, dict[str, tuple[str, ...]]]:
-    """Joint terms without those of groups, and the kinds of these by their joints.
-
-    Terms of a group may be nearly alike, and are no base parameters: priors separate them.
-    """
+    """Joint terms without those of groups, which priors separate, and these kinds by joints."""
     if terms is None:
         return None, {}
     both: list[dict[str, tuple[str, ...]]] = [{}, {}]

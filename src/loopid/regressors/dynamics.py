@@ -770,7 +770,7 @@ class Dynamics:
 def _standard(base: Any, values: FloatArray, prior: FloatArray) -> FloatArray:
     """Standard parameters (p,) with base parameters (n,), the nearest to others (p,).
 
-    Where combinations are doubtful, which do not count, those that lead the others have all of it.
+    Where combinations are doubtful, those that lead the others have all of it.
     """
     if not base.structure.doubtful:
         M = base.matrix[:, : len(prior)]

@@ -148,7 +148,7 @@ class JointTerm:
                 raise OptionError.unknown(f"need of {self.name}", need, NEEDS)
 
     def signal(self, joint: JointState, count: int) -> FloatArray:
-        """What the coefficient multiplies in so many states of a joint, (count,).
+        """What the coefficient multiplies in ``count`` states of a joint, (count,).
 
         Raises
         ------
@@ -257,11 +257,7 @@ def _point(name: str, law: Callable[[JointState, float], Any], prior: PriorGroup
 
 
 class JointTermRegistry(Registry[JointTerm]):
-    """Joint terms by their kinds, each tried when it is registered.
-
-    ``found`` holds those with a number that ``joint_term`` was asked for, by kinds such as
-    ``"Ks@0.2"``.
-    """
+    """Joint terms by their kinds; ``found`` are those with a number, such as ``"Ks@0.2"``."""
 
     found: dict[str, JointTerm]
 
@@ -405,10 +401,7 @@ MARKS = {"~": "RATE", "@": "POSITION"}
 
 
 def joint_term(kind: str, others: Iterable[str] = ()) -> JointTerm:
-    """The term of a kind such as ``"Fc"`` or ``"Ks@0.2"``.
-
-    Where other words than kinds would do, an OptionError names them too.
-    """
+    """The term of a kind such as ``"Fc"`` or ``"Ks@0.2"``; errors also name other words."""
     if kind in JOINT_TERMS.found:
         return JOINT_TERMS.found[kind]
     mark = next((mark for mark in MARKS if mark in kind), "")

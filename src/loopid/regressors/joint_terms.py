@@ -317,10 +317,7 @@ def load_places(parameters: ParameterSet, independent: Sequence[str]) -> tuple[I
 def with_loads(
     regressor: FloatArray, places: tuple[IntArray, IntArray], loads: FloatArray
 ) -> FloatArray:
-    """A regressor (N, dof, n) per unit of load, with loads (N, dof) of the motors.
-
-    ``places`` are rows and columns of load friction, as of ``load_places``.
-    """
+    """A regressor (N, dof, n) with loads (N, dof) at the places of ``load_places``."""
     rows, columns = places
     found = np.array(regressor)
     found[:, rows, columns] *= np.abs(loads)[:, rows]

@@ -11,7 +11,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray, checked, samples
 from loopid.kinematics.poses import torque_regressors
-from loopid.kinematics.projection import ClosedMotion, closed_motion, project
+from loopid.kinematics.projection import ClosedMotion, project
 from loopid.parameters import ParameterSet
 from loopid.records import record
 from loopid.regressors.dynamics import Dynamics
@@ -51,44 +51,6 @@ def gravity_regressor(robot: Robot, configurations: FloatArray) -> FloatArray:
     """
     q = samples(configurations, robot.model.nq, "configurations")
     return torque_regressors(robot, q, model="gravity", G=project(robot, q).G)
-
-
-@checked
-def dynamic_regressor(
-    robot: Robot,
-    configurations: FloatArray,
-    velocities: FloatArray,
-    *,
-    accelerations: FloatArray,
-) -> FloatArray:
-    """Actuator forces in motion per unit of all ten parameters a body.
-
-    Parameters
-    ----------
-    configurations : FloatArray
-        (N, nq), closed.
-    velocities, accelerations : FloatArray
-        (N, dof) of the independent coordinates; those of the others follow, v = G u̇, a = G ü + γ.
-
-    Returns
-    -------
-    FloatArray
-        (N, dof, n), rows in the order of ``robot.independent``.
-
-    Raises
-    ------
-    DataError, SingularityError
-        As ``closed_motion``.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> robot = loopid.load("3ups_rpu")
-    >>> q, still, pushed = robot.reference, [0, 0, 0, 0], [1, 0, 0, 0]
-    >>> loopid.regressors.dynamic_regressor(robot, q, still, accelerations=pushed).shape
-    (1, 4, 90)
-    """
-    return motion_regressor(robot, closed_motion(robot, configurations, velocities, accelerations))
 
 
 @checked
@@ -137,7 +99,7 @@ class ForceParts:
 
     @property
     def total(self) -> FloatArray:
-        """Their sum, the forces of ``dynamic_regressor``."""
+        """Their sum."""
         return self.inertial + self.coriolis + self.gravity
 
 
