@@ -788,7 +788,6 @@ OF_ANALYSES = {
         "choose among ball.wx, ball.wy, ball.wz",
         lambda folder: quick(BALL(folder), JointTerms(("ball.wx",), ("Fv",))),
     ),
-    "a search without end": (base("exhaustive"), "use search='exact'", base("exact")),
     "a subgroup without combinations": (
         base(SubgroupSearch(alpha=0.01), "delta"),
         "use search='exact'",

@@ -36,8 +36,7 @@ SEARCHES: Registry[type[SearchStrategy]] = Registry(
     "search",
     {
         "exact": "loopid.base_parameters.exact:ExactSearch",
-        "subgroup": "loopid.base_parameters.enumerated:SubgroupSearch",
-        "exhaustive": "loopid.base_parameters.enumerated:ExhaustiveSearch",
+        "subgroup": "loopid.base_parameters.subgroups:SubgroupSearch",
         "qr": "loopid.base_parameters.choice:PivotedQR",
     },
 )
@@ -229,7 +228,7 @@ def find_base(
     ----------
     observation : Observation
     search : str or SearchStrategy
-        ``"exact"``, ``"subgroup"``, ``"exhaustive"``, ``"qr"`` or another of ``SEARCHES``, or a
+        ``"exact"``, ``"subgroup"``, ``"qr"`` or another of ``SEARCHES``, or a
         strategy with options.
     criterion : str
         ``"nullspace"`` for the least cond(V22), ``"regressor"`` for the least cond(W_B).

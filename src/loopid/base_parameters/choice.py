@@ -50,8 +50,6 @@ class SearchOptions:
     ties : int
         Ties of a block that are listed at most: the most readable is chosen.
         Where there are more, the dependent columns that come first decide.
-    candidates : int
-        Largest number of combinations of an exhaustive search, which takes some hours.
     memory : int
         In bytes, that the combinations and matrices of a group of subgroup search may take.
 
@@ -73,7 +71,6 @@ class SearchOptions:
     tolerance: Positive = 1e-9
     nodes: PositiveInt = 1024
     ties: PositiveInt = 20_000
-    candidates: PositiveInt = 2_000_000_000
     memory: PositiveInt = 2**30
 
     def covering(self, error: float) -> float:

@@ -98,7 +98,7 @@ def base(
     robot: Robot,
     answer: Answer,
     model: str = MODEL,
-    search: str = Option("exact", help="exact, subgroup, exhaustive or qr."),
+    search: str = Option("exact", help="exact, subgroup or qr."),
     alpha: float | None = Option(
         None, help="Subgroup search: group rising factor, above 0, at most 0.5; 0.25 by default."
     ),
@@ -138,7 +138,7 @@ def base(
 
 def subgroups_of(search: str, **options: Any) -> Any:
     """The search of a name, with options where it is that of subgroups."""
-    from loopid.base_parameters.enumerated import SubgroupSearch
+    from loopid.base_parameters.subgroups import SubgroupSearch
 
     given = {name: value for name, value in options.items() if value is not None}
     if given and search != SubgroupSearch.name:

@@ -11,7 +11,7 @@ import numpy as np
 from loopid.arguments import FloatArray, IntArray
 from loopid.base_parameters.base import BaseParameters, base_of_choice, find_base
 from loopid.base_parameters.choice import ChoiceProblem, SearchResult
-from loopid.base_parameters.enumerated import VARIANTS, SubgroupSearch
+from loopid.base_parameters.subgroups import VARIANTS, SubgroupSearch
 from loopid.errors import OptionError
 from loopid.kinematics.measured import platform_coordinates
 from loopid.kinematics.sampling import random_configurations
