@@ -26,7 +26,6 @@ from loopid import JointTerms
 from loopid.base_parameters import SubgroupSearch
 from loopid.control import RecursiveLeastSquares, WrenchObserver
 from loopid.errors import LoopidError, MissingExtraError
-from loopid.export import c_source
 from loopid.export.everything import export_fit
 from loopid.export.robot_file import export_robot_file
 from loopid.identification import Bisquare, FitSamples, WeightedLeastSquares
@@ -773,11 +772,6 @@ OF_ANALYSES = {
         "load it with lock=['root_joint']",
         lambda folder: loopid.Dynamics(locked("root_joint", floating_base=True)(folder)).pose(),
     ),
-    "friction by loads, in C": (
-        lambda _: c_source(loaded("Fl")),
-        "identify without Fl for it",
-        lambda _: c_source(loaded("Fc")),
-    ),
     "a closure that Pinocchio does not know": (
         lambda folder: loopid.export.to_pinocchio(edited("['3d']", "[hinge]")(folder)),
         "describe it by closures of the kinds 3d, 6d",
@@ -794,11 +788,6 @@ OF_ANALYSES = {
         base("exact", "delta"),
     ),
     "subgroups without end": (base("subgroup"), "use search='exact'", base("exact")),
-    "loads of redundant motors": (
-        lambda _: quick(crowded(), JointTerms(("left_crank_joint",), ("Fl",))),
-        "leave out load-dependent friction",
-        lambda _: quick(crowded(), JointTerms(("left_crank_joint",), ("Fc",))),
-    ),
     "a log of a robot that floats": (
         lambda folder: read(FLOATING(folder)),
         "lock them (lock=['root_joint'])",
