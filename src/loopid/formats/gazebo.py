@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 
-import numpy as np
 import pinocchio as pin
 from lxml import etree
 
@@ -13,19 +11,10 @@ from loopid.errors import naming
 from loopid.loading.description import ClosureDescription
 from loopid.loading.urdf import Dialect, closure_of, coefficients, linked
 from loopid.loading.urdf_tree import UrdfFile
-from loopid.loading.xml_elements import (
-    Element,
-    child,
-    inner_tags,
-    label,
-    local_name,
-    placement,
-    said,
-)
+from loopid.loading.xml_elements import child, inner_tags, label, local_name, placement, said
 from loopid.robot.robot import LeftOut, shortened
 
-DETACHABLE = re.compile("detachable_?-?joint", re.IGNORECASE)
-CLOSING_PLUGIN = re.compile("closed_?loop|attach_links")
+CLOSING_PLUGIN = re.compile("closed_?loop|attach_links|detachable_?-?joint", re.IGNORECASE)
 WEIGHTLESS = {"turnGravityOff": ("true", "1"), "gravity": ("false", "0")}  # what each must say
 SLOWING = ("dampingFactor", "velocity_decay")
 
@@ -33,53 +22,28 @@ SLOWING = ("dampingFactor", "velocity_decay")
 def read_gazebo(urdf: UrdfFile, model: pin.Model) -> Dialect:
     """What ``<gazebo>`` tags say of closures, forces and plugins."""
     terms, left_out = dict[str, dict[str, float]](), list[LeftOut]()
-    joints = {joint.name for joint in urdf.robot.joints}
-    heavy = {link.name: link.inertial for link in urdf.robot.links if link.inertial is not None}
+    joints = {joint.name for joint in urdf.joints}
+    heavy = {link.name: link.inertial for link in urdf.links if link.inertial is not None}
     for extension in urdf.root.findall("gazebo"):
         name = (extension.get("reference") or "").strip()
         if name in joints:
             terms[name] = terms.get(name, {}) | coefficients(extension)
         for tag, words in WEIGHTLESS.items() if name in heavy else ():
             if said(extension, tag).lower() in words:
-                inertial = heavy[name]
-                centre = np.zeros(3) if inertial.origin is None else inertial.origin[:3, 3]
-                weight = float(inertial.mass), *map(float, centre)
+                weight = heavy[name].mass, *map(float, heavy[name].centre)
                 left_out.append(LeftOut(f"<{tag}>: {name} has no weight", {name: weight}))
         left_out += [LeftOut(f"<{local_name(tag)}>") for tag in inner_tags(extension, SLOWING)]
     notes = _unread_plugins(urdf)
     return Dialect(_loops(urdf, model), joint_terms=terms, left_out=left_out, notes=notes)
 
 
-def detachable_joints(root: Element) -> Iterator[tuple[Element, str, str, str]]:
-    """Plugins that hold two links together as drawn: the tag, a link, a model and its link."""
-    for plugin in root.iter("plugin"):
-        if DETACHABLE.search(plugin.get("filename", "") + plugin.get("name", "")):
-            tags = ("parent_link", "child_model", "child_link")
-            link, model, other = ((plugin.findtext(tag) or "").strip() for tag in tags)
-            yield plugin, link, model, other
-
-
-def _welds(urdf: UrdfFile) -> Iterator[Element]:
-    """Gazebo's DetachableJoint between links of the robot, as a fixed joint."""
-    for _, parent, owner, link in detachable_joints(urdf.root):
-        if _is_own(urdf, owner):
-            joint = etree.Element("DetachableJoint", name=f"{parent}_{link}", type="fixed")
-            for side, name in (("parent", parent), ("child", link)):
-                etree.SubElement(joint, side).text = name
-            yield joint
-
-
-def _is_own(urdf: UrdfFile, owner: str) -> bool:
-    return owner in ("", "__model__", urdf.robot.name)
-
-
 def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
     """Closures of joints, placed in their child as the file is drawn."""
     closures, data = [], model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
-    for element in (*urdf.root.findall("gazebo/joint"), *_welds(urdf)):
+    for element in urdf.root.findall("gazebo/joint"):
         parent = (child(element, "parent").text or "").strip()
-        if parent == "world" and all(link.name != "world" for link in urdf.robot.links):
+        if parent == "world" and all(link.name != "world" for link in urdf.links):
             continue  # a mount, which a URDF has anyway
         with naming(label(element)):
             links = linked(urdf, element)
@@ -94,7 +58,7 @@ def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
 
 def _unread_plugins(urdf: UrdfFile) -> tuple[str, ...]:
     """Sentences about plugins that couple joints, or close loops, which no tag tells."""
-    followers = {j.name for j in urdf.robot.joints if j.mimic is not None}
+    followers = {j.name for j in urdf.joints if j.mimic is not None}
     mimicking, closing = dict[str, list[str]](), dict[str, None]()
     for plugin in urdf.root.iterfind("gazebo//plugin"):
         file, follower = plugin.get("filename", ""), (plugin.findtext("mimicJoint") or "").strip()
@@ -102,19 +66,6 @@ def _unread_plugins(urdf: UrdfFile) -> tuple[str, ...]:
             mimicking.setdefault(file, []).append(follower)
         elif CLOSING_PLUGIN.search(file):
             closing[file] = None
-    owners = dict.fromkeys(owner for _, _, owner, _ in detachable_joints(urdf.root))
-    return (
-        *(
-            f"a DetachableJoint holds another model, {owner!r:.60}: it is not read"
-            for owner in owners
-            if not _is_own(urdf, owner)
-        ),
-        *(
-            f"plugin {file!r:.80} is not read: give a <mimic> to {shortened(joints)}"
-            for file, joints in mimicking.items()
-        ),
-        *(
-            f"plugin {file!r:.80} is not read: write its closure into a YAML beside it"
-            for file in closing
-        ),
-    )
+    advice = {file: f"give a <mimic> to {shortened(joints)}" for file, joints in mimicking.items()}
+    advice |= dict.fromkeys(closing, "write its closure into a YAML beside it")
+    return tuple(f"plugin {file!r:.80} is not read: {do}" for file, do in advice.items())

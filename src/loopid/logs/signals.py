@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain, count, product
 from math import pi
@@ -162,10 +162,7 @@ COMMANDED = {"cmd", "command", "commanded", "desired", "target", "reference", "r
 
 
 def endings(name: str) -> list[str]:
-    """Ends of a path as ``words``: of "/joint_states/elbow/position", "elbow_position", ...
-
-    None of what was commanded.
-    """
+    """Ends of a path as ``words``, as "elbow_position" of "/joint_states/elbow/position"."""
     parts = [words(part) for part in re.split(r"[/.]", name)]
     if COMMANDED & set(words(name).split("_")):
         return []
@@ -261,6 +258,7 @@ class ColumnFinder:
     mapping: LogMapping
     ordered: bool = True  # whether columns of a stream stand in an order that says something
     choice: str | None = None  # the key of the mapping that chooses among the streams
+    _times: dict[str, TimeColumn] = field(default_factory=dict)  # that were found
 
     def channels(self, joints: tuple[str, ...]) -> dict[str, list[Channel]]:
         """The columns of all quantities by stream, that of the first position first."""
@@ -385,18 +383,16 @@ class ColumnFinder:
             )
         return Unit("SI", 1.0)
 
-    @cached_property
-    def _times(self) -> dict[str, TimeColumn]:
-        return {}
-
     def time(self, stream: str) -> TimeColumn:
         """The time of a stream; a LogError when it is not found, or there are several."""
         if stream not in self._times:
-            given, period = self.mapping.time, self.mapping.row_period
-            if period is not None:
-                self._times[stream] = TimeColumn("", period * NANOSECONDS["s"])
-                return self._times[stream]
-            found = self._found_time(stream) if given is None else self._given_time(given, stream)
+            given, rate = self.mapping.time, self.mapping.rate
+            if rate is not None:
+                found = TimeColumn("", NANOSECONDS["s"] / rate)
+            elif given is not None:
+                found = self._given_time(given, stream)
+            else:
+                found = self._found_time(stream)
             self._times[stream] = found
         return self._times[stream]
 
@@ -557,10 +553,7 @@ class ColumnFinder:
         return found[0]
 
     def _matching(self, names: Sequence[str], alone: Sequence[str] = ()) -> list[Place]:
-        """Columns with one of the names: as they are, by their words, or at the end of a path.
-
-        Some names stand alone only.
-        """
+        """Columns by names, their words, or the end of a path; some stand ``alone`` only."""
         wanted = [name.casefold() for name in (*names, *alone)]
         by_words = [words(name) for name in (*names, *alone)]
         paths = [words(name) for name in names]
