@@ -221,7 +221,6 @@ def test_standing_tells_no_full_model(full):
         {"speeds": {"a": 0.0}},
         {"share": 0.0},
         {"singularity": 1.5},
-        {"clearance": -0.1},
     ],
     ids=str,
 )

@@ -11,7 +11,6 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import beside_tests  # noqa: F401
@@ -674,20 +673,6 @@ BALL = Robot("b.xml", MJCF.format('<joint name="ball" type="ball"/>'))
 FRICTION = JointTerms(("crank_joint",), ("Fc",))
 
 
-@cache
-def crowded():
-    """The five-bar with a motor too many."""
-    five_bar = load("five_bar")
-    motors = (*five_bar.actuated, "left_coupler_joint")
-    with TemporaryDirectory() as folder:
-        for end in ("urdf", "yaml"):
-            shutil.copy(bundled_directory() / f"five_bar.{end}", folder)
-        file = Path(folder) / "five_bar.yaml"
-        text = re.sub("name_mot: .*", f"name_mot: {json.dumps(motors)}", file.read_text())
-        file.write_text(text)
-        return loopid.load(file)
-
-
 def driven(*motors, **more):
     """A ball with a hinge behind it, and which of them have motors."""
 
@@ -721,14 +706,6 @@ def follow(arm):
         return loopid.motion.joint_motion(arm(folder), SERIES.motion(rate=10))
 
     return make
-
-
-@cache
-def loaded(kind):
-    """The force model of an arm with friction of a kind."""
-    robot = load("five_bar")
-    terms = JointTerms(robot.actuated, (kind,))
-    return loopid.force_model(robot, "full", terms)
 
 
 OF_ANALYSES = {
