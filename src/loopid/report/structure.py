@@ -86,7 +86,7 @@ def check_report(robot: Robot) -> Report:
                 Figure(f"{found['closure_residual']:.0e}", "largest residual of a loop", "m"),
                 Figure(f"{found['singularity_measure']:.3g}", "singularity measure, 1 is best"),
             ),
-            next=wrong[0].do if wrong else "",
+            next=wrong[0].do if wrong else "find what forces determine.",
         ),
     )
 
@@ -371,7 +371,7 @@ def base_report(
                 Figure(_conditions(found).split(", ")[0], "cond(V22), 1 is best"),
                 Figure(f"{search['candidates']:.3g}", "choices that were searched"),
             ),
-            next="design a motion that excites them, with loopid excite.",
+            next="design a motion that excites them.",
         ),
     )
 
