@@ -13,7 +13,6 @@ LONGEST = 50  # lines of a script
 PRINTED = {
     "biped_leg": ("thigh.mz", "knee in rad: [0.60", "carry in N"),
     "certificate": ("platform.mz", "cond(V22) = 2.2370, proven best: True"),
-    "cluster_of_logs": ("1 logs, 692 forces", "8 logs, 5536 forces"),
     "control_loop": ("forces in N that hold the robot: [", "forces in N that accelerate it: ["),
     "from_zero": (
         "2 degrees of freedom, 2 of 3 closure rows",
@@ -38,7 +37,7 @@ SCRIPTS = [
     pytest.param(script, id=script.stem, marks=[pytest.mark.validate] * (script.stem in LONG))
     for script in sorted(FOLDER.glob("*.py"))
 ]
-NEEDED = {"mujoco_model": "mujoco", "cluster_of_logs": "dask"}
+NEEDED = {"mujoco_model": "mujoco"}
 
 
 @pytest.mark.filterwarnings("ignore")

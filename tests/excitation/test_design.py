@@ -114,15 +114,14 @@ def test_splines_keep_the_limits_too(gravity):
     assert np.isfinite(found.standard_errors).all()
 
 
-def test_platform_coordinates():
+def test_ranges_of_platform_coordinates_are_kept():
     robot = loopid.load("3ups_rpu")
     limits = MotionLimits(workspace={"x_m": (-0.1, 0.1)}, singularity=0.05)
-    options = replace(QUICK, evaluations=1, coordinates="platform", size=2)
+    options = replace(QUICK, evaluations=1, size=2)
     found = loopid.design_motion(
         loopid.force_model(robot, joint_terms=None), limits=limits, options=options
     )
     assert found.violations == 0
-    assert found.motion.names == robot.platform.names
     x = loopid.kinematics.platform_coordinates(robot, found.joint_motion.configurations)
     assert np.abs(x[:, 0]).max() <= 0.1
     assert found.joint_motion.singularity.min() >= 0.05
@@ -177,7 +176,6 @@ def test_advice_on_what_cannot_be_met_works(gravity):
     [
         {"criterion": "Q"},
         {"shape": "steps"},
-        {"coordinates": "poses"},
         {"solver": "simplex"},
         {"noise": {"left_crank_joint": 0.0}},
         {"noise": 0.0},
@@ -202,7 +200,6 @@ def test_bad_options_are_refused_when_they_are_made(options):
 @pytest.mark.parametrize(
     "task",
     [
-        {"options": DesignOptions(coordinates="platform")},
         {"options": DesignOptions(noise={"nothing": 1.0})},
         {"options": DesignOptions(criterion="A"), "parameters": ["left_crank.m"]},
         {"options": DesignOptions(shape="spline", size=2)},

@@ -1,16 +1,12 @@
 """The force model: base parameters of bodies and joints together, over any motion."""
 
-import sys
-from functools import partial
-
 import numpy as np
 import pytest
-from dask import delayed
 
 import loopid
 from loopid import JointTerms, random_configurations
-from loopid.errors import DataError, MissingExtraError
-from loopid.identification import FitSamples, WeightedLeastSquares, distributed_problem
+from loopid.errors import DataError
+from loopid.identification import FitProblem, FitSamples, WeightedLeastSquares
 from loopid.identification.information import body_sizes
 from loopid.kinematics import closed_motion, random_motions
 from loopid.motion import JointMotion
@@ -151,18 +147,10 @@ def test_processes_change_no_bit(knee_model, motions, monkeypatch):
     np.testing.assert_array_equal(one, two)
 
 
-def load(recording):
-    return recording
-
-
-@pytest.mark.parametrize(
-    "scheduler", ["synchronous", pytest.param("processes", marks=pytest.mark.validate)]
-)
-def test_a_cluster_finds_the_factors_of_all_samples(knee_model, recordings, scheduler):
+def test_factors_of_each_recording_make_those_of_all(knee_model, recordings):
     parts = [part for recording in recordings for part in recording.split(0.3)]
-    sources = [parts[0], partial(load, parts[1]), delayed(load)(parts[2]), parts[3]]
     expected = FitSamples.combined([knee_model.samples(part) for part in parts]).problem
-    found = distributed_problem(knee_model, sources, scheduler=scheduler)
+    found = FitProblem.combined([knee_model.samples(part).problem for part in parts])
     np.testing.assert_array_equal(found.samples, expected.samples)
     scale = np.abs(expected.factors).max()
     squares = found.factors.transpose(0, 2, 1) @ found.factors
@@ -171,17 +159,6 @@ def test_a_cluster_finds_the_factors_of_all_samples(knee_model, recordings, sche
     one, other = (WeightedLeastSquares().fit(problem) for problem in (found, expected))
     np.testing.assert_allclose(one.values, other.values, rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(one.standard_errors, other.standard_errors, rtol=1e-7)
-
-
-def test_no_sources_are_refused(knee_model):
-    with pytest.raises(DataError, match="no recordings to reduce"):
-        distributed_problem(knee_model, [])
-
-
-def test_without_dask_the_extra_is_named(knee_model, recordings, monkeypatch):
-    monkeypatch.setitem(sys.modules, "dask", None)
-    with pytest.raises(MissingExtraError, match=r"dask is not installed.*loopid\[distributed\]"):
-        distributed_problem(knee_model, recordings)
 
 
 def test_recordings_without_samples_are_refused_by_name(knee_model, recordings):

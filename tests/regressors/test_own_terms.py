@@ -10,10 +10,7 @@ import loopid
 from loopid import JointTerms, load_fit, read_log
 from loopid.errors import DataError, LoopidError, OptionError
 from loopid.identification.fitting import quiet_fit
-from loopid.kinematics import random_configurations
-from loopid.kinematics.projection import closed_motion
-from loopid.kinematics.sampling import random_motions
-from loopid.regressors import JOINT_TERMS, JointTerm, length_term
+from loopid.regressors import JOINT_TERMS, JointTerm
 from made_runs import modelled, wander
 
 LOG = Path(__file__).parents[2] / "urdf" / "logs" / "five_bar.csv"
@@ -29,12 +26,10 @@ def register():
     JOINT_TERMS._entries.update(known)
 
 
-def length(q):
-    return (BESIDE**2 + OUT**2 - 2 * BESIDE * OUT * np.cos(q)) ** 0.5
-
-
-def slope(q):
-    return BESIDE * OUT * np.sin(q) / length(q)
+def gas(joint, _):
+    """Slope of the length between the ends."""
+    square = BESIDE**2 + OUT**2 - 2 * BESIDE * OUT * joint.math.cos(joint.position)
+    return BESIDE * OUT * joint.math.sin(joint.position) / square**0.5
 
 
 term = partial(JointTerm, "mine", ("N", "N m"))
@@ -83,41 +78,8 @@ def test_where_a_law_is_not_finite_is_told(register, load_once):
         loopid.force_model(robot, "gravity", JointTerms(robot.actuated, ("Root",)))
 
 
-@pytest.mark.parametrize("factor", [1.01, -1.0])
-def test_a_wrong_slope_is_refused(register, factor):
-    with pytest.raises(OptionError, match="slope of gas spring") as refused:
-        register("Gas", length_term("gas spring", length, lambda q: factor * slope(q)))
-    assert refused.value.facts["given"] / factor == pytest.approx(slope(0.7))
-
-
-def test_a_slope_that_is_wrong_far_away_is_refused_there(register, load_once):
-    far = length_term("gas spring", length, lambda q: slope(q) * (1.0 + (np.abs(q) > 1.0)))
-    register("Gas", far)
-    robot = load_once("five_bar")
-    with pytest.raises(OptionError, match="slope of gas spring"):
-        loopid.force_model(robot, "gravity", JointTerms(robot.actuated, ("Gas",)))
-
-
-def test_the_force_of_a_line_does_its_work(register, load_once):
-    """Power of the joint is force times rate of length, whatever the force."""
-    register("Gas", length_term("gas spring", length, slope))
-    register("Line", length_term("spring", length, slope, stiff=True))
-    robot = load_once("five_bar")
-    name = robot.actuated[0]
-    terms = JointTerms((name,), ("Gas", "Line"))
-    assert [p.unit for p in terms.parameters(robot)] == ["N", "N/m"]
-    motion = closed_motion(robot, random_configurations(robot, 9), *random_motions(robot, 9))
-    q = motion.configurations[:, robot.joint(name).idx_q]
-    rate = motion.velocities[:, robot.velocity_indices([name])[0]]
-    forces = terms.columns(robot, motion)[:, 0]
-    step = 1e-7
-    stretched = (length(q + step * rate) - length(q - step * rate)) / (2 * step)
-    np.testing.assert_allclose(forces[:, 0] * rate, stretched, rtol=1e-6, atol=1e-9)
-    np.testing.assert_allclose(forces[:, 1] * rate, length(q) * stretched, rtol=1e-6, atol=1e-9)
-
-
 def test_a_spring_with_its_geometry_is_found_and_saved(register, load_once, tmp_path):
-    register("Gas", length_term("gas spring", length, slope))
+    register("Gas", JointTerm("gas spring", ("N", "N"), gas, ("position",)))
     robot = load_once("five_bar")
     model = loopid.force_model(robot, "full", "Fc,Fv; left_crank_joint: Gas")
     truth = model.prior.copy()

@@ -858,15 +858,10 @@ OF_ANALYSES = {
         "leave some out",
         lambda _: loopid.kinematics.assemble(load("four_bar"), [[1.0]], ["crank_joint"]),
     ),
-    "a design in coordinates that there are not": (
-        lambda _: designed(coordinates="platform"),
-        "use coordinates='joints'",
-        lambda _: designed(coordinates="joints", shape="spline"),
-    ),
     "friction of poses": (
         lambda _: loopid.design_motion(forces("parallelogram", "full"), options=POSES),
         "use shape='fourier' or 'spline'",
-        lambda _: designed(coordinates="joints", shape="spline"),
+        lambda _: designed(shape="spline"),
     ),
 }
 POSES = loopid.DesignOptions(shape="poses")

@@ -12,7 +12,7 @@ from rich.console import Console
 
 import loopid
 from bank_robots import few_of
-from closure_robots import files
+from closure_robots import chain, files
 from linkages import rssr
 from loopid import bundled_robots
 from loopid.base_parameters import RankTolerances, expression, find_base
@@ -22,6 +22,7 @@ from loopid.regressors import structural_observation
 from loopid.report import check_report
 from loopid.report.structure import (
     base_record,
+    base_report,
     base_tables,
     certificate,
     check_record,
@@ -220,6 +221,17 @@ def test_tables_of_large_robots_fit_the_terminal(name, shared, load_once):
         whole(table)
     page = report.page().html()
     assert len(page) < 1_000_000
+
+
+def test_the_terminal_shows_one_screen_of_base_parameters(write_files):
+    """All of a small robot; of a large one the first, and where the others are."""
+    for count, screen in ((2, False), (7, True)):
+        robot = loopid.load(write_files(*files(chain(count), {})))
+        found = find_base(structural_observation(robot, "full"))
+        brief, *_ = base_report(robot, "full", found).brief
+        last = str([*brief.columns[1].cells][-1])
+        assert brief.row_count == (17 if screen else found.structure.rank)
+        assert last.endswith("more, and all terms: --verbose") == screen
 
 
 def test_a_joint_that_turns_without_end_has_an_angle_and_no_limits(four_bars):

@@ -2,9 +2,11 @@
 
 import base64
 import gc
+import importlib
 import io
 import shutil
 import socket
+import sys
 import time
 import warnings
 from pathlib import Path
@@ -74,9 +76,10 @@ def test_without_viser_or_a_browser_one_sentence_says_what_to_install(five_bar, 
         patch.setenv("PATH", "/nowhere")
         with pytest.raises(OptionError, match="install"):
             next(viewer.pictures())
-    monkeypatch.setitem(__import__("sys").modules, "viser", None)
+    monkeypatch.setitem(sys.modules, "viser", None)
+    monkeypatch.delitem(sys.modules, "loopid.view.viewer")
     with pytest.raises(MissingExtraError):
-        Viewer(five_bar)
+        importlib.import_module("loopid.view.viewer")
 
 
 def coloured(image, colour):

@@ -14,37 +14,20 @@ from loopid.records import record
 
 @record
 class TriedGroup:
-    """A group of rows of V2, all choices of which were tried.
+    """A group of rows of V2, all choices of which were tried."""
 
-    Attributes
-    ----------
-    rows : tuple of int
-        (n*,), columns among those with an effect.
-    condition_numbers : FloatArray
-        (c,), cond(V22) = σ_max / σ_min of each choice: of one that is rank-deficient it is
-        round-off, and infinite where σ_min is 0.
-    full_rank : BoolArray
-        (c,), by the rule of the search.
-    valid : int
-        Choices of full rank whose condition number is below the limit.
-    least : float
-        Value of the criterion for the best of them; infinite without any.
-    best : int or None
-        Which choice that is.
-    removed, added : int or None
-        The row that made room after the group, and the one that came in; None after the last.
-    share : float
-        Part of the worse half of the invalid choices that has the removed row; 0 without any.
-    """
-
-    rows: tuple[int, ...]
+    rows: tuple[int, ...]  # (n*,), columns among those with an effect
+    # (c,), cond(V22) = σ_max / σ_min of each choice: of one that is rank-deficient it is round-off,
+    # and infinite where σ_min is 0
     condition_numbers: FloatArray
-    full_rank: BoolArray
-    valid: int
-    least: float
-    best: int | None
+    full_rank: BoolArray  # (c,), by the rule of the search
+    valid: int  # choices of full rank whose condition number is below the limit
+    least: float  # value of the criterion for the best of them; infinite without any
+    best: int | None  # which choice that is
+    # The row that made room after the group, and the one that came in; None after the last
     removed: int | None
     added: int | None
+    # Part of the worse half of the invalid choices that has the removed row; 0 without any
     share: float
 
     def __len__(self) -> int:
@@ -60,28 +43,19 @@ class TriedGroup:
 class SubgroupAccount:
     """All groups of a subgroup search, and its options.
 
-    Attributes
-    ----------
-    variant : str
-        As of ``SubgroupSearch``, like the next two.
-    alpha, condition_limit : float
-    dependent : int
-        Rows d that each choice takes.
-    groups : tuple of TriedGroup
-
     Examples
     --------
     >>> import loopid
     >>> observation = loopid.regressors.structural_observation(loopid.load("four_bar"))
     >>> found = loopid.base_parameters.find_base(observation, "subgroup").search.subgroups
     >>> found.group_size, len(found.groups), found.tried
-    (5, 3, 15)
+    (5, 3, 30)
     """
 
-    variant: str
+    variant: str  # as of ``SubgroupSearch``, like the next two
     alpha: float
     condition_limit: float
-    dependent: int
+    dependent: int  # rows d that each choice takes
     groups: tuple[TriedGroup, ...]
 
     @property

@@ -47,18 +47,10 @@ LEAST_TIME = 0.01  # s, for a search after one that used all there was
 
 @record
 class BaseParameter:
-    """One base parameter: a standard parameter and those regrouped with it.
+    """One base parameter: a standard parameter and those regrouped with it."""
 
-    Attributes
-    ----------
-    name : str
-        Label of the standard parameter that leads it, with factor 1.
-    factors : mapping
-        Labels of the dependent parameters in it, to their factors.
-    """
-
-    name: str
-    factors: Mapping[str, float]
+    name: str  # label of the standard parameter that leads it, with factor 1
+    factors: Mapping[str, float]  # labels of the dependent parameters in it, to their factors
 
     @property
     def terms(self) -> dict[str, float]:

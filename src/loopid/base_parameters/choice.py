@@ -326,13 +326,7 @@ class PivotedQR(SearchStrategy):
 
 @record
 class KeptChoice(SearchStrategy):
-    """Take the dependent parameters of another choice: nothing is searched.
-
-    Parameters
-    ----------
-    dependent : tuple of str
-        Their labels.
-    """
+    """Take the dependent parameters of another choice, by their labels: nothing is searched."""
 
     name: ClassVar[str] = "kept"
 

@@ -65,14 +65,8 @@ class RankTolerances:
     Examples
     --------
     >>> import loopid
-    >>> observation = loopid.regressors.structural_observation(loopid.load("five_bar"))
-
-    What forces hardly depend on does not count:
-
-    >>> coarse = loopid.base_parameters.RankTolerances(least=0.1)
-    >>> base = loopid.base_parameters.find_base(observation, tolerances=coarse)
-    >>> len(base), len(base.doubtful), base.structure.tolerances.least
-    (4, 2, 0.1)
+    >>> loopid.base_parameters.RankTolerances(least=1e-5).zero
+    1e-12
     """
 
     least: Positive = 1e-7
@@ -85,64 +79,34 @@ class RankTolerances:
 
 @record
 class DoubtfulCombination:
-    """A combination of parameters that may have an effect or not. It does not count.
+    """A combination of parameters that may have an effect or not. It does not count."""
 
-    Attributes
-    ----------
-    terms : mapping
-        Labels to factors, the leading one first.
-    singular_value : float
-        How much forces depend on it, relative to the combination that they depend on most.
-    rounding : float
-        In m, of the lengths in the robot file: numbers rounded so make such a value. NaN where
-        the robot is not known.
-    source : str
-        Where it is known that the file is rounded so; empty where it need not be.
-    """
-
-    terms: Mapping[str, float]
+    terms: Mapping[str, float]  # labels to factors, the leading one first
+    # How much forces depend on it, relative to the combination that they depend on most
     singular_value: float
+    # In m, of the lengths in the robot file: numbers rounded so make such a value. NaN where the
+    # robot is not known
     rounding: float
-    source: str = ""
+    source: str = ""  # where it is known that the file is rounded so; empty where it need not be
 
 
 @record
 class Rank:
-    """The rank of an observation, and how clear it is.
-
-    Attributes
-    ----------
-    value : int
-    gap : float
-        Last singular value that counts over the next one, or over round-off.
-    singular_values : FloatArray
-        (n,), relative to the largest, of columns in common units, descending.
-    scales : FloatArray
-        (p,), factors that bring all columns to common units.
-    columns : IntArray
-        (n,), columns with an effect.
-    doubtful : tuple of DoubtfulCombination
-    bounds : tuple of int or None
-        Between which numbers it lies where the gap is not clear; None where it is.
-    """
+    """The rank of an observation, and how clear it is."""
 
     value: int
-    gap: float
+    gap: float  # last singular value that counts over the next one, or over round-off
+    # (n,), relative to the largest, of columns in common units, descending
     singular_values: FloatArray
-    scales: FloatArray
-    columns: IntArray
+    scales: FloatArray  # (p,), factors that bring all columns to common units
+    columns: IntArray  # (n,), columns with an effect
     doubtful: tuple[DoubtfulCombination, ...]
+    # Between which numbers it lies where the gap is not clear; None where it is
     bounds: tuple[int, int] | None
 
 
 def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
-    """Decide the rank of an observation.
-
-    Raises
-    ------
-    RankError
-        When no parameter has an effect, or when there are too few rows.
-    """
+    """Decide the rank; a RankError says that no parameter has an effect, or rows are too few."""
     scales, norms, largest = _common_units(observation, tolerances)
     felt = norms > tolerances.zero * largest
     columns = np.flatnonzero(felt)
@@ -256,8 +220,7 @@ def _spanned(matrix: FloatArray, felt: BoolArray, short: BoolArray, rank: int) -
 def decomposed(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Singular values and all right singular vectors, as rows.
 
-    LAPACK's divide and conquer, the fast way, does not converge for some matrices without full
-    rank; QR iterations then do.
+    LAPACK's divide and conquer does not converge for some matrices without full rank; QR does.
     """
     try:
         _, values, right = np.linalg.svd(matrix)

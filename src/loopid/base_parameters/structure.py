@@ -96,19 +96,7 @@ class Structure:
 def analyse(observation: Observation, tolerances: RankTolerances = RankTolerances()) -> Structure:
     """Find the structure of an observation.
 
-    Raises
-    ------
-    RankError
-        When no parameter has an effect, or when there are too few rows.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> from loopid.base_parameters.structure import analyse
-    >>> robot = loopid.load("four_bar")
-    >>> structure = analyse(loopid.regressors.structural_observation(robot))
-    >>> structure.rank, len(structure.columns), structure.doubtful
-    (4, 7, ())
+    A RankError says that no parameter has an effect, or that there are too few rows.
     """
     with one_blas_thread():
         decisive = observation.unit_motions or observation
@@ -181,18 +169,9 @@ def _precision(gap: float) -> float:
 def independent_blocks(null_basis: FloatArray) -> tuple[IntArray, ...]:
     """Groups of parameters that no null vector connects: components of the projector N = V2 V2ᵀ.
 
-    Regrouping never mixes parameters of different blocks, so a choice is made block by block.
-
-    Parameters
-    ----------
-    null_basis : FloatArray
-        (n, d), orthonormal.
-
-    Returns
-    -------
-    tuple of IntArray
-        Ascending columns of each block, blocks in the order of their first columns. Columns
-        that no null vector touches are blocks of their own.
+    Regrouping never mixes parameters of different blocks. Each is its ascending columns, in the
+    order of their first ones, of an orthonormal null basis (n, d); columns that no null vector
+    touches are blocks of their own.
     """
     basis = finite(null_basis, "null_basis")
     if basis.ndim != 2:
@@ -218,22 +197,11 @@ def base_columns(size: int, dependent: IntArray) -> IntArray:
 def regrouping_matrix(
     null_basis: FloatArray, dependent: IntArray, zero: float | FloatArray = ROUND_OFF
 ) -> FloatArray:
-    """Coefficients β = -V21 V22⁻¹ of Φ_base = Φ_B + β Φ_D.
+    """Coefficients β = -V21 V22⁻¹ (n - d, d) of Φ_base = Φ_B + β Φ_D.
 
-    Parameters
-    ----------
-    null_basis : FloatArray
-        (n, d).
-    dependent : IntArray
-        (d,), or (c, d) for c choices at once.
-    zero : float or FloatArray
-        Coefficients below this fraction of the lengths of both rows of the null basis are none; of
-        all rows, or (n,) of each (``Structure.zero``).
-
-    Returns
-    -------
-    FloatArray
-        (n - d, d) or (c, n - d, d).
+    Of a null basis (n, d) and dependent columns (d,); or (c, n - d, d) of c choices (c, d).
+    Coefficients below the fraction ``zero`` of the lengths of both rows are none; one for all rows,
+    or (n,) (``Structure.zero``).
     """
     choices = np.atleast_2d(dependent)
     n = len(null_basis)

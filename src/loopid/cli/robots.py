@@ -228,7 +228,6 @@ def excite(
         None, help="Seconds; by default 20 for a gravity model, 10 for a full one."
     ),
     rate: float = Option(100.0, help="Samples per second of the run."),
-    coordinates: str = Option("joints", help="Design in joints or platform coordinates."),
     share: float = Option(1.0, help="Part of each limit that may be used."),
     limit: list[str] | None = Option(
         None, metavar="JOINT=LOW:HIGH", help="Range of a joint; repeatable."
@@ -301,7 +300,6 @@ def excite(
         size=size,
         duration=duration,
         rate=rate,
-        coordinates=coordinates,
         noise=sizes(noise, "--noise") or None,
         starts=starts,
         evaluations=evaluations,

@@ -147,18 +147,10 @@ class Criteria:
 
 @record
 class Unknown:
-    """The combinations of parameters that a motion is to determine.
+    """The combinations of parameters that a motion is to determine."""
 
-    Attributes
-    ----------
-    parameters : ParameterSet
-        Names of the z combinations.
-    basis : FloatArray
-        (n, z), the base parameters by them; the identity for all.
-    """
-
-    parameters: ParameterSet
-    basis: FloatArray
+    parameters: ParameterSet  # names of the z combinations
+    basis: FloatArray  # (n, z), the base parameters by them; the identity for all
 
     @classmethod
     def of(cls, model: ForceModel, payload: str | None) -> Unknown:
@@ -203,18 +195,10 @@ class Unknown:
 
 @record
 class Known:
-    """What there is before the motion.
+    """What there is before the motion."""
 
-    Attributes
-    ----------
-    noise : FloatArray
-        (motors,), standard deviations of the motors' forces at the rate of the run.
-    information : FloatArray
-        (z, z), of the logs.
-    """
-
-    noise: FloatArray
-    information: FloatArray
+    noise: FloatArray  # (motors,), standard deviations of the motors' forces at the rate of the run
+    information: FloatArray  # (z, z), of the logs
 
     @classmethod
     def of(

@@ -14,7 +14,7 @@ from loopid.arguments import FloatArray, checked, row_blocks
 from loopid.errors import AccuracyWarning, DataError, DataWarning, OptionError, warn
 from loopid.excitation.criteria import Criteria, Known, OfCombinations, Unknown
 from loopid.excitation.limits import Bounds, MotionLimits
-from loopid.excitation.problem import Coordinates, DesignOptions, Problem, file_forces
+from loopid.excitation.problem import DesignOptions, Problem, file_forces, follow
 from loopid.excitation.search import (
     Check,
     DesignProgress,
@@ -26,7 +26,7 @@ from loopid.excitation.search import (
 from loopid.excitation.shapes import SHAPES, PosesShape
 from loopid.identification.force_models import ForceModel
 from loopid.kinematics.measured import JointCoordinates
-from loopid.kinematics.projection import project, singularity_measure
+from loopid.kinematics.projection import closed_motion, project, singularity_measure
 from loopid.kinematics.sampling import DEFAULT_MARGIN, SamplingOptions, random_configurations
 from loopid.logs.log import Log
 from loopid.logs.preparing import prepare
@@ -57,17 +57,10 @@ LEAST_GAIN = 1.01  # ratio of standard errors below which a design gained nothin
 
 @record
 class ExpectedFit:
-    """Accuracy of z parameters in a fit.
+    """Accuracy of z parameters in a fit."""
 
-    Attributes
-    ----------
-    standard_errors : FloatArray
-        (z,), infinite where a parameter is undetermined.
-    spectrum : FloatArray
-        (z,), singular values of the weighted observation, its columns scaled to length 1.
-    """
-
-    standard_errors: FloatArray
+    standard_errors: FloatArray  # (z,), infinite where a parameter is undetermined
+    # (z,), singular values of the weighted observation, its columns scaled to length 1
     spectrum: FloatArray
 
     @classmethod
@@ -95,7 +88,7 @@ class ExcitationDesign:
     limits : MotionLimits
     options : DesignOptions
     motion : Motion
-        Of the designed coordinates, at the rate of the run.
+        Of the independent joints, at the rate of the run.
     joint_motion : JointMotion
         The same, of all joints.
     motors : Motion
@@ -169,13 +162,7 @@ class ExcitationDesign:
         return float(np.median(before[known] / now[known])) if known.any() else float("nan")
 
     def require_gain(self) -> None:
-        """Refuse a motion that adds no information.
-
-        Raises
-        ------
-        DataError
-            When standard errors are not smaller by a hundredth.
-        """
+        """Refuse, by a DataError, a motion whose errors are not smaller by a hundredth."""
         if not self.gain < LEAST_GAIN:
             return
         earlier = "the logs alone do" if self.after_logs else "the first motion tried does"
@@ -268,13 +255,11 @@ def design_motion(
             model.robot, POSES, options.seed, options=SamplingOptions(margin=0.0)
         )
         criterion = unknown.criterion(options.criterion, parameters, model)
-        on_platform = options.coordinates == "platform"
         size = options.size or SIZES.get(options.shape)
         if size is None:  # poses, twice as many forces as parameters
             size = max(8, -(-2 * len(unknown.parameters) // len(model.robot.independent)))
         problem = Problem(
             force_model=model,
-            coordinates=Coordinates(model.robot, on_platform),
             shape=SHAPES[options.shape](options.duration or DURATIONS[model.model], size),
             bounds=Bounds(
                 model.robot, _with_margin(limits, model, poses), poses, model.model == "gravity"
@@ -334,12 +319,6 @@ def _require_designable(
             f"do, which they leave free: load it with {lock_options(robot)}",
             free=robot.free,
         )
-    if options.coordinates == "platform" and robot.platform is None:
-        raise OptionError(
-            f"{robot.name} declares no platform coordinates: use coordinates='joints'",
-            given="platform",
-            valid=("joints",),
-        )
     if options.shape == "poses" and (model.model != "gravity" or model.joint_terms):
         raise OptionError(
             "standing in poses identifies the gravity model without joint terms only: use "
@@ -360,10 +339,10 @@ def _assumed_noise(problem: Problem, poses: Poses) -> FloatArray:
 
     Where the robot file knows no force of a motor, it is the share of the largest one, or of 1.
     """
-    robot = problem.force_model.robot
+    robot = problem.robot
     y, near = feasible_start(problem, poses, 0)
     x, v, a = problem.functions @ problem.variables(y)
-    motion = problem.coordinates.follow(x, v, a, near)
+    motion = follow(robot, x, v, a, near)
     sizes = np.zeros(len(robot.actuated))
     if motion is not None:
         sizes = np.sqrt((file_forces(robot, motion) ** 2).mean(axis=0))
@@ -394,7 +373,7 @@ def _warn_of_unexcited(
         near = sorted(checks, key=lambda check: -check.used)[:NAMED_BOUNDS]
         bounds = ", ".join(f"{check.name} ({check.used:.0%})" for check in near)
         warn(
-            f"the motion of {problem.force_model.robot.name} does not excite "
+            f"the motion of {problem.robot.name} does not excite "
             f"{shortened(labels)}: the bounds that it uses most are {bounds}; widen them, or lock "
             "what cannot move",
             DataWarning,
@@ -414,13 +393,13 @@ class Run(NamedTuple):
 
 def _run(problem: Problem, X: FloatArray) -> Run:
     """The run of the motion with variables X (m, c)."""
-    space, robot = problem.coordinates, problem.force_model.robot
-    motion = problem.shape.motion(space.names, X, problem.options.rate)
+    robot = problem.robot
+    motion = problem.shape.motion(robot.independent, X, problem.options.rate)
     followed, factor = joint_motion(robot, motion), _root(problem.prior)
     indices, parts = robot.velocity_indices(robot.actuated), []
     for rows in row_blocks(len(motion), CHUNK):
         state = followed.configurations[rows], motion.velocity[rows], motion.acceleration[rows]
-        whole = space.whole(*state)
+        whole = closed_motion(robot, *state)
         forces = file_forces(robot, whole)
         parts.append((whole.velocities[:, indices], whole.accelerations[:, indices], forces))
         told = problem.rows(whole).reshape(-1, len(factor))

@@ -145,15 +145,6 @@ class Bounds:
         (N, nq), some of all over the workspace.
     slow : bool
         Whether speeds and accelerations are to be so small that the forces are those of gravity.
-
-    Attributes
-    ----------
-    all : list of Bound
-    pairs : tuple of pairs of str
-        Links that may touch each other.
-    designed : int
-        How many a design looks at. The last one, against constraint singularities, follows from
-        the singularity measure but for a factor: more columns only raise the least singular value.
     """
 
     def __init__(

@@ -24,7 +24,6 @@ from loopid.excitation.limits import Bounds
 from loopid.excitation.shapes import SHAPES, Shape
 from loopid.identification.force_models import ForceModel
 from loopid.kinematics.assembly import AssemblyOptions, try_assemble
-from loopid.kinematics.measured import platform_motion
 from loopid.kinematics.poses import integrate
 from loopid.kinematics.projection import ClosedMotion, closed_motion
 from loopid.records import record
@@ -41,7 +40,6 @@ SHORTEST_STEP = 2.0**-2
 # Coulomb friction has no slope at standstill: over this part of a typical rate it is smoothed.
 SMOOTHING = 0.02
 MOST_SIZE = 500  # time and memory grow with its square
-COORDINATES = ("joints", "platform")
 # Each lets a search (``search.Search``) go on from variables (n,).
 SOLVERS: Registry[Callable[[Any, FloatArray], None]] = Registry(
     "solver",
@@ -68,8 +66,6 @@ class DesignOptions:
         In s; by default 20 for a gravity model, 10 for a full one.
     rate : float
         Samples per second of the run.
-    coordinates : str
-        ``"joints"``, or ``"platform"`` for the platform coordinates.
     noise : float or mapping, optional
         Standard deviation of each motor's force in N or N m at the rate of the run, one for all or
         by joint (``"all"``: the others); by default that of the logs, or
@@ -108,7 +104,6 @@ class DesignOptions:
     size: Annotated[int, Field(ge=2, le=MOST_SIZE)] | None = None
     duration: Positive | None = None
     rate: Positive = 100.0
-    coordinates: str = "joints"
     noise: float | Mapping[str, float] | None = None
     noise_share: Positive = 0.01
     starts: Annotated[int, Field(ge=1)] = 4
@@ -122,7 +117,6 @@ class DesignOptions:
         for what, given, choices in (
             ("criterion", self.criterion, CRITERIA),
             ("shape", self.shape, SHAPES),
-            ("coordinates", self.coordinates, COORDINATES),
             ("solver", self.solver or "slsqp", SOLVERS),
         ):
             if given not in choices:
@@ -134,62 +128,21 @@ class DesignOptions:
             )
 
 
-class Coordinates:
-    """The c coordinates that a motion is designed in: joints, or those of the platform."""
+def follow(
+    robot: Robot, x: FloatArray, v: FloatArray, a: FloatArray, start: FloatArray | None = None
+) -> ClosedMotion | None:
+    """The motion of all joints from that of the independent ones, (N, dof) each.
 
-    def __init__(self, robot: Robot, on_platform: bool = False) -> None:
-        self.robot, platform = robot, robot.platform if on_platform else None
-        self.on_platform = platform is not None
-        self.names = tuple(robot.measured if platform is None else platform.names)
-        self.measured = "platform" if on_platform else self.names  # to ``assemble``
-        if platform is not None:
-            turning = [motion.startswith("r") for motion in platform.motions]
-            self.units = np.where(turning, 1.0, robot.length)
-        else:
-            self.units = robot.coordinate_scales[robot.velocity_indices(self.names)]
-        self.independent = robot.velocity_indices(robot.independent)
-
-    def assemble(self, positions: FloatArray, start: FloatArray | None = None) -> FloatArray | None:
-        """Configurations (N, nq), None where the loops do not close.
-
-        Reached from configurations (N, nq) or (1, nq), or one after the other from the reference.
-        """
-        follow = start is None
-        options = AssemblyOptions(shortest_step=2.0**-12 if follow else SHORTEST_STEP)
-        found = try_assemble(
-            *(self.robot, positions, self.measured),
-            start=start,
-            trajectory=follow,
-            options=options,
-        )
-        return found.configurations if found.assembled.all() else None
-
-    def follow(
-        self, x: FloatArray, v: FloatArray, a: FloatArray, start: FloatArray | None = None
-    ) -> ClosedMotion | None:
-        """The motion of all joints, reached as in ``assemble``; None also at singularities."""
-        q = self.assemble(x, start)
-        try:
-            return None if q is None else self.whole(q, v, a)
-        except SingularityError:
-            return None
-
-    def whole(self, q: FloatArray, rates: FloatArray, seconds: FloatArray) -> ClosedMotion:
-        """The motion of all joints from rates and accelerations (N, c)."""
-        robot = self.robot
-        if not self.on_platform:
-            return closed_motion(robot, q, rates, seconds, independent=self.names)
-        v, a = platform_motion(robot, q, rates, seconds)
-        return closed_motion(robot, q, v[:, self.independent], a[:, self.independent])
-
-    def tangents(self, motion: ClosedMotion) -> FloatArray:
-        """Velocities (N, nv, c) of all joints per unit of each coordinate."""
-        if not self.on_platform:
-            return motion.projection.G
-        q, c = motion.configurations, len(self.names)
-        rates = np.tile(np.eye(c), (len(q), 1))
-        v, _ = platform_motion(self.robot, np.repeat(q, c, axis=0), rates, 0 * rates)
-        return np.asarray(v.reshape(len(q), c, -1).transpose(0, 2, 1))
+    None where the loops do not close, and at singularities. Configurations are reached from others
+    (N, nq) or (1, nq), or one after the other from the reference.
+    """
+    shortest = 2.0**-12 if start is None else SHORTEST_STEP
+    options = AssemblyOptions(shortest_step=shortest)
+    found = try_assemble(robot, x, start=start, trajectory=start is None, options=options)
+    try:
+        return closed_motion(robot, found.configurations, v, a) if found.assembled.all() else None
+    except SingularityError:
+        return None
 
 
 class Outcome(NamedTuple):
@@ -220,33 +173,26 @@ class Value(NamedTuple):
 
 @record
 class Problem:
-    """A motion to be found: variables y (m c,) in units, with a criterion and bounds.
-
-    Attributes
-    ----------
-    force_model : ForceModel
-    coordinates : Coordinates
-    shape : Shape
-    bounds : Bounds
-    criterion : Criterion
-    noise : FloatArray
-        (motors,), standard deviations of the motors' forces.
-    basis : FloatArray
-        (n, z), the z unknown combinations: φ = φ₀ + basis z; the identity for all.
-    prior : FloatArray
-        (z, z), information that there is already.
-    options : DesignOptions
-    """
+    """A motion of the c independent joints to be found: variables y (m c,) in units."""
 
     force_model: ForceModel
-    coordinates: Coordinates
     shape: Shape
     bounds: Bounds
     criterion: Criterion
-    noise: FloatArray
-    basis: FloatArray
-    prior: FloatArray
+    noise: FloatArray  # (motors,), standard deviations of the motors' forces
+    basis: FloatArray  # (n, z), the z unknown combinations: φ = φ₀ + basis z; the identity for all
+    prior: FloatArray  # (z, z), information that there is already
     options: DesignOptions
+
+    @property
+    def robot(self) -> Robot:
+        """Of the force model."""
+        return self.force_model.robot
+
+    @cached_property
+    def units(self) -> FloatArray:
+        """(c,), unit steps of the joints in m or rad."""
+        return self.robot.coordinate_scales[self.robot.velocity_indices(self.robot.independent)]
 
     @property
     def solver(self) -> str:
@@ -284,11 +230,11 @@ class Problem:
 
     def variables(self, y: FloatArray) -> FloatArray:
         """X (m, c) in m or rad."""
-        return np.asarray(y.reshape(-1, len(self.coordinates.units)) * self.coordinates.units)
+        return np.asarray(y.reshape(-1, len(self.units)) * self.units)
 
     def of_variables(self, X: FloatArray) -> FloatArray:
         """The inverse of ``variables``."""
-        return np.asarray((X / self.coordinates.units).ravel())
+        return np.asarray((X / self.units).ravel())
 
     def information(self, rows: FloatArray) -> FloatArray:
         """M (z, z) of the run and what there is already."""
@@ -305,7 +251,7 @@ class Problem:
         terms = self.force_model.joint_terms
         if terms is None or terms.smoothing:
             return terms
-        robot = self.force_model.robot
+        robot = self.robot
         gravity = float(np.linalg.norm(robot.model.gravity.linear)) or 1.0
         scale = robot.coordinate_scales[robot.velocity_indices(terms.joints)].min()
         typical = scale * np.sqrt(gravity / robot.length)
@@ -319,7 +265,7 @@ class Problem:
         """
         model, first = self.force_model.model, _first(motion, poses)
         part = first if self.is_static else motion
-        K = motion_regressor(self.force_model.robot, part, model, joint_terms=self._smooth_terms)
+        K = motion_regressor(self.robot, part, model, joint_terms=self._smooth_terms)
         forces = self.forces(motion, K if model == "full" else None)
         moving = self.bounds.in_motion(motion, forces)
         return Outcome(self.rows(part, K), moving, self.bounds.in_poses(first, all_bounds=False))
@@ -331,7 +277,7 @@ class Problem:
 
     def rows(self, motion: ClosedMotion, regressor: FloatArray | None = None) -> FloatArray:
         """Forces (N, dof, z) per unit of each unknown, in deviations of their noise."""
-        model, robot = self.force_model, self.force_model.robot
+        model, robot = self.force_model, self.robot
         if regressor is None:
             regressor = motion_regressor(robot, motion, model.model, joint_terms=model.joint_terms)
         # The motors' share in each force, (N, motors, dof): the identity as a rule.
@@ -346,7 +292,7 @@ class Problem:
         """
         if not self.bounds.needs_forces:
             return np.zeros((len(motion.configurations), 0))
-        return file_forces(self.force_model.robot, motion, regressor)
+        return file_forces(self.robot, motion, regressor)
 
 
 def file_forces(
@@ -373,7 +319,7 @@ def evaluate(
     Configurations are reached from those of another motion (N, nq), or of one pose (1, nq).
     """
     x, v, a = problem.functions @ problem.variables(y)
-    motion = problem.coordinates.follow(x, v, a, near)
+    motion = follow(problem.robot, x, v, a, near)
     if motion is None:
         return None
     designed = problem.bounds.designed
@@ -395,24 +341,23 @@ def _state_slopes(
     problem: Problem, motion: ClosedMotion, v: FloatArray, a: FloatArray, at: Outcome
 ) -> list[FloatArray]:
     """Slopes (3, c, N, ...) of an outcome by each coordinate's position, rate and acceleration."""
-    space, q = problem.coordinates, motion.configurations
-    N, c, unit = len(q), len(space.units), np.eye(len(space.units))
-    h = STEP * space.units
+    robot, q, units, G = problem.robot, motion.configurations, problem.units, motion.projection.G
+    N, c, unit = len(q), len(units), np.eye(len(units))
+    h = STEP * units
     # All moved samples in one batch: positions, rates, accelerations of each coordinate.
-    tangents = space.tangents(motion)
-    moved = [integrate(space.robot, q, h[j] * tangents[:, :, j]) for j in range(c)]
+    moved = [integrate(robot, q, h[j] * G[:, :, j]) for j in range(c)]
     qs = np.concatenate([*moved, *(2 * c * [q])])
     vs = np.concatenate([*(c * [v]), *(v + h[j] * unit[j] for j in range(c)), *(c * [v])])
-    as_ = np.concatenate([*(2 * c * [a]), *(a + space.units[j] * unit[j] for j in range(c))])
-    there = problem.outcome(space.whole(qs, vs, as_), c * N)
+    as_ = np.concatenate([*(2 * c * [a]), *(a + units[j] * unit[j] for j in range(c))])
+    there = problem.outcome(closed_motion(robot, qs, vs, as_), c * N)
 
     def slopes(moved: FloatArray, start: FloatArray) -> FloatArray:
         """What was found at all, or only at the first c, moved samples."""
         orders = len(moved) // (c * N)
         found = np.zeros((3, c, *start.shape))
         found[:orders] = moved.reshape(orders, c, *start.shape) - start
-        width = np.stack([h, h, space.units]).reshape(3, c, *(1,) * start.ndim)
-        return np.asarray(found / width * space.units.reshape(c, *(1,) * start.ndim))
+        width = np.stack([h, h, units]).reshape(3, c, *(1,) * start.ndim)
+        return np.asarray(found / width * units.reshape(c, *(1,) * start.ndim))
 
     return [slopes(*pair) for pair in zip(there, at, strict=True)]
 

@@ -20,11 +20,11 @@ import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray
 from loopid.errors import AssemblyError
-from loopid.excitation.problem import SOLVERS, Problem, Value, evaluate
+from loopid.excitation.problem import SOLVERS, Problem, Value, evaluate, follow
 from loopid.kinematics.assembly import AssemblyOptions, largest_opening, try_assemble
 from loopid.kinematics.constraint import largest_residual
 from loopid.kinematics.measured import measured_coordinates
-from loopid.kinematics.projection import singularity_measure
+from loopid.kinematics.projection import closed_motion, singularity_measure
 from loopid.records import record
 
 # The grid of the check is so much finer; this part of a bound's scale is round-off, and speeds and
@@ -63,29 +63,16 @@ class Stopped(Exception):  # noqa: N818 (no error)
 
 @record
 class Check:
-    """A bounded quantity over a whole motion.
-
-    Attributes
-    ----------
-    name, unit : str
-    lowest, highest : float
-        Of the motion.
-    lower, upper : float
-        What it must keep; infinite where there is no end.
-    time : float
-        When it is nearest to an end, in s.
-    violations : int
-        Samples at which the bound is broken.
-    """
+    """A bounded quantity over a whole motion."""
 
     name: str
     unit: str
-    lowest: float
+    lowest: float  # of the motion
     highest: float
-    lower: float
+    lower: float  # what it must keep; infinite where there is no end
     upper: float
-    time: float
-    violations: int
+    time: float  # when it is nearest to an end, in s
+    violations: int  # samples at which the bound is broken
 
     @property
     def used(self) -> float:
@@ -101,10 +88,10 @@ class Check:
 def check_motion(problem: Problem, X: FloatArray) -> tuple[Check, ...]:
     """Check variables X (m, c) of a motion; empty where it leaves the assembly mode."""
     time = np.linspace(0.0, problem.shape.seconds, FINER * len(problem.time) + 1)
-    motion = problem.coordinates.follow(*(problem.shape.functions(time) @ X))
+    motion = follow(problem.robot, *(problem.shape.functions(time) @ X))
     if motion is None:
         return ()
-    robot, checks, ends = problem.force_model.robot, list[Check](), [0, -1]
+    robot, checks, ends = problem.robot, list[Check](), [0, -1]
 
     def check(name: str, unit: str, times: FloatArray, values: FloatArray, *keep: float) -> None:
         lower, upper, scale = keep
@@ -136,18 +123,15 @@ class Poses(NamedTuple):
 def find_poses(problem: Problem, configurations: FloatArray) -> Poses:
     """Poses that keep all bounds, from random configurations (N, nq) on.
 
-    Raises
-    ------
-    AssemblyError
-        Naming the bounds that none of them keeps.
+    An AssemblyError names the bounds that none of them keeps.
     """
-    space, inset = problem.coordinates, problem.options.inset
+    robot, inset = problem.robot, problem.options.inset
     generator = np.random.default_rng([problem.options.seed, 11])
-    measured = measured_coordinates(space.robot, space.measured)
-    x = measured.read(np.concatenate([space.robot.reference[None], configurations]))
-    reach = np.maximum(np.ptp(x, axis=0) / 2, 1e-3 * space.units)
+    measured = measured_coordinates(robot)
+    x = measured.read(np.concatenate([robot.reference[None], configurations]))
+    reach = np.maximum(np.ptp(x, axis=0) / 2, 1e-3 * problem.units)
     # Random poses miss narrow ranges, which their nearest ends may keep.
-    low, high = problem.bounds.ranges(space.names, 2 * inset)
+    low, high = problem.bounds.ranges(robot.independent, 2 * inset)
     x = np.concatenate([x, np.clip(x, low, high)])
     slack, q = _slacks(problem, x)
     tried, nearest, step = len(x), slack.max(axis=0), 0.3
@@ -173,16 +157,16 @@ def _slacks(problem: Problem, positions: FloatArray) -> tuple[FloatArray, FloatA
 
     Minus infinity where the loops do not close, or at a singularity.
     """
-    space, found = problem.coordinates, np.full((len(positions), len(problem.bounds.all)), -np.inf)
+    robot, found = problem.robot, np.full((len(positions), len(problem.bounds.all)), -np.inf)
     options = AssemblyOptions(shortest_step=2.0**-6)
-    outcome = try_assemble(space.robot, positions, space.measured, options=options)
+    outcome = try_assemble(robot, positions, options=options)
     q = outcome.configurations[outcome.assembled]
     # Singular poses have no velocities to tell.
-    regular = singularity_measure(space.robot, q) > 1e-6
+    regular = singularity_measure(robot, q) > 1e-6
     rows = np.flatnonzero(outcome.assembled)[regular]
     if len(rows):
-        still = np.zeros((len(rows), len(space.names)))
-        values = problem.bounded(space.whole(q[regular], still, still))
+        still = np.zeros((len(rows), len(robot.independent)))
+        values = problem.bounded(closed_motion(robot, q[regular], still, still))
         found[rows] = problem.bounds.slack(values)
     return found, outcome.configurations
 
@@ -191,7 +175,7 @@ def _impossible(
     problem: Problem, best: FloatArray, nearest: FloatArray, tried: int
 ) -> AssemblyError:
     """Which bounds cannot be met: by no pose alone, else by the best one (k,) together."""
-    name, bounds = problem.force_model.robot.name, problem.bounds.all
+    name, bounds = problem.robot.name, problem.bounds.all
     inset = problem.options.inset
     alone = bool((nearest <= inset).any())
     left = nearest if alone else best

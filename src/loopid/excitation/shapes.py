@@ -26,17 +26,10 @@ SAMPLES_OF_PERIOD, SAMPLES_OF_WAY = 12, 8
 
 @record
 class Shape(ABC):
-    """A kind of motion that takes a time.
-
-    Attributes
-    ----------
-    seconds : float
-    size : int
-        Harmonics, waypoints or poses.
-    """
+    """A kind of motion that takes a time."""
 
     seconds: float
-    size: int
+    size: int  # harmonics, waypoints or poses
 
     least: ClassVar[int]  # size that can move
 

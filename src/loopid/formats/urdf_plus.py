@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import pinocchio as pin
 
 from loopid.border import validated
 from loopid.errors import RobotFileError, naming
 from loopid.loading.description import ClosureDescription
 from loopid.loading.urdf import SEVERAL, Dialect, closure_of, linked
-from loopid.loading.urdf_tree import UrdfFile
+from loopid.loading.urdf_tree import Joint, UrdfFile
 from loopid.loading.xml_elements import (
     child,
     inner_tags,
@@ -20,9 +18,6 @@ from loopid.loading.xml_elements import (
     placement,
     required,
 )
-
-if TYPE_CHECKING:
-    from yourdfpy.urdf import Joint
 
 ENDS = ("predecessor", "successor")
 DRAFTS = ("loop_constraint", "joint_constraint")
@@ -76,7 +71,7 @@ def _couplings(urdf: UrdfFile) -> dict[str, ClosureDescription]:
 
 def _branches(urdf: UrdfFile, ends: tuple[str, str]) -> list[list[str]]:
     """Joints that move two links against the nearest link that carries both."""
-    carriers = {joint.child: joint for joint in urdf.robot.joints}
+    carriers = {joint.child: joint for joint in urdf.joints}
     paths: list[list[Joint]] = [[], []]  # from the root to each link
     for path, link in zip(paths, ends, strict=True):
         while link in carriers:

@@ -11,7 +11,6 @@ from .estimator import (
 from .fitting import fit as fit, fit_in_steps as fit_in_steps
 from .force_models import (
     ForceModel as ForceModel,
-    distributed_problem as distributed_problem,
     find_base_parameters as find_base_parameters,
     force_model as force_model,
     samples_of as samples_of,

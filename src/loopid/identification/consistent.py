@@ -208,11 +208,7 @@ def consistent_parameters(
 ) -> FloatArray:
     """The standard parameters (p,) of ``consistent_fit``, without their uncertainty.
 
-    Parameters
-    ----------
-    like : Fit, optional
-        Of more data, by ``consistent_fit`` or ``fit_terms``, whose deviations of the robot file and
-        of groups of joint terms are taken; without it, those that are most likely.
+    The deviations are those of a fit of more data, ``like``; without it, the most likely ones.
     """
     _, program = _posed(force_model, data, noise, None, None)
     with one_blas_thread():
@@ -231,13 +227,7 @@ def consistent_parameters(
 
 @checked
 def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> Fit:
-    """As ``consistent_fit``, with the bodies of the robot file.
-
-    Returns
-    -------
-    Fit
-        Parameters of bodies alone are ``assumed``; those that joint terms fold into are not.
-    """
+    """As ``consistent_fit``, with the bodies of the robot file: those alone are ``assumed``."""
     weights, program = _posed(force_model, data, noise, None, None)
     base, (program, standard) = force_model.base, _terms_alone(force_model, program)
     first = len(standard) - len(program.terms.start)
@@ -743,21 +733,9 @@ def solid_body(
 ) -> tuple[FloatArray, FloatArray]:
     """The most likely solid body of estimates x = M π, of which nothing else is known.
 
-    Parameters
-    ----------
-    values, covariance : FloatArray
-        (r,) and (r, r), the estimates.
-    matrix : FloatArray
-        (r, 4) or (r, 10), M.
-    guess : FloatArray
-        (4, 4), pseudo-inertia of a body near it, which may be off by ``FARTHEST`` times itself.
-
-    Returns
-    -------
-    standard_parameters : FloatArray
-        (4,) or (10,), π.
-    covariance : FloatArray
-        (r, r) of M π.
+    Of values (r,) with their covariance (r, r), M (r, 4) or (r, 10), and the pseudo-inertia (4, 4)
+    of a body near it, which may be off by ``FARTHEST`` times itself: π, and the covariance (r, r)
+    of M π.
     """
     # Errors that are round-off of such a body count as a little larger, lest they are nothing.
     own = (_vector(guess) @ PARAMETERS)[: matrix.shape[1]]

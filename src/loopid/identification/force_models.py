@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
 from loopid.arguments import FloatArray, IntArray, checked, finite, row_blocks, samples
 from loopid.base_parameters.base import BaseParameters, find_base
 from loopid.base_parameters.choice import KeptChoice, SearchStrategy
-from loopid.errors import DataError, MissingExtraError, ModelWarning, OptionError, warn
+from loopid.errors import DataError, ModelWarning, OptionError, warn
 from loopid.identification.leaving_out import regions_of
-from loopid.identification.problem import FitProblem, FitSamples
+from loopid.identification.problem import FitSamples
 from loopid.identification.result import VALUES, Fit, Quality
 from loopid.kinematics.projection import ClosedMotion, closed_motion, project
 from loopid.kinematics.sampling import random_configurations, random_motions
@@ -662,21 +662,9 @@ def samples_of(
 def reference_instruments(
     force_model: ForceModel, recording: Recording, reference: JointMotion, *, n_jobs: int = 1
 ) -> FloatArray:
-    """Instruments (N, dof, n) for the samples of a recording.
+    """Instruments (N, dof, n) for a recording, from what was commanded or simulated, by its clock.
 
-    Parameters
-    ----------
-    recording : Recording
-    reference : JointMotion
-        What was commanded, or simulated, by the clock of the recording. Instruments need to follow
-        the motion, not to match it, so that the sample of the nearest time is taken.
-    n_jobs : int
-        As of ``ForceModel.samples``.
-
-    Raises
-    ------
-    DataError
-        When the reference does not last as long as the recording, or is of another robot.
+    They need to follow the motion, not to match it: the sample of the nearest time is taken.
     """
     nq = recording.motion.configurations.shape[1]
     if reference.configurations.shape[1] != nq:
@@ -699,57 +687,3 @@ def _nearest(times: FloatArray, wanted: FloatArray) -> IntArray:
             f"{wanted.min():.6g} to {wanted.max():.6g} s"
         )
     return np.rint(np.interp(wanted, times, np.arange(len(times)))).astype(np.int64)
-
-
-# A recording, a function that loads one, or a ``dask.delayed`` one (Dask may not be installed).
-Source: TypeAlias = Recording | Callable[[], Recording] | Any
-
-
-@checked
-def distributed_problem(
-    force_model: ForceModel, sources: Iterable[Source], **options: Any
-) -> FitProblem:
-    """Reduce recordings where they lie, by Dask: only triangular factors travel.
-
-    Map: a recording becomes the factors of its samples. Reduce: stacked factors are factored again,
-    in pairs. What comes out are the factors of all samples together, to round-off.
-
-    Parameters
-    ----------
-    force_model : ForceModel
-    sources : iterable
-        For each recording itself, a function without arguments that loads it (where the log is), or
-        a ``dask.delayed`` one.
-    options
-        Of ``dask.compute``, such as ``scheduler="processes"``.
-
-    Returns
-    -------
-    FitProblem
-        For any estimator that needs factors only: ``WeightedLeastSquares().fit(problem)``. Its
-        intervals are those of independent errors: factors do not hold autocorrelated ones.
-
-    Raises
-    ------
-    MissingExtraError
-        When Dask is not installed.
-    DataError
-        When there are no recordings.
-    """
-    try:
-        import dask
-    except ImportError as error:
-        raise MissingExtraError.of("dask", "distributed") from error
-    model, merged = dask.delayed(force_model), dask.delayed(FitProblem.combined)
-    level = [dask.delayed(_reduced)(model, source) for source in sources]
-    if not level:
-        raise DataError("there are no recordings to reduce")
-    while len(level) > 1:
-        level = [merged(level[k : k + 2]) for k in range(0, len(level), 2)]
-    problem: FitProblem = dask.compute(level[0], **options)[0]
-    return problem
-
-
-def _reduced(force_model: ForceModel, source: Recording | Callable[[], Recording]) -> FitProblem:
-    recording = source if isinstance(source, Recording) else source()
-    return force_model.samples(recording).problem

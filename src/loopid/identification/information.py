@@ -233,28 +233,17 @@ NAMED = 3
 
 @record
 class WeakDirection:
-    """A change of parameters that is unidentifiable from a log, or weakly identifiable.
+    """A change of parameters that is unidentifiable from a log, or weakly identifiable."""
 
-    Attributes
-    ----------
-    parameters : ParameterSet
-        All n.
-    change : FloatArray
-        (n,), one size by the robot file: parameters that change by this, up or down, change the
-        forces of the log hardly, or not at all.
-    terms : dict
-        The main parameters in it and their coefficients, that of the first is 1.
-    effect : float
-        On the forces of the log, in parts of the motors' forces, in the root mean square.
-    standard_error : float
-        In sizes by the robot file; infinite for an unidentifiable one.
-    """
-
-    parameters: ParameterSet
+    parameters: ParameterSet  # all n
+    # (n,), one size by the robot file: parameters that change by this, up or down, change the
+    # forces of the log hardly, or not at all
     change: FloatArray
+    # The main parameters in it and their coefficients, that of the first is 1
     terms: dict[str, float]
+    # On the forces of the log, in parts of the motors' forces, in the root mean square
     effect: float
-    standard_error: float
+    standard_error: float  # in sizes by the robot file; infinite for an unidentifiable one
 
     def __repr__(self) -> str:
         return f"WeakDirection({self.said})"
@@ -279,29 +268,17 @@ class WeakDirection:
 
 @record
 class Identifiability:
-    """Identifiability of the base parameters from a log.
+    """Identifiability of the base parameters from a log."""
 
-    Attributes
-    ----------
-    parameters : ParameterSet
-        The n base parameters, all of which are structurally identifiable.
-    excitation : Excitation
-        The singular spectra, of the structure and of the log.
-    standard_errors : FloatArray
-        (rank,), of the combinations that the log excites, in sizes by the robot file, ascending;
-        NaN where the log has no more rows than them.
-    unidentifiable : tuple of WeakDirection
-        Combinations that span what no force of the log depends on, each led by a parameter that is
-        in no other one.
-    weak : tuple of WeakDirection
-        Weakly identifiable combinations, the least known first.
-    """
-
-    parameters: ParameterSet
-    excitation: Excitation
+    parameters: ParameterSet  # the n base parameters, all of which are structurally identifiable
+    excitation: Excitation  # the singular spectra, of the structure and of the log
+    # (rank,), of the combinations that the log excites, in sizes by the robot file, ascending; NaN
+    # where the log has no more rows than them
     standard_errors: FloatArray
+    # Combinations that span what no force of the log depends on, each led by a parameter that is in
+    # no other one
     unidentifiable: tuple[WeakDirection, ...]
-    weak: tuple[WeakDirection, ...]
+    weak: tuple[WeakDirection, ...]  # weakly identifiable combinations, the least known first
 
     def __repr__(self) -> str:
         head = (

@@ -5,6 +5,7 @@ position (teeth, poles), a spring, friction that drifts as oil warms up, a direc
 through its gear; lengths of the robot file may be off. Each is a few columns beside those of the
 fit. What they explain of the residuals is tested by F, with errors that are autocorrelated, and by
 Bonferroni over all that is tried. Motors are alike, so that a law is tested for all of them, too.
+What is likely is tested again, with what all columns take up of the errors added back to these.
 A clear force that saves errors on stretches left out, or moves estimates by more than they are
 known to, is named; it is not added. Intervals hold the bias that it makes.
 """
@@ -19,7 +20,12 @@ import numpy as np
 
 from loopid.arguments import FloatArray
 from loopid.findings import Finding
-from loopid.identification.correlation import Autoregression, burg_covariances, run_lengths
+from loopid.identification.correlation import (
+    Autoregression,
+    burg_covariances,
+    run_lengths,
+    within_runs,
+)
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.force_models import ForceModel
 from loopid.identification.jackknife import Jackknife
@@ -224,7 +230,7 @@ def missing_forces(
     with one_blas_thread():
         search = _Search(fit, force_model, recordings)
         found = [each for motor in search.motors if (each := search.of_motor(motor)) is not None]
-        length = _wrong_length(fit, force_model, recordings)
+        length = _wrong_length(fit, force_model, recordings, search.families)
     least = min((each.chance for each in found), default=1.0)
     if length is not None and length.chance < least:
         found.insert(0, length)
@@ -232,7 +238,7 @@ def missing_forces(
 
 
 def _wrong_length(
-    fit: WorkingFit, force_model: ForceModel, recordings: Sequence[Recording]
+    fit: WorkingFit, force_model: ForceModel, recordings: Sequence[Recording], families: int
 ) -> MissingForce | None:
     """The likeliest length of the robot file that is off, if one clearly is.
 
@@ -256,11 +262,14 @@ def _wrong_length(
     lengths = length_forces(force_model, standard, runs)
     for place, force in lengths.items():
         chance, x, bias = test.of(force[:, :, None])
-        if chance * len(lengths) < least:
-            least, best = chance * len(lengths), (place, force, x, bias)
+        if families * len(lengths) * chance < least:
+            least, best = families * len(lengths) * chance, (place, force, x, bias)
     if best is None:
         return None
     place, force, x, bias = best
+    least = families * len(lengths) * test.confirmed(force[:, :, None])
+    if least >= CHANCE:
+        return None
     left = _LeftOut.of(fit, runs).ratio(force[:, :, None])
     told = "", place, least, force * x, left, bias, MEASURE
     return test.missing(*told, number=float(x[0]))
@@ -366,6 +375,18 @@ class _Test:
         x = np.linalg.solve(G @ told[:, 1:] + np.diag(sizes**2) / force, G @ told[:, 0])
         return float(fdtrc(k, max(freedom, 1.0), F)), x, self.inverse @ -(turned @ x)
 
+    def confirmed(self, columns: FloatArray) -> float:
+        """The chance once more, by errors without what all columns take up of them.
+
+        It takes as long as a fit.
+        """
+        from scipy.special import fdtrc  # slow to import
+
+        k, result = columns.shape[2], within_runs(_beside(self.fit, columns)).result
+        x, told = result.values[-k:], result.covariance[-k:, -k:]
+        F = float(x @ np.linalg.solve(told, x)) / k
+        return float(fdtrc(k, max(float(result.degrees_of_freedom.min()), 1.0), F))
+
     def missing(
         self,
         motor: str,
@@ -401,29 +422,34 @@ class _LeftOut(NamedTuple):
 
     def ratio(self, columns: FloatArray) -> float:
         """Squared error of the motors of columns (N, dof, k) with these, over that without."""
-        samples, k, n = self.fit.samples, columns.shape[2], len(self.fit.result.parameters)
-        prior, wide = self.fit.prior, samples.beside("beside", columns)
-        rows = None if prior is None else np.insert(prior, [n] * k, 0.0, axis=1)
-        result = replace(
-            self.fit.result,
-            parameters=wide.parameters,
-            values=np.zeros(n + k),
-            covariance=np.zeros((n + k, n + k)),
-            degrees_of_freedom=np.array(1.0),
-            assumed=(),
-        )
-        fit = _refitted(WorkingFit(result, wide, rows))
-        own = np.where(columns.any(axis=(0, 2)), result.weights, 0.0) ** 2
+        own = np.where(columns.any(axis=(0, 2)), self.fit.result.weights, 0.0) ** 2
         before = float(own @ self.squares)
-        after = float(own @ _squares(fit, self.stretches))
+        after = float(own @ _squares(_beside(self.fit, columns), self.stretches))
         return after / before if before > 0 else 1.0
+
+
+def _beside(fit: WorkingFit, columns: FloatArray) -> WorkingFit:
+    """A fit with columns (N, dof, k) beside its own, as if errors were independent."""
+    k, n, prior = columns.shape[2], len(fit.result.parameters), fit.prior
+    samples = fit.samples.beside("beside", columns)
+    result = replace(
+        fit.result,
+        parameters=samples.parameters,
+        values=np.zeros(n + k),
+        covariance=np.zeros((n + k, n + k)),
+        degrees_of_freedom=np.array(float(samples.problem.rows)),
+        assumed=(),
+    )
+    rows = None if prior is None else np.insert(prior, [n] * k, 0.0, axis=1)
+    return _refitted(WorkingFit(result, samples, rows))
 
 
 def _refitted(fit: WorkingFit) -> WorkingFit:
     """With the values that its samples and prior have the least squares at."""
     factor = fit.factor
-    values = np.linalg.solve(factor[:-1, :-1], factor[:-1, -1])
-    return replace(fit, result=replace(fit.result, values=np.asarray(values)))
+    inverse = np.linalg.inv(factor[:-1, :-1])
+    values, covariance = inverse @ factor[:-1, -1], inverse @ inverse.T
+    return replace(fit, result=replace(fit.result, values=values, covariance=covariance))
 
 
 def _squares(fit: WorkingFit, groups: np.ndarray) -> FloatArray:
@@ -448,6 +474,8 @@ class _Search:
         self.motors = tuple(self.states[0])
         self.rows = {motor: fit.result.actuators.index(motor) for motor in self.motors}
         self.laws = {motor: self._asked(motor) for motor in self.motors}
+        # Bonferroni: each motor, all of them together, and lengths.
+        self.families = len(self.motors) + 2
         self.together = {law.said: self._of_all(law) for law in LAWS}
 
     def _asked(self, motor: str) -> list[_Law]:
@@ -472,24 +500,29 @@ class _Search:
         asked = [self._columns(motor, law) for motor in self.motors if law in self.laws[motor]]
         if len(asked) < 2:
             return 1.0
-        return len(LAWS) * self.test.of(np.concatenate(asked, axis=2))[0]
+        columns, tests = np.concatenate(asked, axis=2), len(LAWS) * self.families
+        chance = tests * self.test.of(columns)[0]
+        return tests * self.test.confirmed(columns) if chance < CHANCE else chance
 
     def of_motor(self, motor: str) -> MissingForce | None:
         """The likeliest force of a motor, if one is clear."""
         used = self.test.used[:, self.rows[motor]]
         least, best = CHANCE, None
-        for law, number, tests in self._tried(motor):
-            columns = self._columns(motor, law, number)
+        for law, number, kinds in self._tried(motor):
+            columns, tests = self._columns(motor, law, number), kinds * self.families
             if used.sum() < ROWS * columns.shape[2]:
                 continue
             chance, x, bias = self.test.of(columns)
             together = self.together.get(law.said, 1.0) if chance < ONE_OF_ALL else 1.0
-            chance = min(chance * tests * len(self.motors), together)
-            if chance < least:
-                least, best = chance, (law, number, columns, x, bias)
+            if min(tests * chance, together) < least:
+                least = min(tests * chance, together)
+                best = law, number, tests, together, columns, x, bias
         if best is None:
             return None
-        law, number, columns, x, bias = best
+        law, number, tests, together, columns, x, bias = best
+        least = min(tests * self.test.confirmed(columns), together)
+        if least >= CHANCE:
+            return None
         slides = self.force_model.robot.joint(motor).shortname().startswith("JointModelP")
         return self.test.missing(
             *(motor, law.said, least, columns @ x, self.left.ratio(columns), bias, law.do),

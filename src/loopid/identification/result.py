@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import field, fields, replace
 from difflib import SequenceMatcher
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from loopid.registry import fit_exports
 
 if TYPE_CHECKING:
     from loopid.identification.force_models import ForceModel
+    from loopid.identification.prediction import Prediction
     from loopid.robot.robot import Robot
 
 # Squared deviation of a force from its mean, relative to its square, that is but round-off.
@@ -43,22 +44,13 @@ class OfArrays:
 
 @record
 class Quality(OfArrays):
-    """Residuals of parameters on data, by actuator; NaN where it has no samples.
+    """Residuals of parameters on data, by actuator; NaN where it has no samples."""
 
-    Attributes
-    ----------
-    residual_rms : FloatArray
-        (dof,) in N or N m.
-    r_squared : FloatArray
-        (dof,), 1 - residual over total squares about the mean; negative when worse than the mean,
-        NaN for a constant force.
-    samples : IntArray
-        (dof,).
-    """
-
-    residual_rms: FloatArray
+    residual_rms: FloatArray  # (dof,) in N or N m
+    # (dof,), 1 - residual over total squares about the mean; negative when worse than the mean, NaN
+    # for a constant force
     r_squared: FloatArray
-    samples: IntArray
+    samples: IntArray  # (dof,)
 
     @classmethod
     def of(cls, problem: FitProblem, squares: FloatArray) -> Quality:
@@ -73,13 +65,7 @@ class Quality(OfArrays):
 
 @checked
 def fit_quality(problem: FitProblem, values: FloatArray) -> Quality:
-    """Residuals of a problem at parameter values (n,).
-
-    Raises
-    ------
-    DataError
-        When the values are not n finite numbers.
-    """
+    """Residuals of a problem at parameter values (n,)."""
     phi, width = finite(values, "values"), len(problem.parameters)
     if phi.shape != (width,):
         raise DataError(f"values must have shape ({width},), not {phi.shape}")
@@ -91,70 +77,37 @@ class NoiseModel(OfArrays):
     """An autoregressive model of each actuator's errors, e_t = Σ c_k e_{t-k} + ε_t.
 
     Actuators without samples have NaN for all that is not a count.
-
-    Attributes
-    ----------
-    actuators : tuple of str
-    coefficients : FloatArray
-        (dof, order), c_k, padded with zeros; order 0 when the errors of all are independent.
-    innovation : FloatArray
-        (dof,), standard deviation of ε in N or N m.
-    deviation : FloatArray
-        (dof,), standard deviation of e in N or N m.
-    lag_one : FloatArray
-        (dof,), correlation of neighbouring errors.
-    samples : IntArray
-        (dof,).
-    effective_samples : FloatArray
-        (dof,), number of independent samples that would determine a mean as well; at most
-        ``samples``.
     """
 
     actuators: tuple[str, ...]
+    # (dof, order), c_k, padded with zeros; order 0 when the errors of all are independent
     coefficients: FloatArray
-    innovation: FloatArray
-    deviation: FloatArray
-    lag_one: FloatArray
-    samples: IntArray
+    innovation: FloatArray  # (dof,), standard deviation of ε in N or N m
+    deviation: FloatArray  # (dof,), standard deviation of e in N or N m
+    lag_one: FloatArray  # (dof,), correlation of neighbouring errors
+    samples: IntArray  # (dof,)
+    # (dof,), number of independent samples that would determine a mean as well; at most ``samples``
     effective_samples: FloatArray
 
 
 @record
 class Robustness(OfArrays):
-    """Scale and weights of the residuals of a robust fit, by actuator; NaN without samples.
+    """Scale and weights of the residuals of a robust fit, by actuator; NaN without samples."""
 
-    Attributes
-    ----------
-    scale : FloatArray
-        (dof,) in N or N m, standard deviation of errors without outliers, from the median.
-    down_weighted : FloatArray
-        (dof,), share of the samples that count less than half: some 1 % of normal errors.
-    """
-
+    # (dof,) in N or N m, standard deviation of errors without outliers, from the median
     scale: FloatArray
+    # (dof,), share of the samples that count less than half: some 1 % of normal errors
     down_weighted: FloatArray
 
 
 @record
 class FileDeviation(OfArrays):
-    """How far the bodies of the robot file are off, as the data say, in parts of themselves.
+    """How far the bodies of the robot file are off, as the data say, in parts of themselves."""
 
-    Attributes
-    ----------
-    common : float
-        Of all bodies.
-    bodies : tuple of str
-        Those with a mass.
-    own : FloatArray
-        (bodies,), of each: larger for one that is far off while the others are right.
-    largest, farthest, least : float
-        That the common one, and that of a body, may be; and the least common one.
-    """
-
-    common: float
-    bodies: tuple[str, ...]
-    own: FloatArray
-    largest: float
+    common: float  # of all bodies
+    bodies: tuple[str, ...]  # those with a mass
+    own: FloatArray  # (bodies,), of each: larger for one that is far off while the others are right
+    largest: float  # that the common one, and that of a body, may be; and the least common one
     farthest: float
     least: float = 0.0
 
@@ -194,46 +147,24 @@ class FileDeviation(OfArrays):
 
 @record
 class TermDeviations(OfArrays):
-    """Prior deviations of groups of joint terms, as the evidence of the data chooses them.
+    """Prior deviations of groups of joint terms, as the evidence of the data chooses them."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        Of the groups, such as ``"elbow: friction curve"``.
-    own : FloatArray
-        (g,), deviation of each, in the unit of its terms.
-    told : FloatArray
-        (g,), how many of its terms the data determine.
-    evidence : FloatArray
-        (g,), logarithm of how much likelier the data are with the group than without it.
-    """
-
-    names: tuple[str, ...]
-    own: FloatArray
-    told: FloatArray
+    names: tuple[str, ...]  # of the groups, such as ``"elbow: friction curve"``
+    own: FloatArray  # (g,), deviation of each, in the unit of its terms
+    told: FloatArray  # (g,), how many of its terms the data determine
+    # (g,), logarithm of how much likelier the data are with the group than without it
     evidence: FloatArray
 
 
 @record
 class MotorUse(OfArrays):
-    """How the motors were used in the samples of a fit.
-
-    Attributes
-    ----------
-    joints : tuple of str
-    slowest, fastest : FloatArray
-        (m,), slowest informative and fastest rate of each, in m/s or rad/s.
-    load : FloatArray
-        (m,), mean size of the force that moved the bodies, in N or N m.
-    largest : FloatArray
-        (m,), largest size of the force, in N or N m.
-    """
+    """How the motors were used in the samples of a fit."""
 
     joints: tuple[str, ...]
-    slowest: FloatArray
+    slowest: FloatArray  # (m,), slowest informative and fastest rate of each, in m/s or rad/s
     fastest: FloatArray
-    load: FloatArray
-    largest: FloatArray
+    load: FloatArray  # (m,), mean size of the force that moved the bodies, in N or N m
+    largest: FloatArray  # (m,), largest size of the force, in N or N m
 
     @property
     def columns(self) -> tuple[tuple[str, ...], list[float], list[float]]:
@@ -260,6 +191,8 @@ class Estimate:
         A combination is ``<leading parameter> + 3 more``.
     expression : str
         The whole sum.
+    told : bool
+        Whether the data determine it; otherwise only the robot file does.
     """
 
     value: float
@@ -268,6 +201,7 @@ class Estimate:
     unit: str
     name: str
     expression: str = ""
+    told: bool = True
 
     @property
     def relative_std(self) -> float:
@@ -290,40 +224,13 @@ TOLD = 0.5
 
 @record
 class StandardUncertainty(OfArrays):
-    """What the covariance of a fit, and the robot file, say of the p standard parameters.
+    """What the covariance of a fit, and the robot file, say of the p standard parameters."""
 
-    Attributes
-    ----------
-    parameters : ParameterSet
-        The standard parameters of the bodies, and the joint terms.
-    gain : FloatArray
-        (p, n), changes of these with the n base parameters.
-    beside : FloatArray
-        (p,), variances at known base parameters.
-    file : FloatArray
-        (p,), variances by the robot file alone; 0 for what no force depends on.
-    degrees_of_freedom : FloatArray
-        (p,).
-    """
-
-    parameters: ParameterSet
-    gain: FloatArray
-    beside: FloatArray
-    file: FloatArray
-    degrees_of_freedom: FloatArray
-
-
-@record
-class StandardEstimate(Estimate):
-    """All numbers about one parameter of a body or joint.
-
-    Attributes
-    ----------
-    told : bool
-        Whether the data determine it; otherwise only the robot file does.
-    """
-
-    told: bool = False
+    parameters: ParameterSet  # the standard parameters of the bodies, and the joint terms
+    gain: FloatArray  # (p, n), changes of these with the n base parameters
+    beside: FloatArray  # (p,), variances at known base parameters
+    file: FloatArray  # (p,), variances by the robot file alone; 0 for what no force depends on
+    degrees_of_freedom: FloatArray  # (p,)
 
 
 @record
@@ -528,15 +435,14 @@ class Fit(OfArrays, Tabular):
     def estimates(self) -> tuple[Estimate, ...]:
         """All numbers about each parameter."""
         columns = self.values.tolist(), self.standard_errors.tolist(), self.intervals().tolist()
+        none = {*self.assumed}
         return tuple(
-            Estimate(
-                value, error, (low, high), parameter.unit, parameter.name, parameter.expression
-            )
-            for parameter, value, error, (low, high) in zip(self.parameters, *columns, strict=True)
+            Estimate(value, error, (low, high), p.unit, p.name, p.expression, p.name not in none)
+            for p, value, error, (low, high) in zip(self.parameters, *columns, strict=True)
         )
 
     @property
-    def standard(self) -> dict[str, StandardEstimate]:
+    def standard(self) -> dict[str, Estimate]:
         """Masses, first moments, inertias and joint terms of the robot, by their labels.
 
         Empty for fits of base parameters alone. Of what only the robot file gives the interval is
@@ -555,7 +461,7 @@ class Fit(OfArrays, Tabular):
         numbers = (values, errors, values - reach, values + reach, told)
         rows = zip(known.parameters, *(each.tolist() for each in numbers), strict=True)
         return {
-            p.label: StandardEstimate(value, error, (low, high), p.unit, p.label, told=of_data)
+            p.label: Estimate(value, error, (low, high), p.unit, p.label, told=of_data)
             for p, value, error, low, high, of_data in rows
         }
 
@@ -587,8 +493,11 @@ class Fit(OfArrays, Tabular):
 
     # What it predicts, and what it becomes.
 
-    @checked
-    def predict(self, data: Any) -> Any:
+    @overload
+    def predict(self, data: list[Any] | tuple[Any, ...]) -> tuple[Prediction, ...]: ...
+    @overload
+    def predict(self, data: Any) -> Prediction: ...
+    def predict(self, data: Any) -> Prediction | tuple[Prediction, ...]:
         """Forces of data beside what the fit gives for their motion.
 
         Parameters
@@ -612,8 +521,8 @@ class Fit(OfArrays, Tabular):
         --------
         >>> import loopid
         >>> model = loopid.force_model(loopid.load("five_bar"), "full", None)
-        >>> model.fit_of(model.prior).predict("urdf/logs/five_bar.csv").moving.samples
-        array([1, 2])
+        >>> model.fit_of(model.prior).predict("urdf/logs/five_bar.csv").predicted.shape[1]
+        2
         """
         from loopid.identification.prediction import predictions  # stands on this
 

@@ -178,34 +178,20 @@ class _Estimate(_Section):
 
 
 class FitFile(_Section):
-    """What the file of a fit says; ``load_fit`` makes the ``Fit`` of it.
-
-    Attributes
-    ----------
-    robot, force_model
-        What the fit is of.
-    standard_parameters, base_parameters : tuple
-        All p standard parameters and joint terms, and the r base parameters.
-    covariance : FloatArray
-        (r, r).
-    check : tuple
-        States with their forces.
-    estimate
-        All else that is known of the values.
-    digest : str or None
-        SHA-256 of all but names and paths of the robot; None before it is written.
-    """
+    """What the file of a fit says; ``load_fit`` makes the ``Fit`` of it."""
 
     format: Literal["loopid fit"] = "loopid fit"
     version: Literal[2] = 2
     loopid: str
-    robot: _Robot
+    robot: _Robot  # what the fit is of
     force_model: _Model
+    # All p standard parameters and joint terms, and the r base parameters
     standard_parameters: tuple[_Standard, ...] = Field(min_length=1)
     base_parameters: tuple[_Base, ...] = Field(min_length=1)
-    covariance: Array
-    check: tuple[_State, ...] = Field(min_length=1)
-    estimate: _Estimate
+    covariance: Array  # (r, r)
+    check: tuple[_State, ...] = Field(min_length=1)  # states with their forces
+    estimate: _Estimate  # all else that is known of the values
+    # SHA-256 of all but names and paths of the robot; None before it is written
     digest: str | None = None
 
     @classmethod
@@ -315,13 +301,7 @@ class FitFile(_Section):
         return ParameterSet(tuple(found))
 
     def load_robot(self, file: str | Path | None = None) -> Robot:
-        """The robot, loaded as it was then: from a file, or from where it was.
-
-        Raises
-        ------
-        FileError
-            When it is no longer there.
-        """
+        """The robot, loaded as it was then: from a file, or from where it was."""
         own = self.robot
         if file is None and not own.path:
             raise FileError(
@@ -341,17 +321,11 @@ class FitFile(_Section):
             ) from None
 
     def model_of(self, robot: Robot) -> ForceModel:
-        """The force model of a robot with the base parameters of the file.
+        """The force model of a robot with the base parameters of the file: nothing is searched.
 
-        Nothing is searched. The file's combinations are checked against the structural observation
-        of the robot. Names of coordinates, rows and parameters must agree, and gravity; the
-        states must close the loops, and give the forces of the file, to ``SAME_ROBOT``. Inertials
-        may differ, as in robot files that were exported.
-
-        Raises
-        ------
-        DataError
-            When the robot is another one, naming both and the first thing that differs.
+        A DataError names the first thing in which it is another robot: names of coordinates, rows
+        or parameters, gravity, loops that do not close at the states, forces there, or
+        coefficients. Inertials may differ, as in robot files that were exported.
         """
         difference = next(_differences(self, robot), None)
         if difference is not None:

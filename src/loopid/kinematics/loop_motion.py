@@ -21,21 +21,13 @@ CORRECTIONS = 3  # Newton steps, each leaves the square of what there was
 
 @record
 class LoopDirections:
-    """Directions that the loops allow at k poses, in common units.
+    """Directions that the loops allow at k poses, in common units."""
 
-    Attributes
-    ----------
-    basis : FloatArray
-        N (k, nv, dof), orthonormal. Where motors leave coordinates free, the first directions are
-        those in which these rest.
-    inverse : FloatArray
-        A⁺ (k, nv, rows).
-    regularity : FloatArray
-        (k,), least over largest singular value of A: 0 where the loops allow more for an instant.
-    """
-
+    # N (k, nv, dof), orthonormal. Where motors leave coordinates free, the first directions are
+    # those in which these rest
     basis: FloatArray
-    inverse: FloatArray
+    inverse: FloatArray  # A⁺ (k, nv, rows)
+    # (k,), least over largest singular value of A: 0 where the loops allow more for an instant
     regularity: FloatArray
 
     @classmethod
@@ -63,18 +55,9 @@ def loop_motion(
 ) -> tuple[ClosedMotion, LoopDirections]:
     """Motion through poses (k, nq), as near to drawn rates as the loops allow.
 
-    Parameters
-    ----------
-    drawn : FloatArray
-        (2, k, nv), velocities over ``rate`` and accelerations over its square, in unit steps.
-    rate : float
-        In 1/s. A robot moves slower where the loops would accelerate it by more than its square.
-
-    Returns
-    -------
-    motion : ClosedMotion
-        Its projection has N, in m and rad, in place of G.
-    directions : LoopDirections
+    Drawn are (2, k, nv) velocities over ``rate`` in 1/s, and accelerations over its square, in unit
+    steps. A robot moves slower where the loops would accelerate it by more than its square. The
+    projection of the motion has N, in m and rad, in place of G.
     """
     constraint, scales = Constraint(robot, q), robot.coordinate_scales
     A = scaled_jacobian(robot, constraint.jacobian())

@@ -206,7 +206,9 @@ def _elsewhere(
 def locked_as_logged(
     robot: Robot, path: str | Path, *, mapping: LogMapping | str | Path | None = None
 ) -> Robot:
-    """The robot, its locked joints where a log has them.
+    """The robot, its locked joints where a log has them, and motors locked that a log lacks.
+
+    Locked are only motors that move no other motor and no loop, such as those of a gripper.
 
     Parameters
     ----------
@@ -223,24 +225,48 @@ def locked_as_logged(
     Warns
     -----
     ModelWarning
-        Of joints that are locked elsewhere for the log.
+        Of joints that are locked for the log.
     """
     from loopid.loading.robot_files import load  # logs are read without it
 
-    if not any(value is not None for value in robot.locked.values()):
+    if robot.path is None:
         return robot
     mapping = _mapping(mapping)
     log = open_log(_existing(path), mapping)
     finder = ColumnFinder(str(path), log.columns(), mapping, log.ordered, log.choice)
     found = _elsewhere(str(path), log, finder, robot.locked)
-    if not found or robot.path is None:
+    if found:
+        places = ", ".join(f"{joint} at {value:.6g}" for joint, value in found.items())
+        warn(f"{path}: locked where the log has it: {places}", ModelWarning)
+    lacking = _lacking(robot, finder)
+    if lacking:
+        names = ", ".join(lacking)
+        warn(f"{path} has no columns of {names}: locked as the robot file has it", ModelWarning)
+    if not (found or lacking):
         return robot
-    places = ", ".join(f"{joint} at {value:.6g}" for joint, value in found.items())
-    warn(f"{path}: locked where the log has it: {places}", ModelWarning)
-    given = robot.options["lock"]
-    lock = [each for each in given if (each.rpartition("=")[0] or each) not in found]
+    lock = [
+        each for each in robot.options["lock"] if (each.rpartition("=")[0] or each) not in found
+    ]
     lock += [f"{joint}={value:.6g}" for joint, value in found.items()]
-    return load(robot.path, **{**robot.options, "lock": lock})
+    return load(robot.path, **{**robot.options, "lock": [*lock, *lacking]})
+
+
+def _lacking(robot: Robot, finder: ColumnFinder) -> list[str]:
+    """Motors without columns in a log that has others by name; those that move nothing else.
+
+    A motor that moves a logged one, or a loop, must be where the log was recorded: it is refused.
+    """
+    motors = finder.mapping.measured(finder.source, robot.actuated)
+    named = [j for j, motor in zip(robot.actuated, motors, strict=True) if finder.names(motor)]
+    if not named:
+        return []
+    frames = [robot.model.frames[k] for each in robot.closures for k in each.frame_ids]
+    ends = {robot.model.getJointId(joint.partition(".")[0]) for joint in named} | {
+        f.parentJoint for f in frames
+    }
+    kept = {joint for end in ends for joint in robot.model.supports[end]}
+    moved = {*robot.actuated, *robot.following}
+    return [name for k, name in enumerate(robot.joints, 1) if name in moved and k not in kept]
 
 
 def open_log(path: Path, mapping: LogMapping) -> LogFormat:

@@ -504,6 +504,13 @@ class ColumnFinder:
         ]
         return self._matching(names, (joint,) if quantity == "position" else ())
 
+    def names(self, joint: str) -> bool:
+        """Whether a column has the name of a joint in its own, or the mapping names one for it."""
+        given = (getattr(self.mapping, quantity) for quantity in WITH_JOINT)
+        mapped = any(isinstance(each, Mapping) and joint in each for each in given)
+        called = f"_{words(joint)}_"
+        return mapped or any(called in f"_{words(place.column)}_" for place in self._places)
+
     def own_position(self, joint: str) -> tuple[Place, float] | None:
         """The column with the position of a joint by its name, and its unit; None without one."""
         found = self._of_joint(joint, "position")
@@ -516,8 +523,8 @@ class ColumnFinder:
     def _only(self, joint: str, quantity: str, found: Sequence[Place]) -> Place:
         if not found:
             raise self._refused(
-                f"there is no {quantity} of {joint}: call a column {joint}.{quantity}, or name it "
-                f"in a mapping; {self._choices()}",
+                f"there is no {quantity} of {joint}: call a column {joint}.{quantity}, name it in "
+                f'a mapping, or lock=["{joint}"] where it stood; {self._choices()}',
                 quantity=quantity,
                 joint=joint,
             )

@@ -197,13 +197,7 @@ class SymbolicComparison:
 
 
 def compare_symbolic(robot: Robot, seed: int = 0) -> SymbolicComparison:
-    """Compare both gravity regressors at random closed poses.
-
-    Raises
-    ------
-    MissingExtraError
-        When SymPy is not installed.
-    """
+    """Compare both gravity regressors at random closed poses; this takes SymPy."""
     from loopid.paper import symbolic
 
     printed = {FIELDS.get(name, name): value for name, value in TABLE_I.items()}

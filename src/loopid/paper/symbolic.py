@@ -329,24 +329,12 @@ def _atoms() -> dict[sp.Symbol, sp.Expr]:
 
 
 def strokes(geometry: Geometry, poses: ArrayLike) -> FloatArray:
-    """Strokes (N, 4) of the prismatic joints in m, by closed-form inverse kinematics.
-
-    Parameters
-    ----------
-    poses : array-like
-        x_m, z_m (m), theta, psi (rad) of each pose; (N, 4), or (4,) for one.
-    """
+    """Strokes (N, 4) in m of poses (N, 4) or (4,): x_m, z_m (m), theta, psi (rad)."""
     return _evaluator("strokes")(geometry, samples(poses, len(POSE), "poses"))[:, :, 0]
 
 
 def stroke_jacobian(geometry: Geometry, poses: ArrayLike) -> FloatArray:
-    """Jacobian J (N, 4, 4) of the strokes with respect to the pose; poses as in :func:`strokes`.
-
-    Raises
-    ------
-    SingularityError
-        If a limb has no length at a pose.
-    """
+    """Jacobian J (N, 4, 4) of the strokes by the pose; refused where a limb has no length."""
     poses = samples(poses, len(POSE), "poses")
     J = _evaluator("jacobian")(geometry, poses)
     _refuse(poses, ~np.isfinite(J).all(axis=(1, 2)), "a limb has no length")
@@ -356,14 +344,9 @@ def stroke_jacobian(geometry: Geometry, poses: ArrayLike) -> FloatArray:
 def gravity_regressor(geometry: Geometry, poses: ArrayLike) -> FloatArray:
     """Gravity regressor K_G = J⁻ᵀ P (N, 4, 36) of the paper's equation (3).
 
-    K_G Φ_G are the forces of the actuators that hold the robot against gravity. Rows are limbs 1 to
-    4, columns ``GRAVITY_LABELS``, in N per kg or per kg m; poses as in :func:`strokes`.
-
-    Raises
-    ------
-    SingularityError
-        If a pose is a type II singularity (J loses rank), or puts a limb 1 to 3 parallel to Y_F,
-        where its universal joint is singular, or leaves a limb without length.
+    Rows are limbs 1 to 4, columns ``GRAVITY_LABELS``, in N per kg or per kg m. A SingularityError
+    names the first pose where J loses rank (type II), a limb 1 to 3 is parallel to Y_F, or a limb
+    has no length.
     """
     poses = samples(poses, len(POSE), "poses")
     J, P = stroke_jacobian(geometry, poses), _evaluator("power")(geometry, poses)

@@ -1,10 +1,5 @@
 from .dynamics import Dynamics as Dynamics, Pose as Pose
-from .joint_laws import (
-    JOINT_TERMS as JOINT_TERMS,
-    JointState as JointState,
-    JointTerm as JointTerm,
-    length_term as length_term,
-)
+from .joint_laws import JOINT_TERMS as JOINT_TERMS, JointState as JointState, JointTerm as JointTerm
 from .joint_terms import JointTerms as JointTerms
 from .motion_regressors import (
     dynamic_regressor as dynamic_regressor,

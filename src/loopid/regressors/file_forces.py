@@ -44,7 +44,7 @@ def file_forces(robot: Robot) -> tuple[FileForce, ...]:
     Examples
     --------
     >>> import loopid
-    >>> from loopid.regressors import file_forces
+    >>> from loopid.regressors.file_forces import file_forces
     >>> file_forces(loopid.load("five_bar"))
     ()
     """

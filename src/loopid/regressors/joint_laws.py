@@ -55,8 +55,6 @@ NO_UNIT = "1"
 UNIT = re.compile(rf"|(?:{NO_UNIT}|{ONE_UNIT}(?: {ONE_UNIT})*)(?:/{ONE_UNIT}(?: {ONE_UNIT})*)?")
 OF_RATE = {"sign": "rate", "slip": "rate"}  # what the state has it from
 NEEDS = "position", "rate", "acceleration", "load", "torque", "sign", "slip"
-# Relative step of central differences, and the part of the largest slope that they may be off.
-STEP, SAME_SLOPE = 1e-6, 1e-4
 
 
 @record
@@ -65,21 +63,14 @@ class PriorGroup:
 
     For laws of many coefficients, such as the points of a curve: where the data ask for none, all
     are zero.
-
-    Attributes
-    ----------
-    name : str
-        Of the terms of one joint together, in sentences.
-    largest : float
-        Largest prior deviation: of a coefficient without unit as it is, else relative to the rms
-        force of the motor.
-    correlation : callable, optional
-        Prior correlation (k, k) of the law at numbers (k,), of a joint whose terms have numbers
-        ``at``; by default its terms are independent.
     """
 
-    name: str
+    name: str  # of the terms of one joint together, in sentences
+    # Largest prior deviation: of a coefficient without unit as it is, else relative to the rms
+    # force of the motor
     largest: float = 1.0
+    # Prior correlation (k, k) of the law at numbers (k,), of a joint whose terms have numbers
+    # ``at``; by default its terms are independent
     correlation: Callable[[FloatArray, FloatArray], FloatArray] | None = None
 
 
@@ -345,74 +336,6 @@ def _try(kind: str, term: JointTerm) -> None:
             f"the law of joint term {kind} must give shape (3,) for 3 states, not {shape}",
             given=shape,
         )
-
-
-def length_term(
-    name: str,
-    length: Callable[[Any], Any],
-    slope: Callable[[Any], Any],
-    *,
-    stiff: bool = False,
-) -> JointTerm:
-    """A force along a line between two points, such as a gas spring's or a cable's.
-
-    The line has the length l(q) at a position q of the joint, and pulls with a force F: by virtual
-    work the force in the joint is F dl/dq. The coefficient is F, or with ``stiff`` k of F = k l;
-    a spring that is slack at another length has both terms.
-
-    Parameters
-    ----------
-    name : str
-        In sentences.
-    length : callable
-        l in m, of positions (N,) in m or rad.
-    slope : callable
-        Its derivative dl/dq. It is checked by central differences at the positions that it is used
-        at: an OptionError tells where it is wrong.
-
-    Examples
-    --------
-    A gas spring from a point 0.3 m beside a hinge to one on the link, 0.1 m from the hinge:
-
-    >>> import loopid, numpy as np
-    >>> from loopid.regressors import JOINT_TERMS, length_term
-    >>> def length(q):
-    ...     return (0.1 - 0.06 * np.cos(q)) ** 0.5
-    >>> def slope(q):
-    ...     return 0.03 * np.sin(q) / length(q)
-    >>> JOINT_TERMS.register("Gas", length_term("gas spring", length, slope))
-    >>> robot = loopid.load("five_bar")
-    >>> terms = loopid.JointTerms.of(robot, "Fc,Fv; left_crank_joint: Gas")
-    >>> terms.parameters(robot)[2].unit
-    'N'
-    """
-
-    def law(joint: JointState, at: float) -> Any:
-        slopes = slope(joint.position)
-        if joint.math is np:
-            _require_slope(name, length, np.asarray(joint.position), np.asarray(slopes))
-        return length(joint.position) * slopes if stiff else slopes
-
-    unit = "N/m" if stiff else "N"
-    return JointTerm(name, (unit, unit), law, ("position",))
-
-
-def _require_slope(
-    name: str, length: Callable[[Any], Any], q: FloatArray, slopes: FloatArray
-) -> None:
-    """Refuse a derivative that central differences of the length contradict."""
-    step = STEP * np.maximum(1.0, np.abs(q))
-    expected = np.asarray((length(q + step) - length(q - step)) / (2 * step))
-    off = np.abs(slopes - expected)
-    if not (off > SAME_SLOPE * np.abs(expected).max(initial=0.0) + STEP).any():
-        return
-    k = int(np.argmax(off))
-    given = float(np.broadcast_to(slopes, expected.shape).ravel()[k])
-    raise OptionError(
-        f"the slope of {name} must be the derivative of its length, {expected.ravel()[k]:.6g} at "
-        f"position {q.ravel()[k]:.6g}, not {given:.6g}",
-        given=given,
-    )
 
 
 # By their kinds, which label the parameters and are written in files; in place of the words in

@@ -201,13 +201,7 @@ class _Motions:
 
 @record
 class RandomDraws(Draws):
-    """Random motions of a robot, of its geometry or of one that rounds to the same file.
-
-    Attributes
-    ----------
-    first : int or None
-        How many rows of each sample are seen, those of motors; None for all.
-    """
+    """Random motions of a robot, of its geometry or of one that rounds to the same file."""
 
     accuracy: float
     source: str
@@ -216,7 +210,7 @@ class RandomDraws(Draws):
     samples: int  # of each seed
     batches: tuple[_Batch, ...] = field(compare=False, repr=False)  # some of them
     geometry: Accuracy
-    first: int | None = None
+    first: int | None = None  # how many rows of each sample are seen, those of motors; None for all
 
     @classmethod
     def of(

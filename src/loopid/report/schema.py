@@ -29,7 +29,7 @@ from loopid.findings import Finding
 from loopid.identification.cutoff import CutoffChoice
 from loopid.identification.delay import Delay
 from loopid.identification.log_mistakes import Suspicions
-from loopid.identification.result import StandardEstimate
+from loopid.identification.result import Estimate
 from loopid.identification.verdict import Verdict
 from loopid.motion.joints import MotionReview
 from loopid.report.excitation import CRITERIA, FOUND
@@ -159,7 +159,7 @@ FORMS: dict[str, dict[Any, Any]] = {
             {"motor": str, "number": int, "unit": str, "where": {str: Real}}
             | {"fit": _ERROR, "robot_file": _ERROR}
         ],
-        "robot": [of(StandardEstimate, *ROBOT)],
+        "robot": [of(Estimate, *ROBOT)],
         **{"cutoff": (of(CutoffChoice), None), "delay": (of(Delay), None)},
         "suspicions": [of(Suspicions)],
         "joint_terms": {str: [str]},

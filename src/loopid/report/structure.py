@@ -36,6 +36,7 @@ KINDS = {"FreeFlyer": "floating", "Spherical": "spherical", "Planar": "planar"}
 MOST_TERMS = 6  # of a doubtful combination, in tables
 LEAST_RANK = 2  # of a closure that takes away freedoms of a flat loop
 FEW, SOME = 4, 8  # names, and closures, that the terminal shows; the page has all
+SCREEN, SHOWN = 30, 16  # base parameters that the terminal shows whole; of more, the first ones
 
 
 def check_report(robot: Robot) -> Report:
@@ -346,7 +347,7 @@ def base_report(
         title=f"{robot.name}, {model} model",
         verdict=verdict,
         record=found,
-        brief=[_parameters("", found), *([facts("", account)] if account else [])],
+        brief=[_first_parameters(found), *([facts("", account)] if account else [])],
         sections=lambda: [
             Section("Base parameters", (parameters,)),
             *_subgroup_sections(base, search),
@@ -444,6 +445,16 @@ def base_tables(record: dict[str, Any]) -> list[Table]:
 def _parameters(title: str, choice: dict[str, Any]) -> Table:
     rows = enumerate((parameter["expression"] for parameter in choice["base_parameters"]), 1)
     return plain_table(title, (">", "base parameter"), rows)
+
+
+def _first_parameters(choice: dict[str, Any]) -> Table:
+    """One screen of parameters: of many the first, with their first terms."""
+    every = choice["base_parameters"]
+    if len(every) <= SCREEN:
+        return _parameters("", choice)
+    rows: list[tuple[object, str]] = list(enumerate(map(_few_terms, every[:SHOWN]), 1))
+    rows.append(("...", f"and {len(every) - SHOWN} more, and all terms: --verbose"))
+    return plain_table("", (">", "base parameter"), rows)
 
 
 def _few_terms(combination: Mapping[str, Any]) -> str:

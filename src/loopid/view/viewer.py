@@ -18,7 +18,6 @@ from typing import Annotated, Any, TypeAlias
 import numpy as np
 from pydantic import Field
 from scipy.spatial.transform import Rotation
-from trimesh import creation
 
 from loopid.arguments import FloatArray, checked, spread_rows
 from loopid.errors import MissingExtraError, OptionError
@@ -30,7 +29,15 @@ from loopid.motion.joints import JointMotion, joint_motion
 from loopid.robot.robot import Robot
 from loopid.view.masses import BodyMass, body_masses, fitted_masses
 from loopid.view.scene import Pose, Scene
-from loopid.view.solids import read_solids
+
+try:
+    import viser
+    from trimesh import creation
+
+    from loopid.view.serving import own_pages_only
+    from loopid.view.solids import read_solids
+except ImportError as error:
+    raise MissingExtraError.of("viser", "view") from error
 
 # Of the user, with some above to go on to: the server waits for ever for one that cannot be had.
 Port: TypeAlias = Annotated[int, Field(ge=1024, le=65_000)]
@@ -89,12 +96,6 @@ class Viewer:
         fits: Mapping[str, Fit] | None = None,
         port: Port = 8080,
     ) -> None:
-        try:
-            import viser
-
-            from loopid.view.serving import own_pages_only
-        except ImportError as error:
-            raise MissingExtraError.of("viser", "view") from error
         masses = {"robot file": body_masses(robot)}
         masses |= {name: fitted_masses(robot, fit) for name, fit in (fits or {}).items()}
         self.scene, self.motion = Scene(robot), motion
