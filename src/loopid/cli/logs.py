@@ -277,21 +277,28 @@ def export(
 
     The robot is loaded as it was for the fit, and refused where it is another one.
     """
-    from loopid.export.everything import export_fit
-    from loopid.identification.saved import load_fit
+    from loopid.export.c_code import c_source
+    from loopid.identification.plausibility import require_fit_for_use
+    from loopid.identification.saved import content, load_fit, robot_files
     from loopid.report.look import json_text
 
+    if robot is yaml is c is None:
+        raise OptionError(
+            "nothing to export: give --urdf FILE, --mjcf FILE, --yaml FILE or --c DIR"
+        )
+    saved, written = load_fit(fit, file), list[Path]()
+    model = saved.require_model()
+    # All that may be refused is found out before the first file is written.
+    require_fit_for_use(saved, anyway)
     if yaml is not None:
-        require_other_file(yaml, fit)
-    written = export_fit(
-        load_fit(fit, file),
-        robot=robot,
-        yaml=yaml,
-        c=c,
-        name=name,
-        overwrite=overwrite,
-        anyway=anyway,
-    )
+        require_other_file(yaml, fit, *robot_files(model.robot))
+        content(saved, yaml, anyway=anyway)
+    code = None if c is None else c_source(model, name=name, values=saved.values)
+    if robot is not None:
+        written.append(saved.to_robot_file(robot, overwrite=overwrite, anyway=anyway))
+    if yaml is not None:
+        written.append(saved.save(yaml, anyway=anyway))
+    written += [] if code is None or c is None else code.save(c)
     places = [str(place) for place in written]
     if as_json:
         typer.echo(json_text({"schema": "loopid export 1", "written": places}))

@@ -77,10 +77,7 @@ def refuse(reason: str) -> NoReturn:
 
 
 def say(line: str, *, whole: bool = True) -> None:
-    """Write a line to the error stream, if it takes any: results do not depend on it.
-
-    On a terminal it ends where its line does, unless it is to be ``whole``.
-    """
+    """Write a line to the error stream, if it takes any; cut to a terminal unless ``whole``."""
     text = one_line(f"loopid: {line}")
     if not whole and sys.stderr and sys.stderr.isatty():
         text = shorten(text, shutil.get_terminal_size().columns - 1, placeholder=" ...")
@@ -107,10 +104,7 @@ class Answer:
     figures: bool
 
     def require(self, *inputs: str | Path | None) -> None:
-        """Refuse, before the work is done, what could not be written safely.
-
-        No input may be one of the files that would be written to the folder.
-        """
+        """Refuse, before the work, what could not be written: no input may be replaced."""
         if self.folder is not None:
             require_folder(self.folder)
             for name in WRITTEN:

@@ -85,10 +85,7 @@ class LowPass:
 
 
 def butterworth(order: int, cutoff: float) -> list[tuple[FloatArray, FloatArray]]:
-    """Numerators and denominators of a Butterworth filter's sections, each of order two or one.
-
-    The cut-off is in parts of the sample rate; by the bilinear transform [Oppenheim2010, ch. 7].
-    """
+    """Numerators and denominators of a Butterworth filter's sections [Oppenheim2010, ch. 7]."""
     K = np.tan(np.pi * cutoff)
     sections = []
     for k in range(order // 2):
