@@ -14,7 +14,7 @@ from loopid.files import csv_text
 from loopid.motion.trajectories import FourierCurve, SplineCurve, Waypoint
 from loopid.plots.excitation import errors_chart, motion_chart
 from loopid.plots.structure import force_unit, robot_chart
-from loopid.report.look import facts, json_fields, json_value, plain_table, table_of
+from loopid.report.look import json_fields, json_value, plain_table, table_of
 from loopid.report.page import Card, Figure, Report, Section, panel_table
 from loopid.yaml_files import yaml_writer
 
@@ -52,7 +52,7 @@ def excitation_report(found: ExcitationDesign) -> Report:
         card=_card(found, broken),
         pictures=lambda: (robot_chart(model.robot),),
         sections=lambda: [
-            Section("Motion", (motion_chart(found), _summary(found))),
+            Section("Motion", (motion_chart(found),), lead=_search(found)),
             Section("Expected accuracy", (errors_chart(found), _noise(found))),
             Section("What it keeps", (_checks(found),)),
         ],
@@ -97,22 +97,14 @@ def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
     }
 
 
-def _summary(found: ExcitationDesign) -> Table:
-    criteria, force_model = found.criteria, found.force_model
-    title = f"a motion of {found.motion.duration:g} s"
-    rows = {
-        "criterion that was optimised": found.options.criterion,
-        "condition number of the weighted observation": f"{criteria.condition_number:.4g}",
-        "log det of the information (D)": f"{criteria.log_det:.4g}",
-        "trace of its inverse (A)": f"{criteria.trace:.4g}",
-        "its least eigenvalue (E)": f"{criteria.least_eigenvalue:.4g}",
-        "violations on the fine grid": found.violations,
-        "pairs of links that are kept apart": ", ".join(map(" and ".join, found.pairs)) or "none",
-        "least singularity measure": f"{found.min_singularity_measure:.4g}",
-        "solver": f"{found.solver}, {found.evaluations} evaluations, {found.seconds:.1f} s",
-        "converged": "yes" if found.converged else "no: more evaluations may do better",
-    }
-    return facts(f"{title} for the {force_model.model} model", rows)
+def _search(found: ExcitationDesign) -> str:
+    """How the motion was found, and how much information it has."""
+    known = found.criteria
+    return (
+        f"Criterion {found.options.criterion}: log det {known.log_det:.4g} (D), trace of the "
+        f"inverse {known.trace:.4g} (A), least eigenvalue {known.least_eigenvalue:.4g} (E), by "
+        f"{found.solver} in {found.evaluations} evaluations, {found.seconds:.1f} s."
+    )
 
 
 def _noise(found: ExcitationDesign) -> Table:

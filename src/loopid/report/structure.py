@@ -453,7 +453,7 @@ def _first_parameters(choice: dict[str, Any]) -> Table:
     if len(every) <= SCREEN:
         return _parameters("", choice)
     rows: list[tuple[object, str]] = list(enumerate(map(_few_terms, every[:SHOWN]), 1))
-    rows.append(("...", f"and {len(every) - SHOWN} more, and all terms: --verbose"))
+    rows.append(("...", f"{len(every) - SHOWN} more, and all terms, in the report"))
     return plain_table("", (">", "base parameter"), rows)
 
 
