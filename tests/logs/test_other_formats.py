@@ -42,12 +42,13 @@ def write_text(path, header, *columns, start=""):
 
 def test_matlab(tmp_path, same):
     path = tmp_path / "log.mat"
-    for shape in ((-1, 1), (1, -1)):
+    for time, *matrices in ((TIME[:, None], POSITION, FORCE), (TIME[None], POSITION.T, FORCE.T)):
         for packed in (True, False):
-            content = {"time": TIME.reshape(shape), "q": POSITION, "tau": FORCE}
+            content = dict(zip(("time", "q", "tau"), (time, *matrices), strict=True))
             savemat(path, content, do_compression=packed)
             same(path)
             savemat(path, {"run": content, "note": "made by hand"}, do_compression=packed)
+            same(path)
             same(path, time={"column": "run.time"}, position={"columns": ["run.q_0", "run.q_1"]},
                  force={"columns": ["run.tau_0", "run.tau_1"]})  # fmt: skip
 
