@@ -105,7 +105,7 @@ class LowPass:
 
 def _quick_length(least: int) -> int:
     """A length from the least on whose Fourier transform is quick: few primes, all small."""
-    step = 2 ** max(least.bit_length() - 5, 0)
+    step = 1 << max(least.bit_length() - 5, 0)
     return -(-least // step) * step
 
 
