@@ -73,7 +73,6 @@ def answers(dynamics, q, v, a):
         "mass": dynamics.mass_matrix(pose),
         "coriolis": dynamics.coriolis(pose, v),
         "per unit": dynamics.mass_regressor(pose),
-        "passive": dynamics.passive_regressor(pose, v, v[..., ::-1], a),
         "forward": dynamics.motion(pose, v, a)[1],
     }
 
@@ -360,9 +359,6 @@ def test_parts_sum_up_to_the_forces(name, full_model, some_values):
         robot, u = at(model, phi, q)
         total = robot.mass_matrix(u) @ a + robot.coriolis(u, v) @ v + robot.gravity(u)
         close(total + robot.friction(u, v), robot.inverse(u, v, a), 1e-10)
-        w = v[::-1]
-        passive = robot.mass_matrix(u) @ a + robot.coriolis(u, v) @ w + robot.gravity(u)
-        close(robot.passive_regressor(u, v, w, a) @ phi, passive, 1e-10)
         close(robot.friction_regressor(u, v) @ phi, robot.friction(u, v), 1e-12)
         close(robot.mass_regressor(u) @ phi, robot.mass_matrix(u), 1e-10)
         close(robot.forward(u, v, robot.inverse(u, v, a)), a, 1e-8)

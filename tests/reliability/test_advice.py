@@ -1,6 +1,5 @@
 """What an error advises is done to the letter, and works."""
 
-import gzip
 import json
 import re
 import shutil
@@ -16,7 +15,6 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import beside_tests  # noqa: F401
-import h5py
 import numpy as np
 import pytest
 from recorded_logs import states, write_ros2
@@ -27,7 +25,6 @@ from loopid.base_parameters import SubgroupSearch
 from loopid.control import RecursiveLeastSquares, WrenchObserver
 from loopid.errors import LoopidError, MissingExtraError
 from loopid.export import c_source
-from loopid.export.everything import export_fit
 from loopid.export.robot_file import export_robot_file
 from loopid.identification import Bisquare, FitSamples, WeightedLeastSquares
 from loopid.identification.selection import eliminate_parameters
@@ -77,18 +74,6 @@ def table(header="", more="", **mapping):
 def mapped(**more):
     one = {"joints": ["crank_joint"], "motors": ["drive"], "matrix": [[0.5]]}
     return lambda _: loopid.logs.LogMapping(joint_maps=[one], **more)
-
-
-def bomb(**mapping):
-    """A log of which most are spaces."""
-
-    def make(folder):
-        rows = "".join(f"{k / 100},{k % 7:5000},{k % 3:5000}\n" for k in range(2000))
-        (folder / "run.csv.gz").write_bytes(gzip.compress(f"{','.join(NAMES)}\n{rows}".encode()))
-        mapped_by = loopid.logs.LogMapping(position_scale=0.1, **mapping)
-        return loopid.read_log(folder / "run.csv.gz", load("four_bar"), mapping=mapped_by)
-
-    return make
 
 
 MS = (1e3 * TIME, *ROWS[1:])
@@ -183,11 +168,6 @@ OF_LOGS = {
         mapped(saturation=9.0),
         "leave it out beside joint_maps",
         mapped(),
-    ),
-    "a log that stands for much more": (
-        bomb(),
-        "give a larger 'unpacked_ratio' in a mapping if it is to be trusted",
-        bomb(unpacked_ratio=2000.0),
     ),
     "a log of no known format": (
         Log(name="run.dat"),
@@ -511,16 +491,6 @@ def replaced(compiler):
         text = text.replace("<inertial", '<geom size="0.1"/><inertial')
         robot = Robot("b.xml", text)(folder)
         return export_robot_file(robot, 1.1 * robot.standard_parameters(), folder / "new.xml")
-
-    return make
-
-
-def hdf5(**options):
-    def make(folder):
-        with h5py.File(folder / "run.h5", "w") as file:
-            for name, column in zip(NAMES, ROWS, strict=True):
-                file.create_dataset(name, data=column, **options)
-        return loopid.read_log(folder / "run.h5", load("four_bar"))
 
     return make
 
@@ -876,7 +846,6 @@ OF_FILES = {
         "takes '#' in a path for something else: rename it",
         bag(lambda folder: (folder / "run#1.db3").rename(folder / "run_1.db3")),
     ),
-    "numbers in another packing": (hdf5(scaleoffset=6), "by gzip or lzf", hdf5(compression="gzip")),
     "a robot file that was changed": (
         changed_file(reload=False),
         "is not what it was when the robot was loaded: load it again",
@@ -896,11 +865,6 @@ OF_FILES = {
         exported(terms=True),
         "give their names where joint terms are among them",
         exported(terms=True, parameters=True),
-    ),
-    "nothing to export": (
-        lambda folder: export_fit(saved("four_bar", False)(folder)),
-        'give robot="FILE", yaml="FILE" or c="DIR"',
-        lambda folder: export_fit(saved("four_bar", False)(folder), yaml=folder / "new.yaml"),
     ),
     "a bag that was not closed": (
         journal(closed=False),

@@ -11,7 +11,6 @@ log_formats.register("parquet", "loopid.formats.tables:ParquetFormat")
 log_formats.register("hdf5", "loopid.formats.hdf5:Hdf5Format")
 log_formats.register("mat", "loopid.formats.matlab:MatFormat")
 log_formats.register("jsonl", "loopid.formats.tables:JsonLinesFormat")
-log_formats.register("excel", "loopid.formats.tables:ExcelFormat")
 log_formats.register("rostopic", "loopid.formats.rostopic:RostopicFormat")
 log_formats.register("bag", "loopid.formats.bags:BagFormat")
 
@@ -25,11 +24,10 @@ robot_formats.register(".xacro", "loopid.formats.xacro:read_xacro")
 
 for sign, reader in {
     "link[starts-with(@name, 'closing_')]": "onshape:read_closing_frames",
-    "loop | coupling | joint[@independent] | loop_constraint | joint_constraint": (
+    "loop | loop_joint | constraint": "loop_tags:read_loop_tags",
+    "coupling | joint[@independent] | loop_constraint | joint_constraint": (
         "urdf_plus:read_urdf_plus"
     ),
-    "constraint": "urdf_constraint:read_constraints",
-    "loop_joint": "isaac_sim:read_loop_joints",
     "gazebo": "gazebo:read_gazebo",
     "//*[contains(name(), 'ball_constraint') or contains(name(), 'linear_')]": "drake:read_drake",
 }.items():

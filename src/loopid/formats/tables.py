@@ -1,25 +1,15 @@
-"""Tables that Polars reads: Parquet, lines of JSON, the first sheet of a workbook of Excel."""
+"""Tables that Polars reads: Parquet, and lines of JSON."""
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
-from zipfile import ZipFile, is_zipfile
 
 import numpy as np
 
 from loopid.errors import LogError
-from loopid.logs.table import (
-    LogFormat,
-    Table,
-    common_length,
-    optional,
-    other_kind,
-    refusals,
-    stream_name,
-)
+from loopid.logs.table import LogFormat, Table, common_length, refusals, stream_name
 
 if TYPE_CHECKING:
     import polars
@@ -35,18 +25,10 @@ class ParquetFormat(LogFormat):
             return {stream_name(self.path): tuple(self._scan().collect_schema())}
 
     def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
-        import polars
-
         with refusals(self.path, "Parquet file"):
-            names = (*times, *values)
-            frame = self._scan().select(names)
-            for name, kind in frame.collect_schema().items():
-                if kind in (polars.String, polars.Binary):  # a few bytes may stand for gigabytes
-                    raise other_kind(self.path, name, kind, "numbers")
-            count = frame.select(polars.len()).collect().item()
-            common_length(self.path, dict.fromkeys(names, count))
-            self.ceiling().count(8 * count * len(names))
-            return [Table(frame.collect(), np.arange(1, count + 1))]
+            cells = self._scan().select((*times, *values)).collect()
+            common_length(self.path, dict.fromkeys(cells.columns, len(cells)))
+            return [Table(cells, np.arange(1, len(cells) + 1))]
 
     def _scan(self) -> polars.LazyFrame:
         import polars
@@ -55,10 +37,10 @@ class ParquetFormat(LogFormat):
         return polars.scan_parquet(self.path, glob=False, hive_partitioning=False)
 
 
-class WholeTable(LogFormat):
-    """One table; lists are columns ``x_0``, ``x_1``, ..., and objects ``x.field``."""
+class JsonLinesFormat(LogFormat):
+    """An object a line; lists are columns ``x_0``, ``x_1``, ..., and objects ``x.field``."""
 
-    kind = ""
+    endings = (".jsonl", ".ndjson")
 
     def columns(self) -> Mapping[str, tuple[str, ...]]:
         return {stream_name(self.path): tuple(self._cells.columns)}
@@ -71,45 +53,12 @@ class WholeTable(LogFormat):
     def _cells(self) -> polars.DataFrame:
         import polars
 
-        with refusals(self.path, self.kind):
-            frame = self._frame()
+        with refusals(self.path, "table of JSON lines"):
+            frame = polars.read_ndjson(self.path, infer_schema_length=None)
             columns = [part for column in frame.get_columns() for part in _parts(column)]
             if not len(frame):
                 raise LogError(f"{self.path} has no rows", file=self.path)
             return polars.DataFrame(columns)
-
-    @abstractmethod
-    def _frame(self) -> polars.DataFrame: ...
-
-
-class JsonLinesFormat(WholeTable):
-    """An object a line."""
-
-    endings = (".jsonl", ".ndjson")
-    kind = "table of JSON lines"
-
-    def _frame(self) -> polars.DataFrame:
-        import polars
-
-        self.ceiling().count(self.path.stat().st_size)
-        return polars.read_ndjson(self.path, infer_schema_length=None)
-
-
-class ExcelFormat(WholeTable):
-    """The first sheet, with names in its first row."""
-
-    endings = (".xlsx", ".xls")
-    kind = "workbook of Excel"
-
-    def _frame(self) -> polars.DataFrame:
-        import polars
-
-        with optional("fastexcel"):
-            import fastexcel  # noqa: F401 - Polars asks for it
-        if is_zipfile(self.path):
-            with ZipFile(self.path) as archive:
-                self.ceiling().count(sum(member.file_size for member in archive.infolist()))
-        return polars.read_excel(self.path)
 
 
 def _parts(column: polars.Series) -> Iterator[polars.Series]:

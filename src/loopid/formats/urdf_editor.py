@@ -41,10 +41,7 @@ class UrdfEditor:
     def edited(
         self, inertials: Mapping[str, FloatArray], terms: Mapping[str, Mapping[str, float]]
     ) -> bytes:
-        """Content of the file with other pseudo-inertias (4, 4) of links, and terms of joints.
-
-        Terms are written where the file says them; friction is added where it does not.
-        """
+        """Content with other pseudo-inertias (4, 4) of links, and terms of joints."""
         content = self.path.read_bytes()
         if not (inertials or terms):
             return content

@@ -1,4 +1,4 @@
-"""URDF+ [Chignoli2024]: ``<loop>``, ``<coupling>``, and joints that are ``independent``."""
+"""URDF+ [Chignoli2024]: ``<coupling>``, and joints that are ``independent``."""
 
 from __future__ import annotations
 
@@ -7,17 +7,9 @@ import pinocchio as pin
 from loopid.border import validated
 from loopid.errors import RobotFileError, naming
 from loopid.loading.description import ClosureDescription
-from loopid.loading.urdf import SEVERAL, Dialect, closure_of, linked
+from loopid.loading.urdf import SEVERAL, Dialect, linked
 from loopid.loading.urdf_tree import Joint, UrdfFile
-from loopid.loading.xml_elements import (
-    child,
-    inner_tags,
-    label,
-    named_tags,
-    numbers,
-    placement,
-    required,
-)
+from loopid.loading.xml_elements import child, inner_tags, label, named_tags, numbers, required
 
 ENDS = ("predecessor", "successor")
 DRAFTS = ("loop_constraint", "joint_constraint")
@@ -25,28 +17,17 @@ TRUTH = {"true": True, "1": True, "false": False, "0": False}
 
 
 def read_urdf_plus(urdf: UrdfFile, model: pin.Model) -> Dialect:
-    """Loops, couplings, and which joints have motors."""
+    """Couplings, and which joints have motors."""
     for element in inner_tags(urdf.root, DRAFTS):
         raise RobotFileError(
             f"{label(element)} is not read: remove it, and write its closure into a YAML beside it"
         )
     couplings = _couplings(urdf)
     return Dialect(
-        closures=[*_loops(urdf, model), *couplings.values()],
+        closures=[*couplings.values()],
         followers=tuple(couplings),
         independent=_independent(urdf),
     )
-
-
-def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
-    """``<loop>`` tags, each with the origin of its frame in either link."""
-    closures = []
-    for element in named_tags(urdf.root, "loop"):
-        with naming(label(element)):
-            first, second = (placement(element.find(f"{side}/origin")) for side in ENDS)
-            links, places = linked(urdf, element, ENDS), (first, second)
-            closures.append(closure_of(model, element, links, places, sides=ENDS, axes="axis"))
-    return closures
 
 
 def _couplings(urdf: UrdfFile) -> dict[str, ClosureDescription]:

@@ -122,10 +122,7 @@ def read_urdf(
 
 
 def _mimics(all_joints: Iterable[Joint]) -> dict[str, ClosureDescription]:
-    """Joints that follow another one: follower = multiplier · leader + offset.
-
-    A follower may lead others. Fixed joints have nothing to follow with: their tag says nothing.
-    """
+    """Joints that follow another one: follower = multiplier · leader + offset."""
     joints = {joint.name: joint for joint in all_joints}
     mimics = {
         name: joint.mimic
@@ -176,25 +173,9 @@ def _second_parents(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription
 def linked(
     urdf: UrdfFile, element: Element, sides: tuple[str, str] = PARENT_CHILD
 ) -> tuple[str, str]:
-    """The two links that a tag names, by an attribute or, in SDF, by text.
+    """The two links that tags inside an element name, by an attribute or, in SDF, by text.
 
-    Parameters
-    ----------
-    urdf : UrdfFile
-    element : Element
-        Such as ``<joint>`` or ``<loop>``.
-    sides : tuple of str
-        The tags inside that name the links.
-
-    Returns
-    -------
-    tuple of str
-        Two different links of the file.
-
-    Raises
-    ------
-    RobotFileError
-        Naming an unknown link, with the known ones, or one that is at both ends.
+    A RobotFileError names an unknown link, with the known ones, or one that is at both ends.
     """
     links, found = [link.name for link in urdf.links], []
     for side in sides:
@@ -218,30 +199,8 @@ def closure_of(
 ) -> ClosureDescription:
     """The closure of a tag with a type and a name, between places in two links.
 
-    Parameters
-    ----------
-    model : pin.Model
-        Its frames are mounted there, as ``NAME_SIDE``.
-    element : Element
-        The tag, whose type is a kind of joint of URDF.
-    links : tuple of str
-        The two links, as of ``linked``.
-    places : tuple of pin.SE3
-        Of the frames in the links, in m.
-    sides : tuple of str
-        Ends of the names of the frames.
-    axes : tuple of str or str, optional
-        The tags of the axes in the two frames, or the tag of both that must be there; by default
-        both are ``axis``, or x.
-
-    Returns
-    -------
-    ClosureDescription
-
-    Raises
-    ------
-    RobotFileError
-        Naming an unknown type, a missing or zero axis, or a name that is taken.
+    Its frames are mounted in the model, as ``NAME_SIDE``. ``axes`` are the tags of the axes in the
+    two frames, or the tag of both that must be there; by default both are ``axis``, or x.
     """
     given = (element.get("type") or "").strip()
     kind = (LOOPS | ALSO).get(given)

@@ -62,24 +62,12 @@ class Noise:
 
 @record
 class Measurement:
-    """Simulated signals of all m motors, in the order of ``robot.actuated``.
+    """Simulated signals of all m motors, in the order of ``robot.actuated``."""
 
-    Attributes
-    ----------
-    time : FloatArray
-        (N,) in s.
-    position : FloatArray
-        (N, m) as the encoders read them, in m or rad.
-    force : FloatArray
-        (N, m) with friction and noise, in N or N m.
-    exact_force : FloatArray
-        (N, m) without noise.
-    """
-
-    time: FloatArray
-    position: FloatArray
-    force: FloatArray
-    exact_force: FloatArray
+    time: FloatArray  # (N,) in s
+    position: FloatArray  # (N, m) as the encoders read them, in m or rad
+    force: FloatArray  # (N, m) with friction and noise, in N or N m
+    exact_force: FloatArray  # (N, m) without noise
 
     def __repr__(self) -> str:
         count, motors = self.force.shape
@@ -182,12 +170,8 @@ def simulate_log(
 ) -> str:
     """The log that a robot would give while it follows a motion, as CSV.
 
-    Parameters
-    ----------
-    terms : str
-        Joint terms with their values, such as ``"Fc=60,Fv=900; elbow: Ks=12"``.
-    cad_error : float
-        How far its bodies are off the robot file's; see ``scaled_bodies``.
+    Terms come with values, as ``"Fc=60,Fv=900; elbow: Ks=12"``; ``cad_error`` is the deviation of
+    ``scaled_bodies``.
     """
     chosen, values = JointTerms.with_values(robot, terms)
     measured = simulate(

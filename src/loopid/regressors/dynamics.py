@@ -599,23 +599,6 @@ class Dynamics:
         K = self._columns(pose, np.zeros_like(a), a, laws)
         return pose.answer(np.moveaxis(K[:, 1:] - K[:, :1], 1, 2))
 
-    def passive_regressor(
-        self, u: FloatArray | Pose, du: FloatArray, wanted: FloatArray, ddu: FloatArray
-    ) -> FloatArray:
-        """Y (dof, n) or (N, dof, n) with Y φ = M a + C(u̇) w + g, for wanted velocities w.
-
-        The regressor of [Slotine1987], ``ddu`` are wanted accelerations a; without friction.
-        """
-        self._require_full("Coriolis matrix")
-        pose = self.pose(u)
-        v, w, a = (self._along(pose, each, "rates") for each in (du, wanted, ddu))
-        moving = np.concatenate([(v + w) / 2, (v - w) / 2, 0 * v], axis=1)
-        pushed = pose.gamma(moving)
-        pushed[:, :1] += a
-        laws = [law for law in self._laws if not law.friction]
-        K = self._columns(pose, moving, pushed, laws)
-        return pose.answer(K[:, 0] - K[:, 1] + K[:, 2])
-
     def payload_columns(self, link: str) -> FloatArray:
         """B (n, 10), or (n, 4) of a gravity model: a body π fixed to a link changes values by B π.
 

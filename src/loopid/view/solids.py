@@ -23,10 +23,7 @@ SECTIONS = 12  # of what is round: without a graphics card, triangles take long
 
 
 def read_solids(robot: Robot) -> list[Solid]:
-    """What a robot's file draws, in one piece a joint and colour.
-
-    Nothing of robots made in Python, of other formats, and of URDFs whose meshes are missing.
-    """
+    """What a robot's URDF or MJCF draws, in one piece a joint and colour."""
     if robot.path is None:
         return []
     tree = files_of(robot).tree

@@ -34,7 +34,6 @@ try:
     import viser
     from trimesh import creation
 
-    from loopid.view.serving import own_pages_only
     from loopid.view.solids import read_solids
 except ImportError as error:
     raise MissingExtraError.of("viser", "view") from error
@@ -102,7 +101,7 @@ class Viewer:
         self._lock, self._closed = threading.RLock(), threading.Event()
         self.pose = self.scene.at(robot.reference)
         logging.getLogger("websockets.server").addFilter(_is_news)
-        with redirect_stdout(io.StringIO()), own_pages_only():
+        with redirect_stdout(io.StringIO()):
             self._server = viser.ViserServer("127.0.0.1", port, label=robot.name, verbose=False)
         self.url = f"http://127.0.0.1:{self._server.get_port()}"
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
