@@ -33,7 +33,7 @@ WHITE = 0.001
 # Rounds of adding back what a fit takes up of its errors: on slow errors each adds half as much as
 # the one before. Parts of a correction that are tried, until one leaves enough of the innovations'
 # variance. Part of the variance that is no change.
-CORRECTIONS, DAMPING, KEPT, SAME = 6, (1.0, 0.5, 0.25, 0.125, 0.0), 0.5, 1e-4
+CORRECTIONS, DAMPING, KEPT, SAME = 6, (1.0, 0.5, 0.25, 0.125, 0.0), 0.5, 1e-6
 
 Pieces = tuple[slice, ...]  # rows of evenly sampled stretches, whose errors are independent
 
