@@ -10,8 +10,9 @@ from rich.table import Table
 from loopid.errors import counted
 from loopid.identification.identification import Identification
 from loopid.identification.information import WeakDirection
+from loopid.identification.plausibility import require_sane
 from loopid.identification.prediction import Candidate, Prediction, prediction_reach
-from loopid.identification.saved import content
+from loopid.identification.saved import as_file
 from loopid.identification.unseen import WHERE
 from loopid.identification.verdict import GOOD, NOT_FIT, ROUGH, Verdict
 from loopid.logs.recording import Recording
@@ -63,14 +64,15 @@ def identification_report(
         left = len(rows) - SHOWN
         rows[SHOWN:] = [(f"... and {left} more in the report", "", "", "")] if left > 0 else []
     advice = command if judged.excite else ""
+    record = identification_record(found, judged)
     return Report(
         name="identification",
         title=f"{robot.name}, {found.force_model.model} model",
         verdict=str(judged),
-        record=identification_record(found, judged),
+        record=record,
         brief=[plain_table("", ("", ">", "", ""), rows)],
         sections=lambda: list(_sections(found, judged.motor)),
-        results=lambda: _fits(found, anyway),
+        results=lambda: _fits(found, record, anyway),
         advice=advice,
         card=_card(found, judged, advice),
         pictures=lambda: (robot_chart(robot, worst=judged.motor),),
@@ -166,8 +168,8 @@ def _sections(found: Identification, worst: str) -> Iterator[Section]:
             "What the log does not identify", (_untold_table(found),), short="Not identified"
         )
     used = {"fitted": found.training, "new data, not fitted": found.validation}
-    log = [used_chart(robot, used), gains_chart(found.suspicions)]
-    log += [] if found.delay is None else [delays_chart(found.delay)]
+    log = [used_chart(robot, used), gains_chart(robot, found.suspicions)]
+    log += [] if found.delay is None else [delays_chart(robot, found.delay)]
     log = [each for each in log if each.panels]
     yield Section("Checks of the log", (*log, *_log_tables(found)), folded=True, short="Log")
     model: list[Part] = [] if found.cutoff is None else [filter_chart(found.cutoff)]
@@ -220,16 +222,15 @@ def _untold_table(found: Identification) -> Table:
     return plain_table("", columns, rows)
 
 
-def _fits(found: Identification, anyway: bool) -> dict[str, bytes | str]:
+def _fits(found: Identification, record: dict[str, Any], anyway: bool) -> dict[str, bytes | str]:
     """The recommended fit, and that of all parameters where it is another.
 
     That one may break laws: its file says which, and controllers refuse it.
     """
-    whole = found["all parameters"]
-    name, other = "parameters.yaml", "all_parameters.yaml"
-    files: dict[str, bytes | str] = {name: content(found.fit, name, anyway=anyway)}
-    if found.recommended is not whole:
-        files[other] = content(whole.fit, other, anyway=True)
+    require_sane(found.fit, anyway)
+    files: dict[str, bytes | str] = {"parameters.yaml": as_file(record["fit"])}
+    if found.recommended is not found["all parameters"]:
+        files["all_parameters.yaml"] = as_file(record["all_parameters"])
     return files
 
 
