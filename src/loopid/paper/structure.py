@@ -11,7 +11,7 @@ import numpy as np
 from loopid.arguments import FloatArray, IntArray
 from loopid.base_parameters.base import BaseParameters, base_of_choice, find_base
 from loopid.base_parameters.choice import ChoiceProblem, SearchResult
-from loopid.base_parameters.enumerated import VARIANTS, SubgroupSearch
+from loopid.base_parameters.subgroups import VARIANTS, SubgroupSearch
 from loopid.errors import OptionError
 from loopid.kinematics.measured import platform_coordinates
 from loopid.kinematics.sampling import random_configurations
@@ -126,11 +126,7 @@ class BaseComparison:
 
 
 def compare_base_parameters(robot: Robot) -> BaseComparison:
-    """Search the base parameters of the 3UPS+RPU in all ways, and match them with Table II.
-
-    The subgroup search takes the columns of W as they stand in the paper's Φ_G, limb by limb; by
-    the pseudocode it may find nothing.
-    """
+    """Search in all ways, limb by limb as Φ_G has the columns, and match with Table II."""
     observation = structural_observation(robot)
     base = find_base(observation)
     problem = ChoiceProblem(base.structure)

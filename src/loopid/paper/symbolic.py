@@ -53,10 +53,7 @@ Points = tuple[sp.ImmutableMatrix, sp.ImmutableMatrix, sp.ImmutableMatrix]
 
 
 def parameter_symbols() -> dict[str, sp.Symbol]:
-    """Symbols of the 36 gravitational parameters, in the column order of the regressor.
-
-    ``leg2_stem.m`` is m_22 (kg), ``leg2_stem.mx`` the first moment mx_22 = m_22 x_G22 (kg m).
-    """
+    """Symbols of the 36 columns: ``leg2_stem.mx`` is mx_22 = m_22 x_G22, in kg m."""
     return {
         f"{link}.{kind}": sp.Symbol(f"{kind}_{index}")
         for link, index in PAPER_INDEX.items()
@@ -247,10 +244,7 @@ class BaseParameterRow:
     atom: sp.Expr  # what it multiplies in the potential energy divided by g; m, or a cosine
 
     def coefficients(self, geometry: Geometry) -> dict[str, float]:
-        """Coefficient of every parameter in the row, by column label.
-
-        A term that a geometry happens to cancel stays, with a coefficient of zero or round-off.
-        """
+        """Coefficients by column label; what a geometry cancels stays, as zero or round-off."""
         numeric = self.expression.subs(geometry.substitutions())
         return {
             label: float(numeric.coeff(symbol))
