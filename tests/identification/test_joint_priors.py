@@ -76,8 +76,7 @@ def test_deviations_are_those_under_which_the_data_are_most_likely(waves):
 
     def evidence(logarithm):
         groups = np.array([np.exp(logarithm), state.groups[1]])
-        there = _minimised(program, replace(state, groups=groups))
-        step = program.step(there)
+        there, step = _minimised(program, replace(state, groups=groups))
         _, size = np.linalg.slogdet(np.eye(len(step.g)) + step.J.T @ step.J)
         return -program.value(there) - size / 2
 
