@@ -76,11 +76,6 @@ class CompiledRobot:
         return K
 
 
-def header_ways(code: CSource) -> list[float]:
-    """How far the motors may go after 1, 2, ... Newton steps, in m or rad, as the header says."""
-    return [float(way) for way in re.findall(r"^     \d: ([\d.e-]+) (?:m|rad)$", code.header, re.M)]
-
-
 def _state_type(code: CSource) -> type[ctypes.Structure]:
     """The struct of the header, whose sizes are numbers or macros of it."""
     macros = dict(re.findall(r"#define (\w+) (\d+)", code.header))

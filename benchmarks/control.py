@@ -35,7 +35,6 @@ from loopid.control import (
     OnlineCompensation,
     RecursiveLeastSquares,
     Signals,
-    SlotineLi,
     WrenchObserver,
 )
 from loopid.identification import ForceModel
@@ -136,14 +135,6 @@ LAWS: dict[str, Callable[[Own, float], Controller]] = {
     "PID+G adaptive": lambda own, dt: Controller(pid(dt), adaptive(own[0], dt)),
     "PD+G online": lambda own, dt: Controller(PID(KP, KD), online(own[0], dt)),
     "PID+G online": lambda own, dt: Controller(pid(dt), online(own[0], dt)),
-    "Slotine-Li": lambda own, dt: Controller(
-        PID(KP, KD),
-        Friction(own[0]),
-        SlotineLi(own[1], dt, link="platform", gain=600 * np.array([1] + 3 * [0.05] + 6 * [1e-3])),
-    ),
-    "Slotine-Li, natural": lambda own, dt: Controller(
-        PID(KP, KD), Friction(own[0]), SlotineLi(own[1], dt, link="platform", gain=4.0)
-    ),
 }
 
 

@@ -74,12 +74,12 @@ def imported(*words):
 
 
 def test_importing_loopid_and_its_command_line_loads_no_library_of_the_work():
-    heavy = {"numpy", "scipy", "pinocchio", "pydantic", "yourdfpy", "polars"}
+    heavy = {"numpy", "scipy", "pinocchio", "pydantic", "lxml", "polars"}
     assert not imported("import loopid, loopid.cli") & heavy
     report = "loopid.report.structure.check_report(loopid.load('3ups_rpu'))"
     found = imported("import loopid, loopid.cli, loopid.report.structure", report)
-    assert {"pinocchio", "pydantic", "yourdfpy", "loopid.report.structure"} <= found
-    assert not {"mujoco", "sympy", "matplotlib", "polars"} & found
+    assert {"pinocchio", "pydantic", "lxml", "loopid.report.structure"} <= found
+    assert not {"mujoco", "networkx", "trimesh", "sympy", "matplotlib", "polars"} & found
     later = {"loopid.identification.result", "loopid.excitation.design", "loopid.logs.log"}
     assert not later & found, "check waits for what it does not use"
 

@@ -167,13 +167,7 @@ def shaped(array: ArrayLike, name: str, *shape: int) -> FloatArray:
 
 
 def require_count(count: int, name: str) -> None:
-    """Refuse a number of samples that is none, or beyond all use.
-
-    Raises
-    ------
-    OptionError
-        With the largest number.
-    """
+    """Refuse a number of samples that is none, or beyond all use."""
     if not 1 <= count <= MOST_SAMPLES:
         raise OptionError(
             f"{name} must be from 1 to {MOST_SAMPLES:,}, not {count:,}",

@@ -90,17 +90,8 @@ def refusal(
 ) -> LoopidError:
     """The error that says what is first wrong with a content, and how much more is.
 
-    Parameters
-    ----------
-    error : pydantic.ValidationError
-    content : object
-        What was checked, as its file has it; None where a program made it.
-    where : object
-        The file, or what the content is of.
-    kind : type
-        Of the error.
-    line_of : callable, optional
-        The line of the file that a path of keys leads to.
+    ``content`` is as its file has it, None where a program made it; ``where`` is the file, or what
+    it is of; ``line_of`` gives the line that a path of keys leads to.
     """
     details = error.errors(include_url=False)
     paths = [key_path(detail, content) for detail in details]
@@ -139,12 +130,3 @@ def key_path(detail: ErrorDetails, content: Any) -> tuple[Any, ...]:
             continue
         path.append(part)
     return (*path, *detail["loc"][-1:]) if detail["type"] == "missing" else (*path,)
-
-
-def editor_schema(form: type[Section], title: str) -> dict[str, Any]:
-    """JSON Schema of a file: editors complete its keys and mark what does not fit."""
-    return (
-        {"$schema": "http://json-schema.org/draft-07/schema#"}
-        | form.model_json_schema()
-        | {"title": title}
-    )

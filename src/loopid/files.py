@@ -1,4 +1,4 @@
-"""Files: written whole or not at all, and read within limits that no real one meets."""
+"""Files: written whole or not at all; texts in blocks of lines."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import re
 import stat
 import tempfile
 import zlib
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from errno import EISDIR
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from loopid.errors import FileError, LogError
 
@@ -21,10 +21,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 BLOCK_BYTES = 2**20  # of text that are read at a time
-# The one limit of sizes. What stands for more bytes than this, and for this many times as many as
-# its file has, is no measurement but a bomb.
-UNPACKED_BYTES, UNPACKED_RATIO = 2**24, 200.0
-GZIP_SIZE = 4  # bytes at the end of a packed file
 LONGEST_LINE = 200_000  # bytes; a thousand columns with all digits take 25,000
 PLAIN_NAME = re.compile(r"""[^\s,;"']+""")  # of a column: nothing that separates or quotes
 
@@ -44,105 +40,30 @@ def why_no_file(path: Path) -> str:
     return "" if stat.S_ISREG(mode) else "is no regular file"
 
 
-class Ceiling:
-    """How many bytes a file, or a folder of files, may stand for; counts those that are unpacked.
-
-    The way out, for files to be trusted, ends the sentence of a refusal.
-    """
-
-    def __init__(self, path: Path, ratio: float = UNPACKED_RATIO, way_out: str = "") -> None:
-        files = filter(Path.is_file, path.iterdir()) if path.is_dir() else [path]
-        self.path, self.ratio, self.way_out = path, ratio, way_out
-        self.stored, self.content = sum(file.stat().st_size for file in files), 0
-
-    def count(self, content: int) -> None:
-        """Add bytes to those that the file stands for; a LogError where these are too many."""
-        self.content += content
-        if self.content > max(UNPACKED_BYTES, self.ratio * self.stored):
-            raise LogError(
-                f"{self.path} stores {self.stored:,} bytes, but they stand for {self.content:,} or "
-                f"more: files are read up to {self.ratio:g} times their size{self.way_out}",
-                file=self.path,
-                stored=self.stored,
-                content=self.content,
-                tolerance=self.ratio,
-            )
-
-    def unpack(self, kind: Callable[[], Any], data: bytes) -> bytes:
-        """Packed data of one frame after another, by a kind of decompressor, in blocks."""
-        parts: list[bytes] = []
-        while data:
-            one = kind()
-            while not one.eof:
-                parts.append(one.decompress(data, BLOCK_BYTES))
-                self.count(len(parts[-1]))
-                if not parts[-1] and one.needs_input:
-                    raise EOFError("packed data end too early")
-                data = b""
-            data = one.unused_data
-        return b"".join(parts)
-
-
-def text_blocks(path: Path, ceiling: Ceiling | None = None) -> Generator[bytes]:
+def text_blocks(path: Path) -> Generator[bytes]:
     """A text, packed with gzip or not, in blocks of whole lines; the last one may lack its end."""
-    reason = why_no_file(path)
-    if reason:
+    if reason := why_no_file(path):
         raise LogError(f"{path} {reason}", file=path)
-    ceiling = ceiling or Ceiling(path)
     try:
         with path.open("rb") as file:
             packed = file.peek(2).startswith(b"\x1f\x8b")
             content: io.BufferedIOBase = gzip.GzipFile(fileobj=file) if packed else file
-            parts: list[bytes] = []
+            rest = b""
             while part := content.read(BLOCK_BYTES):
-                ceiling.count(len(part))
-                end = part.rfind(b"\n") + 1
+                lines, end, rest = (rest + part).rpartition(b"\n")
                 if end:
-                    yield _lines(path, b"".join([*parts, part[:end]]))
-                    parts.clear()
-                parts.append(part[end:])
-                if sum(map(len, parts)) > LONGEST_LINE:
-                    break
-            if any(parts):
-                yield _lines(path, b"".join(parts))
+                    yield lines + end
+                if len(rest) > LONGEST_LINE:
+                    raise LogError(
+                        f"{path} has a line of more than {LONGEST_LINE:,} bytes: it is no table "
+                        "with a sample a line",
+                        file=path,
+                        tolerance=LONGEST_LINE,
+                    )
+            if rest:
+                yield rest
     except (OSError, EOFError, zlib.error) as error:
         raise LogError(f"{path} cannot be read: {error}", file=path) from error
-
-
-def _lines(path: Path, block: bytes) -> bytes:
-    """A block of lines; a LogError for one that is longer than those of tables."""
-    # A line that is too long leaves a window of half its length without an end.
-    half = LONGEST_LINE // 2
-    for start in range(0, len(block), half):
-        if block.find(b"\n", start, start + half) < 0:
-            first = block.rfind(b"\n", 0, start) + 1
-            last = block.find(b"\n", start)
-            if (last if last >= 0 else len(block)) - first > LONGEST_LINE:
-                raise LogError(
-                    f"{path} has a line of more than {LONGEST_LINE:,} bytes: it is no table with a "
-                    "sample a line",
-                    file=path,
-                    tolerance=LONGEST_LINE,
-                )
-    return block
-
-
-def count_unpacked(path: Path, ceiling: Ceiling) -> None:
-    """Refuse a text packed with gzip that is too large, before anything is made of it."""
-    with path.open("rb") as file:
-        if file.peek(2).startswith(b"\x1f\x8b"):
-            try:
-                # The end states the size of the last part modulo 2³²: most bombs are found at once.
-                file.seek(-min(GZIP_SIZE, ceiling.stored), os.SEEK_END)
-                Ceiling(path, ceiling.ratio, ceiling.way_out).count(
-                    int.from_bytes(file.read(GZIP_SIZE), "little")
-                )
-                file.seek(0)
-                content = gzip.GzipFile(fileobj=file)
-                while part := content.read(BLOCK_BYTES):
-                    ceiling.count(len(part))
-            except (OSError, EOFError, zlib.error) as error:
-                raise LogError(f"{path} cannot be read: {error}", file=path) from error
 
 
 def write_files(folder: str | Path, contents: Mapping[str, bytes | str]) -> list[Path]:

@@ -102,15 +102,9 @@ DENSEST, THICKNESS = 22_600.0, 1e-3
 def nearest_solid(P: FloatArray, least_mass: float, reach: float) -> FloatArray:
     """A solid body (4, 4) for a pseudo-inertia that has none.
 
-    Mass and centre stay where the mass is positive. Second moments about the centre become at least
-    ``THICKNESS`` of the largest, and those of a ball of the densest matter; a point becomes a ball.
-
-    Parameters
-    ----------
-    least_mass : float
-        In kg, of a body without a positive mass; its centre is the origin.
-    reach : float
-        In m, radius of a point that becomes a ball.
+    Mass (kg) and centre stay where the mass is positive. Second moments about the centre become at
+    least ``THICKNESS`` of the largest, and those of a ball of the densest matter; a point becomes a
+    ball of radius ``reach`` (m).
     """
     has_mass = P[3, 3] > 0
     mass = float(P[3, 3]) if has_mass else least_mass
@@ -132,24 +126,12 @@ KEPT = 1e-14
 
 @record
 class Inertial:
-    """A mass, its centre, and a tensor about the centre along axes that are turned from the link's.
+    """A mass, its centre, and a tensor about the centre along axes of its own."""
 
-    Attributes
-    ----------
-    mass : float
-        In kg.
-    centre : FloatArray
-        (3,) in m, seen from the link.
-    axes : FloatArray
-        (3, 3), as columns.
-    tensor : FloatArray
-        (3, 3) in kg m².
-    """
-
-    mass: float
-    centre: FloatArray
-    axes: FloatArray
-    tensor: FloatArray
+    mass: float  # in kg
+    centre: FloatArray  # (3,) in m, seen from the link
+    axes: FloatArray  # (3, 3), as columns
+    tensor: FloatArray  # (3, 3) in kg m²
 
     @classmethod
     def of(cls, P: FloatArray, axes: FloatArray | None = None) -> Inertial:

@@ -28,19 +28,11 @@ PANEL, PANEL_PART = 8, 16
 
 
 class Draws(ABC):
-    """How the rows of an observation were drawn, so that others like them can be.
+    """How the rows of an observation were drawn, so that others like them can be."""
 
-    Attributes
-    ----------
-    accuracy : float
-        Of lengths in the robot file, in m; of angles, times the characteristic length; 0 where
-        they are exact.
-    source : str
-        Where it is known from.
-    """
-
+    # Of lengths in the robot file, in m; of angles, times the characteristic length; 0 where exact
     accuracy: float
-    source: str
+    source: str  # where it is known from
 
     @abstractmethod
     def rounded(self, count: int, within: float | None = None) -> FloatArray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from importlib import import_module
 from typing import Any, Generic, TypeVar, cast
 
@@ -68,22 +67,6 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
 
     def __len__(self) -> int:
         return len(self._entries)
-
-
-@contextmanager
-def exchanged(table: dict[str, Any], **entries: Any) -> Iterator[None]:
-    """Exchange entries of another library's table, such as the names in a module, for a while.
-
-    For libraries that take no argument for it. Entries that were not there are removed again.
-    """
-    before = {name: table[name] for name in entries if name in table}
-    table.update(entries)
-    try:
-        yield
-    finally:
-        for name in entries:
-            table.pop(name, None)
-        table.update(before)
 
 
 # Filled by whoever has a format: the core by its own, tools and users by theirs.

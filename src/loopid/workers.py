@@ -27,13 +27,7 @@ LEAST_MOST = 16  # processes that any machine may be asked for
 def ordered_map(
     function: Callable[[Item], Result], items: Iterable[Item], n_jobs: int = 1
 ) -> Iterator[Result]:
-    """Results in the order of the items, one BLAS thread to each process.
-
-    Raises
-    ------
-    OptionError
-        When the number of processes is not a whole number from 1 on, or a worker died.
-    """
+    """Results in the order of the items, one BLAS thread to each process."""
     require_processes(n_jobs, "n_jobs")
     if n_jobs == 1:
         return (_on_one_thread(function, item) for item in items)

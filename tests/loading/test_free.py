@@ -10,20 +10,10 @@ from closure_robots import body, frame, joint, tie
 from linkages import five_bar, rssr
 from loopid import JointTerms
 from loopid.base_parameters import find_base
-from loopid.kinematics import mobility
 from loopid.regressors import structural_observation
 
 INERTIAL = '<inertial pos="0.1 0.02 0.3" mass="1" diaginertia="0.1 0.2 0.25"/>'
 ADVICE = re.compile(r"lock=(\[.*?\])")
-# A waist that a tendon with hardly any room ties to a motor.
-WAIST = f"""<mujoco><worldbody><body name="hip">{INERTIAL}
-  <joint name="drive, left" axis="0 1 0"/>
-  <body name="waist" pos="0 0 0.4">{INERTIAL}<joint name="waist" axis="0 1 0"/></body></body>
-  </worldbody>
-<tendon><fixed name="link" limited="true" range="0.0999 0.1003">
-  <joint joint="drive, left" coef="2"/><joint joint="waist" coef="-1"/></fixed>
-  <fixed name="wide" limited="true" range="-3 3"><joint joint="waist" coef="1"/></fixed></tendon>
-<actuator><motor joint="drive, left"/></actuator></mujoco>"""
 HEEL = f"""<mujoco><worldbody><body name="shin">{INERTIAL}<joint name="knee" axis="0 1 0"/>
   <body name="foot" pos="0 0 0.4">{INERTIAL}<joint name="heel" axis="0 1 0" STIFF/></body></body>
   </worldbody><actuator><motor joint="knee"/></actuator></mujoco>"""
@@ -54,27 +44,6 @@ def said_of():
         return [str(w.message) for w in caught if "the motors leave" in str(w.message)]
 
     return said
-
-
-def test_a_tendon_with_hardly_any_room_prints_its_coupling(load, tmp_path):
-    robot, (said,) = load(WAIST)
-    assert robot.free == ("waist",)
-    assert "tendon link keeps it within a range of 0.0004" in said
-    (tmp_path / "robot.yaml").write_text(said[said.index("couplings: ") :])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        coupled = loopid.load(tmp_path / "robot.yaml")
-    assert coupled.free == ()
-    assert mobility(coupled).degrees_of_freedom == 1
-    waist, drive = (
-        coupled.reference[coupled.joint(name).idx_q] for name in ("waist", "drive, left")
-    )
-    assert 0.0999 <= 2 * drive - waist <= 0.1003
-
-
-def test_a_tendon_with_room_holds_nothing(load):
-    _, (said,) = load(WAIST.replace('range="0.0999 0.1003"', 'range="-1 1"'))
-    assert "lock what does not move" in said
 
 
 def test_a_spring_is_a_force_that_the_file_gives(load):

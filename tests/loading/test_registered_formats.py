@@ -77,7 +77,7 @@ def test_the_core_knows_no_file():
         "import sys, loopid\n"
         "from pinocchio import buildSampleModelManipulator as arm\n"
         "loopid.from_pinocchio(arm(), motors=['shoulder1_joint'])\n"
-        "readers = {'lxml', 'ruamel', 'yourdfpy', 'polars', 'loopid.loading.files'}\n"
+        "readers = {'lxml', 'ruamel', 'polars', 'loopid.loading.files'}\n"
         "print(sorted(readers & {*sys.modules}))\n"
         "loopid.load('3ups_rpu')\n"
         "rooms = {name.split('.')[1] for name in sys.modules if name.startswith('loopid.')}\n"

@@ -6,6 +6,7 @@ import warnings
 import numpy as np
 import pinocchio as pin
 import pytest
+import yourdfpy
 
 import loopid
 from closure_robots import chain, files, frame, joint as hinge, tie
@@ -15,7 +16,6 @@ from loopid.base_parameters import find_base
 from loopid.errors import OptionError, RobotFileError
 from loopid.kinematics import mobility, project
 from loopid.kinematics.poses import torque_regressors
-from loopid.loading.urdf_tree import read_urdf_file
 from loopid.regressors import gravity_regressor, structural_observation
 
 
@@ -83,7 +83,7 @@ def load(tmp_path):
 def test_a_urdf_written_as_sdf_is_the_same_robot(load, write_files):
     path = write_files(*files(chain(4, sliding=(3,)), {}))
     robot = loopid.load(path)
-    again = load(to_sdf(read_urdf_file(path.with_suffix(".urdf")).robot))
+    again = load(to_sdf(yourdfpy.URDF.load(str(path.with_suffix(".urdf"))).robot))
     assert again.joints == robot.joints
     assert again.links == robot.links
     np.testing.assert_allclose(again.position_limits, robot.position_limits)

@@ -3,6 +3,7 @@
 import math
 import re
 import warnings
+from io import BytesIO
 
 import numpy as np
 import pinocchio as pin
@@ -96,18 +97,18 @@ def read(tmp_path):
 # Whole files.
 
 
-def content(robot):
-    """Links and joints as yourdfpy has them, for comparison."""
-    joints = {
-        joint.name: (joint.type, joint.parent, joint.child, joint.mimic) for joint in robot.joints
-    }
-    inertials = {link.name: link.inertial for link in robot.links}
-    numbers = {
-        name: [inertial.mass, *inertial.inertia.ravel()]
-        for name, inertial in inertials.items()
-        if inertial is not None
-    }
-    return joints, set(inertials), numbers
+def content(links, joints):
+    """Joints, links, and numbers of inertials, for comparison."""
+    found = {}
+    for joint in joints:
+        mimic, limit = joint.mimic, joint.limit
+        follows = mimic and (mimic.joint, mimic.multiplier, mimic.offset)
+        ends = limit and (limit.lower or 0.0, limit.upper or 0.0)
+        axis = () if joint.type == "fixed" else tuple(joint.axis)
+        found[joint.name] = joint.type, joint.parent, joint.child, axis, follows, ends
+    inertials = {link.name: link.inertial for link in links}
+    masses = {name: inertial.mass for name, inertial in inertials.items() if inertial is not None}
+    return found, set(inertials), masses
 
 
 @pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.validate)])
@@ -115,13 +116,26 @@ def test_both_readers_see_what_is_in_the_files(urdf_folder, robot_data, shared, 
     folders = (urdf_folder, robot_data, shared / "models")
     files = sorted(file for folder in folders for file in folder.rglob("*.urdf"))
     assert len(files) > 70
+    plain = {"build_scene_graph": False, "load_meshes": False}
     for file in files[::every]:
         if file.name == "ur3.urdf":  # its links have no names: refused by all
             continue
-        whole = yourdfpy.URDF.load(str(file), build_scene_graph=False, load_meshes=False).robot
-        robot = read_urdf_file(file).robot
-        assert content(robot) == content(whole), file.name
-        assert_built(robot, read_urdf(file, free_mimics=True).model, file.name)
+        whole = yourdfpy.URDF.load(str(file), **plain).robot
+        own = read_urdf_file(file)
+        assert content(own.links, own.joints) == content(whole.links, whole.joints), file.name
+        sound = yourdfpy.URDF.load(BytesIO(own.tree.encode()), **plain).robot
+        assert_same_bodies(own.links, sound.links, file.name)
+        assert_built(sound, read_urdf(file, free_mimics=True).model, file.name)
+
+
+def assert_same_bodies(links, others, name):
+    """Centres and tensors are those of yourdfpy, of which angles lost no digits."""
+    for link, other in zip(links, others, strict=True):
+        if link.inertial is not None:
+            place = np.eye(4) if other.inertial.origin is None else other.inertial.origin
+            own = np.column_stack([link.inertial.axes, link.inertial.centre])
+            np.testing.assert_allclose(own, place[:3], atol=1e-12, err_msg=name)
+            np.testing.assert_array_equal(link.inertial.tensor, other.inertial.inertia, name)
 
 
 def assert_built(robot, model, name):

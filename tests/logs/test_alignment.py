@@ -5,11 +5,10 @@ import pytest
 from hypothesis import given, strategies as st
 
 from loopid.errors import LogError
-from loopid.logs import LogTolerances, read_log
-from loopid.logs.grid import Stream, align as align_joints
+from loopid.logs import read_log
+from loopid.logs.grid import GAP, Stream, align as align_joints
 from loopid.logs.signals import Channel
 
-GAP_PERIODS = LogTolerances().gap
 EPOCH = 1_608_291_576 * 10**9
 PERIOD = 10**7  # ns
 OMEGA = 3.0  # rad/s of all signals below, of amplitude 1
@@ -27,7 +26,7 @@ def stream(stamps, name="a"):
 
 
 def align(streams):
-    return align_joints(streams, tuple(c.joint for s in streams for c in s.channels), GAP_PERIODS)
+    return align_joints(streams, tuple(c.joint for s in streams for c in s.channels))
 
 
 def check(aligned, streams, longest=1):
@@ -73,7 +72,7 @@ def test_jitter_and_lost_rows(seed, jitter, lost):
         kept[[0, 1, -2, -1]] = True
         streams.append(stream(stamps[kept], name))
     aligned = align(streams)
-    check(aligned, streams, longest=GAP_PERIODS + 1)
+    check(aligned, streams, longest=GAP + 1)
     assert len(aligned.time) > 450
 
 
@@ -97,7 +96,7 @@ def test_a_gap_in_any_stream_starts_a_new_stretch(of_first):
 
 def test_a_step_that_is_just_no_gap_is_bridged():
     stamps = EPOCH + PERIOD * np.arange(500)
-    few = int(GAP_PERIODS)
+    few = int(GAP)
     assert not align([stream(np.delete(stamps, np.arange(200, 199 + few)))]).stretches.any()
     assert align([stream(np.delete(stamps, np.arange(200, 200 + few)))]).stretches.any()
 

@@ -199,7 +199,7 @@ def test_groups_are_streams_with_a_time_of_their_own(knee, truth, columns, hdf5)
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda file, _: None, "holds no arrays with one or two axes in /"),
+        (lambda file, _: None, "holds no arrays with one or two axes"),
         (
             lambda file, c: matrices(file, c | {"time": c["time"][:9]}),
             "'time' has 9 rows, but 'pos",

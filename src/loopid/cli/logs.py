@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from math import inf
 from pathlib import Path
-from shlex import join
 from typing import TYPE_CHECKING, Any
 
 import typer
 from typer import Argument, Option
 
 from loopid.cli import completion
+from loopid.cli.advice import command_with
 from loopid.cli.robots import FILE, LOGGED_MODEL, MAPPING, TERMS, numbers, of_robot, recordings
 from loopid.cli.shell import answering, with_options
 from loopid.errors import LoopidError, OptionError
@@ -122,25 +122,12 @@ def excite_command(
     found: Identification, logs: Sequence[str] = ("LOG",), mapping: str | None = None
 ) -> str:
     """``loopid excite`` for a robot as it was loaded, and what the logs determine badly."""
-    from loopid.loading.files import bundled_directory
-
     model = found.force_model.plain  # what the evidence weighs is no aim of a motion
     robot, terms, excite = model.robot, model.joint_terms, found.verdict.excite
     wanted = excite if len(excite) <= MOST_WANTED else ()
     options: dict[str, Any] = {"model": model.model, "terms": terms and terms.choice(robot)}
-    options |= {**robot.options, "mapping": mapping, "after": list(logs), "for": wanted}
-    bundled = robot.path is not None and robot.path.parent == bundled_directory()
-    words = ["loopid", "excite", robot.name if bundled else robot.source, "--out", "motion"]
-    for name, value in options.items():
-        option = f"--{name.replace('_', '-')}"
-        if isinstance(value, dict):
-            value = [f"{key}:={given}" for key, given in value.items()]
-        each = value if isinstance(value, list | tuple) else [value]
-        told = (one for one in each if one is not None and one is not False)
-        words += [
-            part for one in told for part in ([option] if one is True else [option, str(one)])
-        ]
-    return join(words)
+    options |= {"mapping": mapping, "after": list(logs), "for": wanted}
+    return command_with("excite", robot, "--out", "motion", **options)
 
 
 @with_options(answer=answering)
@@ -165,7 +152,8 @@ def predict(
     runs = recordings(saved.robot, logs, mapping, cutoff, rows)
     suspected = suspicions_by_log(saved.robot, runs, saved.require_model().joint_terms)
     found = saved.predict(runs)
-    answer.show(_vetoed(prediction_report(saved.robot, found), suspected))
+    command = command_with("export", saved.robot, fit, "--c", "controller", loaded=False)
+    answer.show(_vetoed(prediction_report(saved.robot, found), suspected), command)
 
 
 @of_robot
@@ -289,21 +277,28 @@ def export(
 
     The robot is loaded as it was for the fit, and refused where it is another one.
     """
-    from loopid.export.everything import export_fit
-    from loopid.identification.saved import load_fit
+    from loopid.export.c_code import c_source
+    from loopid.identification.plausibility import require_fit_for_use
+    from loopid.identification.saved import content, load_fit, robot_files
     from loopid.report.look import json_text
 
+    if robot is yaml is c is None:
+        raise OptionError(
+            "nothing to export: give --urdf FILE, --mjcf FILE, --yaml FILE or --c DIR"
+        )
+    saved, written = load_fit(fit, file), list[Path]()
+    model = saved.require_model()
+    # All that may be refused is found out before the first file is written.
+    require_fit_for_use(saved, anyway)
     if yaml is not None:
-        require_other_file(yaml, fit)
-    written = export_fit(
-        load_fit(fit, file),
-        robot=robot,
-        yaml=yaml,
-        c=c,
-        name=name,
-        overwrite=overwrite,
-        anyway=anyway,
-    )
+        require_other_file(yaml, fit, *robot_files(model.robot))
+        content(saved, yaml, anyway=anyway)
+    code = None if c is None else c_source(model, name=name, values=saved.values)
+    if robot is not None:
+        written.append(saved.to_robot_file(robot, overwrite=overwrite, anyway=anyway))
+    if yaml is not None:
+        written.append(saved.save(yaml, anyway=anyway))
+    written += [] if code is None or c is None else code.save(c)
     places = [str(place) for place in written]
     if as_json:
         typer.echo(json_text({"schema": "loopid export 1", "written": places}))

@@ -77,10 +77,7 @@ def refuse(reason: str) -> NoReturn:
 
 
 def say(line: str, *, whole: bool = True) -> None:
-    """Write a line to the error stream, if it takes any: results do not depend on it.
-
-    On a terminal it ends where its line does, unless it is to be ``whole``.
-    """
+    """Write a line to the error stream, if it takes any; cut to a terminal unless ``whole``."""
     text = one_line(f"loopid: {line}")
     if not whole and sys.stderr and sys.stderr.isatty():
         text = shorten(text, shutil.get_terminal_size().columns - 1, placeholder=" ...")
@@ -107,24 +104,22 @@ class Answer:
     figures: bool
 
     def require(self, *inputs: str | Path | None) -> None:
-        """Refuse, before the work is done, what could not be written safely.
-
-        No input may be one of the files that would be written to the folder.
-        """
+        """Refuse, before the work, what could not be written: no input may be replaced."""
         if self.folder is not None:
             require_folder(self.folder)
             for name in WRITTEN:
                 require_other_file(Path(self.folder, name), *(each for each in inputs if each))
 
-    def show(self, report: Report) -> None:
+    def show(self, report: Report, command: str = "") -> None:
         """Write the report where a folder is given, and print it: the verdict first.
 
+        The command is the next step of a card that is good.
         A report whose files are refused is printed before the refusal.
         """
         from loopid.findings import Finding
         from loopid.report.look import json_text
 
-        report = self._in_options(report)
+        report = self._in_options(report, command)
         found = {str(each) for each in report.findings}
         told = self.context.obj  # what is a finding is said once
         told[:] = [text for text in told if not any(text in each for each in found)]
@@ -153,14 +148,16 @@ class Answer:
             return
         typer.echo(one_line(f"Report: {written[0]}"))
 
-    def _in_options(self, report: Report) -> Report:
-        """The report with advice in the command's options."""
+    def _in_options(self, report: Report, command: str) -> Report:
+        """The report with advice in the command's options, and the command of its next step."""
 
         def said(text: str) -> str:
             return in_options(text, self.context)
 
         findings = [replace(f, why=said(f.why), do=said(f.do)) for f in report.findings]
-        card = replace(report.card, use=said(report.card.use), next=said(report.card.next))
+        card = report.card
+        command = card.command or (command if card.tone == "good" else "")
+        card = replace(card, use=said(card.use), next=said(card.next), command=command)
         return replace(report, verdict=said(report.verdict), findings=findings, card=card)
 
     def _print(self, report: Report) -> None:
@@ -187,9 +184,17 @@ def in_words(findings: Sequence[Finding], verbose: bool) -> list[str]:
     if verbose:
         return [f"{each.severity}: {each}" for each in findings]
     serious = [each for each in findings if each.severity != "note"]
-    said = [f"{each.severity}: {each.brief}" for each in serious[:MOST_SAID]]
+    said = [_in_two_lines(each) for each in serious[:MOST_SAID]]
     left = len(findings) - len(said)
     return [*said, *([f"{left} more findings: --verbose"] if left and said else [])]
+
+
+def _in_two_lines(found: Finding) -> str:
+    """A finding and what to do, on a line of its own where there is no room beside it."""
+    said = f"{found.severity}: {found.brief}"
+    if len(said) <= WIDTH or not found.do:
+        return said
+    return f"{found.severity}: {found.title}\n  {found.do}"
 
 
 def answering(

@@ -8,7 +8,6 @@ from .laws import (
     OnlineCompensation as OnlineCompensation,
     Reference as Reference,
     Signals as Signals,
-    SlotineLi as SlotineLi,
 )
 from .observer import WrenchEstimate as WrenchEstimate, WrenchObserver as WrenchObserver
 from .online import ChangeDetector as ChangeDetector, RecursiveLeastSquares as RecursiveLeastSquares

@@ -17,8 +17,6 @@ import numpy as np
 from loopid.arguments import BoolArray, FloatArray, NotNegative, Positive, checked, finite
 from loopid.control.online import ChangeDetector, RecursiveLeastSquares
 from loopid.errors import OptionError
-from loopid.inertia import parameters_of, pseudo_inertia
-from loopid.parameters import KINDS
 from loopid.regressors.dynamics import Dynamics
 
 
@@ -282,68 +280,3 @@ class AdaptiveCompensation:
         slope = self.columns.T @ (K.T @ s)
         self.values = self.values + self.interval * self.columns @ (self.gains * slope)
         return np.asarray(K @ self.values)
-
-
-class SlotineLi:
-    """M ü_r + C u̇_r + g, while a body on a link adapts; u̇_r = u̇_d + λ e [Slotine1987].
-
-    The body stands for whatever keeps the robot from its way: it is not a payload's mass. Natural
-    adaptation moves its pseudo-inertia P by Ṗ = γ P L P, tr(L P(π)) = (Yᵀ s)ᵀ π, so that link and
-    body together stay solid [Lee2018]; the other takes π̇ = γ Yᵀ s for each parameter.
-
-    Parameters
-    ----------
-    dynamics : Dynamics
-        A full one.
-    interval : float
-        Between samples in s.
-    link : str
-        That carries the body.
-    gain : float or FloatArray
-        γ: one number for natural adaptation, or (10,).
-    bandwidth : float
-        λ in 1/s.
-    """
-
-    @checked
-    def __init__(
-        self,
-        dynamics: Dynamics,
-        interval: Positive,
-        *,
-        link: str,
-        gain: FloatArray | float,
-        bandwidth: Positive = 2.0,
-    ) -> None:
-        self.dynamics, self.interval, self.bandwidth = dynamics, interval, bandwidth
-        self.gain, self.columns = finite(gain, "gain"), dynamics.payload_columns(link)
-        names = dynamics.robot.parameters()
-        own = [k for k, each in enumerate(names) if each.link == link]
-        self.first = dynamics.robot.standard_parameters()[own]
-        self.P = pseudo_inertia(self.first)
-        # L of tr(L P(π)) = gᵀ π, for each entry of g
-        basis = pseudo_inertia(np.eye(len(KINDS))).reshape(len(KINDS), -1)
-        self._dual = np.linalg.solve(basis @ basis.T, basis).reshape(-1, 4, 4)
-        self.body = np.zeros(len(KINDS))  # that has come to the link
-
-    def force(self, signals: Signals, reference: Reference) -> FloatArray:
-        """Forces (dof,), without friction."""
-        error, rate = reference.position - signals.position, reference.velocity - signals.velocity
-        wanted = reference.velocity + self.bandwidth * error
-        pushed = reference.acceleration + self.bandwidth * rate
-        Y = self.dynamics.passive_regressor(signals.position, signals.velocity, wanted, pushed)
-        slope = self.columns.T @ (Y.T @ (wanted - signals.velocity))
-        if self.gain.ndim:
-            self.body = self.body + self.interval * self.gain * slope
-        else:
-            self.P = _moved(self.P, self.interval * self.gain * np.tensordot(slope, self._dual, 1))
-            self.body = parameters_of(self.P[None])[0] - self.first
-        return np.asarray(Y @ (self.dynamics.values + self.columns @ self.body))
-
-
-def _moved(P: FloatArray, step: FloatArray) -> FloatArray:
-    """Along the geodesic of positive definite matrices that begins with P step P."""
-    L = np.linalg.cholesky(P)
-    sizes, axes = np.linalg.eigh(L.T @ step @ L)
-    root = L @ axes
-    return np.asarray((root * np.exp(sizes)) @ root.T)

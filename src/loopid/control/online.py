@@ -18,7 +18,7 @@ from typing import Literal
 import numpy as np
 from scipy.linalg import lapack, solve_triangular
 
-from loopid.arguments import FloatArray, Positive, checked, finite
+from loopid.arguments import FloatArray, Positive, checked, finite, shaped
 from loopid.errors import DataError, OptionError, RankError
 
 Forgetting = Literal["none", "exponential", "directional"]
@@ -153,9 +153,7 @@ class RecursiveLeastSquares:
 
 def _information_root(covariance: FloatArray, values: FloatArray) -> FloatArray:
     """A root W of the information, WᵀW = C⁻¹."""
-    C = finite(covariance, "covariance")
-    if C.shape != 2 * values.shape:
-        raise DataError(f"a covariance of {len(values)} values cannot have shape {C.shape}")
+    C = shaped(covariance, "covariance", *2 * values.shape)
     # Scaled, as values have units of their own.
     scale = np.sqrt(np.maximum(C.diagonal(), np.finfo(float).tiny))
     try:

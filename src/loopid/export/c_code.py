@@ -13,16 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked, finite
-from loopid.errors import DataError, MissingExtraError, OptionError
+from loopid.arguments import FloatArray, checked, shaped
+from loopid.errors import MissingExtraError, OptionError
 from loopid.files import write_files
 from loopid.identification.force_models import ForceModel
 from loopid.identification.plausibility import require_fit_for_use
 from loopid.identification.result import Fit
 from loopid.kinematics.assembly import CONTRACTION, LONGEST_STEP, USUAL
 from loopid.kinematics.measured import measured_coordinates
-from loopid.kinematics.projection import NEAR_SINGULARITY, partition, project
-from loopid.kinematics.sampling import random_configurations
+from loopid.kinematics.projection import NEAR_SINGULARITY
 from loopid.records import record
 from loopid.robot.robot import Robot
 
@@ -31,10 +30,6 @@ LONGEST_NAME = 60  # of files and functions that are named after the robot
 LONGEST_TEXT = 4000  # bytes: C99 promises strings of 4095
 CLOSED = 1e-9  # m
 SHORTEST_PART = 2.0**-16  # of the way from the reference, before it is given up
-# Ways of the motors, in rad or robot lengths; the header states a quarter of the tested range,
-# to and fro along the direction that moves the others most, at the worst of random poses.
-WAYS = [float(f"{digit}e{power}") for power in range(-6, 0) for digit in (1, 2, 5)]
-NEWTON_STEPS, POSES, WORST = 3, 100, 20
 ONE_SIGNATURE = """/* CasADi's functions share one signature, of which not all is used. */
 #if defined(__GNUC__)
 #pragma GCC diagnostic ignored "-Wunused-parameter"
@@ -44,21 +39,13 @@ ONE_SIGNATURE = """/* CasADi's functions share one signature, of which not all i
 
 @record(checked=True)
 class CSource:
-    """C source of a robot, for its controller, and the same for CasADi.
+    """C source of a robot, for its controller, and the same for CasADi."""
 
-    Attributes
-    ----------
-    name : str
-        What all its functions and macros begin with.
-    header, source, casadi : str
-        Contents of ``<name>.h``, ``<name>.c`` and ``<name>.casadi``. The last is for
-        ``casadi.Function.deserialize``: the closures' residual, q̇, forces, M and the forces C u̇ +
-        g + friction, of closed configurations q, of u̇ and ü of the motors and of base parameters.
-    """
-
-    name: str
-    header: str = field(repr=False)
+    name: str  # what all its functions and macros begin with
+    header: str = field(repr=False)  # contents of ``<name>.h`` and ``<name>.c``
     source: str = field(repr=False)
+    # For ``casadi.Function.deserialize``: the closures' residual, q̇, forces, M and the forces C u̇ +
+    # g + friction, of closed configurations q, of u̇ and ü of the motors and of base parameters
     casadi: str = field(repr=False)
 
     def save(self, folder: str | Path) -> list[Path]:
@@ -164,7 +151,6 @@ def _fields(model: ForceModel, name: str, functions: Mapping[str, Any]) -> dict[
         "MODEL": model.model,
         "VERSION": version("loopid"),
         "MOTORS": _motor_lines(robot, units),
-        "WAYS": _way_lines(robot, units, functions),
         "NQ": str(robot.model.nq),
         "DOF": str(len(motors)),
         "PARAMETERS": str(len(model.parameters)),
@@ -179,7 +165,6 @@ def _fields(model: ForceModel, name: str, functions: Mapping[str, Any]) -> dict[
         "CLOSED": repr(_closed(robot)),
         "NEAR_SINGULARITY": repr(NEAR_SINGULARITY),
         "SHORTEST_PART": repr(SHORTEST_PART),
-        "POSES": str(POSES),
         "MOTOR_NAMES": _strings(motors),
         "POSITION_NAMES": _strings(positions),
         "PARAMETER_NAMES": _strings(model.parameters.names),
@@ -202,58 +187,6 @@ def _motor_lines(robot: Robot, units: Sequence[str]) -> str:
     return "\n".join(f"     {k}: {name}, {unit}" for k, name, unit in lines)
 
 
-def _way_lines(robot: Robot, units: Sequence[str], functions: Mapping[str, Any]) -> str:
-    """The table of the longest ways."""
-    if not (robot.rows and robot.measured):
-        return "     any way, as no loop moves"
-    lengths, lines = {"m": robot.length, "rad": 1.0}, []
-    for steps, way in enumerate(longest_ways(robot, functions), start=1):
-        ways = " or ".join(f"{way * lengths[unit]:.2g} {unit}" for unit in sorted({*units}))
-        lines.append(f"     {steps}: {ways}")
-    return "\n".join(lines)
-
-
-def longest_ways(robot: Robot, functions: Mapping[str, Any]) -> FloatArray:
-    """Ways (steps,) of the motors that as many Newton steps bear, in rad or lengths: see WAYS."""
-    q, towards = _worst_motions(robot)
-    before, longest = motor_positions(robot, q), np.zeros(NEWTON_STEPS)
-    predict, linearise = (functions[name].map(len(q)) for name in ("predict", "linearise"))
-    G, whole = linearise(q.T)[0], np.ones((1, len(q)))
-    for way in WAYS:
-        there, _, length = predict(q.T, before.T, (before + way * towards).T, whole, G)
-        # As in C: each step is a part of the one before, up to one that is not taken any more.
-        bounds, bearable, reached = LONGEST_STEP, list[bool](), list[bool]()
-        for _ in range(NEWTON_STEPS + 1):
-            good = bool((length.full() <= bounds).all())
-            bounds = CONTRACTION * length.full() + USUAL.short
-            _, _, there, measures = linearise(there)
-            residual, length = measures[0, :], measures[1, :]
-            bearable.append(good and bool((length.full() <= bounds).all()))
-            reached.append(bool((residual.full() <= _closed(robot)).all()))
-        passed = np.logical_and.accumulate(bearable)[1:] & reached[1:]
-        longest[passed] = way / 4
-        if not passed.any():
-            break
-    return longest
-
-
-def _worst_motions(robot: Robot) -> tuple[FloatArray, FloatArray]:
-    """Closed poses (N, nq), and units (N, dof) that the motors move by for the others to move most.
-
-    The motor that moves most then does so by 1 rad or the characteristic length.
-    """
-    q, (chosen, dependent) = random_configurations(robot, POSES), partition(robot)
-    motors = np.isin(robot.independent, robot.measured)
-    units, G = robot.coordinate_scales, project(robot, q).G[:, :, motors]
-    gains = G[:, dependent] / units[dependent, None] * units[chosen[motors]]
-    _, sizes, directions = np.linalg.svd(gains)
-    worst = np.argsort(-sizes[:, 0])[:WORST]
-    most, towards = directions[worst, 0], np.zeros((len(worst), len(chosen)))
-    most /= np.abs(most).max(axis=1, keepdims=True)
-    towards[:, motors] = most * units[chosen[motors]]
-    return np.concatenate([q[worst]] * 2), np.concatenate([towards, -towards])
-
-
 def motor_positions(robot: Robot, q: FloatArray) -> FloatArray:
     """Positions (N, dof) of the independent coordinates; 0 of those that are a part of a joint."""
     u = np.zeros((len(q), len(robot.independent)))
@@ -266,11 +199,7 @@ def _value_fields(model: ForceModel, name: str, values: FloatArray | None) -> di
     """Values of the base parameters (n,) as a constant, where they are given."""
     if values is None:
         return {"VALUES": "", "VALUES_DECLARATION": ""}
-    phi, count = finite(values, "base parameters"), len(model.parameters)
-    if phi.shape != (count,):
-        raise DataError(
-            f"base parameters must have shape ({count},), not {phi.shape}", shape=phi.shape
-        )
+    phi = shaped(values, "base parameters", len(model.parameters))
     declared = f"const double {name}_values[{name.upper()}_PARAMETERS]"
     listed = ",\n    ".join(map(repr, phi.tolist()))
     return {

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
+import io
 import os
-import re
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from loopid.arguments import checked
-from loopid.border import Section, editor_schema
+from loopid.border import Section
 from loopid.errors import FileError, LogError, LoopidError, OptionError, counted, one_line
 from loopid.files import write_files
 from loopid.loading.closure import Closure
@@ -23,6 +22,7 @@ from loopid.logs.reading import open_log
 from loopid.logs.signals import ColumnFinder
 from loopid.motion.files import ProgramDescription
 from loopid.robot.robot import Robot
+from loopid.yaml_files import yaml_writer
 
 MJCF = (".xml", ".mjcf")
 COLUMN = "COLUMN"  # in place of a name that only the user knows
@@ -32,8 +32,6 @@ FORMS: dict[str, type[Section]] = {
     "mapping": LogMapping,
     "motions": ProgramDescription,
 }
-PLAIN = re.compile(r"(\.\./)*[A-Za-z_/][\w./-]*|\dd")  # texts that need no quotes in YAML
-WORDS_OF_YAML = ("true", "false", "null")
 
 
 @checked
@@ -97,27 +95,11 @@ def write_first_files(
 
 
 def file_schema(kind: str) -> dict[str, Any]:
-    """JSON Schema of a YAML, for editors: they complete its keys and mark what does not fit.
-
-    Parameters
-    ----------
-    kind : str
-        One of ``FORMS``: ``"robot"``, ``"mapping"`` or ``"motions"``.
-
-    Raises
-    ------
-    OptionError
-        When the kind is another.
-
-    Examples
-    --------
-    >>> from loopid.export.first_files import file_schema
-    >>> file_schema("robot")["properties"]["gravity"]["description"]
-    'In m/s².'
-    """
+    """JSON Schema of a kind of YAML, by which editors complete keys and mark what does not fit."""
     if kind not in FORMS:
         raise OptionError.unknown("kind of file", kind, FORMS)
-    return editor_schema(FORMS[kind], f"loopid {kind} file")
+    draft = {"$schema": "http://json-schema.org/draft-07/schema#"}
+    return draft | FORMS[kind].model_json_schema() | {"title": f"loopid {kind} file"}
 
 
 def _robot_text(drawn: Robot, tree: str, options: Mapping[str, Any]) -> str:
@@ -236,22 +218,9 @@ def _file(*parts: str | _Key) -> str:
 
 
 def _lines(name: str, value: Any) -> list[str]:
-    """A key with its value; entries of mappings, and mappings in lists, on lines of their own."""
-    if isinstance(value, list) and value and isinstance(value[0], dict):
-        return [f"{name}:", *(f"  - {_flow(each)}" for each in value)]
-    if isinstance(value, dict) and len(value) > 1 and name != "time":
-        return [f"{name}:", *(f"  {_flow(key)}: {_flow(each)}" for key, each in value.items())]
-    return [f"{name}: {_flow(value)}"]
-
-
-def _flow(value: Any) -> str:
-    """A value on one line."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{_flow(key)}: {_flow(each)}" for key, each in value.items()) + "}"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_flow, value)) + "]"
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    if isinstance(value, str) and PLAIN.fullmatch(value) and value.lower() not in WORDS_OF_YAML:
-        return value
-    return json.dumps(value, ensure_ascii=False)  # which YAML reads
+    """A key with its value as YAML writes it, an entry a line."""
+    text, yaml = io.StringIO(), yaml_writer()
+    yaml.default_flow_style = False
+    yaml.indent(sequence=4, offset=2)
+    yaml.dump({name: value}, text)
+    return text.getvalue().splitlines()

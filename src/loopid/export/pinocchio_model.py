@@ -47,10 +47,7 @@ def to_pinocchio(robot: Robot) -> tuple[pin.Model, pin.StdVec_RigidConstraintMod
 def pinocchio_of(
     fit: Fit, *, anyway: bool = False
 ) -> tuple[pin.Model, pin.StdVec_RigidConstraintModel]:
-    """Pinocchio's objects with the bodies of a fit; see ``Fit.to_pinocchio``.
-
-    Of a friction curve, the model has the nearest line (``nearest_line``).
-    """
+    """Pinocchio's objects with the bodies and friction of a fit; see ``Fit.to_pinocchio``."""
     require_fit_for_use(fit, anyway)
     model, values = fit.require_model(), fit.require_bodies()
     count = len(model.robot.parameters(model.model))

@@ -52,35 +52,18 @@ def updated_robot_file(
 ) -> bytes:
     """The file of the robot's tree with its inertials and joint terms updated in place.
 
-    Numbers of ``<inertial>`` tags of the links that change are new, and those of joint terms that
-    change; other tags, comments and their order stay. Links on fixed or locked joints are one body
-    with one set of parameters: the link that names it changes, or all of them where that link alone
-    would become inconsistent. Inertials of a URDF keep the orientation of their axes.
-
-    Viscous and Coulomb friction have a place in every format, drive inertias and springs in an
-    MJCF; in a URDF these are updated where it has tags for them. Of a friction curve, and of load
-    friction, the file has the nearest of these over the rates of the log, at its mean load.
-
-    Parameters
-    ----------
-    robot : Robot
-        As loaded from the file.
-    standard_parameters : FloatArray
-        (n,) of ``robot.parameters("full")``, or of ``robot.parameters("gravity")``: then
-        masses and centres of mass change, and inertias about the centres of mass stay.
-    parameters : ParameterSet, optional
-        Names (n,) of the standard parameters, where joint terms are among them. Without names,
-        joint terms stay as they are.
-    use : MotorUse, optional
-        Rates and loads of the motors in the log, ``fit.use``; by default rates of the curve's
-        points, and no load.
+    ``standard_parameters`` (n,) are of ``robot.parameters("full")``, or of a gravity model: then
+    masses and centres of mass change, and inertias about the centres of mass stay. Joint terms are
+    written where ``parameters`` name some; viscous and Coulomb friction have a place in every
+    format, drive inertias and springs in an MJCF; in a URDF these are updated where it has tags for
+    them. Of a friction curve, and of load friction, the file has the nearest of these over the
+    rates of the log, at its mean load (``fit.use``).
 
     Raises
     ------
-    DataError
-        Naming a link that would not be physically consistent.
     DataError, RobotFileError
-        When the parameters, or the file, are not those of the robot.
+        Naming a link that would not be physically consistent, or parameters or a file that are not
+        those of the robot.
 
     Warns
     -----
@@ -118,36 +101,10 @@ def export_robot_file(
     parameters: ParameterSet | None = None,
     use: MotorUse | None = None,
 ) -> Path:
-    """Write the robot's file with updated inertials, whole or not at all.
+    """Write the robot's file with updated inertials, whole or not at all; see above.
 
-    Parameters
-    ----------
-    robot, standard_parameters, parameters, use
-        As in ``updated_robot_file``.
-    path : path
-        Ending as the robot's own file does. Paths of meshes and of a YAML's ``urdf`` key are not
-        adapted.
-    overwrite : bool
-        Whether the robot's own file may be replaced.
-
-    Raises
-    ------
-    FileError
-        When the file cannot be written, or is the robot's own.
-    OptionError
-        When the name ends otherwise.
-    DataError, RobotFileError
-        As ``updated_robot_file``.
-
-    Examples
-    --------
-    >>> import loopid, tempfile
-    >>> from loopid.export.robot_file import export_robot_file
-    >>> robot = loopid.load("five_bar")
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     heavier = 2 * robot.standard_parameters("full")
-    ...     export_robot_file(robot, heavier, f"{folder}/heavier.urdf").name
-    'heavier.urdf'
+    The name ends as the robot's own file does; paths of meshes and of a YAML's ``urdf`` are not
+    adapted.
     """
     place, tree = Path(path), files_of(robot).tree
     if place.suffix != tree.suffix:
@@ -181,10 +138,7 @@ def robot_file_of(
 def _updated_links(
     robot: Robot, body: Body, links: Mapping[str, FloatArray], row: FloatArray
 ) -> dict[str, FloatArray]:
-    """New pseudo-inertias (4, 4), each seen from its link, of the links of a body that change.
-
-    ``links`` are those of the whole file; ``row`` (4 or 10,) are the parameters of the body.
-    """
+    """New pseudo-inertias (4, 4) of links of a body that change for its ``row`` (4 or 10,)."""
     model, frames = robot.model, link_frames(robot.model)
     own = {name: model.frames[frames[name]] for name in links if name in frames}
     placements = {
@@ -359,10 +313,7 @@ def shared(links: Sequence[FloatArray], carrier: int, whole: FloatArray) -> list
 def shared_at_rest(
     links: Sequence[FloatArray], carrier: int, whole: FloatArray
 ) -> list[FloatArray]:
-    """The same where only mass and first moments (the last row of ``whole``) are known.
-
-    Inertias about the links' own centres of mass stay.
-    """
+    """The same where only mass and first moments (the last row of ``whole``) are known."""
     before = np.sum(links, axis=0)
     if np.abs(_relative_change(before, whole)[3]).max() <= SAME:
         return list(links)

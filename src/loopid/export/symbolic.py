@@ -1,7 +1,7 @@
 """The robot in CasADi's symbols, and the functions that become C: all of motor signals.
 
-Every joint is a chain of elementary ones, whose velocity along their own frame is a constant matrix
-times their coordinates' rates, as Pinocchio defines them. Newton's and Euler's recursion
+The velocity of a joint along its own frame is a constant matrix times its coordinates' rates, as
+Pinocchio defines them. Newton's and Euler's recursion
 [Featherstone2008, ch. 5] hands twists and accelerations from parent to child and wrenches back, in
 each link's own axes, so that most entries of axes stay zero. Forces are linear in the parameters
 and in accelerations: their derivatives are the regressor and the mass matrix.
@@ -232,9 +232,9 @@ class SymbolicRobot:
                 standard[parameter.link][KINDS.index(parameter.kind)] = self.phi[k]
         wrenches, names = [[ca.SX(3, 1), ca.SX(3, 1)] for _ in chain], list(standard)
         for body, place in zip(robot.bodies, robot.tie_indices, strict=True):
-            k = _end(chain, body.joint_id)
-            for part, own in enumerate(chain[k].wrench(standard[names[place]])):
-                wrenches[k][part] += own
+            own = chain[body.joint_id].wrench(standard[names[place]])
+            for part, each in enumerate(own):
+                wrenches[body.joint_id][part] += each
         for link, (force, moment) in zip(chain[:0:-1], wrenches[:0:-1], strict=True):
             tree[link.rows] = link.joint.angular.T @ moment + link.joint.linear.T @ force
             turned = link.R @ force
@@ -259,12 +259,6 @@ class SymbolicRobot:
     def _joint_term(self, parameter: Parameter, state: JointState) -> Any:
         """What a joint term multiplies, by the law of its kind."""
         term = joint_term(parameter.kind)
-        if "load" in term.needs:
-            raise OptionError(
-                f"C code cannot have {parameter.label}, as it does not compute what joints carry: "
-                f"identify without {parameter.kind} for it",
-                parameter=parameter.label,
-            )
         return term.law(state, term.at)
 
     def _closure_residual(self, chain: Sequence[Link]) -> Any:
@@ -281,27 +275,20 @@ class SymbolicRobot:
 
     def _pose(self, chain: Sequence[Link], index: int) -> SymbolicPose:
         frame = self.robot.model.frames[index]
-        carrier, (P, p) = chain[_end(chain, frame.parentJoint)], constant(frame.placement)
+        carrier, (P, p) = chain[frame.parentJoint], constant(frame.placement)
         return SymbolicPose(carrier.rotation @ P, carrier.origin + carrier.rotation @ p)
 
     def _chain(self, v: Any, a: Any) -> list[Link]:
-        """Links at velocities and accelerations (nv,), the ground first, parents before children.
-
-        Joints that are several have some; the last is what they carry.
-        """
+        """What each joint carries at velocities and accelerations (nv,), the ground first."""
         model = self.robot.model
         chain = [_ground(model.gravity.linear)]
         for index in range(1, model.njoints):
-            joint, parent = model.joints[index], _end(chain, model.parents[index])
-            own, first = self.q[joint.idx_q : joint.idx_q + joint.nq], joint.idx_v
+            joint, parent = model.joints[index], model.parents[index]
+            rows = slice(joint.idx_v, joint.idx_v + joint.nv)
+            own = self.q[joint.idx_q : joint.idx_q + joint.nq]
+            part = symbolic_joint(model.names[index], joint, own)
             mount = model.jointPlacements[index]
-            for part in elementary_joints(model.names[index], joint, own):
-                rows = slice(first, first + part.angular.shape[1])
-                place = index, parent, rows
-                chain.append(
-                    _carried(chain[parent], place, mount * part.before, part, v[rows], a[rows])
-                )
-                first, parent, mount = rows.stop, len(chain) - 1, pin.SE3.Identity()
+            chain.append(_carried(chain[parent], (parent, rows), mount, part, v[rows], a[rows]))
         return chain
 
 
@@ -319,23 +306,17 @@ def c_of(functions: Mapping[str, ca.Function], name: str) -> str:
     return str(generator.dump())
 
 
-def _end(chain: Sequence[Link], joint: int) -> int:
-    """The place of the link that a joint carries."""
-    return max(k for k, link in enumerate(chain) if link.index == joint)
-
-
 def _norm(vector: Any) -> Any:
     return ca.sqrt(ca.sumsqr(vector))
 
 
 @dataclass(frozen=True)
 class Link:
-    """What an elementary joint carries, along its own axes but for its pose in the fixed frame."""
+    """What a joint carries, along its own axes but for its pose in the fixed frame."""
 
-    index: int  # of the joint that the elementary one is a part of
     parent: int  # place in the chain
     rows: slice  # of its coordinates among all velocities
-    joint: ElementaryJoint
+    joint: SymbolicJoint
     # Pose in the parent, and in the fixed frame: (3, 3) and (3,)
     R: Any
     r: Any
@@ -367,15 +348,15 @@ class Link:
 def _ground(gravity: FloatArray) -> Link:
     eye, zero, up = ca.SX.eye(3), ca.SX(3, 1), ca.sparsify(ca.SX(-gravity))
     nothing = ca.DM(3, 0)
-    joint = ElementaryJoint(pin.SE3.Identity(), eye, zero, nothing, nothing, ca.SX(0, 0))
-    return Link(0, 0, slice(0), joint, eye, zero, eye, zero, zero, zero, zero, up)
+    joint = SymbolicJoint(eye, zero, nothing, nothing, ca.SX(0, 0))
+    return Link(0, slice(0), joint, eye, zero, eye, zero, zero, zero, zero, up)
 
 
 def _carried(
     parent: Link,
-    place: tuple[int, int, slice],
+    place: tuple[int, slice],
     mount: pin.SE3,
-    joint: ElementaryJoint,
+    joint: SymbolicJoint,
     v: Any,
     a: Any,
 ) -> Link:
@@ -403,11 +384,10 @@ def _carried(
 
 
 @dataclass(frozen=True)
-class ElementaryJoint:
+class SymbolicJoint:
     """A joint in symbols."""
 
-    before: pin.SE3  # where it is mounted
-    rotation: Any  # (3, 3), its motion from there
+    rotation: Any  # (3, 3), its motion from where it is mounted
     translation: Any  # (3,)
     angular: Any  # (3, nv), velocity along its own frame per unit of each coordinate
     linear: Any  # (3, nv)
@@ -415,52 +395,22 @@ class ElementaryJoint:
     unit: tuple[int, int] = (0, 0)  # positions from, up to, of a cosine and sine or a quaternion
 
 
-def elementary_joints(name: str, joint: pin.JointModel, q: Any) -> list[ElementaryJoint]:
-    """The chain that a joint is, at symbolic positions (nq,)."""
-    chain, first = [], 0
-    for part, placement in _parts(joint):
-        kind = part.shortname().removeprefix("JointModel")
-        own = q[first : first + part.nq]
-        first += part.nq
-        if kind in SEVERAL:
-            chain.append(SEVERAL[kind](placement, own))
-        elif part.nv == 1:
-            chain.append(_single(part, placement, own))
-        else:
-            message = f"joint {name} is a {kind}, which has no symbolic form here"
-            raise OptionError(message, joint=name, kind=kind)
-    return chain
+def symbolic_joint(name: str, joint: pin.JointModel, q: Any) -> SymbolicJoint:
+    """A joint at symbolic positions (nq,)."""
+    kind = joint.shortname().removeprefix("JointModel")
+    if kind in SEVERAL:
+        return SEVERAL[kind](q)
+    if joint.nv == 1 and kind != "Composite":
+        return _single(joint, q)
+    message = f"joint {name} is a {kind}, which has no symbolic form here"
+    raise OptionError(message, joint=name, kind=kind)
 
 
-def _parts(joint: pin.JointModel) -> list[tuple[pin.JointModel, pin.SE3]]:
-    """Joints of one kind of motion each, with their placements behind one another."""
-    kind, start = joint.shortname().removeprefix("JointModel"), pin.SE3.Identity()
-    if kind == "Composite":
-        joint = joint.extract() if isinstance(joint, pin.JointModel) else joint
-        return [
-            (part, where * there if k == 0 else there)
-            for own, where in zip(joint.joints, joint.jointPlacements, strict=True)
-            for k, (part, there) in enumerate(_parts(own))
-        ]
-    if kind == "SphericalZYX":
-        return [(turn(), start) for turn in (pin.JointModelRZ, pin.JointModelRY, pin.JointModelRX)]
-    if kind == "Universal":
-        axes = np.asarray(_subspace(joint)).reshape(6, 2)[3:].T
-        return [(pin.JointModelRevoluteUnaligned(axis.copy()), start) for axis in axes]
-    return [(joint, start)]
-
-
-def _subspace(joint: pin.JointModel) -> FloatArray:
-    """Velocity (6, nv) at position zero, linear above angular."""
-    data = joint.createData()
-    q = np.zeros(max(joint.idx_q, 0) + joint.nq)
-    joint.calc(data, q)
-    return np.asarray(data.S, dtype=np.float64).reshape(6, -1)
-
-
-def _single(joint: pin.JointModel, before: pin.SE3, q: Any) -> ElementaryJoint:
+def _single(joint: pin.JointModel, q: Any) -> SymbolicJoint:
     """A turn, a displacement, or both: hinges, sliders and screws."""
-    axis = exact(_subspace(joint)[:, 0])
+    data = joint.createData()
+    joint.calc(data, np.zeros(joint.idx_q + joint.nq))
+    axis = exact(np.asarray(data.S, dtype=np.float64).ravel())  # linear above angular
     linear, angular = ca.DM(axis[:3]), ca.DM(axis[3:])
     if joint.nq == 2:  # A continuous joint has the cosine and the sine of its angle.
         cosine, sine, rates = q[0], q[1], ca.vertcat(-q[1], q[0])
@@ -469,9 +419,7 @@ def _single(joint: pin.JointModel, before: pin.SE3, q: Any) -> ElementaryJoint:
     rotation = _rodrigues(angular, cosine, sine) if axis[3:].any() else ca.SX.eye(3)
     moved = linear * q if axis[:3].any() else ca.SX(3, 1)
     unit = (0, 2 if joint.nq == 2 else 0)
-    return ElementaryJoint(
-        before, rotation, moved, ca.sparsify(angular), ca.sparsify(linear), rates, unit
-    )
+    return SymbolicJoint(rotation, moved, ca.sparsify(angular), ca.sparsify(linear), rates, unit)
 
 
 def _rodrigues(axis: Any, cosine: Any, sine: Any) -> Any:
@@ -480,41 +428,31 @@ def _rodrigues(axis: Any, cosine: Any, sine: Any) -> Any:
     return ca.SX.eye(3) + sine * cross + (1 - cosine) * square
 
 
-def _spherical(before: pin.SE3, q: Any) -> ElementaryJoint:
+def _spherical(q: Any) -> SymbolicJoint:
     rates, none = _quaternion_rates(q), ca.SX(3, 1)
-    return ElementaryJoint(before, _rotation(q), none, ca.DM.eye(3), ca.DM(3, 3), rates, (0, 4))
+    return SymbolicJoint(_rotation(q), none, ca.DM.eye(3), ca.DM(3, 3), rates, (0, 4))
 
 
-def _free(before: pin.SE3, q: Any) -> ElementaryJoint:
+def _free(q: Any) -> SymbolicJoint:
     R = _rotation(q[3:])
     eye, nothing = ca.DM.eye(3), ca.DM(3, 3)
     rates = ca.diagcat(R, _quaternion_rates(q[3:]))
     angular, linear = ca.horzcat(nothing, eye), ca.horzcat(eye, nothing)
-    return ElementaryJoint(before, R, q[:3], angular, linear, rates, (3, 7))
+    return SymbolicJoint(R, q[:3], angular, linear, rates, (3, 7))
 
 
-def _planar(before: pin.SE3, q: Any) -> ElementaryJoint:
+def _planar(q: Any) -> SymbolicJoint:
     cosine, sine = q[2], q[3]
     R = _rodrigues(ca.DM([0, 0, 1]), cosine, sine)
     rates = ca.diagcat(R[:2, :2], ca.vertcat(-sine, cosine))
     linear, angular = ca.diagcat(ca.DM.eye(2), ca.DM(1, 1)), ca.DM(3, 3)
     angular[2, 2] = 1
     translation = ca.vertcat(q[:2], ca.SX(1, 1))
-    return ElementaryJoint(before, R, translation, angular, linear, rates, (2, 4))
-
-
-def _translation(before: pin.SE3, q: Any) -> ElementaryJoint:
-    eye = ca.DM.eye(3)
-    return ElementaryJoint(before, ca.SX.eye(3), q, ca.DM(3, 3), eye, ca.SX.eye(3))
+    return SymbolicJoint(R, translation, angular, linear, rates, (2, 4))
 
 
 # Joints with several coordinates whose velocities are constant along their own frame.
-SEVERAL = {
-    "Spherical": _spherical,
-    "FreeFlyer": _free,
-    "Planar": _planar,
-    "Translation": _translation,
-}
+SEVERAL = {"Spherical": _spherical, "FreeFlyer": _free, "Planar": _planar}
 
 
 def _rotation(quaternion: Any) -> Any:

@@ -25,11 +25,10 @@ robot_formats.register(".xacro", "loopid.formats.xacro:read_xacro")
 
 for sign, reader in {
     "link[starts-with(@name, 'closing_')]": "onshape:read_closing_frames",
-    "loop | coupling | joint[@independent] | loop_constraint | joint_constraint": (
+    "loop | loop_joint | constraint": "loop_tags:read_loop_tags",
+    "coupling | joint[@independent] | loop_constraint | joint_constraint": (
         "urdf_plus:read_urdf_plus"
     ),
-    "constraint": "urdf_constraint:read_constraints",
-    "loop_joint": "isaac_sim:read_loop_joints",
     "gazebo": "gazebo:read_gazebo",
     "//*[contains(name(), 'ball_constraint') or contains(name(), 'linear_')]": "drake:read_drake",
 }.items():

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from array import array
-from bz2 import BZ2Decompressor
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from functools import cached_property, partial
+from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from loopid.arguments import IntArray
 from loopid.errors import DataWarning, LogError, warn
-from loopid.files import UNPACKED_BYTES, Ceiling
 from loopid.logs.table import (
     LARGEST_STAMP,
     MOST_LISTED,
@@ -26,7 +22,6 @@ from loopid.logs.table import (
     optional,
     refusals,
 )
-from loopid.registry import exchanged
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 QUANTITIES = ("position", "velocity", "effort")
@@ -95,14 +90,12 @@ class BagFormat(LogFormat):
         with refusals(self.path, "ROS bag that can be read"):
             _refuse_unfinished(self.path)
             # The message has been the same in all distributions.
-            usual, ceiling = get_typestore(Stores.ROS2_HUMBLE), self.ceiling()
-            reader = AnyReader([self.path], default_typestore=usual)
-            with _limited(ceiling), reader as bag:
+            usual = get_typestore(Stores.ROS2_HUMBLE)
+            with AnyReader([self.path], default_typestore=usual) as bag:
                 counts = self._chosen(bag.topics)
                 topics = {name: Topic(f"{self.path} {name}") for name in counts}
                 connections = [c for c in bag.connections if c.topic in topics]
                 for connection, received, data in bag.messages(connections):
-                    ceiling.count(len(data))
                     state = bag.deserialize(data, connection.msgtype)
                     topics[connection.topic].append(state, received)
         for name, topic in topics.items():
@@ -168,42 +161,6 @@ class BagFormat(LogFormat):
         columns = {name: at[name] for name in times}
         columns |= {name: np.array(topic.columns[name][1]) for name in names}
         return array_table(topic.source, columns, messages + 1)
-
-
-@contextmanager
-def _limited(ceiling: Ceiling) -> Iterator[None]:
-    """Let rosbags, which has no limit of its own, unpack no more than a ceiling allows."""
-    import apsw
-    from lz4.frame import LZ4FrameDecompressor
-    from rosbags.rosbag1 import reader as ros1
-    from rosbags.rosbag2 import reader as ros2, storage_mcap as mcap
-
-    zstd = mcap.zstd  # as its package is called in this version of Python
-    kinds = {"bz2": BZ2Decompressor, "lz4": LZ4FrameDecompressor, "zstd": zstd.ZstdDecompressor}
-    unpack = {name: partial(ceiling.unpack, kind) for name, kind in kinds.items()}
-
-    @contextmanager
-    def open_packed(file: Any, mode: str) -> Iterator[Any]:
-        def read(size: int) -> Any:
-            content = packed.read(size)
-            ceiling.count(len(content))
-            return content
-
-        with zstd.open(file, mode) as packed:
-            yield SimpleNamespace(read=read)
-
-    def limit(database: Any) -> None:  # whose columns may be made as they are read
-        database.limit(apsw.SQLITE_LIMIT_LENGTH, UNPACKED_BYTES)
-
-    chunks = {name: lambda data, _, name=name: unpack[name](data) for name in ("lz4", "zstd")}
-    files = SimpleNamespace(open=open_packed, decompress=unpack["zstd"])
-    with (
-        exchanged(ros1.decompressors, bz2=unpack["bz2"], lz4=unpack["lz4"]),
-        exchanged(mcap.DECOMPRESSORS, **chunks),
-        exchanged(vars(ros2), zstd=files),
-        exchanged(vars(apsw), connection_hooks=[limit]),
-    ):
-        yield
 
 
 def _refuse_unfinished(path: Path) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-import numpy as np
 import pinocchio as pin
 from lxml import etree
 
@@ -33,17 +32,15 @@ SLOWING = ("dampingFactor", "velocity_decay")
 def read_gazebo(urdf: UrdfFile, model: pin.Model) -> Dialect:
     """What ``<gazebo>`` tags say of closures, forces and plugins."""
     terms, left_out = dict[str, dict[str, float]](), list[LeftOut]()
-    joints = {joint.name for joint in urdf.robot.joints}
-    heavy = {link.name: link.inertial for link in urdf.robot.links if link.inertial is not None}
+    joints = {joint.name for joint in urdf.joints}
+    heavy = {link.name: link.inertial for link in urdf.links if link.inertial is not None}
     for extension in urdf.root.findall("gazebo"):
         name = (extension.get("reference") or "").strip()
         if name in joints:
             terms[name] = terms.get(name, {}) | coefficients(extension)
         for tag, words in WEIGHTLESS.items() if name in heavy else ():
             if said(extension, tag).lower() in words:
-                inertial = heavy[name]
-                centre = np.zeros(3) if inertial.origin is None else inertial.origin[:3, 3]
-                weight = float(inertial.mass), *map(float, centre)
+                weight = heavy[name].mass, *map(float, heavy[name].centre)
                 left_out.append(LeftOut(f"<{tag}>: {name} has no weight", {name: weight}))
         left_out += [LeftOut(f"<{local_name(tag)}>") for tag in inner_tags(extension, SLOWING)]
     notes = _unread_plugins(urdf)
@@ -70,7 +67,7 @@ def _welds(urdf: UrdfFile) -> Iterator[Element]:
 
 
 def _is_own(urdf: UrdfFile, owner: str) -> bool:
-    return owner in ("", "__model__", urdf.robot.name)
+    return owner in ("", "__model__", urdf.name)
 
 
 def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
@@ -79,7 +76,7 @@ def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     for element in (*urdf.root.findall("gazebo/joint"), *_welds(urdf)):
         parent = (child(element, "parent").text or "").strip()
-        if parent == "world" and all(link.name != "world" for link in urdf.robot.links):
+        if parent == "world" and all(link.name != "world" for link in urdf.links):
             continue  # a mount, which a URDF has anyway
         with naming(label(element)):
             links = linked(urdf, element)
@@ -94,7 +91,7 @@ def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
 
 def _unread_plugins(urdf: UrdfFile) -> tuple[str, ...]:
     """Sentences about plugins that couple joints, or close loops, which no tag tells."""
-    followers = {j.name for j in urdf.robot.joints if j.mimic is not None}
+    followers = {j.name for j in urdf.joints if j.mimic is not None}
     mimicking, closing = dict[str, list[str]](), dict[str, None]()
     for plugin in urdf.root.iterfind("gazebo//plugin"):
         file, follower = plugin.get("filename", ""), (plugin.findtext("mimicJoint") or "").strip()
@@ -102,6 +99,8 @@ def _unread_plugins(urdf: UrdfFile) -> tuple[str, ...]:
             mimicking.setdefault(file, []).append(follower)
         elif CLOSING_PLUGIN.search(file):
             closing[file] = None
+    advice = {file: f"give a <mimic> to {shortened(joints)}" for file, joints in mimicking.items()}
+    advice |= dict.fromkeys(closing, "write its closure into a YAML beside it")
     owners = dict.fromkeys(owner for _, _, owner, _ in detachable_joints(urdf.root))
     return (
         *(
@@ -109,12 +108,5 @@ def _unread_plugins(urdf: UrdfFile) -> tuple[str, ...]:
             for owner in owners
             if not _is_own(urdf, owner)
         ),
-        *(
-            f"plugin {file!r:.80} is not read: give a <mimic> to {shortened(joints)}"
-            for file, joints in mimicking.items()
-        ),
-        *(
-            f"plugin {file!r:.80} is not read: write its closure into a YAML beside it"
-            for file in closing
-        ),
+        *(f"plugin {file!r:.80} is not read: {do}" for file, do in advice.items()),
     )

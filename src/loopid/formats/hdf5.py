@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
@@ -13,16 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from loopid.errors import LogError
-from loopid.files import Ceiling
-from loopid.logs.table import (
-    MOST_LISTED,
-    ArrayFormat,
-    Column,
-    array_columns,
-    optional,
-    other_kind,
-    refusals,
-)
+from loopid.logs.table import MOST_LISTED, ArrayFormat, Column, array_columns, optional, refusals
 
 if TYPE_CHECKING:
     import h5py
@@ -50,14 +39,7 @@ class Hdf5Format(ArrayFormat):
                     places = _fields(item.dtype) if fields else array_columns(own, item.shape)
                     self.collect(columns, item.name, places)
 
-            start = self._chosen(file)
-            start.visititems(collect)
-            place = start.name
-        streams = {name: columns for name, columns in streams.items() if columns}
-        if not streams:
-            raise LogError(
-                f"{self.path} holds no arrays with one or two axes in {place}", file=self.path
-            )
+            self._chosen(file).visititems(collect)
         return streams
 
     def _chosen(self, file: h5py.File) -> h5py.Group:
@@ -83,18 +65,7 @@ class Hdf5Format(ArrayFormat):
         return file[self.chosen]
 
     def _read(self, arrays: Iterable[str]) -> Mapping[str, NDArray[Any]]:
-        ceiling = self.ceiling()
         with self._file() as file:
-            for name in arrays:
-                array = file[name]
-                if array.external or array.is_virtual:
-                    raise LogError(
-                        f"{self.path}: the numbers of {name} are in another file", file=self.path
-                    )
-                if array.dtype.hasobject:  # any number may point to one text
-                    column = name.rsplit("/", 1)[-1]
-                    raise other_kind(self.path, column, array.dtype, "numbers")
-                _require_true_size(array, ceiling)
             return {name: file[name][()] for name in arrays}
 
     @contextmanager
@@ -103,32 +74,6 @@ class Hdf5Format(ArrayFormat):
             import h5py
         with refusals(self.path, self.kind), h5py.File(self.path, "r") as file:
             yield file
-
-
-def _require_true_size(array: h5py.Dataset, ceiling: Ceiling) -> None:
-    """Refuse an array that is too large, or whose chunks unpack to more than they are to hold."""
-    from h5py import h5z
-
-    made, chunks = array.id.get_create_plist(), list[Any]()
-    filters = [made.get_filter(k)[0] for k in range(made.get_nfilters())]
-    packers = [one for one in filters if one not in (h5z.FILTER_SHUFFLE, h5z.FILTER_FLETCHER32)]
-    if packers not in ([], [h5z.FILTER_DEFLATE], [h5z.FILTER_LZF]):
-        raise LogError(
-            f"{ceiling.path}: {array.name} is packed otherwise than once by gzip or lzf, of which "
-            "the size is known: write it so, or unpacked",
-            file=ceiling.path,
-        )
-    if array.chunks is not None:
-        array.id.chunk_iter(chunks.append)
-    size = array.dtype.itemsize * math.prod(array.chunks or ())
-    ceiling.count(max(array.nbytes, size * len(chunks)))
-    for chunk in chunks if h5z.FILTER_DEFLATE in packers else ():  # lzf packs 88 times at most
-        skipped, data = array.id.read_direct_chunk(chunk.chunk_offset)
-        content = zlib.decompressobj()
-        if skipped >> filters.index(h5z.FILTER_DEFLATE) & 1:
-            continue
-        if len(content.decompress(data, size + 1)) > size or not content.eof:
-            raise ValueError(f"a chunk of {array.name} has another size than it says")
 
 
 def _fields(table: np.dtype[Any]) -> dict[str, str]:

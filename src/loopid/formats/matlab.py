@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from loopid.errors import LogError
-from loopid.files import BLOCK_BYTES, Ceiling
 from loopid.logs.table import WIDEST, ArrayFormat, Column, refusals, stream_name
-
-HEADER, TAG, COMPRESSED = 128, 8, 15  # bytes of a file and of an element; the type of a packed one
 
 
 class MatFormat(ArrayFormat):
-    """Arrays (N, 1) are columns, a matrix (N, k) is the columns ``x_0`` to ``x_k-1``."""
+    """Arrays of N numbers are columns, a matrix (N, k) or (k, N) is those ``x_0`` to ``x_k-1``."""
 
     endings = (".mat",)
     kind = ".mat of numbers"
@@ -31,8 +26,6 @@ class MatFormat(ArrayFormat):
             count = array.shape[1]
             places = {name: 0} if count == 1 else {f"{name}_{k}": k for k in range(count)}
             self.collect(columns, name, places)
-        if not columns:
-            raise LogError(f"{self.path} holds no arrays with one or two axes", file=self.path)
         return {stream_name(self.path): columns}
 
     def _read(self, arrays: Iterable[str]) -> Mapping[str, NDArray[Any]]:
@@ -42,7 +35,6 @@ class MatFormat(ArrayFormat):
     def _arrays(self) -> dict[str, NDArray[Any]]:
         from scipy.io import loadmat
 
-        _require_true_size(self.path, self.ceiling())
         with refusals(self.path, self.kind):
             try:
                 content = loadmat(self.path, simplify_cells=True)
@@ -56,7 +48,7 @@ class MatFormat(ArrayFormat):
 
 
 def _numbers(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, NDArray[Any]]]:
-    """Tables (N, k) of numbers by name, in structures too; a row counts as a column."""
+    """Tables (N, k) of numbers by name, in structures too; samples are along the longer axis."""
     for key, value in content.items():
         if isinstance(value, dict):
             yield from _numbers(value, f"{before}{key}.")
@@ -64,25 +56,6 @@ def _numbers(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[str
         array = np.atleast_1d(value)
         if array.dtype.kind in "biuf" and array.ndim <= 2 and array.size > 1:
             table = array.reshape(len(array), -1) if array.ndim == 1 else array
-            table = table.T if table.shape[0] == 1 else table
+            table = table.T if table.shape[0] < table.shape[1] else table
             if table.shape[1] <= WIDEST:
                 yield before + key, table
-
-
-def _require_true_size(path: Path, ceiling: Ceiling) -> None:
-    """Count what packed elements unpack to, before any is read."""
-    with path.open("rb") as file:
-        file.seek(HEADER)
-        while len(tag := file.read(TAG)) == TAG:
-            kind, size = (int.from_bytes(tag[k : k + 4], "little") for k in (0, 4))
-            if kind != COMPRESSED:
-                return  # others, and old versions, are not packed
-            one, left = zlib.decompressobj(), size
-            while left > 0 and (data := file.read(min(left, BLOCK_BYTES))):
-                left -= len(data)
-                while data:
-                    try:
-                        ceiling.count(len(one.decompress(data, BLOCK_BYTES)))
-                    except zlib.error:
-                        return  # the reader will say so
-                    data = one.unconsumed_tail

@@ -5,7 +5,7 @@ Importing this needs MuJoCo.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -33,15 +33,13 @@ from loopid.formats.mjcf_scene import (
     transmission,
 )
 from loopid.loading.description import ClosureDescription, Description
-from loopid.loading.tree import NearCoupling, TreeSource, add_frame
+from loopid.loading.tree import TreeSource, add_frame
 from loopid.robot.robot import shortened
 
 # Gain, bias and dynamics of an actuator whose force is its control times a constant.
 DIRECT = "fixed", "none", "none"
 # In eq_data of a weld: anchors in the second and first body, quaternion, weight of the rotation.
 ANCHOR_2, ANCHOR_1, QUATERNION, TORQUE_SCALE = slice(0, 3), slice(3, 6), slice(6, 10), 10
-# Part of what its joints can do up to which the range of a tendon hardly lets them move.
-SMALL_RANGE = 0.1
 AXES = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
 # Quaternions have no limits; random configurations need some.
 QUATERNION_LIMIT = np.full(4, 1.01)
@@ -84,7 +82,6 @@ def read_mjcf(path: Path, floating_base: bool = False) -> TreeSource:
         description=description,
         notes=(*_left_out(scene, lengths.names), *notes, *warnings),
         left_out=tuple(left_out),
-        near_couplings=tuple(_near_couplings(scene)),
     )
 
 
@@ -107,11 +104,7 @@ class Mount(NamedTuple):
 
 
 def _tree(scene: Scene, name: str) -> tuple[pin.Model, dict[str, str]]:
-    """The open tree, and the link that each joint carries.
-
-    The joints of a body are a chain, with massless links between them. Bodies without joints become
-    part of the body that carries them.
-    """
+    """The open tree, and the link that each joint carries; several joints of a body are a chain."""
     compiled = scene.compiled
     model, child_links = pin.Model(), dict[str, str]()
     model.name = name
@@ -209,11 +202,7 @@ def _effort_limit(scene: Scene, joint: int) -> float:
 
 
 def _reference(scene: Scene) -> dict[str, float | list[float]]:
-    """Joint values of the keyframe ``home``, else of the first one, else as the file is drawn.
-
-    Several coordinates of one joint are in Pinocchio's order: positions, then a quaternion with w
-    last.
-    """
+    """Joint values of the keyframe ``home``, else of the first one, else as the file is drawn."""
     compiled, keys = scene.compiled, scene.keys
     q = np.array(compiled.qpos0)
     if keys:
@@ -405,10 +394,7 @@ def _branches(scene: Scene, tendon: int) -> list[tuple[float, list[int]]]:
 def _motors(
     lengths: Lengths, closures: Sequence[ClosureDescription]
 ) -> tuple[list[str], Sequence[str]]:
-    """Joints and tendons that the actuators drive, in their order, and notes about other actuators.
-
-    Where couplings let all joints of a fixed tendon but one follow, that joint stands for it.
-    """
+    """Joints and tendons that the actuators drive, in their order, and notes about others."""
     scene, compiled = lengths.scene, lengths.scene.compiled
     joints: list[str] = []
     idle, wrapped = [], []
@@ -452,29 +438,6 @@ def _leaders(closures: Sequence[ClosureDescription], joints: Sequence[str]) -> l
             leaders.append(joint)
             rows.append(own)
     return leaders
-
-
-def _near_couplings(scene: Scene) -> Iterator[NearCoupling]:
-    """Fixed tendons whose limits hardly let their joints move."""
-    compiled = scene.compiled
-    for tendon in map(int, np.flatnonzero(compiled.tendon_limited)):
-        low, high = map(float, compiled.tendon_range[tendon])
-        terms = joints_of(scene, tendon)
-        reach = sum(
-            abs(factor) * _reach(scene, scene.joints.index(joint))
-            for joint, factor in terms.items()
-        )
-        if low <= high < np.inf and terms and high - low <= SMALL_RANGE * reach:
-            coupling = ClosureDescription(type="coupling", joints=terms, offset=(low + high) / 2)
-            name = f"tendon {named(scene.tendons, tendon)}"
-            yield NearCoupling(name, coupling, high - low)
-
-
-def _reach(scene: Scene, joint: int) -> float:
-    """How far a joint can go: within its limits, else a turn."""
-    if scene.compiled.jnt_limited[joint]:
-        return float(np.ptp(scene.compiled.jnt_range[joint]))
-    return 2 * np.pi if scene.joint_kinds[joint] == "hinge" else np.inf
 
 
 def _left_out(scene: Scene, lengths: Mapping[int, str]) -> list[str]:

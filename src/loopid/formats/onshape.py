@@ -23,7 +23,7 @@ def read_closing_frames(urdf: UrdfFile, model: pin.Model) -> Dialect:
     ``closing_NAME_2_z``; without them the origins meet, which the exporter's manual has one
     enforce.
     """
-    links, closures = [link.name for link in urdf.robot.links], []
+    links, closures = [link.name for link in urdf.links], []
     for match in filter(None, map(CLOSING_FRAME.fullmatch, links)):
         name, side = match.groups()
         frames = (f"closing_{name}_1", f"closing_{name}_2")

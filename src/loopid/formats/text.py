@@ -16,7 +16,7 @@ import numpy as np
 
 from loopid.arguments import number
 from loopid.errors import LogError
-from loopid.files import LONGEST_LINE, Ceiling, count_unpacked, text_blocks, why_no_file
+from loopid.files import LONGEST_LINE, text_blocks, why_no_file
 from loopid.logs.signals import is_unit
 from loopid.logs.table import (
     AROUND_CELLS,
@@ -77,26 +77,24 @@ class TextFormat(LogFormat):
         for stream, file in self._files.items():
             # In a folder it matters only if its columns are needed.
             with suppress(LogError) if self.path.is_dir() else nullcontext():
-                found[stream] = read_header(file, self.ceiling(file)).names
+                found[stream] = read_header(file).names
         return found
 
     def source(self, stream: str) -> str:
         return str(self._files[stream])
 
     def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
-        file = self._files[stream]
-        count_unpacked(file, self.ceiling(file))
-        return [_read_table(file, self.ceiling(file), times, values)]
+        return [_read_table(self._files[stream], times, values)]
 
 
-def _read_table(path: Path, ceiling: Ceiling, times: Sequence[str], values: Sequence[str]) -> Table:
+def _read_table(path: Path, times: Sequence[str], values: Sequence[str]) -> Table:
     """Times as text, and numbers; Polars' reader of CSV would number no rows, and fill or cut."""
     import polars
 
-    header, read, cut_off = read_header(path, ceiling), 0, None
+    header, read, cut_off = read_header(path), 0, None
     width = len(header.names)
     tables, rows, garbled = [], [], []
-    with closing(text_blocks(path, ceiling)) as blocks:
+    with closing(text_blocks(path)) as blocks:
         for block in blocks:
             text, whole = _decoded(block), block.endswith(b"\n")
             lines = polars.Series(text.removeprefix("\ufeff").removesuffix("\n").split("\n"))
@@ -195,13 +193,13 @@ def _is_number(cell: str) -> bool:
     return bool(known) or not np.isnan(number(cell))
 
 
-def read_header(path: Path, ceiling: Ceiling) -> Header:
+def read_header(path: Path) -> Header:
     """The names of the columns: in a line above the samples, or the last comment there.
 
     That has as many cells as the samples; a line of units below adds them to the names. Columns
     without names are called 1, 2, 3.
     """
-    comment, lines = _first_lines(path, ceiling)
+    comment, lines = _first_lines(path)
     separator = _separator(lines)
     width = _usual(len(line.cells(separator)) for line in lines[1:] or lines)
     numbers = [line.numbers(separator) for line in lines]
@@ -266,10 +264,10 @@ def _are_units(cells: Sequence[str]) -> bool:
     return bool(told) and 2 * sum(map(is_unit, told)) > len(told)
 
 
-def _first_lines(path: Path, ceiling: Ceiling) -> tuple[str, list[Line]]:
+def _first_lines(path: Path) -> tuple[str, list[Line]]:
     """The last comment at the head of a file, and the first lines below it."""
     comment, lines, looked_at = "", list[Line](), 0
-    with closing(text_blocks(path, ceiling)) as blocks:
+    with closing(text_blocks(path)) as blocks:
         for row, data in enumerate(chain.from_iterable(map(BytesIO, blocks)), 1):
             text = _decoded(data).rstrip("\r\n")
             text = text.removeprefix("\ufeff") if row == 1 else text

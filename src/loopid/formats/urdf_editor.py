@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
 from lxml import etree
 
 from loopid.arguments import FloatArray, number
@@ -24,13 +23,13 @@ class UrdfEditor:
     """Inertials of a URDF that are not all zero, along the axes of the origin; its joint terms."""
 
     def __init__(self, path: Path) -> None:
-        self.path, found = path, dict[str, Inertial]()
-        for link in read_urdf_file(path).robot.links:
-            own = link.inertial
-            if own is not None and (own.mass or own.inertia.any()):
-                T = np.eye(4) if own.origin is None else own.origin
-                found[link.name] = Inertial(own.mass, T[:3, 3], T[:3, :3], own.inertia)
-        self.inertials = found
+        self.path = path
+        bodies = {link.name: link.inertial for link in read_urdf_file(path).links}
+        self.inertials = {
+            name: own
+            for name, own in bodies.items()
+            if own is not None and (own.mass or own.tensor.any())
+        }
 
     def joint_terms(self, content: bytes) -> Mapping[str, Mapping[str, float]]:
         """Values of terms, by joint and kind, that content of the file says."""
@@ -42,10 +41,7 @@ class UrdfEditor:
     def edited(
         self, inertials: Mapping[str, FloatArray], terms: Mapping[str, Mapping[str, float]]
     ) -> bytes:
-        """Content of the file with other pseudo-inertias (4, 4) of links, and terms of joints.
-
-        Terms are written where the file says them; friction is added where it does not.
-        """
+        """Content with other pseudo-inertias (4, 4) of links, and terms of joints."""
         content = self.path.read_bytes()
         if not (inertials or terms):
             return content

@@ -1,28 +1,15 @@
-"""URDF+ [Chignoli2024]: ``<loop>``, ``<coupling>``, and joints that are ``independent``."""
+"""URDF+ [Chignoli2024]: ``<coupling>``, and joints that are ``independent``."""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import pinocchio as pin
 
 from loopid.border import validated
 from loopid.errors import RobotFileError, naming
 from loopid.loading.description import ClosureDescription
-from loopid.loading.urdf import SEVERAL, Dialect, closure_of, linked
-from loopid.loading.urdf_tree import UrdfFile
-from loopid.loading.xml_elements import (
-    child,
-    inner_tags,
-    label,
-    named_tags,
-    numbers,
-    placement,
-    required,
-)
-
-if TYPE_CHECKING:
-    from yourdfpy.urdf import Joint
+from loopid.loading.urdf import SEVERAL, Dialect, linked
+from loopid.loading.urdf_tree import Joint, UrdfFile
+from loopid.loading.xml_elements import child, inner_tags, label, named_tags, numbers, required
 
 ENDS = ("predecessor", "successor")
 DRAFTS = ("loop_constraint", "joint_constraint")
@@ -30,28 +17,17 @@ TRUTH = {"true": True, "1": True, "false": False, "0": False}
 
 
 def read_urdf_plus(urdf: UrdfFile, model: pin.Model) -> Dialect:
-    """Loops, couplings, and which joints have motors."""
+    """Couplings, and which joints have motors."""
     for element in inner_tags(urdf.root, DRAFTS):
         raise RobotFileError(
             f"{label(element)} is not read: remove it, and write its closure into a YAML beside it"
         )
     couplings = _couplings(urdf)
     return Dialect(
-        closures=[*_loops(urdf, model), *couplings.values()],
+        closures=[*couplings.values()],
         followers=tuple(couplings),
         independent=_independent(urdf),
     )
-
-
-def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
-    """``<loop>`` tags, each with the origin of its frame in either link."""
-    closures = []
-    for element in named_tags(urdf.root, "loop"):
-        with naming(label(element)):
-            first, second = (placement(element.find(f"{side}/origin")) for side in ENDS)
-            links, places = linked(urdf, element, ENDS), (first, second)
-            closures.append(closure_of(model, element, links, places, sides=ENDS, axes="axis"))
-    return closures
 
 
 def _couplings(urdf: UrdfFile) -> dict[str, ClosureDescription]:
@@ -76,7 +52,7 @@ def _couplings(urdf: UrdfFile) -> dict[str, ClosureDescription]:
 
 def _branches(urdf: UrdfFile, ends: tuple[str, str]) -> list[list[str]]:
     """Joints that move two links against the nearest link that carries both."""
-    carriers = {joint.child: joint for joint in urdf.robot.joints}
+    carriers = {joint.child: joint for joint in urdf.joints}
     paths: list[list[Joint]] = [[], []]  # from the root to each link
     for path, link in zip(paths, ends, strict=True):
         while link in carriers:

@@ -21,7 +21,6 @@ from loopid.formats.sdf import read_sdf
 from loopid.loading.tree import TreeSource
 from loopid.loading.urdf import read_urdf
 from loopid.loading.xml_elements import Element, parsed_xml
-from loopid.registry import exchanged
 
 try:
     import xacro
@@ -51,13 +50,16 @@ def read_xacro(
 
 def _written_out(path: Path, arguments: Mapping[str, str]) -> tuple[Element, list[str]]:
     """The file without macros, and what xacro warns of."""
-    given, heard = _Arguments(arguments), io.StringIO()
+    given, heard, packages = _Arguments(arguments), io.StringIO(), _packages(path)
+    sys.modules.update(packages)  # xacro takes no argument for it
     try:
-        with redirect_stderr(heard), exchanged(sys.modules, **_packages(path)):
-            document = xacro.process_file(str(path), mappings=given)
-            content = document.toxml("utf-8")
+        with redirect_stderr(heard):
+            content = xacro.process_file(str(path), mappings=given).toxml("utf-8")
     except Exception as error:  # of any expression in the file
         raise RobotFileError(_reason(error)) from error
+    finally:
+        for name in packages:
+            del sys.modules[name]
     for name in arguments:
         if name not in given.asked:
             raise OptionError.unknown("argument of its macros", name, sorted(given.asked))

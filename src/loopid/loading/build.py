@@ -172,10 +172,7 @@ def _identical(
 def _joint_values(
     robot: Robot, whole: pin.Model, tree: TreeSource, description: Description
 ) -> dict[str, dict[str, float]]:
-    """What the files give of terms, by coordinate; joints that are locked or replaced have none.
-
-    NaN for what is there with an unknown value.
-    """
+    """What the files give of terms, by coordinate that is left; NaN where the value is unknown."""
     found: dict[str, dict[str, float]] = {}
     described = {*description.joint_terms}
     for name, values in description.joint_terms.items():

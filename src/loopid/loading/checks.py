@@ -22,10 +22,7 @@ STILL = 1e-3  # rad or characteristic lengths that no random walk leaves
 
 
 def warn_of_findings(robot: Robot, around: FloatArray, tree: TreeSource) -> None:
-    """Warn of features that are left out, motors, singularities and inertias.
-
-    ``around`` (n, nq) are closed configurations around the reference.
-    """
+    """Warn of what is odd, with closed configurations ``around`` (n, nq) the reference."""
     path = robot.source
     for note in tree.notes:
         warn(f"{tree.file}: {note}", ModelWarning)
@@ -43,7 +40,7 @@ def warn_of_findings(robot: Robot, around: FloatArray, tree: TreeSource) -> None
         )
     for sign in robot.undeclared:
         warn(f"{path}: {sign}", ModelWarning)
-    for sentence in why_free(robot, around, tree.near_couplings):
+    for sentence in why_free(robot, around):
         warn(f"{path}: {sentence}", ModelWarning)
     if robot.rows:
         _warn_of_closures(robot, around)
@@ -109,25 +106,7 @@ class InertiaDefect:
 
 @checked
 def inertia_defects(robot: Robot) -> tuple[InertiaDefect, ...]:
-    """Bodies whose inertia, as the robot file gives it, no solid body has [Wensing2018].
-
-    Parameters
-    ----------
-    robot : Robot
-
-    Returns
-    -------
-    tuple of InertiaDefect
-        In the order of the bodies; none where all are possible.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> from loopid.loading.checks import inertia_defects
-    >>> robot = loopid.load("five_bar")
-    >>> inertia_defects(robot)
-    ()
-    """
+    """Bodies whose inertia, as the robot file gives it, no solid body has [Wensing2018]."""
     found = []
     for body in robot.bodies:
         P = pseudo_inertia(robot.model.inertias[body.joint_id].toDynamicParameters())
@@ -139,24 +118,7 @@ def inertia_defects(robot: Robot) -> tuple[InertiaDefect, ...]:
 
 @checked
 def odd_masses(robot: Robot) -> tuple[str, ...]:
-    """Say which masses look like placeholders, and which joints move nothing that has a mass.
-
-    Parameters
-    ----------
-    robot : Robot
-
-    Returns
-    -------
-    tuple of str
-        A sentence for each of the two, with masses in kg; none where nothing is odd.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> from loopid.loading.checks import odd_masses
-    >>> odd_masses(loopid.load("five_bar"))
-    ()
-    """
+    """Which masses look like placeholders, and which joints move nothing that has a mass."""
     model, found = robot.model, []
     masses = {body.link: float(model.inertias[body.joint_id].mass) for body in robot.bodies}
     least = max(PLACEHOLDER * max(masses.values(), default=0.0), LEAST_MASS)
@@ -185,10 +147,7 @@ def odd_masses(robot: Robot) -> tuple[str, ...]:
 
 @checked
 def unequal_links(robot: Robot) -> tuple[str, ...]:
-    """Say which groups of links declared identical have inertials that differ, and by how much.
-
-    In kg, kg m and kg m², relative to the largest of the same unit in the group.
-    """
+    """Which groups of links declared identical have inertials that differ, and by how much."""
     joints = {body.link: body.joint_id for body in robot.bodies}
     found = []
     for group in robot.identical:

@@ -119,13 +119,7 @@ def with_more(
     motors: Sequence[str] | None,
     reference: Mapping[str, Reference] | None,
 ) -> Description:
-    """A description with what is given in Python: closures are added, the rest has the last word.
-
-    Raises
-    ------
-    OptionError
-        When a motor is listed twice.
-    """
+    """A description with closures added, and motors and reference in place of those there."""
     update: dict[str, Any] = {
         "closures": [*given.closures, *(each.description for each in closures)],
         "reference": given.reference | dict(reference or {}),

@@ -312,10 +312,7 @@ def _repeated(names: Iterable[str]) -> list[str]:
 
 
 def merged(own: Description, given: Description) -> Description:
-    """What was given, with closures, motors, reference and terms of a tree's own file added.
-
-    Of two frames that are closed in both, and of motors and values of joints, the given ones count.
-    """
+    """What was given, and what a tree's own file says; where both say it, the given counts."""
     labels = [closure.label for closure in own.closures]
     for name in given.remove_closures:
         if name not in labels:

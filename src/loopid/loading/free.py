@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,7 +10,6 @@ from loopid.arguments import BoolArray, FloatArray
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.poses import frame_poses
 from loopid.kinematics.projection import Factorisation, null_space
-from loopid.loading.tree import NearCoupling
 from loopid.robot.robot import Robot, link_frames, lock_options, shortened
 
 SPRING = "Ks"
@@ -20,11 +18,8 @@ STANDS = 1e-3
 ALONG = 0.02  # rad between the axis of a joint and the line of a spin: they are drawn so
 
 
-def why_free(robot: Robot, around: FloatArray, near_couplings: Sequence[NearCoupling]) -> list[str]:
-    """Sentences about what the motors leave free but for floating bases, one for each cause.
-
-    ``around`` (n, nq) are closed configurations.
-    """
+def why_free(robot: Robot, around: FloatArray) -> list[str]:
+    """What the motors leave free, a sentence a cause; ``around`` (n, nq) are configurations."""
     floating = robot.coordinates_of(robot.floating)
     free = [name for name in robot.free if name not in floating]
     if not free:
@@ -35,8 +30,7 @@ def why_free(robot: Robot, around: FloatArray, near_couplings: Sequence[NearCoup
         stirred = np.abs(motion) > STANDS * np.abs(motion).max(initial=0.0)
         moving = [robot.coordinates[k] for k in np.flatnonzero(stirred)]
         sprung = [k for k in moving if robot.joint_values.get(k, {}).get(SPRING)]
-        cause = _kept_by(moving, near_couplings) or (SPRUNG if sprung else "")
-        cause = cause or (SPUN if _is_spin(robot, q, motion) else UNKNOWN)
+        cause = SPRUNG if sprung else SPUN if _is_spin(robot, q, motion) else UNKNOWN
         causes.setdefault(cause, []).append(name)
         springs |= dict.fromkeys(sprung if cause == SPRUNG else ())
     file = robot.path is not None
@@ -62,27 +56,10 @@ UNKNOWN = (
 )
 
 
-def _kept_by(moving: Sequence[str], near_couplings: Sequence[NearCoupling]) -> str:
-    """What hardly lets some coordinates move, as the end of a sentence; nothing where none does."""
-    for near in near_couplings:
-        joints = dict(near.coupling.joints or {})
-        if joints.keys() & {*moving}:
-            added = json.dumps({"joints": joints, "offset": near.coupling.offset})
-            text = (
-                f", but {near.name} keeps it within a range of {near.width:g}: where that holds "
-                f"it, a YAML beside the file says so: couplings: [{added}]"
-            )
-            return text.replace("{", "{{").replace("}", "}}")
-    return ""
-
-
 def _motions(
     robot: Robot, around: FloatArray, free: Sequence[str]
 ) -> tuple[FloatArray, FloatArray]:
-    """A regular configuration (nq,), and motions (k, nv) of one free coordinate each.
-
-    In common units, with all other independent coordinates at rest.
-    """
+    """A regular configuration (nq,), and motions (k, nv) of a free coordinate each, in units."""
     jacobians, tolerance = Constraint(robot, around).scaled()[1], robot.closure_rank_tolerance
     regular = int(Factorisation.of(jacobians, tolerance).rank.argmax()) if robot.rows else 0
     # The last of these, as the reference itself may be special.

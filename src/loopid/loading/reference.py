@@ -214,10 +214,7 @@ def why_singular(robot: Robot, around: FloatArray) -> str:
 def _in_a_mode(
     closed: ClosedReference, drawn: FloatArray, drawn_is_closed: bool
 ) -> ClosedReference | None:
-    """The robot in the best of its assembly modes, warned of where the drawn pose is singular.
-
-    None where none is inside the limits.
-    """
+    """The robot in the best of its assembly modes; None where it is outside the limits."""
     modes = assembly_modes(closed[0], drawn)
     if not modes:
         return None
@@ -320,10 +317,7 @@ def _open_loops(robot: Robot, q: FloatArray, given: Collection[str]) -> RobotFil
 
 
 def _never_meeting(robot: Robot) -> str:
-    """Which closure has frames that no joint can bring together, and what closes it all the same.
-
-    Links of a plane robot are often drawn in layers along the axis of its joints.
-    """
+    """Which frames of a closure no joint brings together, as of links drawn in layers."""
     generator = random_generator(0)
     q = np.stack([_scattered(robot, [*robot.joints], generator) for _ in range(PART)])
     constraint, ids = Constraint(robot, q, jacobians=False), robot.closure_frames[0]
@@ -352,10 +346,7 @@ def _never_meeting(robot: Robot) -> str:
 
 
 def _constant_part(seen: FloatArray, closure: LoopClosure, least: float) -> FloatArray | None:
-    """The part (3,) of distances (N, 3), along axes of frame a, that is the same in all poses.
-
-    Only what the closure asks to vanish; None where that is less than ``least``, in m.
-    """
+    """The part (3,) of distances (N, 3) that should vanish and is constant; None if small."""
     part = closure.equations[0]
     if not isinstance(part, Point | Slide):
         return None

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from loopid.arguments import LARGEST, FloatArray
 from loopid.errors import OptionError, RobotFileError
-from loopid.loading.description import ClosureDescription, Description
+from loopid.loading.description import Description
 from loopid.loading.model_closures import frame_named, joint_named
 from loopid.robot.robot import LeftOut, motion_subspace
 
@@ -23,15 +23,6 @@ Reference = float | list[float]
 TURNS = {"wx": "X", "wy": "Y", "wz": "Z"}
 # What takes the place of a joint: joints one after the other, each with the ending of its name.
 Chain = tuple[tuple[str, pin.JointModel], ...]
-
-
-@dataclass(frozen=True)
-class NearCoupling:
-    """A sum of joint coordinates that the file keeps in a small range, as a tendon's limits do."""
-
-    name: str  # of what keeps it
-    coupling: ClosureDescription  # in the middle of the range
-    width: float  # of the range, in rad or m
 
 
 @dataclass(frozen=True)
@@ -52,36 +43,13 @@ class TreeSource:
     replaced: dict[str, tuple[str, ...]] = field(default_factory=dict)
     # Forces of the file that no model has: warned of on loading, too
     left_out: tuple[LeftOut, ...] = ()
-    near_couplings: tuple[NearCoupling, ...] = ()
     signs: tuple[str, ...] = ()  # of loops that the file does not declare: warned of on loading
     # Joints, and turns of joints, that are locked; those with one coordinate with its value
     locked: dict[str, float | None] = field(default_factory=dict)
 
 
 def add_frame(model: pin.Model, name: str, link: str, placement: pin.SE3) -> None:
-    """Mount a frame in a link, for a closure to join.
-
-    Parameters
-    ----------
-    model : pin.Model
-        It is changed.
-    name : str
-        Of the new frame.
-    link : str
-        A link of the model.
-    placement : pin.SE3
-        Of the frame in the link, in m.
-
-    Examples
-    --------
-    >>> import pinocchio as pin
-    >>> from loopid.loading import bundled_directory
-    >>> from loopid.loading.tree import add_frame
-    >>> model = pin.buildModelFromUrdf(str(bundled_directory() / "five_bar.urdf"))
-    >>> add_frame(model, "mark", "left_crank", pin.SE3.Identity())
-    >>> model.existFrame("mark")
-    True
-    """
+    """Mount a frame in a link of a model, at a placement in m, for a closure to join."""
     index = model.getFrameId(link, pin.FrameType.BODY)
     carrier = model.frames[index]
     there = carrier.placement * placement
@@ -228,11 +196,7 @@ def _hinges(axes: str) -> Chain:
 
 
 def _replacements(model: pin.Model, description: Description) -> dict[str, Chain]:
-    """What the description puts in the place of joints, and hinges for couplings and limits.
-
-    A gear ratio relates turns that add up; a ``continuous`` joint only counts its angle on the
-    circle.
-    """
+    """What takes the places of joints; hinges where couplings or limits need turns that add up."""
     chains: dict[str, Chain] = {}
     for name, kind in zip(description.joint_name, description.joint_type, strict=True):
         if kind == "SPHERICAL":

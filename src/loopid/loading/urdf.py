@@ -10,7 +10,7 @@ import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pinocchio as pin
 from lxml import etree
@@ -21,7 +21,14 @@ from loopid.errors import RobotFileError, naming
 from loopid.loading.description import ClosureDescription, Description
 from loopid.loading.model_closures import warn_of_size
 from loopid.loading.tree import TreeSource, add_frame
-from loopid.loading.urdf_tree import LEAST_AXIS, ROOT_JOINT, UrdfFile, build_model, read_urdf_file
+from loopid.loading.urdf_tree import (
+    LEAST_AXIS,
+    ROOT_JOINT,
+    Joint,
+    UrdfFile,
+    build_model,
+    read_urdf_file,
+)
 from loopid.loading.xml_elements import (
     Element,
     child,
@@ -37,9 +44,6 @@ from loopid.loading.xml_elements import (
 )
 from loopid.registry import urdf_dialects
 from loopid.robot.robot import LeftOut, shortened
-
-if TYPE_CHECKING:
-    from yourdfpy.urdf import Joint
 
 SEVERAL = ("floating", "planar")  # types of joints with several coordinates
 PARENT_CHILD = ("parent", "child")
@@ -76,7 +80,7 @@ def read_urdf(
     Errors name the file, the link, joint or tag and the offending value.
     """
     urdf = read_urdf_file(path, root)
-    links, joints = urdf.robot.links, urdf.robot.joints
+    links, joints = urdf.links, urdf.joints
     for joint in joints:
         warn_of_size(f"{path}: joint {joint.name}", joint.axis)
     with naming(path):
@@ -95,14 +99,14 @@ def read_urdf(
     root_link = next(link.name for link in links if link.name not in children)
     carried = {ROOT_JOINT: root_link} if floating_base else {}
     return TreeSource(
-        name=urdf.robot.name or path.stem,
+        name=urdf.name or path.stem,
         file=path,
         model=model,
         # An <inertial> that is all zero counts as none.
         inertial_links=tuple(
             link.name
             for link in links
-            if link.inertial is not None and (link.inertial.mass or link.inertial.inertia.any())
+            if link.inertial is not None and (link.inertial.mass or link.inertial.tensor.any())
         ),
         child_links=carried | {joint.name: joint.child for joint in joints},
         description=Description(
@@ -118,16 +122,14 @@ def read_urdf(
 
 
 def _mimics(all_joints: Iterable[Joint]) -> dict[str, ClosureDescription]:
-    """Joints that follow another one: follower = multiplier · leader + offset.
-
-    A follower may lead others. Fixed joints have nothing to follow with: their tag says nothing.
-    """
+    """Joints that follow another one: follower = multiplier · leader + offset."""
     joints = {joint.name: joint for joint in all_joints}
-    leaders = {
-        name: joint.mimic.joint
+    mimics = {
+        name: joint.mimic
         for name, joint in joints.items()
         if joint.mimic is not None and joint.type != "fixed"
     }
+    leaders = {name: mimic.joint for name, mimic in mimics.items()}
     for name, leading in leaders.items():
         what = f"joint {name} mimics {leading!r}"
         valid = ", ".join(other for other in joints if leaders.get(other) is None)
@@ -152,8 +154,7 @@ def _mimics(all_joints: Iterable[Joint]) -> dict[str, ClosureDescription]:
                     f"joint {circle}: a circle, with no joint to lead it: take one <mimic> out"
                 )
     found = {}
-    for name, leading in leaders.items():
-        factor, offset = joints[name].mimic.multiplier, joints[name].mimic.offset
+    for name, (leading, factor, offset) in mimics.items():
         terms = {name: 1.0} | ({leading: -factor} if factor else {})
         found[name] = ClosureDescription(type="coupling", joints=terms, offset=offset)
     return found
@@ -172,27 +173,11 @@ def _second_parents(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription
 def linked(
     urdf: UrdfFile, element: Element, sides: tuple[str, str] = PARENT_CHILD
 ) -> tuple[str, str]:
-    """The two links that a tag names, by an attribute or, in SDF, by text.
+    """The two links that tags inside an element name, by an attribute or, in SDF, by text.
 
-    Parameters
-    ----------
-    urdf : UrdfFile
-    element : Element
-        Such as ``<joint>`` or ``<loop>``.
-    sides : tuple of str
-        The tags inside that name the links.
-
-    Returns
-    -------
-    tuple of str
-        Two different links of the file.
-
-    Raises
-    ------
-    RobotFileError
-        Naming an unknown link, with the known ones, or one that is at both ends.
+    A RobotFileError names an unknown link, with the known ones, or one that is at both ends.
     """
-    links, found = [link.name for link in urdf.robot.links], []
+    links, found = [link.name for link in urdf.links], []
     for side in sides:
         tag = child(element, side)
         found.append((tag.get("link") or tag.text or "").strip())
@@ -214,30 +199,8 @@ def closure_of(
 ) -> ClosureDescription:
     """The closure of a tag with a type and a name, between places in two links.
 
-    Parameters
-    ----------
-    model : pin.Model
-        Its frames are mounted there, as ``NAME_SIDE``.
-    element : Element
-        The tag, whose type is a kind of joint of URDF.
-    links : tuple of str
-        The two links, as of ``linked``.
-    places : tuple of pin.SE3
-        Of the frames in the links, in m.
-    sides : tuple of str
-        Ends of the names of the frames.
-    axes : tuple of str or str, optional
-        The tags of the axes in the two frames, or the tag of both that must be there; by default
-        both are ``axis``, or x.
-
-    Returns
-    -------
-    ClosureDescription
-
-    Raises
-    ------
-    RobotFileError
-        Naming an unknown type, a missing or zero axis, or a name that is taken.
+    Its frames are mounted in the model, as ``NAME_SIDE``. ``axes`` are the tags of the axes in the
+    two frames, or the tag of both that must be there; by default both are ``axis``, or x.
     """
     given = (element.get("type") or "").strip()
     kind = (LOOPS | ALSO).get(given)
@@ -298,7 +261,7 @@ def _motors(
     Of the rest, in a robot with closures, those have motors that ``<transmission>`` tags name, if
     there are any.
     """
-    joints = {joint.name: joint.type for joint in urdf.robot.joints}
+    joints = {joint.name: joint.type for joint in urdf.joints}
     moving = [name for name, kind in joints.items() if kind not in ("fixed", "floating")]
     independent = {k: v for dialect in dialects for k, v in dialect.independent.items()}
     if independent:
@@ -320,7 +283,7 @@ def _undriven(urdf: UrdfFile, mimics: Collection[str]) -> Iterator[str]:
     """A sentence about joints of an open tree that no ``<transmission>`` drives beside others."""
     tags = urdf.root.iterfind("transmission/joint")
     driven = {(joint.get("name") or "").strip() for joint in tags}
-    moving = [j.name for j in urdf.robot.joints if j.type not in ("fixed", *SEVERAL)]
+    moving = [j.name for j in urdf.joints if j.type not in ("fixed", *SEVERAL)]
     moving = [name for name in moving if name not in mimics]
     rest = [name for name in moving if name not in driven]
     if rest and len(rest) < len(moving):
@@ -343,7 +306,7 @@ ROTORS = ("rotor_inertia", "motorInertia", "motor_inertia")
 
 def _joint_forces(urdf: UrdfFile, dialects: Iterable[Dialect]) -> tuple[Terms, list[LeftOut]]:
     """Terms of the joints that the file gives values of, and forces that no model has."""
-    kinds = {joint.name: joint.type for joint in urdf.robot.joints}
+    kinds = {joint.name: joint.type for joint in urdf.joints}
     given: Terms = {name: {} for name in kinds}
     left_out = _read_dynamics(urdf, given)
     for dialect in dialects:

@@ -1,37 +1,34 @@
 """The tree of a URDF: its links and joints, whose names and numbers are sound.
 
-Damage passes silently elsewhere: yourdfpy reads a file that is cut off as a smaller robot and a
-missing moment as 0 or 1; Pinocchio leaves out an ``<inertial>`` with a number that it cannot read.
-So both get a copy of what the tree is made of, in which names and numbers are sound.
+Damage passes silently elsewhere: Pinocchio leaves out an ``<inertial>`` with a number that it
+cannot read. So it gets a copy of what the tree is made of, with sound names and numbers.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from loopid.arguments import FloatArray
 from loopid.errors import ModelWarning, RobotFileError, naming, warn
+from loopid.inertia import Inertial
 from loopid.loading.xml_elements import (
     REQUIRED,
     Element,
     child,
     numbers,
+    placement,
     read_xml,
     refuse_repetition,
     required,
     single,
 )
 from loopid.robot.robot import shortened
-
-if TYPE_CHECKING:
-    from yourdfpy.urdf import Joint, Robot
 
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -56,24 +53,60 @@ LEAST_AXIS = 1e-9
 ROOT_JOINT = "root_joint"
 
 
+class Link(NamedTuple):
+    """A ``<link>``."""
+
+    name: str
+    inertial: Inertial | None
+
+
+class Limit(NamedTuple):
+    """A ``<limit>``."""
+
+    lower: float
+    upper: float
+    effort: float
+    velocity: float
+
+
+class Mimic(NamedTuple):
+    """A ``<mimic>``."""
+
+    joint: str
+    multiplier: float
+    offset: float
+
+
+class Joint(NamedTuple):
+    """A ``<joint>``."""
+
+    name: str
+    type: str
+    parent: str
+    child: str
+    axis: tuple[float, ...]
+    limit: Limit | None
+    mimic: Mimic | None
+
+
 @dataclass(frozen=True)
 class UrdfFile:
     """A URDF whose names, numbers and tree are sound."""
 
     root: Element  # the whole file
     tree: str  # XML of links and joints only, for Pinocchio
-    robot: Robot  # links and joints in the order of the file
+    name: str
+    links: tuple[Link, ...]  # in the order of the file
+    joints: tuple[Joint, ...]
     # Joints that give a link a second parent: they are no part of the tree
     second: tuple[Element, ...] = ()
 
 
 def read_urdf_file(path: Path, root: Element | None = None) -> UrdfFile:
-    """Read a URDF with yourdfpy; errors name the file, the element and the offending value.
+    """Read a URDF; errors name the file, the element and the offending value.
 
     ``root`` is what the file says, where that is no URDF itself.
     """
-    from yourdfpy import URDF  # here, as it takes 0.3 s to import
-
     with naming(path):
         root = urdf_root(path) if root is None else root
         # Numbers as Python writes them: Pinocchio's parser knows fewer spellings.
@@ -92,21 +125,21 @@ def read_urdf_file(path: Path, root: Element | None = None) -> UrdfFile:
             else:
                 copy.append(sound)
             carried |= {link} - {""}
-        tree = etree.tostring(copy)
-        robot = URDF.load(BytesIO(tree), build_scene_graph=False, load_meshes=False).robot
-        if not robot.links:
+        links = tuple(map(_link, copy.iterchildren("link")))
+        joints = tuple(map(_joint, copy.iterchildren("joint")))
+        if not links:
             raise RobotFileError("not a valid URDF: it has no <link>")
-        refuse_repetition("link", (link.name for link in robot.links))
-        refuse_repetition("joint", (joint.name for joint in robot.joints))
-        for joint in robot.joints:
+        refuse_repetition("link", (link.name for link in links))
+        refuse_repetition("joint", (joint.name for joint in joints))
+        for joint in joints:
             with naming(f"joint {joint.name}"):
                 _check_joint(joint)
-        for link in robot.links:
-            if link.inertial is not None and link.inertial.mass < 0:
-                mass = f"{link.inertial.mass:g} kg"
-                raise RobotFileError(f"link {link.name}: mass must not be negative: {mass}")
-        _check_tree(robot)
-    return UrdfFile(root, tree.decode(), robot, tuple(second))
+        for body in links:
+            if body.inertial is not None and body.inertial.mass < 0:
+                mass = f"{body.inertial.mass:g} kg"
+                raise RobotFileError(f"link {body.name}: mass must not be negative: {mass}")
+        _check_tree(links, joints)
+    return UrdfFile(root, etree.tostring(copy).decode(), name, links, joints, tuple(second))
 
 
 def urdf_root(path: Path) -> Element:
@@ -150,6 +183,34 @@ def _sound(element: Element) -> Element:
     return copy
 
 
+def _link(element: Element) -> Link:
+    """A sound ``<link>``."""
+    name, own = required(element, "name"), element.find("inertial")
+    if own is None:
+        return Link(name, None)
+    place, (mass,) = placement(own.find("origin")), numbers(child(own, "mass"), "value")
+    xx, xy, xz, yy, yz, zz = (numbers(child(own, "inertia"), key)[0] for key in MOMENTS)
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return Link(name, Inertial(mass, place.translation, place.rotation, tensor))
+
+
+def _joint(element: Element) -> Joint:
+    """A sound ``<joint>``."""
+    axis, limit, mimic = (element.find(tag) for tag in ("axis", "limit", "mimic"))
+    parent, carried = (required(child(element, tag), "link") for tag in ("parent", "child"))
+    return Joint(
+        *(required(element, "name"), element.get("type", ""), parent, carried),
+        axis=(1.0, 0.0, 0.0) if axis is None else numbers(axis, "xyz", 3),
+        limit=None if limit is None else Limit(*_values(limit)),
+        mimic=None if mimic is None else Mimic(required(mimic, "joint"), *_values(mimic)),
+    )
+
+
+def _values(element: Element) -> list[float]:
+    """Single numbers of a sound element."""
+    return [numbers(element, attribute)[0] for attribute in NUMBERS[str(element.tag)]]
+
+
 def _check_joint(joint: Joint) -> None:
     if joint.type not in JOINT_TYPES:
         raise RobotFileError.unknown("type", joint.type, JOINT_TYPES)
@@ -167,14 +228,14 @@ def _check_joint(joint: Joint) -> None:
             raise RobotFileError(f"<limit> {key} must not be negative: {getattr(limit, key)}")
 
 
-def _check_tree(robot: Robot) -> None:
+def _check_tree(every: Sequence[Link], joints: Sequence[Joint]) -> None:
     """Refuse joints between links that are not there, and links that do not form one tree."""
-    links = {link.name for link in robot.links}
-    for joint in robot.joints:
+    links = {link.name for link in every}
+    for joint in joints:
         for end in (joint.parent, joint.child):
             if end not in links:
                 raise RobotFileError(f"joint {joint.name} names link {end!r}, which is not there")
-    carriers = {joint.child for joint in robot.joints}
+    carriers = {joint.child for joint in joints}
     roots = sorted(links - carriers)
     if len(roots) != 1:
         listed = ", ".join(roots) or "none"
@@ -186,7 +247,7 @@ def _check_tree(robot: Robot) -> None:
         )
     reached, more = set(roots), set(roots)
     while more:
-        more = {joint.child for joint in robot.joints if joint.parent in more}
+        more = {joint.child for joint in joints if joint.parent in more}
         reached |= more
     if reached != links:
         lost = ", ".join(sorted(links - reached))
@@ -198,7 +259,7 @@ def build_model(urdf: UrdfFile, floating_base: bool) -> pin.Model:
     taken = {"universe": "the ground"}
     if floating_base:
         taken[ROOT_JOINT] = "the joint of the floating base"
-    for joint in urdf.robot.joints:
+    for joint in urdf.joints:
         if joint.name in taken:
             what = f"joint {joint.name} must not be called like {taken[joint.name]}"
             raise RobotFileError(f"{what}: rename it")
@@ -208,15 +269,15 @@ def build_model(urdf: UrdfFile, floating_base: bool) -> pin.Model:
     except (ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split())
         raise RobotFileError(f"Pinocchio refuses it: {reason}") from error
-    for joint in urdf.robot.joints:
-        if joint.type == "planar" and (joint.axis != [0, 0, 1]).any():
+    for joint in urdf.joints:
+        if joint.type == "planar" and joint.axis != (0.0, 0.0, 1.0):
             _turn_plane(model, model.getJointId(joint.name), joint.axis)
     return model
 
 
-def _turn_plane(model: pin.Model, index: int, axis: FloatArray) -> None:
+def _turn_plane(model: pin.Model, index: int, axis: tuple[float, ...]) -> None:
     """Turn the frame of a planar joint, whose xy plane Pinocchio takes, across its axis."""
-    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix()
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), np.array(axis)).matrix()
     there = pin.SE3(turn, np.zeros(3))
     model.jointPlacements[index] = model.jointPlacements[index] * there
     model.inertias[index] = there.actInv(model.inertias[index])

@@ -33,10 +33,7 @@ SLACK = 1.5
 
 
 def read_xml(path: Path, whole: bool = False) -> Element:
-    """Root of an XML file, without comments unless it is to be whole; entities are refused.
-
-    Prefixes without a namespace are common, and harmless; other broken grammar is refused.
-    """
+    """Root of an XML file, without comments unless it is to be whole; entities are refused."""
     try:
         with path.open("rb") as stream:
             content = stream.read(MOST_BYTES + 1)

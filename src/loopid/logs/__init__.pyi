@@ -1,5 +1,4 @@
 from .checks import check_log as check_log
-from .grid import LogTolerances as LogTolerances
 from .log import ExternalWrench as ExternalWrench, Log as Log
 from .mapping import LogMapping as LogMapping
 from .preparing import prepare as prepare

@@ -10,15 +10,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray
 from loopid.errors import DataWarning, LogError, OptionError, warn
-from loopid.logs.grid import (
-    LEAST_ROWS,
-    Dropped,
-    LogTolerances,
-    Stream,
-    continued,
-    rows_text,
-    stream_of,
-)
+from loopid.logs.grid import BAD_ROWS, LEAST_ROWS, Dropped, Stream, continued, rows_text, stream_of
 from loopid.logs.log import Log
 from loopid.logs.signals import POSE, QUANTITIES
 from loopid.robot.robot import Robot, link_frames, lock_options
@@ -27,6 +19,14 @@ from loopid.robot.robot import Robot, link_frames, lock_options
 OTHER_TIMES = (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)
 OTHER_LENGTHS = {"0.001 (mm to m)": 1e-3, "1000 (km to m)": 1e3, "1e-6 (um to m)": 1e-6}
 OTHER_ANGLES = {"pi/180 (deg to rad)": np.pi / 180, "0.001 (mrad to rad)": 1e-3}
+# Seconds between stamps, at the median: others mean another unit of the time.
+SHORTEST_STEP, LONGEST_STEP = 1e-5, 0.2
+# Parts of a joint's range that positions may be outside its limits: without a word, and at all.
+OUTSIDE, FAR_OUTSIDE = 1e-3, 1.0
+GLITCH = 100.0  # forces so many times their 99th percentile are none
+# Measured rates and changes of the position: relative difference (root mean square) that passes
+# without a word, and ratio, or its inverse, from which on the rates are something else.
+APART, GAIN = 0.1, 1.25
 FITTING = 0.9  # part of the values that a change of unit must bring inside
 EXCESS = 1e-3  # relative, over a limit of speed or force: the round-off of how it was written
 COMPARED_OVER = 0.5  # s over which measured rates are compared with changes of the position
@@ -56,7 +56,7 @@ def check_log(robot: Robot, log: Log) -> Log:
         return log
     given = {name: getattr(log, name) for name in QUANTITIES if getattr(log, name) is not None}
     whole = stream_of(log.name, log.joints, log.time, given, log.slides)
-    stream = check_stream(robot, whole, LogTolerances())
+    stream = check_stream(robot, whole)
     check_moving([stream])
     if len(stream.rows) < len(log):
         dropped = (Dropped.at(why, log.time[lost - 1]) for why, lost in stream.left_out)
@@ -64,16 +64,16 @@ def check_log(robot: Robot, log: Log) -> Log:
     columns = np.split(stream.values, len(given), axis=1)
     found: dict[str, Any] = dict(zip(given, columns, strict=True))
     log = replace(log, checked=True, **found)
-    check_rates(log, LogTolerances())
+    check_rates(log)
     return log
 
 
-def check_stream(robot: Robot, stream: Stream, allowed: LogTolerances) -> Stream:
+def check_stream(robot: Robot, stream: Stream) -> Stream:
     """The stream without impossible rows, and with turns counted on; warns of what looks wrong."""
-    _require_usual_step(stream, allowed)
+    _require_usual_step(stream)
     _require_units(robot, stream)
-    stream = _inside_limits(robot, stream, allowed)
-    stream = _unwrapped(robot, _without_glitches(stream, allowed))
+    stream = _inside_limits(robot, stream)
+    stream = _unwrapped(robot, _without_glitches(stream))
     seconds, model = np.diff(stream.stamps) / 1e9, robot.model
     for joint, values in stream.signals("position"):
         limit = model.upperVelocityLimit[robot.velocity_indices([joint])[0]]
@@ -85,9 +85,9 @@ def check_stream(robot: Robot, stream: Stream, allowed: LogTolerances) -> Stream
     return stream
 
 
-def _require_usual_step(stream: Stream, allowed: LogTolerances) -> None:
+def _require_usual_step(stream: Stream) -> None:
     """Refuse steps between stamps that are too short or long for a log."""
-    shortest, longest = allowed.shortest_step, allowed.longest_step
+    shortest, longest = SHORTEST_STEP, LONGEST_STEP
     step = float(np.median(np.diff(stream.stamps))) / 1e9
     if not shortest <= step <= longest:
         fitting = [factor for factor in OTHER_TIMES if shortest <= step * factor <= longest]
@@ -116,7 +116,7 @@ def _require_units(robot: Robot, stream: Stream) -> None:
             )
 
 
-def _inside_limits(robot: Robot, stream: Stream, allowed: LogTolerances) -> Stream:
+def _inside_limits(robot: Robot, stream: Stream) -> Stream:
     """The stream without rows where a position is far outside the limits of its joint."""
     lost = np.zeros(len(stream.rows), dtype=bool)
     for joint, values in stream.signals("position"):
@@ -124,9 +124,9 @@ def _inside_limits(robot: Robot, stream: Stream, allowed: LogTolerances) -> Stre
         if not lower < upper:  # limits that leave no room are none
             continue
         distance = np.maximum(lower - values, values - upper)
-        outside = distance > allowed.outside * (upper - lower)
-        far = distance > allowed.far_outside * (upper - lower)
-        refused = far.sum() > allowed.bad_rows * len(values)
+        outside = distance > OUTSIDE * (upper - lower)
+        far = distance > FAR_OUTSIDE * (upper - lower)
+        refused = far.sum() > BAD_ROWS * len(values)
         told = far if refused else outside & ~far
         if told.any():
             worst = float(values[told][np.argmax(distance[told])])
@@ -141,9 +141,7 @@ def _inside_limits(robot: Robot, stream: Stream, allowed: LogTolerances) -> Stre
                 raise stream.refused(f"{said}; {advice}", **facts)
             warn(f"{stream.source}: {said}: kept", DataWarning)
         lost |= far
-    return stream.without(
-        lost, "positions far outside the limits of their joints", allowed.bad_rows
-    )
+    return stream.without(lost, "positions far outside the limits of their joints")
 
 
 def _advice(straight: bool, lower: float, upper: float, values: FloatArray) -> str:
@@ -157,13 +155,13 @@ def _advice(straight: bool, lower: float, upper: float, values: FloatArray) -> s
     return "no change of unit brings them inside: are they those of another joint?"
 
 
-def _without_glitches(stream: Stream, allowed: LogTolerances) -> Stream:
+def _without_glitches(stream: Stream) -> Stream:
     """The stream without rows where a force is out of all proportion."""
     sizes = np.abs(stream.values[:, stream.places("force")])
     usual = np.percentile(sizes, 99, axis=0)
-    bad = np.any((sizes > allowed.glitch * usual) & (usual > 0), axis=1)
-    reason = f"forces more than {allowed.glitch:g} times their 99th percentile"
-    return stream.without(bad, reason, allowed.bad_rows)
+    bad = np.any((sizes > GLITCH * usual) & (usual > 0), axis=1)
+    reason = f"forces more than {GLITCH:g} times their 99th percentile"
+    return stream.without(bad, reason)
 
 
 def _unwrapped(robot: Robot, stream: Stream) -> Stream:
@@ -207,7 +205,7 @@ def check_moving(streams: Sequence[Stream]) -> None:
             )
 
 
-def check_rates(log: Log, allowed: LogTolerances) -> None:
+def check_rates(log: Log) -> None:
     """Refuse measured rates that are not those of the positions.
 
     Integrals are compared with differences over the same time, where noise and delays of drives do
@@ -228,24 +226,21 @@ def check_rates(log: Log, allowed: LogTolerances) -> None:
                 f"{log.name}: the {quantity} of {joint} is {gain:.3g} times what its position "
                 f"says, and differs from it by {apart:.0%} (root mean square)"
             )
-            if not 1 / allowed.gain < gain < allowed.gain:
+            if not 1 / GAIN < gain < GAIN:
                 raise LogError(
                     f"{said}: is it in another unit ({quantity}_scale), or of another?",
                     source=log.name,
                     quantity=quantity,
                     joint=joint,
                     gain=gain,
-                    tolerance=allowed.gain,
+                    tolerance=GAIN,
                 )
-            if apart > allowed.apart:
+            if apart > APART:
                 warn(f"{said}: is it late, noisy, or in need of {quantity}_offset?", DataWarning)
 
 
 def _both_changes(log: Log, k: int, rates: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
-    """Changes over some time, integrated from rates (N,) and of the position of motor k.
-
-    Accelerations are integrated twice, and compared with changes of the changes.
-    """
+    """Changes over some time: integrals of rates (N,), and of the position of motor k."""
     found = []
     for part in log.parts():
         rate, count, integral = log.rate(part), part.stop - part.start, rates[part]

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative, finite, samples
+from loopid.arguments import BoolArray, FloatArray, IntArray, finite, samples
 from loopid.errors import DataError, DataWarning, LogError, warn
 from loopid.logs.signals import POSE, QUANTITIES, Channel, TimeColumn
 from loopid.logs.table import NO_STAMP, Table, numbers_in
@@ -24,6 +24,11 @@ from loopid.records import record
 if TYPE_CHECKING:
     from loopid.logs.mapping import JointMap
 
+BAD_ROWS = 0.1  # part of the rows that may be left out
+# Part of the rows that may have the time stamp of the row before and other values: loggers that are
+# late do so in one row of a hundred; a clock that is too coarse in most.
+REPEATED_STAMPS = 0.02
+GAP = 5.0  # median steps: a longer one between time stamps is a gap
 LEAST_ROWS = 4  # of a stream, and of a stretch without gaps: shorter ones are none
 # Part of a step by which samples may be off an even grid, and are taken as they are.
 EVEN = 0.01
@@ -32,45 +37,13 @@ ROUND_OFF = 1e-14  # of times on a grid, relative to the last
 UNIT = 0.1  # by which the length of a measured quaternion may be off one
 
 
-@record(kw_only=True, checked=True)
-class LogTolerances:
-    """How far a log may be from a perfect one, and still be one."""
-
-    bad_rows: NotNegative = 0.1  # part of the rows that may be left out
-    # Part of the rows that may have the time stamp of the row before and other values: loggers that
-    # are late do so in one row of a hundred; a clock that is too coarse in most.
-    repeated_stamps: NotNegative = 0.02
-    gap: NotNegative = 5.0  # median steps: a longer one between time stamps is a gap
-    # Seconds between stamps, at the median: others mean another unit of the time.
-    shortest_step: NotNegative = 1e-5
-    longest_step: NotNegative = 0.2
-    # Parts of a joint's range that positions may be outside its limits: without a word, and at all.
-    outside: NotNegative = 1e-3
-    far_outside: NotNegative = 1.0
-    glitch: NotNegative = 100.0  # forces so many times their 99th percentile are none
-    # Measured rates and changes of the position: relative difference (root mean square) that passes
-    # without a word, and ratio, or its inverse, from which on the rates are something else.
-    apart: NotNegative = 0.1
-    gain: NotNegative = 1.25
-
-
 @record
 class Dropped:
-    """Samples that are left out, and why.
+    """Samples that are left out, and why."""
 
-    Attributes
-    ----------
-    reason : str
-        As in "leg4_stroke stands still".
-    count : int
-        How many samples.
-    first, last : float
-        Times of the first and the last of them, in s.
-    """
-
-    reason: str
+    reason: str  # as in "leg4_stroke stands still"
     count: int
-    first: float
+    first: float  # times of the first and the last of them, in s
     last: float
 
     @classmethod
@@ -109,7 +82,7 @@ class Stream:
         """The stream with stamps that are so many s too late put right."""
         return replace(self, stamps=self.stamps - round(1e9 * delay)) if delay else self
 
-    def without(self, bad: BoolArray, reason: str, most: float) -> Stream:
+    def without(self, bad: BoolArray, reason: str, most: float = BAD_ROWS) -> Stream:
         """The stream without some rows (R,), which a warning names; a LogError for too many."""
         if not bad.any():
             return self
@@ -129,7 +102,6 @@ def make_stream(
     table: Table,
     time: TimeColumn,
     channels: tuple[Channel, ...],
-    allowed: LogTolerances,
 ) -> Stream:
     """Turn cells into numbers, and leave out rows that are no samples; too many are refused."""
     columns = [c.scale * numbers_in(source, table.cells[c.column]) + c.offset for c in channels]
@@ -144,7 +116,7 @@ def make_stream(
     }
     left_out = [(reason, rows) for reason, rows in reasons.items() if len(rows)]
     for reason, rows in left_out:
-        refuse_or_warn(source, rows, len(table.rows) + len(table.garbled), reason, allowed.bad_rows)
+        refuse_or_warn(source, rows, len(table.rows) + len(table.garbled), reason)
     if table.cut_off is not None:
         left_out.append(("last row without an end: cut off?", np.array([table.cut_off])))
     if fine.sum() < LEAST_ROWS:
@@ -154,7 +126,7 @@ def make_stream(
             rows=int(fine.sum()),
         )
     rest = table.rows[fine], stamps[fine], values[fine]
-    return with_increasing_stamps(Stream(source, channels, *rest, tuple(left_out)), allowed)
+    return with_increasing_stamps(Stream(source, channels, *rest, tuple(left_out)))
 
 
 def stream_of(
@@ -175,16 +147,16 @@ def stream_of(
     return Stream(name, channels, rows, stamps, values)
 
 
-def with_increasing_stamps(stream: Stream, allowed: LogTolerances) -> Stream:
+def with_increasing_stamps(stream: Stream) -> Stream:
     """The stream without rows that repeat a time stamp; a LogError where the time goes back."""
     if (stream.stamps[1:] > stream.stamps[:-1]).all():
         return stream
     same = np.append(False, np.diff(stream.stamps) == 0)
     same[1:] &= (stream.values[1:] == stream.values[:-1]).all(axis=1)
-    stream = stream.without(same, "the same time and values as in the row before", allowed.bad_rows)
+    stream = stream.without(same, "the same time and values as in the row before")
     again = np.append(False, np.diff(stream.stamps) == 0)
     reason = "time stands still, with other values,"
-    stream = stream.without(again, reason, allowed.repeated_stamps)
+    stream = stream.without(again, reason, REPEATED_STAMPS)
     wrong = np.flatnonzero(np.diff(stream.stamps) <= 0) + 1
     if len(wrong):
         raise stream.refused(
@@ -220,7 +192,9 @@ def on_joints(stream: Stream, maps: Sequence[JointMap]) -> Stream:
     return replace(stream, channels=tuple(channels), values=values)
 
 
-def refuse_or_warn(source: str, rows: IntArray, count: int, reason: str, most: float) -> None:
+def refuse_or_warn(
+    source: str, rows: IntArray, count: int, reason: str, most: float = BAD_ROWS
+) -> None:
     """Warn of rows that are left out; refuse a log with more than a part of them."""
     sentence = f"{source}: {reason} in {rows_text(rows)} of {count}"
     if len(rows) > most * count:
@@ -253,17 +227,17 @@ class Aligned(NamedTuple):
     dropped: tuple[Dropped, ...]
 
 
-def align(streams: Sequence[Stream], joints: tuple[str, ...], gap: float) -> Aligned:
+def align(streams: Sequence[Stream], joints: tuple[str, ...]) -> Aligned:
     """Put streams on the grid of the first; a LogError when they do not overlap.
 
-    A step of more median steps than the gap starts a new stretch.
+    A step of more than ``GAP`` median steps starts a new stretch.
     """
     zero = int(streams[0].stamps[0])
     # Differences of whole nanoseconds are exact, however long ago the epoch.
     times = [(stream.stamps - zero) / 1e9 for stream in streams]
-    spans = _spans(times[0], gap)
+    spans = _spans(times[0])
     for other in times[1:]:
-        spans = _overlaps(spans, _spans(other, gap))
+        spans = _overlaps(spans, _spans(other))
     step = float(np.median(np.diff(times[0])))
     grids = [*_grids(times[0], spans, step)]
     if not grids:
@@ -272,10 +246,10 @@ def align(streams: Sequence[Stream], joints: tuple[str, ...], gap: float) -> Ali
             for stream, stamps in zip(streams, times, strict=True)
         )
         raise LogError(
-            f"no {LEAST_ROWS} samples in a row, without a gap of more than {gap:g} median "
+            f"no {LEAST_ROWS} samples in a row, without a gap of more than {GAP:g} median "
             f"steps, are in all streams: {listed}",
             streams={s.source: (t[0], t[-1]) for s, t in zip(streams, times, strict=True)},
-            tolerance=gap,
+            tolerance=GAP,
         )
     time = np.concatenate(grids)
     stretches = np.repeat(np.arange(len(grids)), [len(grid) for grid in grids])
@@ -311,10 +285,10 @@ def _grids(time: FloatArray, spans: FloatArray, step: float) -> Iterator[FloatAr
             yield np.where(np.abs(grid - whole) <= ROUND_OFF * whole[-1], whole, grid)
 
 
-def _spans(time: FloatArray, gap: float) -> FloatArray:
+def _spans(time: FloatArray) -> FloatArray:
     """First and last times (S, 2) of the parts without gaps."""
     steps = np.diff(time)
-    gaps = np.flatnonzero(steps > gap * np.median(steps))
+    gaps = np.flatnonzero(steps > GAP * np.median(steps))
     return np.stack([time[np.append(0, gaps + 1)], time[np.append(gaps, len(time) - 1)]], axis=1)
 
 
@@ -346,15 +320,15 @@ def on_even_grid(
     name: str, joints: tuple[str, ...], time: FloatArray, signals: dict[str, FloatArray]
 ) -> tuple[FloatArray, dict[str, FloatArray], IntArray, tuple[Dropped, ...]]:
     """Times, signals and stretches, as they are where the steps are even between gaps."""
-    steps, allowed = np.diff(time), LogTolerances()
+    steps = np.diff(time)
     median = float(np.median(steps)) if len(steps) else 0.0
-    stretches = np.cumsum(np.append(False, steps > allowed.gap * median))
+    stretches = np.cumsum(np.append(False, steps > GAP * median))
     parts = np.split(time, np.flatnonzero(np.diff(stretches)) + 1)
     off = (np.abs(part - np.linspace(part[0], part[-1], len(part))).max() for part in parts)
     if max(off) <= EVEN * median and (steps > 0).all():
         return time, signals, stretches, ()
-    stream = with_increasing_stamps(stream_of(name, joints, time, signals), allowed)
-    aligned = align([stream], joints, allowed.gap)
+    stream = with_increasing_stamps(stream_of(name, joints, time, signals))
+    aligned = align([stream], joints)
     return aligned.time + time[0], aligned.signals, aligned.stretches, aligned.dropped
 
 

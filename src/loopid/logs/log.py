@@ -22,7 +22,6 @@ from loopid.arguments import (
 from loopid.errors import DataError, OptionError
 from loopid.logs.grid import (
     Dropped,
-    LogTolerances,
     Stream,
     align,
     free_values,
@@ -337,7 +336,7 @@ class Log(Tabular):
         """
         from loopid.logs.mapping import LogMapping  # arrays need no models of files
 
-        mapping, joints, allowed = mapping or LogMapping(), tuple(joints), LogTolerances()
+        mapping, joints = mapping or LogMapping(), tuple(joints)
         mapping.stream_delays(name, joints, [name])
         columns = _columns_of(frame)
         finder = ColumnFinder(name, {name: tuple(columns)}, mapping)
@@ -345,9 +344,9 @@ class Log(Tabular):
         time = finder.time(name)
         wanted = {*time.names, *(channel.column for channel in channels)}
         table = array_table(name, {one: _cells(columns[one]) for one in columns if one in wanted})
-        stream = make_stream(name, table, time, tuple(channels), allowed)
+        stream = make_stream(name, table, time, tuple(channels))
         streams = [on_joints(stream, mapping.joint_maps)]
-        return cls.from_streams(name, streams, joints, mapping, allowed)
+        return cls.from_streams(name, streams, joints, mapping)
 
     @classmethod
     def from_streams(
@@ -356,14 +355,13 @@ class Log(Tabular):
         streams: Sequence[Stream],
         joints: tuple[str, ...],
         mapping: LogMapping,
-        tolerances: LogTolerances,
     ) -> Log:
         """A log from streams of signals with time stamps, put on one grid."""
         saturation = None
         if mapping.saturation is not None:
             saturation = np.array(mapping.by_joint(name, "saturation", joints))
         channels = [channel for stream in streams for channel in stream.channels]
-        aligned = align(streams, joints, tolerances.gap)
+        aligned = align(streams, joints)
         wrenches = [
             ExternalWrench(one.frame, aligned.signals[wrench_name(k)], one.axes, one.about)
             for k, one in enumerate(mapping.wrenches)

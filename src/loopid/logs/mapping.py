@@ -13,7 +13,6 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationError,
 from loopid.arguments import NotNegative, Positive, checked
 from loopid.border import Section, refusal, unknown
 from loopid.errors import LogError, OptionError
-from loopid.files import UNPACKED_RATIO
 from loopid.logs.signals import COMPONENTS, QUANTITIES
 from loopid.records import digest
 from loopid.registry import log_formats
@@ -155,7 +154,6 @@ class LogMapping(Section):
     late the time stamps of whole streams are, by their names.
     Without a column of times, rows are even: ``rate`` in Hz, or ``period`` in s between them.
     ``topic`` chooses among those of a bag, ``group`` among those of an HDF5 file.
-    ``unpacked_ratio`` is how many times the bytes of its file a log may stand for.
 
     Raises
     ------
@@ -187,7 +185,6 @@ class LogMapping(Section):
     wrenches: list[WrenchColumns] = Field(default_factory=list)
     free: dict[str, list[str]] = Field(default_factory=dict)
     delay: OneOrEach[float] = 0.0
-    unpacked_ratio: Positive = UNPACKED_RATIO
 
     def __init__(self, **content: Any) -> None:
         try:

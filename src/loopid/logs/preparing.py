@@ -182,28 +182,10 @@ def prepare_again(
     recordings: Sequence[Recording],
     **changed: Any,
 ) -> tuple[Recording, ...]:
-    """The same parts of the recordings' logs, filtered otherwise.
+    """The same parts of the recordings' logs, with other fields of ``FilterOptions``.
 
-    A log of which several are parts is prepared once. No warning of when it was first
-    prepared is repeated. A recording without a log, of a motion that is known exactly, stays as
-    it is.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        From ``prepare``, or parts of one.
-    changed
-        Fields of ``FilterOptions`` in place of those that each was prepared with.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> from loopid.logs.preparing import prepare_again
-    >>> robot = loopid.load("five_bar")
-    >>> log = loopid.read_log(robot.path.parent / "logs" / "five_bar.csv", robot)
-    >>> parts = loopid.prepare(robot, log).split(0.5)
-    >>> [run.cutoff for run in prepare_again(robot, parts, cutoff=4.0)]
-    [4.0, 4.0]
+    A log of which several are parts is prepared once. No warning of when it was first prepared is
+    repeated. A recording without a log, of a motion that is known exactly, stays as it is.
     """
     whole: dict[tuple[int, FilterOptions, MaskOptions], Recording] = {}
     found = []
@@ -278,10 +260,7 @@ def without_frozen(log: Log, masks: MaskOptions) -> Log:
 
 
 def _frozen(positions: FloatArray, k: int, masks: MaskOptions) -> BoolArray:
-    """Samples (N,) of a stretch (N, m) in which motor k stays where it is as no motor does.
-
-    A motor that rests slows down before, and leaves from where it rested.
-    """
+    """Samples (N,) of a stretch (N, m) in which motor k rests without slowing down before."""
     position, flags = positions[:, k], np.zeros(len(positions), dtype=bool)
     steps = np.abs(np.diff(position))
     bounds = np.flatnonzero(np.diff(np.r_[0, (steps == 0).view(np.int8), 0]))
@@ -354,10 +333,7 @@ def filter_log(log: Log, lowpass: LowPass | None) -> Signals:
 def kept_rows(
     log: Log, lowpass: LowPass | None, options: FilterOptions
 ) -> tuple[IntArray, list[Dropped]]:
-    """Samples that the cut-off asks for, but for the ends of stretches.
-
-    Filtered accelerations are wrong where a filter does not know what comes next.
-    """
+    """Samples that the cut-off asks for, without ends, where accelerations are wrong."""
     rows, ends = [], []
     for part in log.parts():
         rate, time = log.rate(part), log.time[part]
@@ -436,10 +412,7 @@ def assemble_samples(
     known: JointMotion | None = None,
     progress: Progress | None = None,
 ) -> Assembled:
-    """Assemble some rows of a log, with ``robot.measured`` at values (K, c), in order.
-
-    Samples that do not close or are near a singularity are left out, with a warning.
-    """
+    """Assemble rows of a log, with ``robot.measured`` at values (K, c); warns of those left out."""
     time, last = log.time[rows], None
     configurations, singularity, residual, closed = [], [], [], []
     for block in row_blocks(len(rows), BLOCK):
@@ -490,11 +463,7 @@ def assemble_samples(
 
 
 def compare_encoders(robot: Robot, log: Log, logged: FloatArray, closed: FloatArray) -> None:
-    """Warn of redundant motors that are not where the loops put them.
-
-    Their positions were not needed to close the loops: configurations (K, nq) as logged, and after
-    the loops were closed.
-    """
+    """Warn of redundant motors that are not where the loops put them (K, nq)."""
     if not (robot.redundant and len(closed)):
         return
     joints = JointCoordinates(robot, robot.redundant)
@@ -541,10 +510,7 @@ def motion_of(
     rows: IntArray,
     found: Assembled,
 ) -> JointMotion:
-    """What all joints do at rows (K,) that are assembled, with bases as they were measured.
-
-    No loop depends on where a base is.
-    """
+    """What all joints do at rows (K,) that are assembled, with bases as measured."""
     q, independent = found.configurations, robot.velocity_indices(robot.independent)
     for joint in (robot.joint(name) for name in log.free if name in robot.floating):
         pose = slice(joint.idx_q, joint.idx_q + joint.nq)
@@ -709,10 +675,7 @@ LEAST_COUNT, SHORT_CUTOFF = 64, 0.05
 
 
 def motion_band(robot: Robot, log: Log) -> float:
-    """Frequency in Hz below which nearly all of the motors' velocities are; 0 if undetermined.
-
-    By the longest stretch, for sliding and turning motors each on their own; the wider counts.
-    """
+    """Frequency in Hz below which nearly all of the motors' velocities are; 0 if undetermined."""
     part = max(log.parts(), key=lambda part: part.stop - part.start)
     rate, count = log.rate(part), part.stop - part.start - 1
     if count + 1 < LEAST_COUNT:

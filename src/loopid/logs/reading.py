@@ -18,7 +18,7 @@ from loopid.logs.checks import (
     frame_index,
     require_known_motion,
 )
-from loopid.logs.grid import LogTolerances, Stream, make_stream, on_joints
+from loopid.logs.grid import Stream, make_stream, on_joints
 from loopid.logs.log import Log
 from loopid.logs.mapping import LogMapping, read_mapping
 from loopid.logs.signals import ColumnFinder
@@ -37,7 +37,6 @@ def read_log(
     *,
     mapping: LogMapping | str | Path | None = None,
     rows: tuple[int, int | None] | None = None,
-    tolerances: LogTolerances = LogTolerances(),
 ) -> Log:
     """Read the positions and forces of the motors.
 
@@ -54,8 +53,6 @@ def read_log(
     rows : tuple of int, optional
         First and last row (None for the end) to be read, as messages count them: as if there were
         no others. In a log of several streams, of that with the first position.
-    tolerances : LogTolerances
-        What may be wrong with a log.
 
     Returns
     -------
@@ -93,14 +90,12 @@ def read_log(
     place = _existing(path)
     for wrench in mapping.wrenches:
         frame_index(robot, wrench.frame)
-    found = read_streams(
-        place, robot.actuated, mapping, rows=rows, tolerances=tolerances, locked=robot.locked
-    )
-    streams = [check_stream(robot, stream, tolerances) for stream in found]
+    found = read_streams(place, robot.actuated, mapping, rows=rows, locked=robot.locked)
+    streams = [check_stream(robot, stream) for stream in found]
     check_moving(streams)
     name = stream_name(place.resolve())
-    log = Log.from_streams(name, streams, robot.actuated, mapping, tolerances)
-    check_rates(log, tolerances)
+    log = Log.from_streams(name, streams, robot.actuated, mapping)
+    check_rates(log)
     return replace(log, checked=True)
 
 
@@ -127,13 +122,9 @@ def read_streams(
     mapping: LogMapping,
     *,
     rows: tuple[int, int | None] | None = None,
-    tolerances: LogTolerances = LogTolerances(),
     locked: Mapping[str, float | None] | None = None,
 ) -> list[Stream]:
-    """The streams of the motors, that of the first position first; of it, only some ``rows``.
-
-    Positions of joints that are locked, at some value, must be those of the log.
-    """
+    """The streams of the motors, that of the first position first; of it, only some ``rows``."""
     if rows is not None and (rows[0] < 1 or (rows[1] is not None and rows[1] < rows[0])):
         raise OptionError(
             f"rows must be counted from 1, the first before the last, not {rows}", given=rows
@@ -154,7 +145,7 @@ def read_streams(
                 table = table.between(*rows)
                 source = f"{source}[{rows[0]}:{'' if rows[1] is None else rows[1]}]"
             here = tuple(c for c in channels if c.column in table.cells.columns)
-            stream = make_stream(source, table, time, here, tolerances)
+            stream = make_stream(source, table, time, here)
             stream = stream.earlier(delays.get(name, 0.0))
             streams.append(on_joints(stream, mapping.joint_maps))
     return streams
@@ -208,24 +199,8 @@ def locked_as_logged(
 ) -> Robot:
     """The robot, its locked joints where a log has them, and motors locked that a log lacks.
 
-    Locked are only motors that move no other motor and no loop, such as those of a gripper.
-
-    Parameters
-    ----------
-    robot : Robot
-        Of a file; others stay as they are, and ``read_log`` says which ``lock`` would do.
-    path, mapping
-        As of ``read_log``.
-
-    Raises
-    ------
-    LogError
-        When a joint that is locked moves.
-
-    Warns
-    -----
-    ModelWarning
-        Of joints that are locked for the log.
+    Locked are only motors that move no other motor and no loop, such as those of a gripper. It is
+    warned of; a log in which a locked joint moves is refused.
     """
     from loopid.loading.robot_files import load  # logs are read without it
 
@@ -292,4 +267,4 @@ def open_log(path: Path, mapping: LogMapping) -> LogFormat:
                 format=name,
             )
     chosen = getattr(mapping, kind.choice) if kind.choice else None
-    return kind(path, chosen, mapping.unpacked_ratio)
+    return kind(path, chosen)

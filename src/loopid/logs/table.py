@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from loopid.arguments import FloatArray, IntArray, number
 from loopid.errors import LogError, LoopidError, MissingExtraError
-from loopid.files import UNPACKED_RATIO, Ceiling
 from loopid.registry import log_formats
 
 if TYPE_CHECKING:  # slow to import, and only needed to read a log
@@ -64,17 +63,8 @@ class LogFormat(ABC):
     choice: ClassVar[str | None] = None  # the key of a mapping that chooses: topic or group
     ordered: ClassVar[bool] = True  # whether the order of the columns says something
 
-    def __init__(
-        self, path: Path, chosen: str | None = None, unpacked_ratio: float = UNPACKED_RATIO
-    ) -> None:
-        self.path = path
-        self.chosen = chosen
-        self.unpacked_ratio = unpacked_ratio
-
-    def ceiling(self, path: Path | None = None) -> Ceiling:
-        """How much the log, or a file of it, may stand for."""
-        way_out = "; give a larger 'unpacked_ratio' in a mapping if it is to be trusted"
-        return Ceiling(path or self.path, self.unpacked_ratio, way_out)
+    def __init__(self, path: Path, chosen: str | None = None) -> None:
+        self.path, self.chosen = path, chosen
 
     @classmethod
     def accepts(cls, path: Path) -> bool:
@@ -129,10 +119,7 @@ def floats(column: polars.Series) -> polars.Series:
 
 
 def stamps_in(source: str, column: polars.Series, unit: int) -> IntArray:
-    """A column of times as whole nanoseconds (R,), exact; ``NO_STAMP`` for other cells.
-
-    The unit is in nanoseconds; dates and durations know theirs.
-    """
+    """A column of times in a unit (ns) as whole nanoseconds (R,), exact; else ``NO_STAMP``."""
     import polars
 
     kind = column.dtype
@@ -309,7 +296,10 @@ class ArrayFormat(LogFormat):
         """Arrays (R,) or (R, k) by name."""
 
     def columns(self) -> Mapping[str, tuple[str, ...]]:
-        return {stream: tuple(columns) for stream, columns in self._streams.items()}
+        found = {name: tuple(columns) for name, columns in self._streams.items() if columns}
+        if not found:
+            raise LogError(f"{self.path} holds no arrays with one or two axes", file=self.path)
+        return found
 
     def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
         places = {name: self._streams[stream][name] for name in (*times, *values)}

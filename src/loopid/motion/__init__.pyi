@@ -2,7 +2,6 @@ from .files import (
     MotionProgram as MotionProgram,
     PlannedMotion as PlannedMotion,
     read_motion_program as read_motion_program,
-    read_reference as read_reference,
 )
 from .filtering import LowPass as LowPass
 from .joints import (

@@ -4,22 +4,17 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import closing
 from dataclasses import dataclass, replace
-from io import BytesIO
-from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from loopid.arguments import FloatArray, Positive, checked, number
+from loopid.arguments import FloatArray, Positive, checked
 from loopid.border import Section
-from loopid.errors import DataError, FileError, LogError, OptionError, RobotFileError
-from loopid.files import text_blocks, why_no_file
+from loopid.errors import DataError, OptionError, RobotFileError
 from loopid.loading.files import find_motion_file
-from loopid.motion.filtering import LowPass, differentiate
 from loopid.motion.trajectories import (
     Arc,
     FourierCurve,
@@ -31,9 +26,6 @@ from loopid.motion.trajectories import (
 from loopid.records import record
 from loopid.yaml_files import read_yaml
 
-# References drawn with straight lines have steps in velocity. At 2 Hz these become accelerations
-# that a drive can follow, and the path cuts a corner by 0.6 mm at 0.02 m/s (1 mrad at 0.035 rad/s).
-SMOOTHING = LowPass(2.0)
 # Ways in a motion: nested repeats multiply, and a slip of the pen should not fill the memory.
 MOST_WAYS = 100_000
 
@@ -391,79 +383,3 @@ def _planned(name: str, motion: MotionDescription, place: Place) -> PlannedMotio
     start = place.at("start").pose(motion.start, np.zeros(len(place.coordinates)))
     ways = place.at("steps").ways(motion.steps, start)
     return PlannedMotion(name, motion.description, start, tuple(ways))
-
-
-# ---- sampled motions ---------------------------------------------------------------------------
-
-
-@checked
-def read_reference(
-    path: str | Path,
-    names: Sequence[str],
-    *,
-    rate: Positive = 100.0,
-    lowpass: LowPass = SMOOTHING,
-) -> Motion:
-    """Read an evenly sampled motion, smoothed without delay so that it has accelerations.
-
-    Parameters
-    ----------
-    path : str or Path
-        Text, or text packed by gzip (``.gz``): rows of numbers with white space between.
-    names : sequence of str
-        The c coordinates, in the order of the columns.
-    rate : float
-        Rows per second.
-    lowpass : LowPass
-        Smooths the positions; velocities and accelerations are their central differences.
-
-    Raises
-    ------
-    FileError
-        When there is no such file.
-    LogError
-        Naming the line that is not c finite numbers, or when there are too few.
-    OptionError
-        When a name comes twice, or the rate or the cut-off frequency does not fit.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import loopid
-    >>> from pathlib import Path
-    >>> from tempfile import TemporaryDirectory
-    >>> with TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "reference.txt"
-    ...     np.savetxt(path, np.linspace(0, 1, 301))
-    ...     loopid.motion.read_reference(path, ["crank_joint"], rate=100)
-    <Motion of crank_joint: 301 samples, 3 s>
-    """
-    if not names or len(set(names)) < len(names):
-        raise OptionError(f"the names of the columns must differ, not {', '.join(names) or 'none'}")
-    file, rows = Path(path), list[list[float]]()
-    if why_no_file(file) == "does not exist":
-        raise FileError(f"{file} does not exist", file=file)
-    with closing(text_blocks(file)) as blocks:
-        for line, data in enumerate(chain.from_iterable(map(BytesIO, blocks)), 1):
-            words = data.decode("utf-8", "replace").split()
-            values = [number(word) for word in words]
-            whole = len(values) == len(names) and bool(np.isfinite(values).all())
-            if words and not (whole and line == len(rows) + 1):  # blank lines are at the end only
-                raise LogError(
-                    f"{file}, line {line}: must follow a row, and be {len(names)} finite numbers "
-                    f"({', '.join(names)}), not {' '.join(words)!r:.60}",
-                    file=file,
-                    row=line,
-                )
-            rows += [values] if words else []
-    if len(rows) < lowpass.least_samples(rate):
-        raise LogError(
-            f"{file}: {len(rows)} samples are too few to smooth at {lowpass.cutoff:g} Hz: it "
-            f"takes {lowpass.least_samples(rate)} at {rate:g} Hz",
-            file=file,
-            rows=len(rows),
-        )
-    position = lowpass.apply(np.array(rows), rate)
-    velocity = differentiate(position, rate)
-    time = np.arange(len(position)) / rate
-    return Motion(tuple(names), time, position, velocity, differentiate(velocity, rate))

@@ -220,20 +220,7 @@ def review_program(
     margin: float = DEFAULT_MARGIN,
     progress: Callable[[float, float], None] | None = None,
 ) -> dict[str, MotionReview]:
-    """Review every motion of a file; see ``review_motion``.
-
-    Parameters
-    ----------
-    rate : float, optional
-        Samples per second; by default the file's.
-    progress : callable, optional
-        Called with how many motions are done, and with their number.
-
-    Returns
-    -------
-    dict
-        Of reviews, by the motions' names.
-    """
+    """Reviews of every motion of a file by name; see ``review_motion``."""
     reviews: dict[str, MotionReview] = {}
     for name in program.motions:
         motion = joint_motion(robot, program.motion(name, rate))

@@ -62,24 +62,12 @@ class Noise:
 
 @record
 class Measurement:
-    """Simulated signals of all m motors, in the order of ``robot.actuated``.
+    """Simulated signals of all m motors, in the order of ``robot.actuated``."""
 
-    Attributes
-    ----------
-    time : FloatArray
-        (N,) in s.
-    position : FloatArray
-        (N, m) as the encoders read them, in m or rad.
-    force : FloatArray
-        (N, m) with friction and noise, in N or N m.
-    exact_force : FloatArray
-        (N, m) without noise.
-    """
-
-    time: FloatArray
-    position: FloatArray
-    force: FloatArray
-    exact_force: FloatArray
+    time: FloatArray  # (N,) in s
+    position: FloatArray  # (N, m) as the encoders read them, in m or rad
+    force: FloatArray  # (N, m) with friction and noise, in N or N m
+    exact_force: FloatArray  # (N, m) without noise
 
     def __repr__(self) -> str:
         count, motors = self.force.shape
@@ -182,12 +170,8 @@ def simulate_log(
 ) -> str:
     """The log that a robot would give while it follows a motion, as CSV.
 
-    Parameters
-    ----------
-    terms : str
-        Joint terms with their values, such as ``"Fc=60,Fv=900; elbow: Ks=12"``.
-    cad_error : float
-        How far its bodies are off the robot file's; see ``scaled_bodies``.
+    Terms come with values, as ``"Fc=60,Fv=900; elbow: Ks=12"``; ``cad_error`` is the deviation of
+    ``scaled_bodies``.
     """
     chosen, values = JointTerms.with_values(robot, terms)
     measured = simulate(
@@ -220,15 +204,9 @@ def _motor_forces(
     for rows in row_blocks(len(motion.time), CHUNK):
         state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
         whole = _at_rest(robot, closed_motion(robot, *state), fastest)
-        bodies = values[: len(robot.parameters())]
-        K = motion_regressor(
-            robot,
-            whole,
-            joint_terms=terms,
-            standard_parameters=bodies,
-            slips=slips_at(slips, rows),
-        )
+        K = motion_regressor(robot, whole, joint_terms=terms, slips=slips_at(slips, rows))
         if terms is not None:
+            bodies = values[: len(robot.parameters())]
             every = robot.parameters() + terms.parameters(robot)
             places = load_places(every, robot.independent)
             loads = K[:, :, : len(bodies)] @ bodies

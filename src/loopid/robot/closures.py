@@ -372,33 +372,6 @@ CLOSURE_KINDS: Registry[ClosureKind] = Registry("kind of closure", {
 class LoopClosure:
     """A joint that closes a loop of the tree.
 
-    Attributes
-    ----------
-    kind : str
-        One of ``CLOSURE_KINDS``. ``"3d"``: the origins coincide (spherical joint). ``"6d"``: the
-        frames coincide (weld). ``"hinge"``: origins and axes coincide. ``"universal"``: the origins
-        coincide and the axes are at right angles. ``"2d"``: the origin of b is on the axis through
-        a (a pin in a plane). ``"cylindrical"``: the axes lie on one line. ``"prismatic"``: so they
-        do, and b does not turn against a. ``"distance"``: a rod keeps the origins apart.
-        ``"cable"``: the coordinate of a sliding joint is their distance.
-    frame_a, frame_b : str
-        Names of the two frames, on different bodies.
-    frame_ids : tuple of int
-        Their indices in the Pinocchio model.
-    axes : tuple of Axis
-        Unit vectors along the axis, in frame a and in frame b; only some kinds have one.
-    length : float
-        Of the rod, in m; 0 for other kinds.
-    joint : str or None
-        The sliding joint whose coordinate is the length of a cable; None for other kinds.
-    indices : tuple of int or None
-        Positions of that coordinate in configurations and in velocities.
-
-    Raises
-    ------
-    OptionError
-        When the kind is unknown.
-
     Examples
     --------
     >>> import loopid
@@ -407,13 +380,14 @@ class LoopClosure:
     ('3d', 3, 'leg1_stem-platform_B1')
     """
 
-    kind: str
-    frame_a: str
+    kind: str  # one of ``CLOSURE_KINDS``
+    frame_a: str  # names of the two frames, on different bodies
     frame_b: str
-    frame_ids: tuple[int, int]
-    axes: tuple[Axis, Axis] = (Z, Z)
-    length: float = 0.0
-    joint: str | None = None
+    frame_ids: tuple[int, int]  # their indices in the Pinocchio model
+    axes: tuple[Axis, Axis] = (Z, Z)  # unit vectors in frame a and b; only some kinds have one
+    length: float = 0.0  # of the rod, in m; 0 for other kinds
+    joint: str | None = None  # the sliding joint whose coordinate is the length of a cable
+    # Positions of that coordinate in configurations and in velocities
     indices: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:

@@ -703,26 +703,7 @@ def link_frames(model: pin.Model) -> dict[str, int]:
 
 
 def lock_options(robot: Robot, names: Iterable[str] | None = None) -> str:
-    """What locks coordinates that the motors leave free, in words of Python.
-
-    Parameters
-    ----------
-    robot : Robot
-    names : iterable of str, optional
-        Some of ``robot.free``; by default all of them.
-
-    Returns
-    -------
-    str
-        ``lock=[...]`` with joints, or single turns of ball joints.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> from loopid.robot.robot import lock_options
-    >>> lock_options(loopid.load("five_bar"), ["left_coupler_joint"])
-    "lock=['left_coupler_joint']"
-    """
+    """What locks coordinates, by default all that are free, in Python: ``lock=[...]``."""
     chosen = robot.free if names is None else tuple(names)
     free, found = set(chosen), dict[str, None]()
     for name in chosen:

@@ -31,18 +31,7 @@ class BodyMass:
 def body_masses(robot: Robot, parameters: FloatArray | None = None) -> tuple[BodyMass, ...]:
     """Where the masses of all bodies are.
 
-    Parameters
-    ----------
-    parameters : FloatArray, optional
-        (bodies, 10) standard parameters, or (bodies, 4) without inertias; by default those of the
-        robot file.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> from loopid.view.masses import body_masses
-    >>> body_masses(loopid.load("five_bar"))[0].mass
-    1.3
+    By standard parameters (bodies, 10), or (bodies, 4) without inertias; by default the file's.
     """
     inertias = [robot.model.inertias[body.joint_id] for body in robot.bodies]
     own = np.array([inertia.toDynamicParameters() for inertia in inertias])
@@ -59,13 +48,7 @@ def body_masses(robot: Robot, parameters: FloatArray | None = None) -> tuple[Bod
 
 @checked
 def fitted_masses(robot: Robot, fit: Fit) -> tuple[BodyMass, ...]:
-    """Where a fit says that the masses are.
-
-    Raises
-    ------
-    DataError
-        When the fit is one of another robot, or has values of base parameters alone.
-    """
+    """Where a fit says that the masses are; a DataError for one that does not say it."""
     model, bodies = fit.require_model(), fit.standard_parameters
     labels = robot.parameters(model.model).labels
     known = {} if bodies is None else dict(zip(model.base.parameters.labels, bodies, strict=True))

@@ -18,7 +18,6 @@ from typing import Annotated, Any, TypeAlias
 import numpy as np
 from pydantic import Field
 from scipy.spatial.transform import Rotation
-from trimesh import creation
 
 from loopid.arguments import FloatArray, checked, spread_rows
 from loopid.errors import MissingExtraError, OptionError
@@ -30,7 +29,14 @@ from loopid.motion.joints import JointMotion, joint_motion
 from loopid.robot.robot import Robot
 from loopid.view.masses import BodyMass, body_masses, fitted_masses
 from loopid.view.scene import Pose, Scene
-from loopid.view.solids import read_solids
+
+try:
+    import viser
+    from trimesh import creation
+
+    from loopid.view.solids import read_solids
+except ImportError as error:
+    raise MissingExtraError.of("viser", "view") from error
 
 # Of the user, with some above to go on to: the server waits for ever for one that cannot be had.
 Port: TypeAlias = Annotated[int, Field(ge=1024, le=65_000)]
@@ -89,19 +95,13 @@ class Viewer:
         fits: Mapping[str, Fit] | None = None,
         port: Port = 8080,
     ) -> None:
-        try:
-            import viser
-
-            from loopid.view.serving import own_pages_only
-        except ImportError as error:
-            raise MissingExtraError.of("viser", "view") from error
         masses = {"robot file": body_masses(robot)}
         masses |= {name: fitted_masses(robot, fit) for name, fit in (fits or {}).items()}
         self.scene, self.motion = Scene(robot), motion
         self._lock, self._closed = threading.RLock(), threading.Event()
         self.pose = self.scene.at(robot.reference)
         logging.getLogger("websockets.server").addFilter(_is_news)
-        with redirect_stdout(io.StringIO()), own_pages_only():
+        with redirect_stdout(io.StringIO()):
             self._server = viser.ViserServer("127.0.0.1", port, label=robot.name, verbose=False)
         self.url = f"http://127.0.0.1:{self._server.get_port()}"
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)

@@ -28,11 +28,8 @@
    Before the loop, @NAME@_start at the first u; slip begins at 0 there. No memory is allocated, nothing is kept but in the
    state, and all functions but _start and _follow always take the same steps.
 
-   How far each motor may go from one _assemble to the next, by the number of Newton steps in it, which
-   -D@GUARD@_NEWTON_STEPS=n sets: a quarter of what closed the loops to @CLOSED@ m at the worst of @POSES@
-   random poses away from singularities. What is too far is refused.
-
-@WAYS@
+   What is too far for the Newton steps of one _assemble, whose number -D@GUARD@_NEWTON_STEPS=n sets,
+   is refused.
 */
 #ifndef @GUARD@_H
 #define @GUARD@_H
