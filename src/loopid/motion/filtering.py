@@ -79,8 +79,12 @@ class LowPass:
         # Continued by its own mirror image about each end, in time and in value.
         first, last = columns[padding:0:-1], columns[-2 : -padding - 2 : -1]
         longer = np.concatenate([2 * columns[0] - first, columns, 2 * columns[-1] - last])
-        for _ in range(2):  # forwards, and backwards
-            longer = _from_steady_state(sections, longer)[::-1]
+        for _ in range(2):  # forwards, and backwards, as if signals always were what they are first
+            start = longer[0]
+            longer = longer - start
+            for numerator, denominator in sections:
+                longer = recursion(numerator, denominator, longer)
+            longer = (longer + start)[::-1]
         return np.asarray(longer[padding:-padding].reshape(signal.shape))
 
 
@@ -96,16 +100,6 @@ def butterworth(order: int, cutoff: float) -> list[tuple[FloatArray, FloatArray]
     if order % 2:
         sections.append((K / (1 + K) * np.ones(2), np.array([1.0, (K - 1) / (1 + K)])))
     return sections
-
-
-def _from_steady_state(
-    sections: list[tuple[FloatArray, FloatArray]], signal: FloatArray
-) -> FloatArray:
-    """Signals (N, m) that always were what they are at first, through all sections."""
-    found = signal - signal[0]
-    for numerator, denominator in sections:
-        found = recursion(numerator, denominator, found)
-    return np.asarray(found + signal[0])
 
 
 def recursion(numerator: FloatArray, denominator: FloatArray, signal: FloatArray) -> FloatArray:
