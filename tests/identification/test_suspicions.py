@@ -9,12 +9,13 @@ import pytest
 from ruamel.yaml import YAML
 
 import loopid
+from closure_robots import body
 from loopid import JointTerms, read_log
 from loopid.files import csv_text
 from loopid.identification import suspicions
 from loopid.logs import FilterOptions, LogMapping
 from loopid.motion import Noise
-from made_runs import friction, quietly, record, simulated, stand, unchecked, wander
+from made_runs import HINGE, friction, quietly, record, simulated, stand, unchecked, wander
 
 FIVE_BAR, KNEE = ("left_crank_joint", "right_crank_joint"), tuple(f"leg{k}_stroke" for k in "1234")
 
@@ -303,3 +304,38 @@ def test_volts_for_newtons_are_named_always_and_nothing_without_reason(runs, nam
 def test_most_mistakes_in_a_leg_are_named(runs, spoil, words):
     said = [" ".join(map(str, runs("3ups_rpu", seed, spoil).mistakes)) for seed in range(10)]
     assert sum(words in each for each in said) >= 9, said
+
+
+@pytest.fixture(scope="module")
+def mounted(load_files):
+    """An arm whose base stands, hangs, or is on a wall, by gravity in its frame."""
+    parts = [
+        *(body("turret"), body("upper", (0.02, 0.01, 0.2), 3.0), body("lower", mass=2.0)),
+        HINGE.format("pan", "ground", "turret", 0.1, "0 0 1"),
+        HINGE.format("shoulder", "turret", "upper", 0.3, "0 1 0"),
+        HINGE.format("elbow", "upper", "lower", 0.4, "0 1 0"),
+    ]
+    return lambda *gravity: load_files(parts, {"gravity": gravity})
+
+
+@pytest.mark.parametrize("gravity", [(0, 0, 9.81), (9.81, 0, 0), (0, -9.81, 0)])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_base_that_is_not_mounted_as_the_file_has_it_is_named(mounted, gravity, seed):
+    """Whatever the bodies; with the gravity that is advised, nothing is suspected."""
+    drawn, hung = mounted(0, 0, -9.81), mounted(*gravity)
+    motion = wander(hung, seed, seconds=30.0, rate=50.0, size=(0.8,) * 3)
+    bodies = hung.standard_parameters().reshape(-1, 10)
+    factors = np.random.default_rng(seed).uniform(0.6, 1.5, size=(len(bodies), 1))
+    terms = JointTerms(hung.actuated), np.tile([0.5, 0.2], 3)
+    run = simulated(hung, motion, Noise(0.05, 1e-5), seed, (factors * bodies).ravel(), terms)
+    log = unchecked(run.time, run.position, run.force, hung.actuated)
+
+    def suspected(robot):
+        filtered = FilterOptions(cutoff=2.0)
+        return suspicions(robot, [quietly(loopid.prepare, robot, log, filter=filtered)]).mistakes
+
+    (found,) = suspected(drawn)
+    assert found.title == "gravity has another direction than in the robot file"
+    advised = map(float, re.search(r"gravity: \[(.*)\]", found.do)[1].split(","))
+    assert tuple(advised) == pytest.approx(gravity, abs=1e-3)
+    assert suspected(hung) == ()

@@ -113,16 +113,25 @@ def test_columns_may_stand_in_any_order_beside_others(read_text, truth, knee, ch
     check(read_text("\n".join([f"{header},remark", *(f"{row},hot" for row in rows), ""])))
 
 
-def test_columns_may_be_numbered_in_the_order_of_the_motors(read_text, good_text, knee, check):
+@pytest.mark.parametrize(
+    ("position", "force"),
+    [("joint_position_{}", "control_action_{}"), ("joint_positions_{}", "joint_efforts_{}")],
+)
+def test_columns_may_be_numbered_in_the_order_of_the_motors(
+    read_text, good_text, knee, check, position, force
+):
     for k, joint in enumerate(knee.actuated):
-        good_text = good_text.replace(f"{joint}.position", f"joint_position_{k}", 1)
-        good_text = good_text.replace(f"{joint}.force", f"control_action_{k}", 1)
+        good_text = good_text.replace(f"{joint}.position", position.format(k), 1)
+        good_text = good_text.replace(f"{joint}.force", force.format(k), 1)
     check(read_text(good_text))
 
 
 @pytest.mark.parametrize(
     ("name", "factor"),
-    [("T", 1), ("timestamp", 1), ("time_s", 1), ("time_ms", 1e3), ("time_us", 1e6)],
+    [
+        *(("T", 1), ("timestamp", 1), ("time_s", 1), ("time_ms", 1e3), ("time_us", 1e6)),
+        *(("/joints/header/stamp", 1), ("run.time", 1)),
+    ],
 )
 def test_times_are_found_by_their_names(read_text, truth, knee, check, name, factor):
     time = np.round(truth.time * factor, 6)

@@ -111,6 +111,7 @@ def joint_signals(joint_positions):
             "Ks": q,
             "Ks2": q * q,
             "Ks3": q * q * q,
+            "Kg@-9": 1 / (q + 9),
             "Ks@0.25": np.where(q > 0.25, q - 0.25, 0.0),
         }
 

@@ -12,6 +12,7 @@ import typer
 from typer import Argument, Option
 
 from loopid.cli import completion
+from loopid.cli.advice import command_with
 from loopid.cli.shell import answering, with_options
 from loopid.errors import OptionError
 from loopid.files import require_name, require_other_file, require_own_kind, write_file, write_files
@@ -90,7 +91,7 @@ def check(robot: Robot, answer: Answer) -> None:
     from loopid.report.structure import check_report
 
     answer.require(robot.path)
-    answer.show(check_report(robot))
+    answer.show(check_report(robot), command_with("base", robot))
 
 
 @of_robot
@@ -133,7 +134,8 @@ def base(
         )
     options = None if time_limit is None else SearchOptions(time_limit=time_limit)
     found = find_felt_parameters(observation, strategy, criterion=criterion, options=options)
-    answer.show(base_report(robot, model, *found))
+    command = command_with("excite", robot, "--out", "motion", model=model)
+    answer.show(base_report(robot, model, *found), command)
 
 
 def subgroups_of(search: str, **options: Any) -> Any:
@@ -321,7 +323,8 @@ def excite(
             progress=watch,
         )
     found.require_gain()
-    answer.show(excitation_report(found))
+    model = found.force_model.model
+    answer.show(excitation_report(found), command_with("identify", robot, "LOG", model=model))
 
 
 @with_options(robot=loaded)

@@ -14,7 +14,7 @@ from loopid.logs.table import WIDEST, ArrayFormat, Column, refusals, stream_name
 
 
 class MatFormat(ArrayFormat):
-    """Arrays (N, 1) are columns, a matrix (N, k) is the columns ``x_0`` to ``x_k-1``."""
+    """Arrays of N numbers are columns, a matrix (N, k) or (k, N) is those ``x_0`` to ``x_k-1``."""
 
     endings = (".mat",)
     kind = ".mat of numbers"
@@ -48,7 +48,7 @@ class MatFormat(ArrayFormat):
 
 
 def _numbers(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, NDArray[Any]]]:
-    """Tables (N, k) of numbers by name, in structures too; a row counts as a column."""
+    """Tables (N, k) of numbers by name, in structures too; samples are along the longer axis."""
     for key, value in content.items():
         if isinstance(value, dict):
             yield from _numbers(value, f"{before}{key}.")
@@ -56,6 +56,6 @@ def _numbers(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[str
         array = np.atleast_1d(value)
         if array.dtype.kind in "biuf" and array.ndim <= 2 and array.size > 1:
             table = array.reshape(len(array), -1) if array.ndim == 1 else array
-            table = table.T if table.shape[0] == 1 else table
+            table = table.T if table.shape[0] < table.shape[1] else table
             if table.shape[1] <= WIDEST:
                 yield before + key, table

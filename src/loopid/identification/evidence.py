@@ -165,6 +165,14 @@ class Evidence:
         few._tables, few._known_products = {}, {}
         return few
 
+    def with_gravity(self, gravity: FloatArray) -> Evidence:
+        """The same of a robot with other gravity (3,)."""
+        other, model = copy(self), self.robot.model.copy()
+        model.gravity.linear = gravity
+        other.robot, other._tables, other._known_products = replace(self.robot, model=model), {}, {}
+        other._choose_columns()
+        return other
+
     # Columns that explain forces.
 
     def _choose_columns(self) -> None:

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
-from math import log, pi, sqrt
+from math import inf, log, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -128,6 +128,9 @@ def suspicions(
             if model.strange(clear[0].after if clear else found, model.present):
                 finds += _finds(model, found, assembled=True)
                 clear = _clear(model, finds, found, undone)
+                turned = None if undone else _turned(model, found, clear)
+                if turned is not None:  # all else would be judged with other bodies
+                    return replace(nothing, mistakes=(turned, *held))
             if not clear or len(undone) == ROUNDS:
                 break
             mistakes.append(_finding(model, clear, found))
@@ -325,6 +328,30 @@ def _clear(
     ]
     clear = [find for find in beside if find.evidence - found.evidence >= EVIDENCE]
     return sorted(clear, key=lambda find: -find.evidence)
+
+
+def _turned(model: Evidence, found: Explanation, clear: Sequence[_Find]) -> Finding | None:
+    """Gravity along another axis of the base, where no mistake is clearly likelier."""
+    file = model.robot.model.gravity.linear
+    size = float(np.linalg.norm(file))
+    axes = [axis for axis in (*np.eye(3), *-np.eye(3)) if axis @ file < size / 2]
+    if not axes:
+        return None  # the robot file has no gravity
+    models = [model.with_gravity(size * axis) for axis in axes]
+    plain = [other.explained([found.undone])[0] for other in models]
+    k = int(np.argmax([one.evidence for one in plain]))
+    usual, turned = model.beside_rivals(found).evidence, models[k].beside_rivals(plain[k]).evidence
+    likeliest = max((find.evidence + usual - found.evidence for find in clear), default=-inf)
+    clearly = turned - usual >= EVIDENCE + log(len(axes)) and turned > likeliest - EVIDENCE
+    if not (clearly and models[k].explains(plain[k], model.present, SHAPE, whole=False)):
+        return None
+    given = "[" + ", ".join(f"{x + 0.0:.4g}" for x in size * axes[k]) + "]"
+    return Finding(
+        "mistake",
+        "gravity has another direction than in the robot file",
+        f"as where a base hangs, or is on a wall (evidence e^{turned - usual:.0f})",
+        f"write gravity: {given} into a YAML that names the robot file as its urdf",
+    )
 
 
 def _caused(find: _Find) -> bool:

@@ -182,7 +182,16 @@ TIME_PAIRS = tuple(
     for prefix in ("time_", "", "stamp_", "header_stamp_")
     for seconds, rest in (("sec", "nanosec"), ("secs", "nsecs"))
 )
-TIMES = {"time", "t", "timestamp", "time_stamp", "stamp", "elapsed_time", "header_stamp"}
+TIMES = {
+    "time",
+    "t",
+    "timestamp",
+    "timestamps",
+    "time_stamp",
+    "stamp",
+    "elapsed_time",
+    "header_stamp",
+}
 # of quantities, with the name of a joint,
 WITH_JOINT = {
     "position": ("position", "pos", "angle", "q", "theta", "θ"),
@@ -190,8 +199,14 @@ WITH_JOINT = {
 }
 # or with the number of a motor, from 0 or from 1 on, as in "force_0", "tau1" and "joint 1 torque".
 WITH_NUMBER = {
-    "position": (*WITH_JOINT["position"], "joint_position", "joint_angle", "actual_q"),
-    "force": (*WITH_JOINT["force"], "joint_torque", "tau_j", "control_action", "actual_current"),
+    "position": (
+        *(*WITH_JOINT["position"], "joint_position", "joint_angle", "actual_q"),
+        *("positions", "joint_positions", "angles", "joint_angles"),
+    ),
+    "force": (
+        *(*WITH_JOINT["force"], "joint_torque", "tau_j", "control_action", "actual_current"),
+        *("joint_effort", "efforts", "joint_efforts", "torques", "joint_torques"),
+    ),
 }
 CURRENT = "current"  # a word of columns that hold amperes
 NUMBERED = ("{word}_{k}", "joint_{k}_{word}", "{word}_joint_{k}", "axis_{k}_{word}")
@@ -298,7 +313,8 @@ class ColumnFinder:
         if channel.quantity == "force" and CURRENT in plain and self.mapping.force_scale is None:
             raise self._refused(
                 f"column {place.column!r} is a current, not a force: give the force of one ampere "
-                "(N m or N, by joint) as 'force_scale' in a mapping, or 1 to identify in amperes",
+                "(N m or N, by joint) as 'force_scale' in a mapping; with 1, identify says what it "
+                "is by the robot file's masses",
                 quantity="force",
                 column=place.column,
             )
@@ -386,9 +402,9 @@ class ColumnFinder:
     def time(self, stream: str) -> TimeColumn:
         """The time of a stream; a LogError when it is not found, or there are several."""
         if stream not in self._times:
-            given, rate = self.mapping.time, self.mapping.rate
-            if rate is not None:
-                found = TimeColumn("", NANOSECONDS["s"] / rate)
+            given, period = self.mapping.time, self.mapping.row_period
+            if period is not None:
+                found = TimeColumn("", NANOSECONDS["s"] * period)
             elif given is not None:
                 found = self._given_time(given, stream)
             else:
@@ -404,6 +420,7 @@ class ColumnFinder:
             if len(names) == len(both) == 2:
                 return TimeColumn(both[pair[0]], NANOSECONDS["s"], both[pair[1]])
         found = [name for name in here if {words(name), words(heading(name).name)} & TIMES]
+        found = found or [name for name in here if {*endings(heading(name).name)} & TIMES]
         if len(found) == 1:
             return TimeColumn(found[0], self._nanoseconds(found[0]))
         problem = f"several columns for the time ({', '.join(found)})" if found else "no time"
@@ -451,9 +468,9 @@ class ColumnFinder:
         own = [self._of_joint(joint, quantity) for joint in joints]
         if not all(own) and (numbered := self._numbered(quantity)):
             return numbered
-        return [
-            self._only(joint, quantity, found) for joint, found in zip(joints, own, strict=True)
-        ]
+        lock = ', or lock=["{}"] where it stood' if any(own) else ""
+        both = zip(joints, own, strict=True)
+        return [self._only(joint, quantity, found, lock.format(joint)) for joint, found in both]
 
     def _listed_columns(self, given: StreamColumns) -> list[Place]:
         """Columns in the order of the motors; by default all of a stream but its time."""
@@ -516,11 +533,11 @@ class ColumnFinder:
         given = scale.get(joint) if isinstance(scale, Mapping) else scale
         return found[0], self._unit("position", found[0].column, given, "position_scale").scale
 
-    def _only(self, joint: str, quantity: str, found: Sequence[Place]) -> Place:
+    def _only(self, joint: str, quantity: str, found: Sequence[Place], also: str = "") -> Place:
         if not found:
             raise self._refused(
                 f"there is no {quantity} of {joint}: call a column {joint}.{quantity}, name it in "
-                f'a mapping, or lock=["{joint}"] where it stood; {self._choices()}',
+                f"a mapping{also}; {self._choices()}",
                 quantity=quantity,
                 joint=joint,
             )

@@ -340,7 +340,8 @@ def _try(kind: str, term: JointTerm) -> None:
 
 # By their kinds, which label the parameters and are written in files; in place of the words in
 # capitals stands a number. A spring Ks q + Fo = Ks (q - q0) is slack at q0 = -Fo / Ks; a gain of
-# stiffness above a position makes it piecewise linear, or a stop. Stribeck friction is what there
+# stiffness above a position makes it piecewise linear, or a stop. The gas of a cylinder that would
+# be closed up at a position presses by 1 / (q - at) (Boyle's law). Stribeck friction is what there
 # is more near standstill [Armstrong1994]. Hysteresis is what friction that builds up over a
 # displacement has less after a reversal than Coulomb friction, which it is a part of: none in
 # steady motion (``maxwell_slip.py``).
@@ -398,6 +399,12 @@ for _kind, _term in {
     "Ks3": _spring("cubic spring", "³", ("Ks2", "Ks", "Fo"), lambda joint, _: joint.position**3),
     "Ks@POSITION": _spring(
         "stiffness gained", "", (), lambda joint, at: joint.math.fmax(joint.position - at, 0.0)
+    ),
+    "Kg@POSITION": JointTerm(
+        "gas spring",
+        ("N m", "N m rad"),
+        lambda joint, at: 1.0 / (joint.position - at),
+        ("position",),
     ),
 }.items():
     JOINT_TERMS.register(_kind, _term)

@@ -57,7 +57,7 @@ def prediction_report(robot: Robot, predictions: Sequence[Prediction]) -> Report
                 Figure(f"{samples:,}", "samples in motion"),
                 Figure(str(len(predictions)), "log" if len(predictions) == 1 else "logs"),
             ),
-            next="write the fit for a controller, with loopid export."
+            next="write the fit as C for a controller."
             if grade == "Good"
             else "identify from this log, too.",
         ),
@@ -139,13 +139,13 @@ def payload_report(found: PayloadFit) -> Report:
             f"{_motors_said(found)}, {_centre_said(found)}; {clear}."
         )
     numbers = zip(told["parameters"], told["values"], spans, told["units"], strict=True)
-    rows = [(name, number(value), span, unit) for name, value, span, unit in numbers]
+    rows = [(name, f"{number(value)} {unit}", span) for name, value, span, unit in numbers]
     if told["mass"] is not None:
         rows += [
-            (f"centre of mass, {axis}", number(x), interval(*ends), "m")
+            (f"centre of mass, {axis}", f"{number(x)} m", interval(*ends))
             for axis, x, ends in _centre(found)
         ]
-    tables = [plain_table("", ("", ">value", ">95 % interval", "unit"), rows)]
+    tables = [plain_table("", ("", ">value", ">95 % interval"), rows)]
     if (motors := found.motors) is not None:
         by = zip(motors.actuators, motors.values, motors.intervals(), strict=True)
         masses = [(name, _of_width(value, ends), interval(*ends)) for name, value, ends in by]

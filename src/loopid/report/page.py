@@ -11,6 +11,7 @@ import math
 import platform
 from collections.abc import Callable, Sequence
 from dataclasses import field
+from functools import cached_property
 from importlib.metadata import version
 from importlib.resources import files
 from typing import Any, Literal
@@ -21,7 +22,7 @@ from rich.table import Table
 from loopid.findings import Finding, most_important_first
 from loopid.plots.chart import Chart, E, Panel, in_parts, unfolding
 from loopid.records import record
-from loopid.report.look import facts, json_text, json_value, plain_table, rounded
+from loopid.report.look import json_text, json_value, plain_table, rounded
 
 LIBRARIES = "loopid", "pin", "numpy", "scipy"
 VERSION = 1  # of the records' forms, which ``schema.py`` states: a new one where programs notice
@@ -251,16 +252,17 @@ def _said(found: Finding) -> list[HtmlElement]:
 
 
 def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:]
+    """The text as a sentence; a name that it begins with stays as it is."""
+    return text[:1].upper() + text[1:] if text.split(" ")[0].strip(",:").isalpha() else text
 
 
 def _reproducing(command: str) -> Section:
     """The command line, if there was one, and versions of the libraries that decide the numbers."""
-    told = {"command": command} if command else {}
-    told |= {name: version(name) for name in LIBRARIES}
-    told["Python"] = platform.python_version()
-    told["machine"] = f"{platform.system()} {platform.machine()}"
-    return Section("To reproduce this run", (facts("", told),), short="Reproduce")
+    told = {name: version(name) for name in LIBRARIES} | {"Python": platform.python_version()}
+    used = ", ".join(f"{name} {which}" for name, which in told.items())
+    said = f"{used}; {platform.system()} {platform.machine()}"
+    parts = (*([command] if command else []), said)
+    return Section("To reproduce this run", parts, short="Reproduce")
 
 
 @record
@@ -395,7 +397,7 @@ class Report:
         if self.card is None:
             object.__setattr__(self, "card", Card(use=self.verdict))
 
-    @property
+    @cached_property
     def data(self) -> dict[str, Any]:
         """The record with its form and the verdict."""
         said = {
@@ -410,7 +412,7 @@ class Report:
         """All tables of the page, those with pictures among them."""
         parts = [part for each in self.sections() for part in each.parts]
         panels = (p for part in parts if isinstance(part, Chart) for p in part.panels if p.columns)
-        return [*map(_panel_table, panels), *(part for part in parts if isinstance(part, Table))]
+        return [*map(panel_table, panels), *(part for part in parts if isinstance(part, Table))]
 
     def page(self, command: str = "") -> Page:
         """The page, with the command line that reproduces it."""
@@ -432,7 +434,7 @@ class Report:
         return {"report.html": page.html(), **record, **self.results(), **drawn}
 
 
-def _panel_table(panel: Panel) -> Table:
+def panel_table(panel: Panel) -> Table:
     """The texts of a table with pictures."""
     title = panel.title or panel.motor
     columns = ("", *(f">{name}" for name in panel.columns))

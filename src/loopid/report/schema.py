@@ -76,9 +76,6 @@ _SUBGROUPS = {
         {"rows": [str], "tried": int, **of(TriedGroup, *GROUP)}
         | dict.fromkeys(("removed", "added"), Text)
     ],
-    "condition_numbers": [
-        {"from": float, "below": Real} | dict.fromkeys(("full_rank", "deficient"), int)
-    ],
 }
 _SEARCH = of(SearchResult, *SEARCH) | {"subgroups": (_SUBGROUPS, None)}
 _CHOICE = {
