@@ -122,7 +122,6 @@ def test_check_names_the_inertia_that_no_solid_body_has(run_json):
         (["base", "3ups_rpu", "--samples", "0"], ["samples", "0"]),
         (["base", "3ups_rpu", "--samples", "2"], ["rank", "samples"]),
         (["base", "3ups_rpu", "--lock", "elbow"], ["elbow", "leg1_stroke"]),
-        (["base", "3ups_rpu", "--model", "full", "--search", "exhaustive"], ["C(74, 23)"]),
         (["base", "3ups_rpu", "--model", "full", "--search", "subgroup"], ["GiB"]),
         (["check", str(URDF / "generate.py")], ["generate.py", ".yaml", ".urdf"]),
         (["check", str(URDF)], ["urdf", "3ups_rpu"]),

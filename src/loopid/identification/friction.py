@@ -24,7 +24,6 @@ import numpy as np
 from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, OptionError
 from loopid.identification.consistent import (
-    ConsistentOptions,
     consistent_parameters,
     error_weights,
     quiet_consistent_fit,
@@ -147,8 +146,6 @@ def with_friction(
     data: FitSamples,
     recordings: Sequence[Recording],
     whole: Fit,
-    *,
-    options: ConsistentOptions = ConsistentOptions(),
 ) -> tuple[ForceModel, FitSamples, WorkingFit]:
     """Add the friction curves and the load friction that recordings ask for.
 
@@ -173,7 +170,7 @@ def with_friction(
     noise = whole.noise
     if whole.noise is None or noise is None:
         raise DataError("the fit has no model of its errors that friction could be weighed by")
-    standard = consistent_parameters(force_model, data, noise, options=options)
+    standard = consistent_parameters(force_model, data, noise)
     use, loads = motor_use(force_model, data, recordings), force_model.loads(data.regressor)
     kinds = friction_kinds(force_model, data, use, loads)
     weights = error_weights(data.problem, noise)
@@ -190,11 +187,11 @@ def with_friction(
             noise = residual_noise(data, every, rank)
         if left and kinds:
             left -= 1
-            standard = consistent_parameters(wide, data, noise, options=options)
+            standard = consistent_parameters(wide, data, noise)
             noise = residual_noise(data, wide.base.values(standard), rank)
         else:
             noise = _of_motors(kinds, noise, whole.noise)
-            working = quiet_consistent_fit(wide, data, noise, options=options)
+            working = quiet_consistent_fit(wide, data, noise)
             fit = working.result
             asked = {} if fit.term_deviations is None else _asked(kinds, fit.term_deviations)
             if asked == kinds and honest:

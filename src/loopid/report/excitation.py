@@ -11,7 +11,7 @@ from rich.table import Table
 from loopid.arguments import FloatArray
 from loopid.excitation.design import ExcitationDesign
 from loopid.files import csv_text
-from loopid.motion.trajectories import FourierCurve, SplineCurve, Waypoint
+from loopid.motion.trajectories import FourierCurve, Waypoint
 from loopid.plots.excitation import errors_chart, motion_chart
 from loopid.plots.structure import force_unit, robot_chart
 from loopid.report.look import json_fields, json_value, plain_table, table_of
@@ -174,8 +174,6 @@ def _step(names: tuple[str, ...], here: FloatArray, waypoint: Waypoint) -> dict[
             for k, name in enumerate(names)
         }
         return {"fourier": terms, "seconds": seconds}
-    if isinstance(curve, SplineCurve):
-        return {"spline": [_pose(names, here + x) for x in curve.shape], "seconds": seconds}
     if (waypoint.position == here).all():
         return {"hold": seconds}
     return {"to": _pose(names, waypoint.position), "seconds": seconds}
