@@ -74,9 +74,9 @@ FLAT = 10.0
 # Errors of forces, relative to their root mean square, that are round-off. Deviation of bodies
 # without any mass in the file, which stay without, in sizes of light bodies.
 PRECISION, MASSLESS = 1e-8, 1e-3
-# Of the minimum, in units of the log-likelihood; relative change of the deviations that ends their
-# iteration; iterations of either, at most.
-TOLERANCE, SETTLED, ITERATIONS = 1e-8, 3e-4, 200
+# Of the minimum, in units of the log-likelihood; what a last step gains at most while deviations
+# still change; their relative change that ends their iteration; iterations of either, at most.
+TOLERANCE, NEAR, SETTLED, ITERATIONS = 1e-8, 1e-2, 3e-4, 200
 
 
 @checked
@@ -190,7 +190,7 @@ def consistent_parameters(
             state = replace(state, deviations=far.own)
         if like.term_deviations is not None:
             state = replace(state, groups=like.term_deviations.own)
-        return bodies + program.standard(_minimised(program, _approached(program, state)))
+        return bodies + program.standard(_minimised(program, _approached(program, state))[0])
 
 
 @checked
@@ -527,43 +527,49 @@ UNSETTLED = Finding(
 )
 
 
-def _minimised(program: _Program, state: _State) -> _State:
-    """Newton's method at given deviations, within the limits of the joint terms."""
+def _minimised(program: _Program, state: _State, near: float = 0.0) -> tuple[_State, _Step]:
+    """Newton's method at given deviations, within the limits of the joint terms; its last step.
+
+    A step that gains less than ``near`` is the last one.
+    """
     value = program.value(state)
     for _ in range(ITERATIONS):
         step = program.step(state)
         z = step.solution(*program.limits(state))
         decrement = -float(step.gradient @ z)
         if decrement <= TOLERANCE + ROUND_OFF * abs(value):
-            return replace(state, settled=True)
+            return replace(state, settled=True), step
         shrinks = -np.linalg.eigvalsh(program.turns(state, z)).min(initial=0.0)
         part = min(1.0, INSIDE / shrinks) if shrinks > 0 else 1.0
         tried = program.moved(state, part * z)
         while program.value(tried) > value - ARMIJO * part * decrement + ROUND_OFF * abs(value):
             part /= 2
             if part < SHORTEST:
-                return replace(state, settled=True)  # as near as round-off lets it be
+                return replace(state, settled=True), step  # as near as round-off lets it be
             tried = program.moved(state, part * z)
         before, state, value = value, tried, program.value(tried)
-        if before - value <= ROUND_OFF * abs(value):
-            return replace(state, settled=True)
-    return replace(state, settled=False)
+        if before - value <= ROUND_OFF * abs(value) or decrement <= near:
+            return replace(state, settled=True), step
+    return replace(state, settled=False), step
 
 
 def _most_likely(program: _Program) -> tuple[_State, float]:
     """The best state at the most likely deviations, and the common one."""
     state = _approached(program, program.first(LEAST_OFF))
     steps, gains = np.zeros((2, len(state.groups)))
+    near = NEAR
     for _ in range(ITERATIONS):
-        state = _minimised(program, state)
-        told = program.step(state).told
+        state, step = _minimised(program, state, near)
+        told = step.told
         gamma, d = _told(program, told), 2 * program.divergences(state)
         common = _common(gamma, d)
         own = np.sqrt((NU * common**2 + d) / (NU + gamma)).clip(max=FARTHEST)
         before, steps = steps, _group_steps(program, state, told)
         settled = np.append(own / state.deviations - 1, steps)
         if np.abs(settled).max(initial=0.0) <= SETTLED:
-            break
+            if not near:
+                break
+            near = 0.0
         # Steps that go on in one direction, as towards none, grow.
         gains = np.where(steps * before > 0, np.minimum(1.5 * gains, FASTEST), 1.0)
         groups = (state.groups * np.exp(gains * steps)).clip(*program.terms.bounds.T)
@@ -586,7 +592,7 @@ def _approached(program: _Program, state: _State) -> _State:
     for weight in np.geomspace(share, 1.0, 1 + int(np.ceil(-np.log(share) / np.log(HEAVIER))))[:-1]:
         part = np.sqrt(weight)
         light = replace(program, effects=part * program.effects, target=part * program.target)
-        state = _minimised(light, state)
+        state, _ = _minimised(light, state, NEAR)
     return state
 
 
@@ -718,9 +724,9 @@ def solid_body(
         terms=JointPriors.none(),
     )
     with one_blas_thread():
-        state = _minimised(program, program.first(FARTHEST))
+        state, step = _minimised(program, program.first(FARTHEST))
         turned = matrix @ program.changes(state)
-        return program.standard(state), program.step(state).covariance(turned) @ turned.T
+        return program.standard(state), step.covariance(turned) @ turned.T
 
 
 def _freedom(program: _Program, state: _State, told: FloatArray) -> FloatArray:

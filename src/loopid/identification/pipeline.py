@@ -184,9 +184,7 @@ def identify(
         training, judging, friction = (
             at_cutoff(own, runs, cutoff.chosen) for runs in (training, judging, friction)
         )
-    force_model = choose_terms(force_model, friction or training, n_jobs=options.n_jobs)
-    data = samples_of(force_model, training, references=references, n_jobs=options.n_jobs)
-    first = samples_of(force_model, friction, n_jobs=options.n_jobs) if friction else None
+    force_model, data, first = _sampled(force_model, training, friction, references, options)
     plain = force_model.plain_columns
     fitted = plain if first is None else np.setdiff1d(plain, force_model.joint_columns)
     excited = identifiability(force_model, data.select(fitted))
@@ -284,6 +282,24 @@ def _model_of(
         return choice, robot
     model = choice.model if choice is not None and kind == AUTOMATIC else kind
     return choice, force_model(own, model, options.terms)
+
+
+def _sampled(
+    force_model: ForceModel,
+    training: Sequence[Recording],
+    friction: Sequence[Recording],
+    references: Sequence[JointMotion],
+    options: FitOptions,
+) -> tuple[ForceModel, FitSamples, FitSamples | None]:
+    """The force model without offsets that are not identifiable, and its samples."""
+
+    def samples(model: ForceModel) -> tuple[FitSamples, FitSamples | None]:
+        data = samples_of(model, training, references=references, n_jobs=options.n_jobs)
+        return data, samples_of(model, friction, n_jobs=options.n_jobs) if friction else None
+
+    data, first = samples(force_model)
+    chosen = choose_terms(force_model, data if first is None else first)
+    return chosen, *((data, first) if chosen is force_model else samples(chosen))
 
 
 def _errors_by_region(fit: WorkingFit) -> FloatArray:
