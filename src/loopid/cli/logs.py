@@ -278,13 +278,17 @@ def export(
 
     The robot is loaded as it was for the fit, and refused where it is another one.
     """
-    from loopid.identification.saved import load_fit
+    from loopid.identification.saved import load_fit, robot_files
     from loopid.report.look import json_text
 
+    if robot is yaml is c is None:
+        raise OptionError(
+            "nothing to export: give --urdf FILE, --mjcf FILE, --yaml FILE or --c DIR"
+        )
+    saved = load_fit(fit, file)
     if yaml is not None:
-        require_other_file(yaml, fit)
-    identified, names = load_fit(fit, file), (robot, yaml, c)
-    written = _exported(identified, *names, name=name, overwrite=overwrite, anyway=anyway)
+        require_other_file(yaml, fit, *robot_files(saved.require_model().robot))
+    written = _exported(saved, robot, yaml, c, name=name, overwrite=overwrite, anyway=anyway)
     places = [str(place) for place in written]
     if as_json:
         typer.echo(json_text({"schema": "loopid export 1", "written": places}))
@@ -302,26 +306,23 @@ def _exported(
     overwrite: bool,
     anyway: bool,
 ) -> list[Path]:
-    """The files that are written; all that may be refused is found out before the first one."""
+    """Write a fit; all that may be refused is found out before the first file is written."""
     from loopid.export.c_code import c_source
     from loopid.identification.plausibility import require_fit_for_use
-    from loopid.identification.saved import content, robot_files
+    from loopid.identification.saved import content
 
-    if robot is yaml is c is None:
-        raise OptionError(
-            "nothing to export: give --urdf FILE, --mjcf FILE, --yaml FILE or --c DIR"
-        )
     require_fit_for_use(fit, anyway)
-    model, written = fit.require_model(), list[Path]()
     if yaml is not None:
-        require_other_file(yaml, *robot_files(model.robot))
         content(fit, yaml, anyway=anyway)
-    code = None if c is None else c_source(model, name=name, values=fit.values)
+    code = None if c is None else c_source(fit.require_model(), name=name, values=fit.values)
+    written = list[Path]()
     if robot is not None:
         written.append(fit.to_robot_file(robot, overwrite=overwrite, anyway=anyway))
     if yaml is not None:
         written.append(fit.save(yaml, anyway=anyway))
-    return [*written, *([] if code is None or c is None else code.save(c))]
+    if code is not None and c is not None:
+        written += code.save(c)
+    return written
 
 
 @with_options(answer=answering)
