@@ -60,14 +60,6 @@ def test_the_page_begins_with_the_result(report, paper):
     assert [title.split(":")[0] for title in unfolded] == ["the searches", "Table II", "Table III"]
 
 
-def test_formulas_are_mathml_that_browsers_show(report):
-    page = fromstring(report.page().html())
-    shown = list(page.iter("math"))
-    assert len(shown) == 2
-    assert "cos" in shown[1].text_content()
-    assert "&" not in "".join(each.text_content() for each in shown)
-
-
 def test_the_verdict_counts_the_rows_that_are_found(paper):
     rows = (*paper.base.rows[:8], None, *paper.base.rows[9:])
     for base, count in ((paper.base, 15), (replace(paper.base, rows=rows), 14)):

@@ -37,6 +37,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import cho_solve
 from scipy.linalg.lapack import dtrtri
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, checked, finite, rectangular
@@ -59,6 +60,7 @@ from loopid.identification.result import (
     StandardUncertainty,
     TermDeviations,
     fit_quality,
+    with_errors,
 )
 from loopid.inertia import body_defect, nearest_solid, parameters_of, pseudo_inertia, upper_factor
 from loopid.parameters import KINDS
@@ -68,15 +70,17 @@ CONSISTENT = "consistent"
 # ν, degrees of freedom of the deviations of single bodies about the common one: few let a body be
 # far off while the others are right.
 NU = 4.0
+# Part by which bodies of a file that explains the forces count as off, which is as good as none.
+RIGHT = 1e-4
 # Deviation of a joint term of which nothing is known, in values that would make all of the force:
 # so large that only terms without an effect in the data depend on it.
 FLAT = 10.0
 # Errors of forces, relative to their root mean square, that are round-off. Deviation of bodies
 # without any mass in the file, which stay without, in sizes of light bodies.
 PRECISION, MASSLESS = 1e-8, 1e-3
-# Of the minimum, in units of the log-likelihood; relative change of the deviations that ends their
-# iteration; iterations of either, at most.
-TOLERANCE, SETTLED, ITERATIONS = 1e-8, 3e-4, 200
+# Of the minimum, in units of the log-likelihood; what a last step gains at most while deviations
+# still change; their relative change that ends their iteration; iterations of either, at most.
+TOLERANCE, NEAR, SETTLED, ITERATIONS = 1e-8, 1e-2, 3e-4, 200
 
 
 @checked
@@ -190,14 +194,30 @@ def consistent_parameters(
             state = replace(state, deviations=far.own)
         if like.term_deviations is not None:
             state = replace(state, groups=like.term_deviations.own)
-        return bodies + program.standard(_minimised(program, _approached(program, state)))
+        return bodies + program.standard(_minimised(program, _approached(program, state))[0])
 
 
 @checked
-def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> Fit:
-    """As ``consistent_fit``, with the bodies of the robot file: those alone are ``assumed``."""
-    weights, program = _posed(force_model, data, noise, None, None)
-    base, (program, standard) = force_model.base, _terms_alone(force_model, program)
+def fit_terms(
+    force_model: ForceModel, data: FitSamples, noise: NoiseModel, least: NoiseModel
+) -> Fit:
+    """As ``consistent_fit``, with the bodies of the robot file.
+
+    Parameters
+    ----------
+    noise : NoiseModel
+        Errors of each actuator, those of the file's bodies included.
+    least : NoiseModel
+        Errors beside any bodies: what is more tells how far those of the file are off.
+
+    Returns
+    -------
+    Fit
+        Parameters of bodies alone are ``assumed``; those that joint terms fold into are not, and
+        hold by how much the bodies seem to be off.
+    """
+    weights, whole = _posed(force_model, data, noise, None, None)
+    base, (program, standard) = force_model.base, _terms_alone(force_model, whole)
     first = len(standard) - len(program.terms.start)
     J = base.matrix[:, first:]
     left = data.less(data.predicted(base.values(standard))).along(J)
@@ -205,31 +225,66 @@ def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> F
         state, _ = _most_likely(program)
         standard[first:] = state.joints
         spread = program.terms.spread(state.groups)
-        found = _posterior(left, weights, state.joints, spread.T).result
-        freedom = _freedom(program, state, spread)
+        working = _posterior(left, weights, state.joints, spread.T)
+        _, best = _posed(force_model, data, least, None, None)
+        off, known = _off_the_file(whole, best, standard, working.factor[:-1, :-1])
+        alone = np.minimum(working.result.degrees_of_freedom, _freedom(program, state, spread))
+        terms = with_errors(replace(working.result, degrees_of_freedom=alone), off[first:], known)
         own = np.flatnonzero(program.terms.group >= 0)
-        groups = _groups(program, state, found.covariance[np.ix_(own, own)])
-    freedom = np.minimum(found.degrees_of_freedom, freedom)
+        groups = _groups(program, state, working.result.covariance[np.ix_(own, own)])
     names, inside = force_model.parameters.names, J != 0
-    values, (variances, file) = base.values(standard), np.zeros((2, len(standard)))
+    folded = inside.any(axis=1)
+    found = replace(
+        terms,
+        parameters=force_model.parameters,
+        values=base.values(standard),
+        covariance=J @ working.result.covariance @ J.T,
+        degrees_of_freedom=np.where(inside, alone, np.inf).min(axis=1, initial=data.problem.rows),
+    )
+    variances, file = np.zeros((2, len(standard)))
     variances[first:], file[first:] = (
-        np.diag(found.covariance),
+        np.diag(terms.covariance),
         np.where(inside.any(axis=0), np.inf, 0.0),
     )
-    none, known = np.zeros((len(standard), len(values))), np.full(len(standard), np.inf)
-    known[first:] = freedom
+    none, freedom = np.zeros((len(standard), len(names))), np.full(len(standard), np.inf)
+    freedom[first:] = terms.degrees_of_freedom
     return replace(
-        found,
-        parameters=force_model.parameters,
-        values=values,
-        covariance=J @ found.covariance @ J.T,
-        degrees_of_freedom=np.where(inside, freedom, np.inf).min(axis=1, initial=data.problem.rows),
-        quality=fit_quality(data.problem, values),
-        assumed=tuple(names[j] for j in np.flatnonzero(~inside.any(axis=1))),
+        with_errors(found, folded[:, None] * (base.matrix @ off), known),
+        quality=fit_quality(data.problem, found.values),
+        assumed=tuple(names[j] for j in np.flatnonzero(~folded)),
         standard_parameters=standard,
-        uncertainty=StandardUncertainty(base.parameters, none, variances, file, known),
+        uncertainty=StandardUncertainty(base.parameters, none, variances, file, freedom),
         term_deviations=groups,
     )
+
+
+def _off_the_file(
+    program: _Program, best: _Program, standard: FloatArray, factor: FloatArray
+) -> tuple[FloatArray, float]:
+    """How far bodies seem to be off the file, and joint terms with them: columns (p, 10 b).
+
+    Of the standard parameters (p,) with the bodies of the file, and the triangular factor of their
+    joint terms. What is left of the forces, in the errors of the best fit, is e of the variance
+    1 + s² A Aᵀ with A what such changes leave of them; s is the most likely one. With how many
+    degrees of freedom it is known.
+    """
+    from scipy.optimize import minimize_scalar  # slow to import
+
+    first = len(standard) - len(factor)
+    E, J = program.effects, program.effects[:, first:]
+    T = program.changes(program.first(1.0))[:, : WIDTH * len(program.file)]
+    T[first:] = -cho_solve((factor, False), J.T @ (E @ T))
+    U, sizes, _ = np.linalg.svd(best.effects @ T, full_matrices=False)
+    squares = (U.T @ (best.target - best.effects @ standard)) ** 2
+
+    def unlikely(logarithm: float) -> float:
+        variances = 1 + np.exp(2 * logarithm) * sizes**2
+        return float((np.log(variances) + squares / variances).sum())
+
+    bounds = np.log(RIGHT), np.log(FARTHEST)
+    s = float(np.exp(minimize_scalar(unlikely, bounds=bounds, method="bounded").x))
+    told = (s * sizes) ** 2 / (1 + (s * sizes) ** 2)
+    return s * T, NU + float(told.sum())
 
 
 def _terms_alone(force_model: ForceModel, program: _Program) -> tuple[_Program, FloatArray]:
@@ -527,43 +582,49 @@ UNSETTLED = Finding(
 )
 
 
-def _minimised(program: _Program, state: _State) -> _State:
-    """Newton's method at given deviations, within the limits of the joint terms."""
+def _minimised(program: _Program, state: _State, near: float = 0.0) -> tuple[_State, _Step]:
+    """Newton's method at given deviations, within the limits of the joint terms; its last step.
+
+    A step that gains less than ``near`` is the last one.
+    """
     value = program.value(state)
     for _ in range(ITERATIONS):
         step = program.step(state)
         z = step.solution(*program.limits(state))
         decrement = -float(step.gradient @ z)
         if decrement <= TOLERANCE + ROUND_OFF * abs(value):
-            return replace(state, settled=True)
+            return replace(state, settled=True), step
         shrinks = -np.linalg.eigvalsh(program.turns(state, z)).min(initial=0.0)
         part = min(1.0, INSIDE / shrinks) if shrinks > 0 else 1.0
         tried = program.moved(state, part * z)
         while program.value(tried) > value - ARMIJO * part * decrement + ROUND_OFF * abs(value):
             part /= 2
             if part < SHORTEST:
-                return replace(state, settled=True)  # as near as round-off lets it be
+                return replace(state, settled=True), step  # as near as round-off lets it be
             tried = program.moved(state, part * z)
         before, state, value = value, tried, program.value(tried)
-        if before - value <= ROUND_OFF * abs(value):
-            return replace(state, settled=True)
-    return replace(state, settled=False)
+        if before - value <= ROUND_OFF * abs(value) or decrement <= near:
+            return replace(state, settled=True), step
+    return replace(state, settled=False), step
 
 
 def _most_likely(program: _Program) -> tuple[_State, float]:
     """The best state at the most likely deviations, and the common one."""
     state = _approached(program, program.first(LEAST_OFF))
     steps, gains = np.zeros((2, len(state.groups)))
+    near = NEAR
     for _ in range(ITERATIONS):
-        state = _minimised(program, state)
-        told = program.step(state).told
+        state, step = _minimised(program, state, near)
+        told = step.told
         gamma, d = _told(program, told), 2 * program.divergences(state)
         common = _common(gamma, d)
         own = np.sqrt((NU * common**2 + d) / (NU + gamma)).clip(max=FARTHEST)
         before, steps = steps, _group_steps(program, state, told)
         settled = np.append(own / state.deviations - 1, steps)
         if np.abs(settled).max(initial=0.0) <= SETTLED:
-            break
+            if not near:
+                break
+            near = 0.0
         # Steps that go on in one direction, as towards none, grow.
         gains = np.where(steps * before > 0, np.minimum(1.5 * gains, FASTEST), 1.0)
         groups = (state.groups * np.exp(gains * steps)).clip(*program.terms.bounds.T)
@@ -586,7 +647,7 @@ def _approached(program: _Program, state: _State) -> _State:
     for weight in np.geomspace(share, 1.0, 1 + int(np.ceil(-np.log(share) / np.log(HEAVIER))))[:-1]:
         part = np.sqrt(weight)
         light = replace(program, effects=part * program.effects, target=part * program.target)
-        state = _minimised(light, state)
+        state, _ = _minimised(light, state, NEAR)
     return state
 
 
@@ -718,9 +779,9 @@ def solid_body(
         terms=JointPriors.none(),
     )
     with one_blas_thread():
-        state = _minimised(program, program.first(FARTHEST))
+        state, step = _minimised(program, program.first(FARTHEST))
         turned = matrix @ program.changes(state)
-        return program.standard(state), program.step(state).covariance(turned) @ turned.T
+        return program.standard(state), step.covariance(turned) @ turned.T
 
 
 def _freedom(program: _Program, state: _State, told: FloatArray) -> FloatArray:

@@ -184,9 +184,7 @@ def identify(
         training, judging, friction = (
             at_cutoff(own, runs, cutoff.chosen) for runs in (training, judging, friction)
         )
-    force_model = choose_terms(force_model, friction or training, n_jobs=options.n_jobs)
-    data = samples_of(force_model, training, references=references, n_jobs=options.n_jobs)
-    first = samples_of(force_model, friction, n_jobs=options.n_jobs) if friction else None
+    force_model, data, first = _sampled(force_model, training, friction, references, options)
     plain = force_model.plain_columns
     fitted = plain if first is None else np.setdiff1d(plain, force_model.joint_columns)
     excited = identifiability(force_model, data.select(fitted))
@@ -202,7 +200,8 @@ def identify(
                 data = force_model.widened(data, training)
             solid = fit_solid_bodies(force_model, data, whole.noise, known=known, options=options)
         missing = missing_forces(solid, force_model, training)
-    start = fit_joint_terms(force_model, data)
+    least = whole.noise if solid is None else solid.result.noise
+    start = fit_joint_terms(force_model, data, noise=least)
     fits = {ROBOT_FILE: start, ALL: widened(whole, force_model.parameters)}
     if solid is not None:
         fits[CONSISTENT] = with_missing(with_assumed(solid.result, excited), missing)
@@ -284,6 +283,24 @@ def _model_of(
         return choice, robot
     model = choice.model if choice is not None and kind == AUTOMATIC else kind
     return choice, force_model(own, model, options.terms)
+
+
+def _sampled(
+    force_model: ForceModel,
+    training: Sequence[Recording],
+    friction: Sequence[Recording],
+    references: Sequence[JointMotion],
+    options: FitOptions,
+) -> tuple[ForceModel, FitSamples, FitSamples | None]:
+    """The force model without offsets that are not identifiable, and its samples."""
+
+    def samples(model: ForceModel) -> tuple[FitSamples, FitSamples | None]:
+        data = samples_of(model, training, references=references, n_jobs=options.n_jobs)
+        return data, samples_of(model, friction, n_jobs=options.n_jobs) if friction else None
+
+    data, first = samples(force_model)
+    chosen = choose_terms(force_model, data if first is None else first)
+    return chosen, *((data, first) if chosen is force_model else samples(chosen))
 
 
 def _errors_by_region(fit: WorkingFit) -> FloatArray:
@@ -458,11 +475,15 @@ def widened(found: Fit, parameters: ParameterSet) -> Fit:
 
 
 @checked
-def fit_joint_terms(force_model: ForceModel, data: FitSamples) -> Fit:
+def fit_joint_terms(
+    force_model: ForceModel, data: FitSamples, noise: NoiseModel | None = None
+) -> Fit:
     """Fit the joint terms alone, with the bodies of the robot file: what others have to beat.
 
     By weighted least squares, whatever estimator others have. Friction and drive inertia are not
-    negative. Bodies are ``assumed``: their covariance is zero, their intervals are infinite.
+    negative. Bodies are ``assumed``: their covariance is zero, their intervals are infinite. Those
+    of joint terms hold by how much the bodies seem to be off, by errors beyond the ``noise`` of a
+    better fit.
     """
     values = np.array(force_model.prior)
     joints = np.intersect1d(force_model.joint_columns, force_model.plain_columns)
@@ -488,7 +509,8 @@ def fit_joint_terms(force_model: ForceModel, data: FitSamples) -> Fit:
     else:
         terms = fit_excited(left, values[joints], excitation)
     assert terms.noise is not None
-    return replace(fit_terms(force_model, data, terms.noise), estimator=terms.estimator)
+    found = fit_terms(force_model, data, terms.noise, noise or terms.noise)
+    return replace(found, estimator=terms.estimator)
 
 
 @checked

@@ -70,10 +70,7 @@ def paper_report(found: PaperReproduction) -> Report:
             "rows": list(found.base.rows),
             "subgroups": subgroups,
             "subgroup_rows": found.base.subgroup_rows,
-            "symbolic": {
-                "formulas": {each.name: each.text for each in found.symbolic.formulas},
-                **json_fields(found.symbolic, *SYMBOLIC),
-            },
+            "symbolic": json_fields(found.symbolic, *SYMBOLIC),
             "fits": {n: json_fields(fit, "values", "standard_errors") for n, fit in fits.items()},
             "influence": json_value(simulated.influence),
             "stand_in": actual.is_stand_in,
@@ -241,7 +238,7 @@ def _sections(found: PaperReproduction, subgroups: dict[str, Any]) -> tuple[Sect
         ),
         Section(
             "The symbolic model",
-            (*symbolic.formulas, transfer_table(comparison, symbolic.transfers)),
+            (transfer_table(comparison, symbolic.transfers),),
             lead=f"SymPy's K_G and Pinocchio's agree to {symbolic.difference:.1e} of the largest "
             f"entry in all {symbolic.columns} columns, at {symbolic.poses} random closed poses.",
             short="Symbolic",

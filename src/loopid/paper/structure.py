@@ -18,7 +18,6 @@ from loopid.kinematics.sampling import random_configurations
 from loopid.records import record
 from loopid.regressors.motion_regressors import gravity_regressor
 from loopid.regressors.structural import structural_observation
-from loopid.report.page import Formula
 from loopid.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -188,7 +187,6 @@ class SymbolicComparison:
     difference: float  # largest of an entry, relative to the largest entry at its pose
     symbolic_seconds: float  # a pose, of many at once
     pinocchio_seconds: float
-    formulas: tuple[Formula, ...]
     transfers: tuple[Transfer, ...]  # Table III
 
 
@@ -212,7 +210,6 @@ def compare_symbolic(robot: Robot, seed: int = 0) -> SymbolicComparison:
         difference=float(difference.max()),
         symbolic_seconds=by_sympy / POSES,
         pinocchio_seconds=by_pinocchio / POSES,
-        formulas=tuple(Formula(*each) for each in symbolic.formulas()),
         transfers=inertia_transfers(geometry),
     )
 

@@ -31,7 +31,6 @@ except ImportError as error:
 GRAVITY = 9.81  # m/s², against Z_F
 # Below this reciprocal condition number of J the forces are round-off.
 SINGULAR_RCOND = 1e-13
-TIMES = "&InvisibleTimes;"  # as SymPy writes it, which only MathML's own parsers know
 
 # Pose of the platform: position (m) in the X_F Z_F plane, pitch and yaw (rad).
 POSE: tuple[sp.Symbol, ...] = sp.symbols("x_m z_m theta psi")
@@ -224,19 +223,6 @@ def gravity_model() -> GravityModel:
     heights = [h for frame in link_frames().values() for h in (frame.origin[2], *frame.axes[2, :])]
     energy = GRAVITY * sp.ImmutableMatrix([heights])
     return GravityModel(strokes, strokes.jacobian(POSE), energy, energy.jacobian(POSE).T)
-
-
-def formulas() -> tuple[tuple[str, str, str], ...]:
-    """Two entries of what K_G is made of: what each is, as text, and in MathML."""
-    model, mx = gravity_model(), GRAVITY_LABELS.index("platform.mx")
-    entries = {
-        "J = ∂q/∂X: stroke of limb 4 along x_m": model.jacobian[3, 0],
-        "P: power of gravity on mx_m along θ": model.power[2, mx],
-    }
-    return tuple(
-        (name, str(entry), sp.mathml(entry, printer="presentation").replace(TIMES, "&#8290;"))
-        for name, entry in entries.items()
-    )
 
 
 # Base parameters by inertia transfer. Every body's energy is written over the same 15 atoms,

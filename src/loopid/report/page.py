@@ -16,7 +16,7 @@ from importlib.metadata import version
 from importlib.resources import files
 from typing import Any, Literal
 
-from lxml.html import HtmlElement, fragment_fromstring, tostring
+from lxml.html import HtmlElement, tostring
 from rich.table import Table
 
 from loopid.findings import Finding, most_important_first
@@ -35,30 +35,7 @@ SIGNS = {"mistake": "✗ ", "warning": "! ", "note": ""}
 DECADES = 3  # of a gauge, which ends at 100 %
 
 
-@record
-class Formula:
-    """A formula on a page.
-
-    Attributes
-    ----------
-    name : str
-        What it is.
-    text : str
-        For programs.
-    mathml : str
-        Presentation MathML, as browsers show it, without the element ``math``.
-    """
-
-    name: str
-    text: str
-    mathml: str
-
-    def html(self) -> HtmlElement:
-        """A paragraph of a page."""
-        return E.p(f"{self.name}: ", fragment_fromstring(f"<math>{self.mathml}</math>"))
-
-
-Part = str | Table | Chart | Formula
+Part = str | Table | Chart
 
 
 @record
@@ -69,7 +46,7 @@ class Section:
     ----------
     title : str
     parts : tuple
-        Paragraphs (str), tables (``rich.table.Table``), charts (``Chart``) and formulas.
+        Paragraphs (str), tables (``rich.table.Table``) and charts (``Chart``).
     folded : bool
         Whether only the titles of its tables are seen at first.
     lead : str

@@ -187,7 +187,7 @@ FORMS: dict[str, dict[Any, Any]] = {
         **{"centre_intervals_95_percent": ([[Real]], None), "standard_parameters": [float]},
         "motors": (
             of(MotorMasses, "actuators", "values", "untold")
-            | {"chance": float, "disagreement": Text, "intervals_95_percent": [[Real]]},
+            | {"chance": float, "intervals_95_percent": [[Real]]},
             None,
         ),
     },
@@ -209,7 +209,7 @@ FORMS: dict[str, dict[Any, Any]] = {
         **{"geometry": {str: float}, "base": _BASE, "rows": [int | None], "stand_in": bool},
         **{"subgroups": {str: _SEARCH}, "subgroup_rows": {str: int}},
         "symbolic": {
-            **{"poses": int, "columns": int, "formulas": {str: str}},
+            **{"poses": int, "columns": int},
             **dict.fromkeys(("difference", "symbolic_seconds", "pinocchio_seconds"), float),
             "transfers": [{"row": int, "label": str, "formula": str, "value": float}],
         },
