@@ -46,7 +46,7 @@ from loopid.kinematics import (
     random_motions,
 )
 from loopid.observation import Observation
-from loopid.regressors import dynamic_regressor, gravity_regressor
+from loopid.regressors import gravity_regressor, motion_regressor
 from loopid.robot import Robot
 from tables import show, write_json
 
@@ -99,7 +99,7 @@ def observation(name: str, robot: Robot, model: str, count: int) -> dict[str, An
     def regressor() -> np.ndarray:
         if model == "gravity":
             return gravity_regressor(robot, q)
-        return dynamic_regressor(robot, q, rates[0], accelerations=rates[1])
+        return motion_regressor(robot, closed_motion(robot, q, rates[0], rates[1]))
 
     columns, parameters = regressor(), robot.parameters(model)
     resting = model == "gravity"

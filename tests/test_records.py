@@ -243,7 +243,7 @@ def test_options_can_be_replaced_one_by_one():
                 options, found = cls(), found + 1
                 assert replace(options) == options, cls
     assert found > 15
-    assert replace(AssemblyOptions(), near=1.0).near == 1.0
+    assert replace(AssemblyOptions(), short=1.0).short == 1.0
 
 
 def has_default(each):

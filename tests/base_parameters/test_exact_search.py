@@ -11,7 +11,6 @@ from loopid.base_parameters import (
     SEARCHES,
     ChoiceProblem,
     ExactSearch,
-    ExhaustiveSearch,
     PivotedQR,
     SearchOptions,
     SubgroupSearch,
@@ -19,7 +18,7 @@ from loopid.base_parameters import (
 from loopid.base_parameters.choice import CRITERIA
 from loopid.errors import OptionError
 
-OTHERS = [PivotedQR(), SubgroupSearch(), SubgroupSearch(alpha=0.5), ExhaustiveSearch()]
+OTHERS = [PivotedQR(), SubgroupSearch(), SubgroupSearch(alpha=0.5)]
 
 
 @pytest.mark.parametrize("criterion", CRITERIA)
@@ -34,7 +33,7 @@ def test_no_other_strategy_does_better(criterion, data):
         except OptionError:
             continue
         assert exact.condition_number <= other.condition_number * (1 + 1e-9)
-        assert other.certified == (other.name == "exhaustive")
+        assert not other.certified or not problem.dependent_count
         if other.found:
             value = problem.condition_number(np.array(other.dependent))
             assert other.condition_number == pytest.approx(value, rel=1e-6)

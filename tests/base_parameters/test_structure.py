@@ -95,7 +95,7 @@ def test_full_rank_leaves_nothing_to_choose(search):
     np.testing.assert_array_equal(found.matrix, np.eye(6))
 
 
-@pytest.mark.parametrize("search", ["exact", "exhaustive", "qr"])
+@pytest.mark.parametrize("search", ["exact", "qr"])
 @pytest.mark.parametrize("criterion", ["nullspace", "regressor"])
 def test_rank_one_keeps_one_parameter(search, criterion):
     column, row = np.random.default_rng(4).normal(size=(2, 7))

@@ -66,14 +66,12 @@ def test_files_say_what_the_record_says(run, tmp_path):
     assert loopid.motion.review_motion(robot, followed).problems == ()
 
 
-def test_motions_command_reads_every_shape(run, tmp_path):
-    for shape in ("spline", "poses"):
-        out = tmp_path / shape
-        words = ("--out", out, "--shape", shape, "--duration", "8", *QUICK, "--evaluations", "1")
-        assert run("excite", "five_bar", *words).code == 0
-        done = run("motions", "five_bar", out / "motion.yaml", "--json")
-        assert done.code == 0
-        assert json.loads(done.out)["motions"][0]["problems"] == []
+def test_motions_command_reads_poses(run, tmp_path):
+    words = ("--out", tmp_path, "--shape", "poses", "--duration", "8", *QUICK, "--evaluations", "1")
+    assert run("excite", "five_bar", *words).code == 0
+    done = run("motions", "five_bar", tmp_path / "motion.yaml", "--json")
+    assert done.code == 0
+    assert json.loads(done.out)["motions"][0]["problems"] == []
 
 
 def test_options_become_limits(run):

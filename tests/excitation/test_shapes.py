@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from loopid.errors import OptionError
-from loopid.excitation.shapes import FourierShape, PosesShape, SplineShape
+from loopid.excitation.shapes import FourierShape, PosesShape
 
-SHAPES = [FourierShape(7.0, 4), SplineShape(7.0, 5), PosesShape(7.0, 4)]
+SHAPES = [FourierShape(7.0, 4), PosesShape(7.0, 4)]
 
 
 @pytest.fixture(params=SHAPES, ids=lambda shape: type(shape).__name__)
@@ -52,7 +52,7 @@ def test_poses_are_stood_in():
     assert (rates == 0).all(axis=1).mean() == pytest.approx(0.5, abs=0.01)
 
 
-@pytest.mark.parametrize("make", [FourierShape, SplineShape, PosesShape])
+@pytest.mark.parametrize("make", [FourierShape, PosesShape])
 def test_shapes_that_cannot_move_are_refused(make):
     with pytest.raises(OptionError) as refused:
         make(5.0, 1)

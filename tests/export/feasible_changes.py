@@ -6,7 +6,8 @@ import numpy as np
 from lxml import etree
 
 from loopid import random_configurations
-from loopid.regressors import dynamic_regressor, gravity_regressor
+from loopid.kinematics import closed_motion
+from loopid.regressors import gravity_regressor, motion_regressor
 
 NUMBERS = re.compile(r"[-+.0-9eE\s]+$")
 
@@ -50,7 +51,7 @@ def forces(mechanism, parameters, model="full", count=20):
     v, a = np.random.default_rng(4).standard_normal((2, count, len(mechanism.independent)))
     if model == "gravity":
         return gravity_regressor(mechanism, q) @ parameters
-    return dynamic_regressor(mechanism, q, v, accelerations=a) @ parameters
+    return motion_regressor(mechanism, closed_motion(mechanism, q, v, a)) @ parameters
 
 
 def forces_of_file(mechanism, model="full", count=20):

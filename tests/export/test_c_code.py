@@ -180,7 +180,7 @@ def test_friction_at_low_rates(compiled, rates):
 
 def test_all_kinds_of_joint_terms(compiled):
     found = all_columns(
-        "five_bar", "gravity", ("Ia", "Fc+", "Fc-", "Fc~0.3", "Fs~0.5", "Ks3", "Ks@1.2")
+        "five_bar", "gravity", ("Ia", "Fc+", "Fc-", "Fc~0.3", "Fs~0.5", "Ks3", "Ks@1.2", "Kg@-9")
     )
     assert_agrees(found, compiled(found), around_reference(found))
 

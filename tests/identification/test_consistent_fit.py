@@ -10,8 +10,8 @@ from oracles import bodies_of, body_columns, fitted, shaken
 import loopid
 from loopid import JointTerms
 from loopid.errors import DataError, ModelWarning
-from loopid.identification import ConsistentOptions, consistent_fit
-from loopid.identification.consistent import WIDTH, _Program, _State
+from loopid.identification import consistent_fit
+from loopid.identification.consistent import LEAST_OFF, WIDTH, _Program, _State
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.joint_priors import JointPriors
 from loopid.inertia import FLAT, body_defect, nearest_solid, parameters_of, pseudo_inertia
@@ -269,7 +269,7 @@ def test_a_body_that_is_far_off_does_not_loosen_the_others(knee_case):
     found = consistent_fit(knee_case.model, samples, noise_of(samples)).deviation
     assert found.own[heavy] == found.own.max()
     assert found.own[heavy] > 1.5 * np.median(found.own)
-    assert found.common == ConsistentOptions().deviations[0]
+    assert found.common == LEAST_OFF
     assert not found.suspicion
 
 

@@ -9,13 +9,7 @@ from scipy.optimize import minimize
 import loopid
 from loopid import JointTerms
 from loopid.identification import FitSamples, consistent_fit
-from loopid.identification.consistent import (
-    ConsistentOptions,
-    _minimised,
-    _most_likely,
-    _Program,
-    _Step,
-)
+from loopid.identification.consistent import _minimised, _most_likely, _Program, _Step
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.joint_priors import JointPriors, joint_parameters
 from loopid.motion import FourierSeries, joint_motion
@@ -78,12 +72,11 @@ def test_deviations_are_those_under_which_the_data_are_most_likely(waves):
     known = np.zeros(len(sizes)), sizes, np.full(len(sizes), np.inf)
     priors = JointPriors.of(model, samples.problem, *known)
     program = _Program.of(model, samples.problem.weighted(np.full(2, 20.0)), priors)
-    state, _ = _most_likely(program, ConsistentOptions())
+    state, _ = _most_likely(program)
 
     def evidence(logarithm):
         groups = np.array([np.exp(logarithm), state.groups[1]])
-        there = _minimised(program, replace(state, groups=groups))
-        step = program.step(there)
+        there, step = _minimised(program, replace(state, groups=groups))
         _, size = np.linalg.slogdet(np.eye(len(step.g)) + step.J.T @ step.J)
         return -program.value(there) - size / 2
 
@@ -120,4 +113,5 @@ def test_a_step_within_limits_is_the_best_one(seed):
     slope = lambda z: g + z - step.J.T @ (step.e - step.J @ z)  # noqa: E731
     other = minimize(value, np.zeros(8), jac=slope, constraints=[limits], tol=1e-12)
     assert (rows @ z >= least - 1e-9).all()
-    assert value(z) <= value(other.x) * (1 + 1e-8)
+    # SLSQP leaves the limits by some 1e-9, which lowers its value by 1e-8 of it.
+    assert value(z) <= value(other.x) * (1 + 1e-7)

@@ -130,3 +130,12 @@ def test_what_terms_break_on_a_log_is_kept_by_the_fit(found, tmp_path):
     assert load_fit(place).broken == (said,)
     with pytest.raises(OptionError, match=said):
         Dynamics(found.force_model.robot, load_fit(place))
+
+
+def test_a_fit_of_a_log_with_a_mistake_says_that_this_comes_first(found, tmp_path):
+    """Other terms would not mend it."""
+    mistake = "the force of left_crank_joint has the wrong sign; set force_scale"
+    fit = replace(found.fit, broken=("friction would drive",), mistakes=(mistake,))
+    with pytest.raises(OptionError, match=f"its log has a mistake, {mistake}") as refused:
+        fit.save(tmp_path / "a.yaml")
+    assert "terms=" not in str(refused.value)

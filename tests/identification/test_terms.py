@@ -6,7 +6,7 @@ import pytest
 
 import loopid
 from loopid import JointTerms
-from loopid.identification import choose_terms
+from loopid.identification import choose_terms, samples_of
 from loopid.identification.fitting import quiet_fit
 from loopid.motion import scaled_bodies
 from made_runs import record, wander
@@ -44,7 +44,7 @@ def test_terms_that_are_named_are_taken_as_they_are(robot):
     model = loopid.force_model(robot, "gravity", "Fc,Fv,Fo")
     recording = run(robot, FRICTION, 0)
     forwards = (recording.motion.velocities > 0.02).all(axis=1)
-    assert choose_terms(model, [recording.select(forwards)]) is model
+    assert choose_terms(model, samples_of(model, [recording.select(forwards)])) is model
 
 
 def test_offsets_that_data_do_not_tell_are_left_out(robot):
@@ -53,7 +53,7 @@ def test_offsets_that_data_do_not_tell_are_left_out(robot):
     motion = wander(robot, 4, 20.0, 50.0, size=(0.5, 0.5), harmonics=5)
     forwards = (motion.velocities > 0.02).all(axis=1)
     plain = run(robot, FRICTION, 0)
-    chosen = choose_terms(model, [plain.select(forwards)])
+    chosen = choose_terms(model, samples_of(model, [plain.select(forwards)]))
     kinds = {} if chosen.joint_terms is None else chosen.joint_terms.of_joints
     assert all("Fo" not in own for own in kinds.values())
 
@@ -65,7 +65,7 @@ def test_offsets_that_are_there_are_kept(robot):
         slow = wander(robot, 4, 400.0, 10.0, size=(0.5, 0.5), harmonics=5)
         terms = JointTerms.with_values(robot, values)
         recording = record(robot, slow, terms, None, 0.01, 0)
-        chosen = choose_terms(model, [recording])
+        chosen = choose_terms(model, samples_of(model, [recording]))
         fit = quiet_fit(chosen.samples(recording))
         for joint in robot.actuated:
             low, high = fit[f"{joint}.Fo"].interval
@@ -78,5 +78,5 @@ def test_motors_that_stand_are_no_failure(robot):
     recording = run(robot, FRICTION, 0)
     still = recording.motion.velocities * [1.0, 0.0]
     halted = replace(recording, motion=replace(recording.motion, velocities=still))
-    assert choose_terms(model, [halted]).automatic
-    assert choose_terms(model, [recording.select(slice(8))]).automatic
+    for each in (halted, recording.select(slice(8))):
+        assert choose_terms(model, samples_of(model, [each])).automatic

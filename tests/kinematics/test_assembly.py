@@ -9,6 +9,7 @@ from loopid.kinematics import (
     Assembly,
     AssemblyOptions,
     assemble,
+    assembly,
     constraint_jacobian,
     constraint_residual,
     measured_coordinates,
@@ -418,14 +419,16 @@ def test_a_trajectory_is_followed_as_if_sample_by_sample(load, name, kind):
 
 
 @pytest.mark.parametrize(
-    "sizes", [{"least_window": 3}, {"window": 7}, {"window": 1, "least_window": 1}], ids=str
+    "sizes", [{"LEAST_WINDOW": 3}, {"WINDOW": 7}, {"WINDOW": 1, "LEAST_WINDOW": 1}], ids=str
 )
 @pytest.mark.parametrize("name", ["3ups_rpu", "four-bar 6d"])
-def test_how_samples_are_thinned_out_and_batched_is_irrelevant(load, name, sizes):
+def test_how_samples_are_thinned_out_and_batched_is_irrelevant(load, name, sizes, monkeypatch):
     robot = load(name)
     values = far_out(robot)
     expected = try_assemble(robot, values, trajectory=True)
-    found = try_assemble(robot, values, trajectory=True, options=AssemblyOptions(**sizes))
+    for size, value in sizes.items():
+        monkeypatch.setattr(assembly, size, value)
+    found = try_assemble(robot, values, trajectory=True)
     assert_same(robot, found, expected)
 
 

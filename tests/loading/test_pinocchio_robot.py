@@ -126,7 +126,7 @@ def test_joints_of_all_kinds_have_the_forces_of_rnea(kind):
     v, a = np.random.default_rng(0).standard_normal((2, 2, tree.nv))
     own = robot.velocity_indices(robot.independent)
     K, data = (
-        loopid.regressors.dynamic_regressor(robot, q, v[:, own], accelerations=a[:, own]),
+        loopid.regressors.motion_regressor(robot, closed_motion(robot, q, v[:, own], a[:, own])),
         tree.createData(),
     )
     expected = [pin.rnea(tree, data, *state)[own] for state in zip(q, v, a, strict=True)]

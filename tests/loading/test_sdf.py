@@ -10,12 +10,12 @@ import yourdfpy
 
 import loopid
 from closure_robots import chain, files, frame, joint as hinge, tie
+from linkages import four_bar
 from loopid import random_configurations
 from loopid.base_parameters import find_base
 from loopid.errors import OptionError, RobotFileError
 from loopid.kinematics import mobility, project
 from loopid.kinematics.poses import torque_regressors
-from loopid.loading import bundled_directory
 from loopid.regressors import gravity_regressor, structural_observation
 
 
@@ -175,6 +175,18 @@ ARM = [
     HINGE.format("j1", "world", "one", 1, "", ""),
     HINGE.format("j2", "one", "two", 1, "", ""),
 ]
+
+
+def test_a_gear_turns_its_child_against_its_parent(load):
+    """theta_2 = -ratio theta_1, each from the reference body about its own axis."""
+    third = HINGE.format("j3", "one", "three", -1, "", "")
+    gear = """<joint name="gear" type="gearbox"><parent>two</parent><child>three</child>
+    <gearbox_ratio>3</gearbox_ratio><gearbox_reference_body>one</gearbox_reference_body>
+    <axis><xyz>0 1 0</xyz></axis><axis2><xyz>0 1 0</xyz></axis2></joint>"""
+    robot = load(model(*ARM, third, gear))
+    (coupling,) = robot.couplings
+    # The third joint turns about the opposite axis: -q3 = -3 q2.
+    assert dict(zip(coupling.joints, coupling.coefficients, strict=True)) == {"j3": -1.0, "j2": 3.0}
 
 
 def test_a_follower_has_no_motor_and_springs_are_terms(load):
@@ -378,16 +390,37 @@ HELD = """<plugin filename="gz-sim-detachable-joint-system"
  <child_model>{}</child_model><child_link>{}</child_link></plugin>"""
 
 
-@pytest.mark.parametrize("ending", ["sdf", "urdf"])
-def test_a_plugin_that_closes_a_loop_is_named(tmp_path, ending):
-    held = HELD.format("two", "m", "three")
-    text = model(*ARM, HINGE.format("j3", "world", "three", 1, "", ""), held)
-    if ending == "urdf":
-        text = (bundled_directory() / "five_bar.urdf").read_text()
-        text = text.replace("</robot>", f"<gazebo>{held}</gazebo></robot>")
-    (tmp_path / f"robot.{ending}").write_text(text)
+def test_gazebos_detachable_joint_closes_a_loop_as_drawn(load, tmp_path):
+    """As the fixed joint that it stands for; in a URDF, too."""
+    branches = [*ARM, HINGE.format("j3", "world", "three", 1, "", "")]
+    fixed = """<joint name="two_three" type="fixed"><parent>two</parent><child>three</child>
+    </joint>"""
+    held, told = (
+        load(model(*branches, HELD.format("two", "m", "three"))),
+        load(model(*branches, fixed)),
+    )
+    assert [closure.kind for closure in held.closures] == ["6d"]
+    assert mobility(held) == mobility(told)
+    assert held.reference.tolist() == told.reference.tolist()
+    with pytest.raises(RobotFileError, match=r"DetachableJoint.*'gone'"):
+        load(model(*branches, HELD.format("two", "m", "gone")))
+    (tmp_path / "robot.sdf").write_text(model(*ARM[:2], *ARM[3:], HELD.format("two", "box", "lid")))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        assert loopid.load(tmp_path / f"robot.{ending}").closures == ()
-    named = "plugin 'gz-sim-detachable-joint-system' is not read: write its closure"
-    assert any(named in str(warning.message) for warning in caught)
+        assert loopid.load(tmp_path / "robot.sdf").closures == ()
+    assert any("DetachableJoint holds another model, 'box'" in str(w.message) for w in caught)
+
+
+@pytest.mark.parametrize("owner", ["m", "__model__"])
+def test_a_urdf_may_hold_its_links_by_it_too(tmp_path, owner):
+    parts, _ = four_bar("6d")
+    plugin = f"<gazebo>{HELD.format('end', owner, 'pivot')}</gazebo>"
+    urdf, _ = files([*parts, plugin], {})
+    (tmp_path / "robot.urdf").write_text(re.sub('robot name="[^"]*"', 'robot name="m"', urdf))
+    (tmp_path / "robot.yaml").write_text("name_mot: [crank_joint]\n")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        robot = loopid.load(tmp_path / "robot.yaml")
+    (closure,) = robot.closures
+    assert (closure.kind, closure.name) == ("6d", "end_pivot_parent-end_pivot_child")
+    assert np.abs(robot.reference).max() < 1e-9  # closed as drawn

@@ -1,9 +1,10 @@
-"""Logs of MATLAB, JSON lines, rostopic, ur_rtde and libfranka, and rows without a time."""
+"""Logs of MATLAB, JSON lines, Excel, rostopic, ur_rtde and libfranka, and rows without a time."""
 
 import json
 
 import numpy as np
 import pytest
+import xlsxwriter
 from scipy.io import savemat
 
 import loopid
@@ -74,6 +75,19 @@ def test_json_lines(tmp_path, same, robot):
         read_log(path, robot)
 
 
+def test_excel(tmp_path, same, robot):
+    path = tmp_path / "log.xlsx"
+    with xlsxwriter.Workbook(path) as book:
+        sheet = book.add_worksheet()
+        sheet.write_row(0, 0, ["time", "q_0", "q_1", "tau_0", "tau_1"])
+        for k, row in enumerate(np.column_stack([TIME, POSITION, FORCE]), start=1):
+            sheet.write_row(k, 0, row.tolist())
+    same(path)
+    path.write_bytes(path.read_bytes()[:-900])
+    with pytest.raises(LogError, match="is no workbook of Excel, or is damaged"):
+        read_log(path, robot)
+
+
 def echoed(path, order=MOTORS, names=None, stamps=True):
     """As ``rostopic echo -p /joint_states`` writes it."""
     columns = [MOTORS.index(name) for name in order]
@@ -125,13 +139,14 @@ def test_libfranka(tmp_path, same):
     same(write_text(tmp_path / "log.csv", header, *columns), time={"column": "time", "unit": "ms"})
 
 
-def test_even_rows_need_no_time(tmp_path, same, robot):
+@pytest.mark.parametrize("given", [{"rate": 100.0}, {"period": 0.01}])
+def test_even_rows_need_no_time(tmp_path, same, robot, given):
     path = write_text(tmp_path / "log.csv", "q_0,q_1,tau_0,tau_1", POSITION, FORCE)
     with pytest.raises(LogError, match=r"'rate' of even rows there, in Hz"):
         read_log(path, robot)
-    same(path, rate=100.0)
+    same(path, **given)
     np.savez(tmp_path / "log.npz", q=POSITION, tau=FORCE)
-    same(tmp_path / "log.npz", rate=100.0)
+    same(tmp_path / "log.npz", **given)
 
 
 def test_a_lost_row_is_a_lost_sample(tmp_path, robot):
@@ -145,7 +160,7 @@ def test_a_lost_row_is_a_lost_sample(tmp_path, robot):
 
 
 def test_one_time_is_enough():
-    with pytest.raises(OptionError, match="give only one of time, rate"):
-        LogMapping(rate=100.0, time={"column": "t"})
+    with pytest.raises(OptionError, match="give only one of time, rate, period"):
+        LogMapping(rate=100.0, period=0.01, time={"column": "t"})
     with pytest.raises(OptionError, match="rate"):
         LogMapping(rate=0.0)

@@ -16,7 +16,7 @@ from loopid.kinematics import (
     random_motions,
 )
 from loopid.motion import FourierSeries, JointMotion, Noise, Waypoint, joint_motion, point_to_point
-from loopid.regressors import dynamic_regressor
+from loopid.regressors import motion_regressor
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def test_without_noise_forces_are_those_of_the_model(knee, motion):
     q, v, a = motion.configurations, motion.velocities, motion.accelerations
     pi = np.random.default_rng(0).normal(size=len(knee.parameters()))
     measured = loopid.simulate(knee, motion, standard_parameters=pi)
-    expected = dynamic_regressor(knee, q, v, accelerations=a) @ pi
+    expected = motion_regressor(knee, closed_motion(knee, q, v, a)) @ pi
     np.testing.assert_allclose(measured.force, expected, atol=1e-9)
     np.testing.assert_array_equal(measured.force, measured.exact_force)
     read = measured_coordinates(knee).read(motion.configurations.copy())

@@ -14,7 +14,7 @@ from loopid.kinematics import closed_motion, platform_coordinates, random_motion
 from loopid.logs import FilterOptions, Recording
 from loopid.logs.preparing import on_independent
 from loopid.motion import FourierSeries, joint_motion
-from loopid.regressors import dynamic_regressor, structural_observation
+from loopid.regressors import motion_regressor, structural_observation
 from made_runs import simulated
 
 pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
@@ -123,7 +123,7 @@ def rates_of(robot, states):
 
 def test_forces_pull_as_in_mujoco(robot, states):
     q, rates, accelerations = rates_of(robot, states)
-    K = dynamic_regressor(robot, q, rates, accelerations=accelerations)
+    K = motion_regressor(robot, closed_motion(robot, q, rates, accelerations))
     assert_forces_agree(robot, states, K @ robot.standard_parameters())
 
 

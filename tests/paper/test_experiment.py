@@ -5,6 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from loopid.kinematics import closed_motion
 from loopid.paper.reproduction import (
     BODIES,
     COULOMB,
@@ -20,7 +21,7 @@ from loopid.paper.reproduction import (
     simulate_stand_in,
     with_noise,
 )
-from loopid.regressors import dynamic_regressor
+from loopid.regressors import motion_regressor
 
 PARTS = ("inertial", "coriolis", "gravity")
 # Of the robot file, in the order of Table II (kg, kg m).
@@ -38,7 +39,7 @@ def test_the_parts_add_up_to_the_forces_of_the_motion(knee, experiment):
     for name in ("3", "9"):
         motion, parts = experiment.motions[name], experiment.parts[name]
         q, v, a = motion.configurations, motion.velocities, motion.accelerations
-        total = dynamic_regressor(knee, q, v, accelerations=a) @ pi
+        total = motion_regressor(knee, closed_motion(knee, q, v, a)) @ pi
         np.testing.assert_allclose(parts.total, total, atol=1e-9 * np.abs(total).max())
         np.testing.assert_array_equal(experiment.samples[name].force, parts.total)
 

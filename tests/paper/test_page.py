@@ -60,14 +60,6 @@ def test_the_page_begins_with_the_result(report, paper):
     assert [title.split(":")[0] for title in unfolded] == ["the searches", "Table II", "Table III"]
 
 
-def test_formulas_are_mathml_that_browsers_show(report):
-    page = fromstring(report.page().html())
-    shown = list(page.iter("math"))
-    assert len(shown) == 2
-    assert "cos" in shown[1].text_content()
-    assert "&" not in "".join(each.text_content() for each in shown)
-
-
 def test_the_verdict_counts_the_rows_that_are_found(paper):
     rows = (*paper.base.rows[:8], None, *paper.base.rows[9:])
     for base, count in ((paper.base, 15), (replace(paper.base, rows=rows), 14)):
@@ -82,7 +74,8 @@ def test_a_subgroup_search_that_finds_nothing_is_said_so(paper):
     searches = dict.fromkeys(paper.base.subgroups, nothing)
     report = paper_report(replace(paper, base=replace(paper.base, subgroups=searches)))
     assert "subgroup search finds nothing" in report.verdict
-    assert printed(report.brief[0], 80).count("no valid choice") == 2
+    story = " ".join(printed(report.brief[0], 80).split())  # lines break where times are long
+    assert story.count("no valid choice") == 2
     assert report.page().html().count("none found") == 2
 
 

@@ -114,7 +114,7 @@ def test_it_follows_a_motion_from_where_it_was(robot, states):
             close(off, 0 * off, 1e-11, 1.0)
             opening = constraint_residual(robot, found)
             assert np.abs(opening).max(initial=0.0) < 1e-11 * max(robot.length, 1.0)
-            far = assemble(robot, [u + step * rates], start=q, options=AssemblyOptions(near=0.0))
+            far = assemble(robot, [u + step * rates], start=q)
             close(found, far[0], 1e-10, 1.0)
         assert np.array_equal(dynamics.configuration, found)
 
@@ -295,8 +295,8 @@ def test_a_singular_sample_is_refused_alone_and_among_others(parallel):
 
 def test_options_say_how_closely_loops_are_closed(parallel):
     robot = parallel.robot
-    loose = Dynamics(robot, options=AssemblyOptions(tolerance=1e-3, short=1e-2, near=0.0))
-    strokes = measured_coordinates(robot).read(robot.reference[None])[0] + 0.02
+    loose = Dynamics(robot, options=AssemblyOptions(tolerance=1e-3, short=1e-2))
+    strokes = measured_coordinates(robot).read(robot.reference[None])[0] + 0.05
     rough, exact = loose.assemble([strokes]), parallel.assemble([strokes])
     assert 1e-13 < np.abs(rough - exact).max() < 1e-2
     assert np.abs(constraint_residual(robot, rough)).max() < 1e-3
@@ -364,7 +364,7 @@ def test_parts_sum_up_to_the_forces(name, full_model, some_values):
         close(robot.forward(u, v, robot.inverse(u, v, a)), a, 1e-8)
 
 
-@pytest.mark.parametrize("terms", ["Fc,Fv,Ia,Fk0~0.25,Fk~0.5,Fa~0.5,Fa1~1,Ft", "Fl~0.3,Fv,Ks,Ia"])
+@pytest.mark.parametrize("terms", ["Fc,Fv,Ia,Fk0~0.25,Fk~0.5,Fa~0.5,Fa1~1,Ft", "Fc~0.3,Fv,Ks,Ia"])
 def test_friction_curves_and_loads_are_those_of_the_force_model(load_once, terms):
     model = loopid.force_model(load_once("five_bar"), "full", terms)
     phi = np.random.default_rng(1).standard_normal(len(model.parameters))

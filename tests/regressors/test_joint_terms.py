@@ -15,7 +15,7 @@ from loopid.regressors import (
     JOINT_TERMS,
     JointState,
     JointTerm,
-    dynamic_regressor,
+    motion_regressor,
     structural_observation,
 )
 
@@ -84,7 +84,7 @@ def test_drives_and_friction_of_the_motors_are_base_parameters_of_their_own(knee
     v, a = random_motions(knee, 150, seed=3)
     motion = closed_motion(knee, q, v, a)
     terms = JointTerms(knee.actuated, ("Fc", "Fv", "Fo"))
-    rigid = dynamic_regressor(knee, q, v, accelerations=a)
+    rigid = motion_regressor(knee, closed_motion(knee, q, v, a))
     both = np.concatenate([rigid, terms.columns(knee, motion)], axis=2)
     names = knee.parameters() + terms.parameters(knee)
     of_bodies = Observation.from_matrix(rigid, knee.parameters(), length=knee.length)
@@ -140,7 +140,7 @@ def test_a_law_needs_what_it_says_and_no_more(kind):
     """It fails without any one thing that it needs, and nothing else changes it."""
     term = JOINT_TERMS[kind]
     at = 0.3 if kind.endswith(("RATE", "POSITION")) else 0.0
-    given = {"position": 0.7, "rate": 1.1, "acceleration": -0.4, "load": 2.0}
+    given = {"position": 0.7, "rate": 1.1, "acceleration": -0.4}
     usual = term.law(JointState(**given, math=np), at)
     for name, value in given.items():
         needed = name in term.needs or (name == "rate" and "sign" in term.needs)

@@ -19,7 +19,6 @@ from loopid.kinematics import (
     torque_regressors,
 )
 from loopid.regressors import (
-    dynamic_regressor,
     force_parts,
     gravity_regressor,
     motion_regressor,
@@ -80,7 +79,7 @@ def test_bad_states_are_refused_by_name(knee, name, wrong):
     states = dict.fromkeys(("velocities", "accelerations"), np.zeros((1, 4)))
     states = {"configurations": knee.reference[None]} | states | {name: wrong}
     with pytest.raises(DataError) as error:
-        dynamic_regressor(knee, **states)
+        closed_motion(knee, **states)
     assert error.value.facts["argument"] == name
 
 
@@ -90,7 +89,7 @@ def test_an_unknown_model_is_refused(knee):
 
 
 def in_motion(robot, q, v, a):
-    return dynamic_regressor(robot, q, v, accelerations=a)
+    return motion_regressor(robot, closed_motion(robot, q, v, a))
 
 
 def actuator_forces(moving):
@@ -246,10 +245,6 @@ KINDS = ("Ia", "Fc", "Fc~0.7", "Fv", "Ks3")
 @pytest.fixture
 def motion(moving):
     return closed_motion(*moving)
-
-
-def test_without_joint_terms_it_is_the_dynamic_regressor(moving, motion):
-    np.testing.assert_array_equal(motion_regressor(moving[0], motion), in_motion(*moving))
 
 
 def test_the_gravity_model_does_not_see_the_motion(moving, motion):

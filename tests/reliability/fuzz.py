@@ -50,7 +50,7 @@ VALUES = {
     "estimator": ("wls", "ols", "bisquare", "iv", "WLS", "best", ""),
     "unidentifiable": ("error", "prior", "Prior", "", "x"),
     "consistent": ("entropic", "euclidean", "riemannian", "Entropic", "", "x"),
-    "search": ("exact", "qr", "subgroup", "exhaustive", "x", ""),
+    "search": ("exact", "qr", "subgroup", "x", ""),
     "criterion": ("nullspace", "regressor", "x"),
     "samples": ("40", "1", "3", "10", "0", "-1", "x", "1.5"),
     "seed": ("0", "1", "7", "-1", "x", "1.5", "9" * 30),

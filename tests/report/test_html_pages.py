@@ -17,6 +17,7 @@ from lxml.html import fromstring
 import loopid
 from closure_robots import body, urdf
 from loopid.identification import FitSamples
+from loopid.identification.saved import FitFile
 from loopid.logs import Recording
 from loopid.plots import Chart, Mark, Panel
 from loopid.report import (
@@ -28,6 +29,7 @@ from loopid.report import (
     identification_report,
     prediction_report,
 )
+from loopid.report.compare import comparison_report
 from loopid.report.look import plain_table
 from made_runs import HINGE, quietly, record, wander, with_answers
 
@@ -48,6 +50,11 @@ def pages(study, knee):
         "check": check_report(knee).page(run).html(),
         "base": base_report(knee, "gravity", study.force_model.base).page(run).html(),
         "prediction": prediction_report(knee, [prediction_of(study)]).page(run).html(),
+        "comparison": comparison_report(
+            {name: FitFile.of(study[name].fit) for name in ("all parameters", "robot file")}
+        )
+        .page(run)
+        .html(),
         "hostile": hostile(),
     }
 
@@ -257,20 +264,26 @@ at("pointerdown", 0.25); at("pointermove", 0.5); at("pointerup", 0.5);
 const drawn = [...document.querySelectorAll("[data-zoom] svg")];
 const views = drawn.map(svg => svg.getAttribute("viewBox"));
 at("pointermove", 0.5);
-document.body.dataset.told = JSON.stringify([views,
+const opened = [true, false].map(printing => {
+  dispatchEvent(new Event(printing ? "beforeprint" : "afterprint"));
+  return document.querySelector("details").open;
+});
+document.body.dataset.told = JSON.stringify([opened, views,
   document.querySelector("[data-zoom] output").textContent,
   [...document.querySelector("[data-zoom] .across").children].map(tick => tick.textContent)]);
 """
 
 
-def test_a_chart_zooms_in_all_its_panels_and_tells_its_values(tmp_path):
+def test_a_chart_zooms_in_all_its_panels_and_tells_its_values_and_a_print_unfolds(tmp_path):
     time = np.linspace(0.0, 8.0, 801)
     panels = tuple(Panel(f"p{k}", (Mark("twice", time, 2 * time),)) for k in range(2))
     chart = Chart("c", "caption", "time (s)", panels, lanes=2, zoom="run")
-    page = Page("zoom", (Section("Chart", (chart,)),)).html()
+    table = plain_table("values", ("a",), [["b"]])
+    page = Page("zoom", (Section("Chart", (chart, table), folded=True),)).html()
     page = page.replace("</body>", f"<script>{ZOOM}</script></body>")
     shown = fromstring(browse(page, tmp_path, "--dump-dom"))
-    views, output, ticks = json.loads(shown.find("body").get("data-told"))
+    folds, views, output, ticks = json.loads(shown.find("body").get("data-told"))
+    assert folds == [True, False]
     assert views == ["2500 0 2500 1000"] * 2
     (low, high), _ = panels[0].limits()
     middle = low + (high - low) * 3 / 8
@@ -342,7 +355,7 @@ onload = () => {
 
 @pytest.mark.parametrize("dark", [False, True])
 def test_nothing_on_a_page_is_cut_covered_or_faint(pages, tmp_path, dark):
-    names = "identification", "check", "base", "prediction"
+    names = "identification", "check", "base", "prediction", "comparison"
     page = framed(*(pages[name] for name in names), widths=(390, 760, 1300)) + MEASURE
     scheme = f"--blink-settings=preferredColorScheme={0 if dark else 1}"
     shown = fromstring(browse(page, tmp_path, scheme, "--dump-dom"))

@@ -231,7 +231,7 @@ def test_the_terminal_shows_one_screen_of_base_parameters(write_files):
         brief, *_ = base_report(robot, "full", found).brief
         last = str([*brief.columns[1].cells][-1])
         assert brief.row_count == (17 if screen else found.structure.rank)
-        assert last.endswith("more, and all terms: --verbose") == screen
+        assert last.endswith("more, and all terms, in the report") == screen
 
 
 def test_a_joint_that_turns_without_end_has_an_angle_and_no_limits(four_bars):

@@ -60,7 +60,7 @@ def test_pieces_of_one_link_and_colour_are_one(load_once):
 def test_a_urdf_without_its_meshes_is_drawn_as_rods(tmp_path, load_once):
     given = load_once("five_bar").path
     text = given.with_suffix(".urdf").read_text()
-    other = re.sub("<sphere .*?/>", '<mesh filename="no.stl"/>', text, count=1)
+    other = re.sub("<(sphere|cylinder|box) .*?/>", '<mesh filename="no.stl"/>', text)
     assert other != text
     (tmp_path / "five_bar.urdf").write_text(other)
     (tmp_path / "five_bar.yaml").write_text(given.read_text())

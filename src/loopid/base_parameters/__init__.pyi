@@ -11,7 +11,7 @@ from .choice import (
     SearchResult as SearchResult,
     SearchStrategy as SearchStrategy,
 )
-from .enumerated import ExhaustiveSearch as ExhaustiveSearch, SubgroupSearch as SubgroupSearch
 from .exact import ExactSearch as ExactSearch
 from .rank import RankTolerances as RankTolerances
 from .structure import Structure as Structure
+from .subgroups import SubgroupSearch as SubgroupSearch

@@ -36,8 +36,7 @@ SEARCHES: Registry[type[SearchStrategy]] = Registry(
     "search",
     {
         "exact": "loopid.base_parameters.exact:ExactSearch",
-        "subgroup": "loopid.base_parameters.enumerated:SubgroupSearch",
-        "exhaustive": "loopid.base_parameters.enumerated:ExhaustiveSearch",
+        "subgroup": "loopid.base_parameters.subgroups:SubgroupSearch",
         "qr": "loopid.base_parameters.choice:PivotedQR",
     },
 )
@@ -229,7 +228,7 @@ def find_base(
     ----------
     observation : Observation
     search : str or SearchStrategy
-        ``"exact"``, ``"subgroup"``, ``"exhaustive"``, ``"qr"`` or another of ``SEARCHES``, or a
+        ``"exact"``, ``"subgroup"``, ``"qr"`` or another of ``SEARCHES``, or a
         strategy with options.
     criterion : str
         ``"nullspace"`` for the least cond(V22), ``"regressor"`` for the least cond(W_B).
@@ -299,7 +298,7 @@ def base_of_choice(
 
 
 @checked
-def find_felt_parameters(
+def find_base_and_motors_alone(
     observation: Observation,
     search: str | SearchStrategy = "exact",
     *,
@@ -308,31 +307,9 @@ def find_felt_parameters(
 ) -> tuple[BaseParameters, BaseParameters | None]:
     """Find the base parameters, and those that the motors alone sense, within one time limit.
 
-    Parameters
-    ----------
-    observation, search, criterion, options
-        As in ``find_base``. The second search has the time that the first one left.
-
-    Returns
-    -------
-    base : BaseParameters
-        Of all rows: forces of the motors, and "= 0" of coordinates that they leave free.
-    motors_alone : BaseParameters or None
-        What the motors alone sense; None without free coordinates, or where it is nothing.
-
-    Raises
-    ------
-    RankError, OptionError
-        As ``find_base``.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> from loopid.base_parameters.base import find_felt_parameters
-    >>> observation = loopid.regressors.structural_observation(loopid.load("four_bar"))
-    >>> base, alone = find_felt_parameters(observation)
-    >>> len(base), alone
-    (4, None)
+    As ``find_base``; the second search has the time that the first one left. The first ones are of
+    all rows: forces of the motors, and "= 0" of coordinates that they leave free. The others are
+    None without free coordinates, or where the motors sense nothing.
     """
     find = partial(find_base, criterion=criterion)
     base, alone = find(observation, search, options=options), observation.motors_alone

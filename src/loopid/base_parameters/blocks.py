@@ -166,7 +166,7 @@ class Block:
 
     @cached_property
     def _levels(self) -> dict[bytes, Levels]:
-        """Those asked for so far."""
+        """Those computed so far."""
         return {}
 
     @cached_property

@@ -39,17 +39,14 @@ NEAR_LIMIT = 1e-4
 MOST_SHORT, LEAST_NORM = 1e6, 1e-200
 # Rows are compared after rounding, so that round-off does not choose the branch.
 DECIMALS = 4
-# A node with few selections left is settled by looking at them: at most so many times k².
+# A node with few selections left is settled by looking at them: at most this many times k².
 LOOKED_AT = 4096
 
 NONE = np.empty(0, dtype=np.int64)
 
 
 def margin(rows: int, terms: int) -> float:
-    """Upper bound of the round-off in pivots of a matrix (rows, rows) with a diagonal of about 1.
-
-    Its entries are sums of at most so many ``terms``.
-    """
+    """Bound of round-off in pivots of a matrix (rows, rows) of sums of ``terms`` products."""
     return max(LEAST_MARGIN, 4 * rows * (terms + 4) * UNIT_ROUND_OFF)
 
 
@@ -219,10 +216,10 @@ class _Tree:
     def _options(
         self, node: _Node, places: tuple[int, int]
     ) -> tuple[BoolArray, BoolArray, BoolArray, BoolArray]:
-        """Which of the free rows can be taken, which left; which two not both taken, not both left.
+        """Which free rows can be taken, which left; which two not both taken, which not both left.
 
-        To take a row leaves those it is in conflict with: there must be places for them, and no
-        conflict among themselves. And the other way round.
+        Taking a row leaves those in conflict: there must be places for them, and none among
+        themselves.
         """
         takeable = np.all([matrix.diagonal() > self.zero for matrix in node.takes], axis=0)
         takeable &= places[0] > 0

@@ -50,8 +50,6 @@ class SearchOptions:
     ties : int
         Ties of a block that are listed at most: the most readable is chosen.
         Where there are more, the dependent columns that come first decide.
-    candidates : int
-        Largest number of combinations of an exhaustive search, which takes some hours.
     memory : int
         In bytes, that the combinations and matrices of a group of subgroup search may take.
 
@@ -73,7 +71,6 @@ class SearchOptions:
     tolerance: Positive = 1e-9
     nodes: PositiveInt = 1024
     ties: PositiveInt = 20_000
-    candidates: PositiveInt = 2_000_000_000
     memory: PositiveInt = 2**30
 
     def covering(self, error: float) -> float:
@@ -151,8 +148,8 @@ class ChoiceProblem:
     def uncertainty(self, condition: float) -> float:
         """Relative error of condition numbers up to one given, by round-off in the vectors.
 
-        All vectors of such a selection are at most so many times as long as its shortest: a vector
-        with too few others that are as short is in none.
+        All vectors of such a selection are at most ``condition`` times as long as its shortest: a
+        vector with too few others that are as short is in none.
         """
         errors, (size, count) = self.structure.null_errors, self.vectors.shape
         if self.criterion == "regressor" or errors is None:
@@ -194,7 +191,7 @@ class Exclusion:
 
 @record
 class SearchResult:
-    """What a search found.
+    r"""What a search found.
 
     Attributes
     ----------
@@ -223,7 +220,7 @@ class SearchResult:
         Relative; see ``certified``.
     seconds : float
     proof : tuple of Exclusion
-        Where ``ExactSearch`` was asked to keep it.
+        With ``ExactSearch\(proof=True\)``.
     subgroups : SubgroupAccount or None
         What a subgroup search tried.
     options : SearchOptions
@@ -377,10 +374,7 @@ def most_readable(choices: Iterable[Readability]) -> Readability:
 def readabilities(
     null_basis: FloatArray, choices: IntArray, columns: IntArray | None = None
 ) -> Iterator[Readability]:
-    """Readability of several choices (c, d) of rows of a null basis (n, d), one after another.
-
-    ``columns`` (n,) are those that the rows belong to, if not 0 ... n - 1.
-    """
+    """Readability of choices (c, d) of rows of a null basis, of columns (n,) or 0 ... n - 1."""
     names = choices if columns is None else columns[choices]
     size = max(1, BATCH // null_basis.size)
     for start in range(0, len(choices), size):

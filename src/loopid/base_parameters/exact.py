@@ -46,7 +46,7 @@ from loopid.base_parameters.choice import (
 )
 from loopid.records import record
 
-MORE_NODES = 4  # times as many, that a box is asked about by each rule at every further attempt
+MORE_NODES = 4  # factor of the nodes of each rule at every further attempt
 # Ends of the interval that are this close are worth no further question, or need no middle.
 FINENESS, NEAR = 1e-2, 1.05
 TIE_NODES = 4096  # for the ties of a block
@@ -108,10 +108,7 @@ class ExactSearch(SearchStrategy):
 
 
 class _Interval:
-    """What is known of better joint selections: floor <= largest < ceiling, smallest <= highest.
-
-    ``apart`` is how far singular values of the blocks may be from those of the problem.
-    """
+    """Better joint selections have floor <= largest < ceiling, smallest <= highest."""
 
     def __init__(
         self,
@@ -189,21 +186,21 @@ class _Interval:
             goal = min(self.levels.largest * (1 - self._fine), self.ceiling)
             if self.floor >= goal or undecided <= self.floor * (1 + FINENESS):
                 return
-            asked = min(goal, self.floor * step, barrier, sqrt(self.floor * undecided))
+            tried = min(goal, self.floor * step, barrier, sqrt(self.floor * undecided))
             above = self.floor / self.levels.ratio * (1 + 2 * self._fine)
             try:
-                found = self._ask(above, asked, attempt)
+                found = self._ask(above, tried, attempt)
             except OutOfBudgetError:
-                undecided = asked
+                undecided = tried
                 continue
             if found is None:
-                self.floor, step, barrier = asked, step * step, np.inf
+                self.floor, step, barrier = tried, step * step, np.inf
             elif self._offer(found):
                 undecided, barrier = np.inf, np.inf
-            elif asked <= self.floor * (1 + FINENESS):
+            elif tried <= self.floor * (1 + FINENESS):
                 barrier = self._joint(found).largest * (1 - self._fine)
             else:
-                step = sqrt(asked / self.floor)
+                step = sqrt(tried / self.floor)
 
     def _lower_ceiling(self, attempt: int) -> None:
         """Rule out smallest eigenvalues above t, so that better selections have l = ρ s <= ρ t."""
@@ -215,22 +212,22 @@ class _Interval:
             if self.highest <= undecided * (1 + FINENESS):
                 return
             least = self.levels.smallest * (1 + self._fine)
-            asked = max(least, self.highest / step, barrier, sqrt(self.highest * undecided))
+            tried = max(least, self.highest / step, barrier, sqrt(self.highest * undecided))
             try:
-                found = self._ask(asked, self.ceiling, attempt)
+                found = self._ask(tried, self.ceiling, attempt)
             except OutOfBudgetError:
-                undecided = asked
+                undecided = tried
                 continue
             if found is None:
-                self.highest, step, barrier = asked, step * step, 0.0
+                self.highest, step, barrier = tried, step * step, 0.0
                 below = self.levels.ratio * self.highest * (1 - 4 * self._fine)
                 self.ceiling = min(self.ceiling, below)
             elif self._offer(found):
                 undecided, barrier = 0.0, 0.0
-            elif self.highest <= asked * (1 + FINENESS):
+            elif self.highest <= tried * (1 + FINENESS):
                 barrier = self._joint(found).smallest * (1 + self._fine)
             else:
-                step = sqrt(self.highest / asked)
+                step = sqrt(self.highest / tried)
 
     def _ask(self, above: float, below: float, attempt: int) -> Selections | None:
         """Joint selections in a box, None if a block has none; OutOfBudgetError if undecided."""
@@ -327,10 +324,7 @@ class Tied:
 def most_readable_tie(
     blocks: Sequence[Block], tied: Tied, options: SearchOptions, budget: Budget
 ) -> tuple[Readability, int | None, bool]:
-    """The most readable of the best choices, how many there are, and whether some nearly tie.
-
-    They are not counted where they are too many, or where some nearly tie.
-    """
+    """The most readable best choice, how many there are (or None), and if some nearly tie."""
     choices, ties, near = [], 0, tied.overlap
     for levels in tied.levels:
         choice, ways = NO_COLUMNS, 1

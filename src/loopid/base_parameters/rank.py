@@ -34,7 +34,7 @@ ROUND_OFF = 1e-14  # of the characteristic length: no number is more accurate af
 # Part of itself, in the median, by which a singular value changes with other numbers that the file
 # would round alike, if it is they that make it; and other geometries that are tried to see that.
 CHANGE, DRAWS = 0.02, 8
-# They are tried where the least singular value that is not round-off is below so many times the
+# They are tried where the least singular value that is not round-off is below a multiple of the
 # accuracy of the file, over the characteristic length, and below a part of the largest.
 REACH, FARTHEST = 1e3, 1e-2
 # Where the file does not state its accuracy, they are tried where that value is fainter, with
@@ -108,8 +108,8 @@ class Rank:
 def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
     """Decide the rank; a RankError says that no parameter has an effect, or rows are too few."""
     scales, norms, largest = _common_units(observation, tolerances)
-    felt = norms > tolerances.zero * largest
-    columns = np.flatnonzero(felt)
+    effective = norms > tolerances.zero * largest
+    columns = np.flatnonzero(effective)
     if not len(columns):
         raise RankError(
             "no parameter has an effect: every column of the regressor is zero, as at rest where "
@@ -135,9 +135,9 @@ def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
         doubtful = _combinations(observation, forces, scales, source)
         # Columns have no effect that counts where they are so much shorter than what counts.
         shortest = sizes[0] * min(np.sqrt(values[rank - 1] * below), SHORT * values[rank - 1])
-        felt = norms > shortest
-    some = ~felt & (norms > SHORTEST * largest)
-    felt |= _spanned(observation.factor * scales, felt, some, rank)
+        effective = norms > shortest
+    some = ~effective & (norms > SHORTEST * largest)
+    effective |= _spanned(observation.factor * scales, effective, some, rank)
     gap = float(values[rank - 1] / max(below, np.finfo(float).eps))
     bounds = None
     if gap < CLEAR:
@@ -145,7 +145,7 @@ def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
             int((values > bound).sum()) for bound in (CLEAR * below, values[rank - 1] / CLEAR)
         )
         bounds = max(lowest, 1), highest
-    return Rank(rank, gap, values, scales, np.flatnonzero(felt), doubtful, bounds)
+    return Rank(rank, gap, values, scales, np.flatnonzero(effective), doubtful, bounds)
 
 
 def warn_of_doubts(
@@ -204,13 +204,15 @@ def _common_units(
     return scales, norms, largest
 
 
-def _spanned(matrix: FloatArray, felt: BoolArray, short: BoolArray, rank: int) -> BoolArray:
+def _spanned(matrix: FloatArray, effective: BoolArray, short: BoolArray, rank: int) -> BoolArray:
     """Which of some short columns (p,) of a matrix (m, p) lie in the span of those with an effect.
 
     Round-off does not: however short they are, they have an effect.
     """
     if short.any():
-        span = np.linalg.svd(matrix[:, felt] / np.linalg.norm(matrix[:, felt], axis=0))[0][:, :rank]
+        span = np.linalg.svd(matrix[:, effective] / np.linalg.norm(matrix[:, effective], axis=0))[
+            0
+        ][:, :rank]
         columns = matrix[:, short] / np.linalg.norm(matrix[:, short], axis=0)
         apart = np.linalg.norm(columns - span @ (span.T @ columns), axis=0)
         short[short] = apart <= SPANNED

@@ -9,9 +9,12 @@ from __future__ import annotations
 import re
 import shlex
 from ast import literal_eval
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
+
+if TYPE_CHECKING:
+    from loopid.robot.robot import Robot
 
 # Advice in Python's words, between spaces: keyword=value, a list, text, a number or a flag; of a
 # motion with the function that designs it.
@@ -42,6 +45,30 @@ def in_options(text: str, context: typer.Context) -> str:
         return found[0]
 
     return ADVICE.sub(option, text)
+
+
+def command_with(
+    command: str, robot: Robot, *words: str, loaded: bool = True, **options: Any
+) -> str:
+    """A command for a robot, with options by their names, and with those that it was loaded with.
+
+    Parameters
+    ----------
+    loaded : bool
+        Whether the command loads it: others find in their files how it was.
+    """
+    from loopid.loading.files import bundled_directory
+
+    bundled = robot.path is not None and robot.path.parent == bundled_directory()
+    said = ["loopid", command, robot.name if bundled else robot.source, *words]
+    for name, value in (options | (dict(robot.options) if loaded else {})).items():
+        option = f"--{name.replace('_', '-')}"
+        if isinstance(value, dict):
+            value = [f"{key}:={given}" for key, given in value.items()]
+        each = value if isinstance(value, list | tuple) else [value]
+        told = (one for one in each if one is not None and one is not False)
+        said += [part for one in told for part in ([option] if one is True else [option, str(one)])]
+    return shlex.join(said)
 
 
 def _excite(words: str, context: typer.Context) -> str:

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from math import inf
 from pathlib import Path
-from shlex import join
 from typing import TYPE_CHECKING, Any
 
 import typer
 from typer import Argument, Option
 
 from loopid.cli import completion
+from loopid.cli.advice import command_with
 from loopid.cli.robots import FILE, LOGGED_MODEL, MAPPING, TERMS, numbers, of_robot, recordings
 from loopid.cli.shell import answering, with_options
 from loopid.errors import LoopidError, OptionError
@@ -122,25 +122,12 @@ def excite_command(
     found: Identification, logs: Sequence[str] = ("LOG",), mapping: str | None = None
 ) -> str:
     """``loopid excite`` for a robot as it was loaded, and what the logs determine badly."""
-    from loopid.loading.files import bundled_directory
-
     model = found.force_model.plain  # what the evidence weighs is no aim of a motion
     robot, terms, excite = model.robot, model.joint_terms, found.verdict.excite
     wanted = excite if len(excite) <= MOST_WANTED else ()
     options: dict[str, Any] = {"model": model.model, "terms": terms and terms.choice(robot)}
-    options |= {**robot.options, "mapping": mapping, "after": list(logs), "for": wanted}
-    bundled = robot.path is not None and robot.path.parent == bundled_directory()
-    words = ["loopid", "excite", robot.name if bundled else robot.source, "--out", "motion"]
-    for name, value in options.items():
-        option = f"--{name.replace('_', '-')}"
-        if isinstance(value, dict):
-            value = [f"{key}:={given}" for key, given in value.items()]
-        each = value if isinstance(value, list | tuple) else [value]
-        told = (one for one in each if one is not None and one is not False)
-        words += [
-            part for one in told for part in ([option] if one is True else [option, str(one)])
-        ]
-    return join(words)
+    options |= {"mapping": mapping, "after": list(logs), "for": wanted}
+    return command_with("excite", robot, "--out", "motion", **options)
 
 
 @with_options(answer=answering)
@@ -165,7 +152,8 @@ def predict(
     runs = recordings(saved.robot, logs, mapping, cutoff, rows)
     suspected = suspicions_by_log(saved.robot, runs, saved.require_model().joint_terms)
     found = saved.predict(runs)
-    answer.show(_vetoed(prediction_report(saved.robot, found), suspected))
+    command = command_with("export", saved.robot, fit, "--c", "controller", loaded=False)
+    answer.show(_vetoed(prediction_report(saved.robot, found), suspected), command)
 
 
 @of_robot

@@ -12,6 +12,7 @@ import typer
 from typer import Argument, Option
 
 from loopid.cli import completion
+from loopid.cli.advice import command_with
 from loopid.cli.shell import answering, with_options
 from loopid.errors import OptionError
 from loopid.files import require_name, require_other_file, require_own_kind, write_file, write_files
@@ -90,7 +91,7 @@ def check(robot: Robot, answer: Answer) -> None:
     from loopid.report.structure import check_report
 
     answer.require(robot.path)
-    answer.show(check_report(robot))
+    answer.show(check_report(robot), command_with("base", robot))
 
 
 @of_robot
@@ -98,7 +99,7 @@ def base(
     robot: Robot,
     answer: Answer,
     model: str = MODEL,
-    search: str = Option("exact", help="exact, subgroup, exhaustive or qr."),
+    search: str = Option("exact", help="exact, subgroup or qr."),
     alpha: float | None = Option(
         None, help="Subgroup search: group rising factor, above 0, at most 0.5; 0.25 by default."
     ),
@@ -117,7 +118,7 @@ def base(
     ),
 ) -> None:
     """Find base parameters, and prove how to write them best."""
-    from loopid.base_parameters.base import find_felt_parameters
+    from loopid.base_parameters.base import find_base_and_motors_alone
     from loopid.base_parameters.choice import SearchOptions
     from loopid.regressors.joint_terms import JointTerms, warn_of_omitted
     from loopid.regressors.structural import structural_observation
@@ -132,13 +133,14 @@ def base(
             robot, model, samples=samples, seed=seed, progress=report, joint_terms=joint_terms
         )
     options = None if time_limit is None else SearchOptions(time_limit=time_limit)
-    found = find_felt_parameters(observation, strategy, criterion=criterion, options=options)
-    answer.show(base_report(robot, model, *found))
+    found = find_base_and_motors_alone(observation, strategy, criterion=criterion, options=options)
+    command = command_with("excite", robot, "--out", "motion", model=model)
+    answer.show(base_report(robot, model, *found), command)
 
 
 def subgroups_of(search: str, **options: Any) -> Any:
     """The search of a name, with options where it is that of subgroups."""
-    from loopid.base_parameters.enumerated import SubgroupSearch
+    from loopid.base_parameters.subgroups import SubgroupSearch
 
     given = {name: value for name, value in options.items() if value is not None}
     if given and search != SubgroupSearch.name:
@@ -218,7 +220,7 @@ def excite(
     ),
     terms: str = GIVEN_TERMS,
     criterion: str = Option("D", help="What is optimised: D, A, E or condition."),
-    shape: str = Option("fourier", help="fourier, spline, or poses to stand in (gravity)."),
+    shape: str = Option("fourier", help="fourier, or poses to stand in (gravity)."),
     size: int | None = Option(
         None, help="Number of harmonics, waypoints or poses; enough by default."
     ),
@@ -321,7 +323,8 @@ def excite(
             progress=watch,
         )
     found.require_gain()
-    answer.show(excitation_report(found))
+    model = found.force_model.model
+    answer.show(excitation_report(found), command_with("identify", robot, "LOG", model=model))
 
 
 @with_options(robot=loaded)

@@ -110,15 +110,16 @@ class Answer:
             for name in WRITTEN:
                 require_other_file(Path(self.folder, name), *(each for each in inputs if each))
 
-    def show(self, report: Report) -> None:
+    def show(self, report: Report, command: str = "") -> None:
         """Write the report where a folder is given, and print it: the verdict first.
 
+        The command is the next step of a card that is good.
         A report whose files are refused is printed before the refusal.
         """
         from loopid.findings import Finding
         from loopid.report.look import json_text
 
-        report = self._in_options(report)
+        report = self._in_options(report, command)
         found = {str(each) for each in report.findings}
         told = self.context.obj  # what is a finding is said once
         told[:] = [text for text in told if not any(text in each for each in found)]
@@ -147,14 +148,16 @@ class Answer:
             return
         typer.echo(one_line(f"Report: {written[0]}"))
 
-    def _in_options(self, report: Report) -> Report:
-        """The report with advice in the command's options."""
+    def _in_options(self, report: Report, command: str) -> Report:
+        """The report with advice in the command's options, and the command of its next step."""
 
         def said(text: str) -> str:
             return in_options(text, self.context)
 
         findings = [replace(f, why=said(f.why), do=said(f.do)) for f in report.findings]
-        card = replace(report.card, use=said(report.card.use), next=said(report.card.next))
+        card = report.card
+        command = card.command or (command if card.tone == "good" else "")
+        card = replace(card, use=said(card.use), next=said(card.next), command=command)
         return replace(report, verdict=said(report.verdict), findings=findings, card=card)
 
     def _print(self, report: Report) -> None:
@@ -181,9 +184,17 @@ def in_words(findings: Sequence[Finding], verbose: bool) -> list[str]:
     if verbose:
         return [f"{each.severity}: {each}" for each in findings]
     serious = [each for each in findings if each.severity != "note"]
-    said = [f"{each.severity}: {each.brief}" for each in serious[:MOST_SAID]]
+    said = [_in_two_lines(each) for each in serious[:MOST_SAID]]
     left = len(findings) - len(said)
     return [*said, *([f"{left} more findings: --verbose"] if left and said else [])]
+
+
+def _in_two_lines(found: Finding) -> str:
+    """A finding and what to do, on a line of its own where there is no room beside it."""
+    said = f"{found.severity}: {found.brief}"
+    if len(said) <= WIDTH or not found.do:
+        return said
+    return f"{found.severity}: {found.title}\n  {found.do}"
 
 
 def answering(

@@ -10,7 +10,7 @@ import numpy as np
 from loopid.arguments import FloatArray, row_blocks
 from loopid.errors import DataError, OptionError
 from loopid.identification.delay import in_time
-from loopid.identification.force_models import ForceModel
+from loopid.identification.force_models import ForceModel, samples_of
 from loopid.identification.friction import less_noise, with_friction
 from loopid.identification.information import Excitation, fit_excited
 from loopid.identification.problem import FitSamples
@@ -73,7 +73,7 @@ class LoadedRuns:
             choice.warn()
             robot = force_model.robot
             runs = tuple(at_cutoff(robot, each, choice.chosen) for each in runs)
-        force_model = choose_terms(force_model, runs[0])
+        force_model = choose_terms(force_model, samples_of(force_model, runs[0]))
         light = FitSamples.combined([force_model.samples(run) for run in runs[0]])
         whole = _plain_fit(force_model, light, estimator)
         assert whole.noise is not None

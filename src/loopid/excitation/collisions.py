@@ -140,10 +140,7 @@ def _require_shape(collision: Element) -> None:
 
 
 def convex_hull(mesh: coal.BVHModelBase) -> Any:
-    """The convex hull of a mesh.
-
-    ``buildConvexRepresentation`` of coal 3 takes the mesh as it is for convex: it needs the hull.
-    """
+    """The convex hull, which ``buildConvexRepresentation`` of coal 3 takes a mesh to be."""
     points = np.array([mesh.vertex(k) for k in range(mesh.num_vertices)])
     try:
         hull = ConvexHull(points)

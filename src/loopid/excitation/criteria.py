@@ -218,12 +218,12 @@ class Known:
         """
         robot = model.robot
         deviations = dict(zip(robot.actuated, assumed.tolist(), strict=True))
-        told = FitSamples.combined([model.samples(each) for each in after]) if after else None
+        known = FitSamples.combined([model.samples(each) for each in after]) if after else None
         spacing = 0.0
-        if told is not None:
+        if known is not None:
             spacing = float(np.mean([np.median(np.diff(each.motion.time)) for each in after]))
-            excitation = Excitation.of(model, told.problem)
-            found = quiet_fit(excited_samples(told, model.prior, excitation)).noise
+            excitation = Excitation.of(model, known.problem)
+            found = quiet_fit(excited_samples(known, model.prior, excitation)).noise
             assert found is not None
             for k, name in enumerate(robot.independent):
                 each = found.samples[k] / found.effective_samples[k]
@@ -232,9 +232,9 @@ class Known:
                     deviations[name] = float(size)
         deviations = _given(noise, deviations)
         information = np.zeros((basis.shape[1], basis.shape[1]))
-        if told is not None:
+        if known is not None:
             for k, name in enumerate(robot.independent):
-                rows = told.problem.factors[k, :, :-1] @ basis / deviations[name]
+                rows = known.problem.factors[k, :, :-1] @ basis / deviations[name]
                 information += rate * spacing * rows.T @ rows
         return cls(np.array([deviations[name] for name in robot.actuated]), information)
 

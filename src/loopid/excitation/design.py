@@ -40,7 +40,7 @@ from loopid.robot.robot import lock_options, shortened
 from loopid.workers import one_blas_thread
 
 # Seconds of a motion, and sizes, where nothing else is said.
-DURATIONS, SIZES = {"gravity": 20.0, "full": 10.0}, {"fourier": 6, "spline": 10}
+DURATIONS, SIZES = {"gravity": 20.0, "full": 10.0}, {"fourier": 6}
 # Random poses, which decide margins, reaches and pairs of links.
 POSES = 128
 # Part of the largest force of a motor, below which another's is round-off.
@@ -322,9 +322,9 @@ def _require_designable(
     if options.shape == "poses" and (model.model != "gravity" or model.joint_terms):
         raise OptionError(
             "standing in poses identifies the gravity model without joint terms only: use "
-            "shape='fourier' or 'spline' here",
+            "shape='fourier' here",
             given="poses",
-            valid=("fourier", "spline"),
+            valid=("fourier",),
         )
     if parameters and options.criterion != "D":
         raise OptionError(
@@ -335,10 +335,7 @@ def _require_designable(
 
 
 def _assumed_noise(problem: Problem, poses: Poses) -> FloatArray:
-    """Deviations (motors,) of the forces: a share of those on a motion that keeps all bounds.
-
-    Where the robot file knows no force of a motor, it is the share of the largest one, or of 1.
-    """
+    """Deviations (motors,): a share of the forces on a feasible motion, or of the largest one."""
     robot = problem.robot
     y, near = feasible_start(problem, poses, 0)
     x, v, a = problem.functions @ problem.variables(y)
@@ -364,7 +361,7 @@ def _with_margin(limits: MotionLimits, model: ForceModel, poses: FloatArray) -> 
 def _warn_of_unexcited(
     problem: Problem, unknown: ParameterSet, errors: FloatArray, checks: Sequence[Check]
 ) -> None:
-    """Name what was asked for and no motion was found for, and the bounds that are in the way."""
+    """Name what was required and no motion was found for, and the bounds that are in the way."""
     missing = ~np.isfinite(errors)
     if isinstance(problem.criterion, OfCombinations):
         missing &= np.any(problem.criterion.rows, axis=0)
@@ -402,8 +399,8 @@ def _run(problem: Problem, X: FloatArray) -> Run:
         whole = closed_motion(robot, *state)
         forces = file_forces(robot, whole)
         parts.append((whole.velocities[:, indices], whole.accelerations[:, indices], forces))
-        told = problem.rows(whole).reshape(-1, len(factor))
-        factor = triangular_factor(np.concatenate([factor, told]))
+        weighted = problem.rows(whole).reshape(-1, len(factor))
+        factor = triangular_factor(np.concatenate([factor, weighted]))
     v, a, forces = (np.concatenate(part) for part in zip(*parts, strict=True))
     read = JointCoordinates(robot, robot.actuated)
     x = read.read(followed.configurations.copy())
@@ -424,8 +421,8 @@ def _expected_fit(problem: Problem, motors: Motion, forces: FloatArray) -> Expec
     model, count, before = problem.force_model, len(motors), _root(problem.prior)
     robot = model.robot
     # In poses, forces of motors that stand are taken too; so they are where none can move.
-    standing = isinstance(problem.shape, PosesShape) or not np.ptp(motors.position, axis=0).any()
-    idle_speed = 0.0 if standing else None
+    still = isinstance(problem.shape, PosesShape) or not np.ptp(motors.position, axis=0).any()
+    idle_speed = 0.0 if still else None
     log = Log.from_arrays(
         motors.time, motors.position, forces, robot.actuated, idle_speed=idle_speed
     )
@@ -440,8 +437,8 @@ def _expected_fit(problem: Problem, motors: Motion, forces: FloatArray) -> Expec
     X = samples.regressor @ problem.basis * (weights * samples.used)[:, :, None]
     # So many samples of the log for each one that is kept.
     thinned = float(np.median(np.diff(history.rows)))
-    told = np.sqrt(thinned) * X.reshape(-1, X.shape[2])
-    information = triangular_factor(np.concatenate([before, told]))
+    weighted = np.sqrt(thinned) * X.reshape(-1, X.shape[2])
+    information = triangular_factor(np.concatenate([before, weighted]))
     errors, rate = before, (count - 1) / motors.duration
     for share in shares.transpose(1, 0, 2):
         spread = np.zeros((count, X.shape[2]))

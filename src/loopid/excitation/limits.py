@@ -25,8 +25,10 @@ UNLIMITED = 1e3
 # Largest speeds and accelerations of slow motions, where nothing else is said, in those of a fall
 # over the robot's length: inertial forces are some percent of gravity's.
 SLOW_SPEED, SLOW_ACCELERATION = 0.1, 0.03
-# Singularity measures change fast between samples: they count in so many times what they must keep.
+# Singularity measures change fast between samples: they count in multiples of what they must keep.
 STEEP = 10.0
+# Of the robot's length, that links must keep from each other.
+CLEARANCE = 1e-3
 # Relative singular values of what motors move that count as zero.
 MOVED = 1e-6
 
@@ -53,8 +55,6 @@ class MotionLimits:
         median at random poses where that is less.
     collisions : bool
         Whether links must not touch each other, by the collision geometry of a URDF.
-    clearance : float
-        Part of the robot's length that links must keep from each other.
 
     Raises
     ------
@@ -76,7 +76,6 @@ class MotionLimits:
     workspace: Mapping[str, Range] = field(default_factory=dict)
     singularity: Annotated[float, Field(ge=0, le=1)] | None = None
     collisions: bool = True
-    clearance: Annotated[float, Field(ge=0, lt=1)] = 1e-3
 
     def __post_init__(self) -> None:
         for name in ("positions", "workspace"):
@@ -162,7 +161,7 @@ class Bounds:
         self.pairs: tuple[tuple[str, str], ...] = ()
         if limits.collisions and (collisions := Collisions(robot, poses)).pairs:
             self.pairs = collisions.pairs
-            self._posed.append(_clearance(collisions, limits.clearance * robot.length))
+            self._posed.append(_clearance(collisions, CLEARANCE * robot.length))
         if robot.closures:  # couplings alone have no singularities
             least = 0.0 if limits.singularity is None else limits.singularity
             self._posed.append(_singularity(robot, least, poses))

@@ -39,6 +39,9 @@ STEP = 1e-6
 SHORTEST_STEP = 2.0**-2
 # Coulomb friction has no slope at standstill: over this part of a typical rate it is smoothed.
 SMOOTHING = 0.02
+# Part of each bound's range, or of its size, that is kept free on the grid of the design, for what
+# happens between its samples.
+INSET = 0.01
 MOST_SIZE = 500  # time and memory grow with its square
 # Each lets a search (``search.Search``) go on from variables (n,).
 SOLVERS: Registry[Callable[[Any, FloatArray], None]] = Registry(
@@ -59,9 +62,9 @@ class DesignOptions:
     criterion : str
         ``"D"``, ``"A"``, ``"E"`` or ``"condition"`` (``Criteria``).
     shape : str
-        ``"fourier"``, ``"spline"``, or ``"poses"`` to stand in, for a gravity model.
+        ``"fourier"``, or ``"poses"`` to stand in, for a gravity model.
     size : int, optional
-        Harmonics, waypoints or poses; by default 6, 10, or twice as many forces as parameters.
+        Harmonics or poses; by default 6, or twice as many forces as parameters.
     duration : float, optional
         In s; by default 20 for a gravity model, 10 for a full one.
     rate : float
@@ -79,9 +82,6 @@ class DesignOptions:
         motion.
     time_limit : float, optional
         In s. It only stops: what is found until then does not depend on it.
-    inset : float
-        Part of each bound's range, or of its size, that is kept free on the grid of the design,
-        for what happens between its samples.
     solver : str, optional
         ``"ipopt"`` or ``"slsqp"``; by default IPOPT where it is installed.
     seed : int
@@ -109,7 +109,6 @@ class DesignOptions:
     starts: Annotated[int, Field(ge=1)] = 4
     evaluations: Annotated[int, Field(ge=0)] = 400
     time_limit: Positive | None = None
-    inset: Annotated[float, Field(ge=0, lt=0.5)] = 0.01
     solver: str | None = None
     seed: Annotated[int, Field(ge=0)] = 0
 
@@ -146,29 +145,21 @@ def follow(
 
 
 class Outcome(NamedTuple):
-    """What N samples give.
+    """What N samples give."""
 
-    Weighted regressor rows (N, dof, z), bounded quantities in motion (N, moving), and those of the
-    poses (N, others).
-    """
-
-    rows: FloatArray
-    moving: FloatArray
-    poses: FloatArray
+    rows: FloatArray  # (N, dof, z), of the weighted regressor
+    moving: FloatArray  # (N, moving), bounded quantities in motion
+    poses: FloatArray  # (N, others), those of the poses
 
 
 class Value(NamedTuple):
-    """What a motion is worth.
+    """What a motion is worth; slopes df and dg are empty unless required."""
 
-    Configurations (N, nq), the criterion f, and bounded values (N, k) in scales, with their slopes
-    df (m c,) and dg (N k, m c), empty unless asked for.
-    """
-
-    q: FloatArray
-    f: float
-    g: FloatArray
-    df: FloatArray
-    dg: FloatArray
+    q: FloatArray  # (N, nq)
+    f: float  # the criterion
+    g: FloatArray  # (N, k), bounded values in scales
+    df: FloatArray  # (m c,)
+    dg: FloatArray  # (N k, m c)
 
 
 @record
@@ -219,14 +210,12 @@ class Problem:
         """Lower and upper ends (k,) of the bounded values in scales, less the inset."""
         bounds, designed = self.bounds, self.bounds.designed
         lower, upper = (end / bounds.scale for end in (bounds.lower, bounds.upper))
-        inset = self.options.inset
-        return lower[:designed] + inset, upper[:designed] - inset
+        return lower[:designed] + INSET, upper[:designed] - INSET
 
     def keeps_bounds(self, value: Value) -> bool:
         """Whether no bound is broken; half of the inset may be used."""
         lower, upper = self.limits
-        inset = self.options.inset / 2
-        return bool(((value.g >= lower - inset) & (value.g <= upper + inset)).all())
+        return bool(((value.g >= lower - INSET / 2) & (value.g <= upper + INSET / 2)).all())
 
     def variables(self, y: FloatArray) -> FloatArray:
         """X (m, c) in m or rad."""
@@ -238,8 +227,8 @@ class Problem:
 
     def information(self, rows: FloatArray) -> FloatArray:
         """M (z, z) of the run and what there is already."""
-        told = rows.reshape(-1, rows.shape[2])
-        return np.asarray(self.prior + self.samples / len(rows) * told.T @ told)
+        whole = rows.reshape(-1, rows.shape[2])
+        return np.asarray(self.prior + self.samples / len(rows) * whole.T @ whole)
 
     @property
     def is_static(self) -> bool:
@@ -286,10 +275,7 @@ class Problem:
         return np.asarray(model.base.regressor(regressor) @ self.basis / deviation[:, :, None])
 
     def forces(self, motion: ClosedMotion, regressor: FloatArray | None = None) -> FloatArray:
-        """Forces of the motors (N, motors) by the robot file; without columns if none is bounded.
-
-        A regressor of the full model may be at hand.
-        """
+        """Forces of the motors (N, motors) by the robot file; no columns if none is bounded."""
         if not self.bounds.needs_forces:
             return np.zeros((len(motion.configurations), 0))
         return file_forces(self.robot, motion, regressor)
@@ -314,10 +300,7 @@ def file_forces(
 def evaluate(
     problem: Problem, y: FloatArray, near: FloatArray, slopes: bool = True
 ) -> Value | None:
-    """Criterion and bounds at variables y; None where the loops do not close.
-
-    Configurations are reached from those of another motion (N, nq), or of one pose (1, nq).
-    """
+    """Criterion and bounds, reached from configurations (N or 1, nq); None out of reach."""
     x, v, a = problem.functions @ problem.variables(y)
     motion = follow(problem.robot, x, v, a, near)
     if motion is None:

@@ -20,7 +20,7 @@ import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray
 from loopid.errors import AssemblyError
-from loopid.excitation.problem import SOLVERS, Problem, Value, evaluate, follow
+from loopid.excitation.problem import INSET, SOLVERS, Problem, Value, evaluate, follow
 from loopid.kinematics.assembly import AssemblyOptions, largest_opening, try_assemble
 from loopid.kinematics.constraint import largest_residual
 from loopid.kinematics.measured import measured_coordinates
@@ -36,7 +36,7 @@ BEST, ROUNDS, SMALLER = 8, 14, 0.75
 # Random motions for a start, and by how much they are shrunk until they keep all bounds.
 DRAWS, SHRINK, MOST_SHRINKS = 3, 0.8, 40
 # Bounds that keep this distance at the start, in scales, are left out of the problem until they
-# have been broken at so many points: most never matter, and each costs a row a sample.
+# have been broken at this many points: most never matter, and each costs a row a sample.
 DISTANT, PATIENCE = 0.35, 4
 # A criterion that is better by so much is worth a check on the finer grid, which takes as long as
 # an evaluation: one percent in a volume, or in a condition number.
@@ -125,19 +125,19 @@ def find_poses(problem: Problem, configurations: FloatArray) -> Poses:
 
     An AssemblyError names the bounds that none of them keeps.
     """
-    robot, inset = problem.robot, problem.options.inset
+    robot = problem.robot
     generator = np.random.default_rng([problem.options.seed, 11])
     measured = measured_coordinates(robot)
     x = measured.read(np.concatenate([robot.reference[None], configurations]))
     reach = np.maximum(np.ptp(x, axis=0) / 2, 1e-3 * problem.units)
     # Random poses miss narrow ranges, which their nearest ends may keep.
-    low, high = problem.bounds.ranges(robot.independent, 2 * inset)
+    low, high = problem.bounds.ranges(robot.independent, 2 * INSET)
     x = np.concatenate([x, np.clip(x, low, high)])
     slack, q = _slacks(problem, x)
     tried, nearest, step = len(x), slack.max(axis=0), 0.3
     for _ in range(ROUNDS):
         best = np.argsort(-slack.min(axis=1), kind="stable")[:BEST]
-        if slack[best[0]].min() > inset:
+        if slack[best[0]].min() > INSET:
             break
         moves = step * reach * generator.normal(size=(4 * len(best), len(reach)))
         x = np.concatenate([x[best], np.repeat(x[best], 4, axis=0) + moves])
@@ -146,17 +146,14 @@ def find_poses(problem: Problem, configurations: FloatArray) -> Poses:
         tried, step = tried + len(moves), SMALLER * step
         nearest = np.maximum(nearest, slack.max(axis=0))
     worst = slack.min(axis=1)
-    order = [int(k) for k in np.argsort(-worst, kind="stable") if worst[k] > inset]
+    order = [int(k) for k in np.argsort(-worst, kind="stable") if worst[k] > INSET]
     if not order:
         raise _impossible(problem, slack[int(worst.argmax())], nearest, tried)
     return Poses(x[order], q[order], reach)
 
 
 def _slacks(problem: Problem, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Slacks (N, k) of all bounds at rest in poses (N, c), and configurations (N, nq).
-
-    Minus infinity where the loops do not close, or at a singularity.
-    """
+    """Slacks (N, k) of all bounds at rest in poses (N, c), -inf if out of reach; configurations."""
     robot, found = problem.robot, np.full((len(positions), len(problem.bounds.all)), -np.inf)
     options = AssemblyOptions(shortest_step=2.0**-6)
     outcome = try_assemble(robot, positions, options=options)
@@ -176,20 +173,19 @@ def _impossible(
 ) -> AssemblyError:
     """Which bounds cannot be met: by no pose alone, else by the best one (k,) together."""
     name, bounds = problem.robot.name, problem.bounds.all
-    inset = problem.options.inset
-    alone = bool((nearest <= inset).any())
+    alone = bool((nearest <= INSET).any())
     left = nearest if alone else best
     k = int(left.argmin())
     if not np.isfinite(nearest[k]):
         message = f"none of {tried} poses of {name} can be assembled: check reference and limits"
         return AssemblyError(message, poses=tried)
     missing = -float(left[k]) * bounds[k].scale
-    broken = [k] if alone else np.flatnonzero(best <= inset)
+    broken = [k] if alone else np.flatnonzero(best <= INSET)
     listed = ", ".join(f"{bounds[j].text} in {bounds[j].ends}" for j in broken)
     by = f"{bounds[k].text} by {missing:.4g} {bounds[k].unit}".rstrip()
     return AssemblyError(
         f"{name} cannot keep {'' if alone else 'at once '}the {listed}: the nearest of {tried} "
-        f"poses misses the {by}, with a margin of {inset:.0%}: widen it by more",
+        f"poses misses the {by}, with a margin of {INSET:.0%}: widen it by more",
         bound=bounds[k].text,
         lower=bounds[k].lower,
         upper=bounds[k].upper,
@@ -199,10 +195,7 @@ def _impossible(
 
 
 def feasible_start(problem: Problem, poses: Poses, number: int) -> tuple[FloatArray, FloatArray]:
-    """Variables of a motion that keeps all bounds, and its configurations (N, nq) or (1, nq).
-
-    A random motion is shrunk around a regular pose.
-    """
+    """Variables of a random motion, shrunk until it keeps all bounds; its configurations."""
     generator = np.random.default_rng([problem.options.seed, 12, number])
     among, still = max(1, len(poses.positions) // 2), problem.shape.still()
     best = problem.of_variables(np.outer(still, poses.positions[0])), poses.configurations[:1]
@@ -248,10 +241,7 @@ class Search:
     _at: dict[bytes, Value | None] = field(default_factory=dict)
 
     def run(self) -> bool:
-        """Let a solver work until it finds nothing better; whether it came that far.
-
-        Solvers give up for many reasons: each goes on from the best point as long as that helps.
-        """
+        """Let a solver work, again from its best point while that helps; whether it ended."""
         self._begin()
         before, solve = np.inf, SOLVERS[self.problem.solver]
         try:
@@ -269,7 +259,7 @@ class Search:
         return True
 
     def value(self, y: FloatArray, slopes: bool = False) -> Value | None:
-        """Criterion and bounds at a point, with slopes if asked for; None out of reach."""
+        """Criterion and bounds at a point, with slopes if required; None out of reach."""
         key = y.tobytes()
         known = self._at.get(key)
         if key in self._at and (known is None or known.df.size or not slopes):
@@ -347,10 +337,7 @@ class Found:
 
 
 def search(problem: Problem, poses: Poses, progress: DesignProgress | None = None) -> Found:
-    """The best motion of all starts, one after the other; the first one begins in any case.
-
-    A start that converges leaves the rest of its evaluations to those after it.
-    """
+    """The best motion of all starts, one after the other; converged ones leave evaluations over."""
     options, found, spent = problem.options, list[Found](), 0
     end = np.inf if options.time_limit is None else monotonic() + options.time_limit
     with _interrupted() as interrupted:

@@ -1,4 +1,4 @@
-"""What a designed motion is made of: Fourier series, splines, or poses to stand in.
+"""What a designed motion is made of: Fourier series, or poses to stand in.
 
 A shape is linear in its variables: the positions of c coordinates over time are B X with functions
 of time B (N, m) and variables X (m, c). All begin and end at rest.
@@ -16,11 +16,11 @@ from scipy.linalg import null_space
 
 from loopid.arguments import FloatArray
 from loopid.errors import OptionError
-from loopid.motion.trajectories import FourierCurve, Motion, SplineCurve, Waypoint, point_to_point
+from loopid.motion.trajectories import FourierCurve, Motion, Waypoint, point_to_point
 from loopid.records import record
 from loopid.registry import Registry
 
-# Samples of the grid: of the shortest period of a series, and between two waypoints or poses.
+# Samples of the grid: of the shortest period of a series, and between two poses.
 SAMPLES_OF_PERIOD, SAMPLES_OF_WAY = 12, 8
 
 
@@ -108,25 +108,6 @@ class FourierShape(Shape):
         return X[0], [Waypoint(X[0], self.seconds, curve=FourierCurve(self._rest @ X[1:]))]
 
 
-class SplineShape(Shape):
-    """A spline through a number of waypoints and back to its start."""
-
-    least = 3
-
-    @property
-    def samples(self) -> int:
-        return SAMPLES_OF_WAY * (self.size + 1)
-
-    def functions(self, time: FloatArray) -> FloatArray:
-        through = SplineCurve.functions(self.size, time, self.seconds)
-        start = -through.sum(axis=2, keepdims=True)
-        start[0] += 1.0
-        return np.concatenate([start, through], axis=2)
-
-    def waypoints(self, X: FloatArray) -> tuple[FloatArray, list[Waypoint]]:
-        return X[0], [Waypoint(X[0], self.seconds, curve=SplineCurve(X[1:] - X[0]))]
-
-
 class PosesShape(Shape):
     """Poses to stand in half of the time, with the ways between them."""
 
@@ -162,5 +143,5 @@ class PosesShape(Shape):
 
 # By the time and the size.
 SHAPES: Registry[Callable[[float, int], Shape]] = Registry(
-    "shape", {"fourier": FourierShape, "spline": SplineShape, "poses": PosesShape}
+    "shape", {"fourier": FourierShape, "poses": PosesShape}
 )

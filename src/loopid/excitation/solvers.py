@@ -65,7 +65,7 @@ def by_ipopt(search: Search, start: FloatArray) -> None:
         import ipyopt
     except ImportError as error:
         raise MissingExtraError.of("ipyopt", "excite") from error
-    asked, N = _Asked(search), len(search.problem.time)
+    callbacks, N = _Callbacks(search), len(search.problem.time)
     lower, upper = (np.tile(end[search.watched], N) for end in search.problem.limits)
     n, m = len(start), len(lower)
     problem = ipyopt.Problem(
@@ -77,11 +77,11 @@ def by_ipopt(search: Search, start: FloatArray) -> None:
         np.minimum(upper, INFINITE),
         np.divmod(np.arange(m * n), n),  # rows and columns of the Jacobian, which is dense
         (np.array([], int), np.array([], int)),
-        asked.criterion,
-        asked.slope,
-        asked.bounded,
-        asked.slopes,
-        intermediate_callback=lambda *_: asked.reason is None,
+        callbacks.criterion,
+        callbacks.slope,
+        callbacks.bounded,
+        callbacks.slopes,
+        intermediate_callback=lambda *_: callbacks.reason is None,
         ipopt_options={
             "print_level": 0,
             "sb": "yes",
@@ -93,11 +93,11 @@ def by_ipopt(search: Search, start: FloatArray) -> None:
         },
     )
     problem.solve(start)
-    if asked.reason is not None:
-        raise asked.reason
+    if callbacks.reason is not None:
+        raise callbacks.reason
 
 
-class _Asked:
+class _Callbacks:
     """What IPOPT asks for: NaN out of reach, and everywhere once there is a reason to end."""
 
     def __init__(self, search: Search) -> None:

@@ -11,6 +11,7 @@ log_formats.register("parquet", "loopid.formats.tables:ParquetFormat")
 log_formats.register("hdf5", "loopid.formats.hdf5:Hdf5Format")
 log_formats.register("mat", "loopid.formats.matlab:MatFormat")
 log_formats.register("jsonl", "loopid.formats.tables:JsonLinesFormat")
+log_formats.register("excel", "loopid.formats.tables:ExcelFormat")
 log_formats.register("rostopic", "loopid.formats.rostopic:RostopicFormat")
 log_formats.register("bag", "loopid.formats.bags:BagFormat")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 
 import pinocchio as pin
 from lxml import etree
@@ -11,10 +12,19 @@ from loopid.errors import naming
 from loopid.loading.description import ClosureDescription
 from loopid.loading.urdf import Dialect, closure_of, coefficients, linked
 from loopid.loading.urdf_tree import UrdfFile
-from loopid.loading.xml_elements import child, inner_tags, label, local_name, placement, said
+from loopid.loading.xml_elements import (
+    Element,
+    child,
+    inner_tags,
+    label,
+    local_name,
+    placement,
+    said,
+)
 from loopid.robot.robot import LeftOut, shortened
 
-CLOSING_PLUGIN = re.compile("closed_?loop|attach_links|detachable_?-?joint", re.IGNORECASE)
+DETACHABLE = re.compile("detachable_?-?joint", re.IGNORECASE)
+CLOSING_PLUGIN = re.compile("closed_?loop|attach_links")
 WEIGHTLESS = {"turnGravityOff": ("true", "1"), "gravity": ("false", "0")}  # what each must say
 SLOWING = ("dampingFactor", "velocity_decay")
 
@@ -37,11 +47,34 @@ def read_gazebo(urdf: UrdfFile, model: pin.Model) -> Dialect:
     return Dialect(_loops(urdf, model), joint_terms=terms, left_out=left_out, notes=notes)
 
 
+def detachable_joints(root: Element) -> Iterator[tuple[Element, str, str, str]]:
+    """Plugins that hold two links together as drawn: the tag, a link, a model and its link."""
+    for plugin in root.iter("plugin"):
+        if DETACHABLE.search(plugin.get("filename", "") + plugin.get("name", "")):
+            tags = ("parent_link", "child_model", "child_link")
+            link, model, other = ((plugin.findtext(tag) or "").strip() for tag in tags)
+            yield plugin, link, model, other
+
+
+def _welds(urdf: UrdfFile) -> Iterator[Element]:
+    """Gazebo's DetachableJoint between links of the robot, as a fixed joint."""
+    for _, parent, owner, link in detachable_joints(urdf.root):
+        if _is_own(urdf, owner):
+            joint = etree.Element("DetachableJoint", name=f"{parent}_{link}", type="fixed")
+            for side, name in (("parent", parent), ("child", link)):
+                etree.SubElement(joint, side).text = name
+            yield joint
+
+
+def _is_own(urdf: UrdfFile, owner: str) -> bool:
+    return owner in ("", "__model__", urdf.name)
+
+
 def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
     """Closures of joints, placed in their child as the file is drawn."""
     closures, data = [], model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
-    for element in urdf.root.findall("gazebo/joint"):
+    for element in (*urdf.root.findall("gazebo/joint"), *_welds(urdf)):
         parent = (child(element, "parent").text or "").strip()
         if parent == "world" and all(link.name != "world" for link in urdf.links):
             continue  # a mount, which a URDF has anyway
@@ -68,4 +101,12 @@ def _unread_plugins(urdf: UrdfFile) -> tuple[str, ...]:
             closing[file] = None
     advice = {file: f"give a <mimic> to {shortened(joints)}" for file, joints in mimicking.items()}
     advice |= dict.fromkeys(closing, "write its closure into a YAML beside it")
-    return tuple(f"plugin {file!r:.80} is not read: {do}" for file, do in advice.items())
+    owners = dict.fromkeys(owner for _, _, owner, _ in detachable_joints(urdf.root))
+    return (
+        *(
+            f"a DetachableJoint holds another model, {owner!r:.60}: it is not read"
+            for owner in owners
+            if not _is_own(urdf, owner)
+        ),
+        *(f"plugin {file!r:.80} is not read: {do}" for file, do in advice.items()),
+    )

@@ -1,7 +1,8 @@
-"""Tables that Polars reads: Parquet, and lines of JSON."""
+"""Tables that Polars reads: Parquet, lines of JSON, the first sheet of a workbook of Excel."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from loopid.errors import LogError
-from loopid.logs.table import LogFormat, Table, common_length, refusals, stream_name
+from loopid.logs.table import LogFormat, Table, common_length, optional, refusals, stream_name
 
 if TYPE_CHECKING:
     import polars
@@ -37,10 +38,10 @@ class ParquetFormat(LogFormat):
         return polars.scan_parquet(self.path, glob=False, hive_partitioning=False)
 
 
-class JsonLinesFormat(LogFormat):
-    """An object a line; lists are columns ``x_0``, ``x_1``, ..., and objects ``x.field``."""
+class WholeTable(LogFormat):
+    """One table; lists are columns ``x_0``, ``x_1``, ..., and objects ``x.field``."""
 
-    endings = (".jsonl", ".ndjson")
+    kind = ""
 
     def columns(self) -> Mapping[str, tuple[str, ...]]:
         return {stream_name(self.path): tuple(self._cells.columns)}
@@ -53,12 +54,41 @@ class JsonLinesFormat(LogFormat):
     def _cells(self) -> polars.DataFrame:
         import polars
 
-        with refusals(self.path, "table of JSON lines"):
-            frame = polars.read_ndjson(self.path, infer_schema_length=None)
+        with refusals(self.path, self.kind):
+            frame = self._frame()
             columns = [part for column in frame.get_columns() for part in _parts(column)]
             if not len(frame):
                 raise LogError(f"{self.path} has no rows", file=self.path)
             return polars.DataFrame(columns)
+
+    @abstractmethod
+    def _frame(self) -> polars.DataFrame: ...
+
+
+class JsonLinesFormat(WholeTable):
+    """An object a line."""
+
+    endings = (".jsonl", ".ndjson")
+    kind = "table of JSON lines"
+
+    def _frame(self) -> polars.DataFrame:
+        import polars
+
+        return polars.read_ndjson(self.path, infer_schema_length=None)
+
+
+class ExcelFormat(WholeTable):
+    """The first sheet, with names in its first row."""
+
+    endings = (".xlsx", ".xls")
+    kind = "workbook of Excel"
+
+    def _frame(self) -> polars.DataFrame:
+        import polars
+
+        with optional("fastexcel"):
+            import fastexcel  # noqa: F401 - Polars asks for it
+        return polars.read_excel(self.path)
 
 
 def _parts(column: polars.Series) -> Iterator[polars.Series]:

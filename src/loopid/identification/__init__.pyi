@@ -1,4 +1,4 @@
-from .consistent import ConsistentOptions as ConsistentOptions, consistent_fit as consistent_fit
+from .consistent import consistent_fit as consistent_fit
 from .cutoff import choose_cutoff as choose_cutoff
 from .delay import Delay as Delay, find_delay as find_delay
 from .estimator import (

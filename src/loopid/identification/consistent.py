@@ -37,10 +37,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import cho_solve
 from scipy.linalg.lapack import dtrtri
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, checked, finite, rectangular
-from loopid.errors import DataError, ModelWarning, OptionError, warn
+from loopid.errors import DataError, ModelWarning, warn
 from loopid.findings import Finding
 from loopid.identification.correlation import within_runs
 from loopid.identification.estimator import WorkingFit
@@ -50,60 +51,36 @@ from loopid.identification.jackknife import with_scatter
 from loopid.identification.joint_priors import JointPriors
 from loopid.identification.problem import FitProblem, FitSamples
 from loopid.identification.result import (
+    FARTHEST,
+    LARGEST_OFF,
+    LEAST_OFF,
     FileDeviation,
     Fit,
     NoiseModel,
     StandardUncertainty,
     TermDeviations,
     fit_quality,
+    with_errors,
 )
 from loopid.inertia import body_defect, nearest_solid, parameters_of, pseudo_inertia, upper_factor
 from loopid.parameters import KINDS
-from loopid.records import record
 from loopid.workers import one_blas_thread
 
 CONSISTENT = "consistent"
-# Largest deviation of a single body. ν, degrees of freedom of the deviations of single bodies about
-# the common one: few let a body be far off while the others are right.
-FARTHEST, NU = 3.0, 4.0
+# ν, degrees of freedom of the deviations of single bodies about the common one: few let a body be
+# far off while the others are right.
+NU = 4.0
+# Part by which bodies of a file that explains the forces count as off, which is as good as none.
+RIGHT = 1e-4
 # Deviation of a joint term of which nothing is known, in values that would make all of the force:
 # so large that only terms without an effect in the data depend on it.
 FLAT = 10.0
 # Errors of forces, relative to their root mean square, that are round-off. Deviation of bodies
 # without any mass in the file, which stay without, in sizes of light bodies.
 PRECISION, MASSLESS = 1e-8, 1e-3
-# Of the minimum, in units of the log-likelihood; relative change of the deviations that ends their
-# iteration; iterations of either, at most.
-TOLERANCE, SETTLED, ITERATIONS = 1e-8, 3e-4, 200
-
-
-@record(kw_only=True, checked=True)
-class ConsistentOptions:
-    """How far the robot file may be off.
-
-    Attributes
-    ----------
-    deviations : tuple of float
-        Least and largest deviation of the file as a whole that the data may choose, in parts of its
-        bodies. The least is bounded: the evidence averages over ten parameters a body, and a
-        wrong mass spoils one of them.
-
-    Raises
-    ------
-    OptionError
-        When deviations do not ascend.
-    """
-
-    deviations: tuple[float, float] = (0.4, 1.0)
-
-    def __post_init__(self) -> None:
-        least, largest = self.deviations
-        if not 0 < least <= largest <= FARTHEST:
-            raise OptionError(
-                "deviations must be two that ascend from above 0 up to the farthest, "
-                f"{FARTHEST:g}, not {self.deviations}",
-                given=self.deviations,
-            )
+# Of the minimum, in units of the log-likelihood; what a last step gains at most while deviations
+# still change; their relative change that ends their iteration; iterations of either, at most.
+TOLERANCE, NEAR, SETTLED, ITERATIONS = 1e-8, 1e-2, 3e-4, 200
 
 
 @checked
@@ -180,19 +157,15 @@ def quiet_consistent_fit(
     *,
     joint_values: FloatArray | None = None,
     joint_deviations: FloatArray | None = None,
-    options: ConsistentOptions = ConsistentOptions(),
 ) -> WorkingFit:
     """As ``consistent_fit``, with its least squares, the file as rows, and without warnings."""
     weights, program = _posed(force_model, data, noise, joint_values, joint_deviations)
     with one_blas_thread():
-        state, common = _most_likely(program, options)
+        state, common = _most_likely(program)
         found = _result(force_model, data, weights, program, state)
         last = len(found.result.values) - (program.terms.group >= 0).sum()  # those of groups
         groups = _groups(program, state, found.result.covariance[last:, last:])
-    far = FileDeviation(
-        *(common, program.names, state.deviations, options.deviations[1], FARTHEST),
-        least=options.deviations[0],
-    )
+    far = FileDeviation(common, program.names, state.deviations)
     result = replace(found.result, deviation=far, term_deviations=groups, settled=state.settled)
     return replace(found, result=result)
 
@@ -203,7 +176,6 @@ def consistent_parameters(
     data: FitSamples,
     noise: NoiseModel,
     *,
-    options: ConsistentOptions = ConsistentOptions(),
     like: Fit | None = None,
 ) -> FloatArray:
     """The standard parameters (p,) of ``consistent_fit``, without their uncertainty.
@@ -213,7 +185,7 @@ def consistent_parameters(
     _, program = _posed(force_model, data, noise, None, None)
     with one_blas_thread():
         if like is None:
-            return program.standard(_most_likely(program, options)[0])
+            return program.standard(_most_likely(program)[0])
         bodies, far = 0.0 * force_model.standard_prior, like.deviation
         if far is None:
             program, bodies = _terms_alone(force_model, program)
@@ -222,46 +194,97 @@ def consistent_parameters(
             state = replace(state, deviations=far.own)
         if like.term_deviations is not None:
             state = replace(state, groups=like.term_deviations.own)
-        return bodies + program.standard(_minimised(program, _approached(program, state)))
+        return bodies + program.standard(_minimised(program, _approached(program, state))[0])
 
 
 @checked
-def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> Fit:
-    """As ``consistent_fit``, with the bodies of the robot file: those alone are ``assumed``."""
-    weights, program = _posed(force_model, data, noise, None, None)
-    base, (program, standard) = force_model.base, _terms_alone(force_model, program)
+def fit_terms(
+    force_model: ForceModel, data: FitSamples, noise: NoiseModel, least: NoiseModel
+) -> Fit:
+    """As ``consistent_fit``, with the bodies of the robot file.
+
+    Parameters
+    ----------
+    noise : NoiseModel
+        Errors of each actuator, those of the file's bodies included.
+    least : NoiseModel
+        Errors beside any bodies: what is more tells how far those of the file are off.
+
+    Returns
+    -------
+    Fit
+        Parameters of bodies alone are ``assumed``; those that joint terms fold into are not, and
+        hold by how much the bodies seem to be off.
+    """
+    weights, whole = _posed(force_model, data, noise, None, None)
+    base, (program, standard) = force_model.base, _terms_alone(force_model, whole)
     first = len(standard) - len(program.terms.start)
     J = base.matrix[:, first:]
     left = data.less(data.predicted(base.values(standard))).along(J)
     with one_blas_thread():
-        state, _ = _most_likely(program, ConsistentOptions())
+        state, _ = _most_likely(program)
         standard[first:] = state.joints
         spread = program.terms.spread(state.groups)
-        found = _posterior(left, weights, state.joints, spread.T).result
-        freedom = _freedom(program, state, spread)
+        working = _posterior(left, weights, state.joints, spread.T)
+        _, best = _posed(force_model, data, least, None, None)
+        off, known = _off_the_file(whole, best, standard, working.factor[:-1, :-1])
+        alone = np.minimum(working.result.degrees_of_freedom, _freedom(program, state, spread))
+        terms = with_errors(replace(working.result, degrees_of_freedom=alone), off[first:], known)
         own = np.flatnonzero(program.terms.group >= 0)
-        groups = _groups(program, state, found.covariance[np.ix_(own, own)])
-    freedom = np.minimum(found.degrees_of_freedom, freedom)
+        groups = _groups(program, state, working.result.covariance[np.ix_(own, own)])
     names, inside = force_model.parameters.names, J != 0
-    values, (variances, file) = base.values(standard), np.zeros((2, len(standard)))
+    folded = inside.any(axis=1)
+    found = replace(
+        terms,
+        parameters=force_model.parameters,
+        values=base.values(standard),
+        covariance=J @ working.result.covariance @ J.T,
+        degrees_of_freedom=np.where(inside, alone, np.inf).min(axis=1, initial=data.problem.rows),
+    )
+    variances, file = np.zeros((2, len(standard)))
     variances[first:], file[first:] = (
-        np.diag(found.covariance),
+        np.diag(terms.covariance),
         np.where(inside.any(axis=0), np.inf, 0.0),
     )
-    none, known = np.zeros((len(standard), len(values))), np.full(len(standard), np.inf)
-    known[first:] = freedom
+    none, freedom = np.zeros((len(standard), len(names))), np.full(len(standard), np.inf)
+    freedom[first:] = terms.degrees_of_freedom
     return replace(
-        found,
-        parameters=force_model.parameters,
-        values=values,
-        covariance=J @ found.covariance @ J.T,
-        degrees_of_freedom=np.where(inside, freedom, np.inf).min(axis=1, initial=data.problem.rows),
-        quality=fit_quality(data.problem, values),
-        assumed=tuple(names[j] for j in np.flatnonzero(~inside.any(axis=1))),
+        with_errors(found, folded[:, None] * (base.matrix @ off), known),
+        quality=fit_quality(data.problem, found.values),
+        assumed=tuple(names[j] for j in np.flatnonzero(~folded)),
         standard_parameters=standard,
-        uncertainty=StandardUncertainty(base.parameters, none, variances, file, known),
+        uncertainty=StandardUncertainty(base.parameters, none, variances, file, freedom),
         term_deviations=groups,
     )
+
+
+def _off_the_file(
+    program: _Program, best: _Program, standard: FloatArray, factor: FloatArray
+) -> tuple[FloatArray, float]:
+    """How far bodies seem to be off the file, and joint terms with them: columns (p, 10 b).
+
+    Of the standard parameters (p,) with the bodies of the file, and the triangular factor of their
+    joint terms. What is left of the forces, in the errors of the best fit, is e of the variance
+    1 + s² A Aᵀ with A what such changes leave of them; s is the most likely one. With how many
+    degrees of freedom it is known.
+    """
+    from scipy.optimize import minimize_scalar  # slow to import
+
+    first = len(standard) - len(factor)
+    E, J = program.effects, program.effects[:, first:]
+    T = program.changes(program.first(1.0))[:, : WIDTH * len(program.file)]
+    T[first:] = -cho_solve((factor, False), J.T @ (E @ T))
+    U, sizes, _ = np.linalg.svd(best.effects @ T, full_matrices=False)
+    squares = (U.T @ (best.target - best.effects @ standard)) ** 2
+
+    def unlikely(logarithm: float) -> float:
+        variances = 1 + np.exp(2 * logarithm) * sizes**2
+        return float((np.log(variances) + squares / variances).sum())
+
+    bounds = np.log(RIGHT), np.log(FARTHEST)
+    s = float(np.exp(minimize_scalar(unlikely, bounds=bounds, method="bounded").x))
+    told = (s * sizes) ** 2 / (1 + (s * sizes) ** 2)
+    return s * T, NU + float(told.sum())
 
 
 def _terms_alone(force_model: ForceModel, program: _Program) -> tuple[_Program, FloatArray]:
@@ -297,9 +320,8 @@ def _posed(
 def _groups(program: _Program, state: _State, covariance: FloatArray) -> TermDeviations | None:
     """Deviations of the groups of joint terms, and what the data say of them.
 
-    The evidence is the ratio of the densities of a group's prior and posterior at none
-    [Dickey1971], its distance from none by the ``covariance`` for autocorrelated errors, which is
-    that of all terms of groups.
+    The evidence is the ratio of the densities of prior and posterior at none [Dickey1971], by the
+    ``covariance`` of the terms of groups for autocorrelated errors.
     """
     terms, first = program.terms, WIDTH * len(program.file)
     if not terms.names:
@@ -560,44 +582,49 @@ UNSETTLED = Finding(
 )
 
 
-def _minimised(program: _Program, state: _State) -> _State:
-    """Newton's method at given deviations, within the limits of the joint terms."""
+def _minimised(program: _Program, state: _State, near: float = 0.0) -> tuple[_State, _Step]:
+    """Newton's method at given deviations, within the limits of the joint terms; its last step.
+
+    A step that gains less than ``near`` is the last one.
+    """
     value = program.value(state)
     for _ in range(ITERATIONS):
         step = program.step(state)
         z = step.solution(*program.limits(state))
         decrement = -float(step.gradient @ z)
         if decrement <= TOLERANCE + ROUND_OFF * abs(value):
-            return replace(state, settled=True)
+            return replace(state, settled=True), step
         shrinks = -np.linalg.eigvalsh(program.turns(state, z)).min(initial=0.0)
         part = min(1.0, INSIDE / shrinks) if shrinks > 0 else 1.0
         tried = program.moved(state, part * z)
         while program.value(tried) > value - ARMIJO * part * decrement + ROUND_OFF * abs(value):
             part /= 2
             if part < SHORTEST:
-                return replace(state, settled=True)  # as near as round-off lets it be
+                return replace(state, settled=True), step  # as near as round-off lets it be
             tried = program.moved(state, part * z)
         before, state, value = value, tried, program.value(tried)
-        if before - value <= ROUND_OFF * abs(value):
-            return replace(state, settled=True)
-    return replace(state, settled=False)
+        if before - value <= ROUND_OFF * abs(value) or decrement <= near:
+            return replace(state, settled=True), step
+    return replace(state, settled=False), step
 
 
-def _most_likely(program: _Program, options: ConsistentOptions) -> tuple[_State, float]:
+def _most_likely(program: _Program) -> tuple[_State, float]:
     """The best state at the most likely deviations, and the common one."""
-    common = options.deviations[0]
-    state = _approached(program, program.first(common))
+    state = _approached(program, program.first(LEAST_OFF))
     steps, gains = np.zeros((2, len(state.groups)))
+    near = NEAR
     for _ in range(ITERATIONS):
-        state = _minimised(program, state)
-        told = program.step(state).told
+        state, step = _minimised(program, state, near)
+        told = step.told
         gamma, d = _told(program, told), 2 * program.divergences(state)
-        common = _common(gamma, d, options)
+        common = _common(gamma, d)
         own = np.sqrt((NU * common**2 + d) / (NU + gamma)).clip(max=FARTHEST)
         before, steps = steps, _group_steps(program, state, told)
         settled = np.append(own / state.deviations - 1, steps)
         if np.abs(settled).max(initial=0.0) <= SETTLED:
-            break
+            if not near:
+                break
+            near = 0.0
         # Steps that go on in one direction, as towards none, grow.
         gains = np.where(steps * before > 0, np.minimum(1.5 * gains, FASTEST), 1.0)
         groups = (state.groups * np.exp(gains * steps)).clip(*program.terms.bounds.T)
@@ -620,7 +647,7 @@ def _approached(program: _Program, state: _State) -> _State:
     for weight in np.geomspace(share, 1.0, 1 + int(np.ceil(-np.log(share) / np.log(HEAVIER))))[:-1]:
         part = np.sqrt(weight)
         light = replace(program, effects=part * program.effects, target=part * program.target)
-        state = _minimised(light, state)
+        state, _ = _minimised(light, state, NEAR)
     return state
 
 
@@ -630,7 +657,7 @@ def _told(program: _Program, told: FloatArray) -> FloatArray:
     return np.asarray(bodies.reshape(-1, WIDTH).sum(axis=1))
 
 
-def _common(gamma: FloatArray, d: FloatArray, options: ConsistentOptions) -> float:
+def _common(gamma: FloatArray, d: FloatArray) -> float:
     """The root s of Σ (d - γ s²) / (ν s² + d), which falls, within its bounds."""
     from scipy.optimize import brentq  # slow to import
 
@@ -638,7 +665,7 @@ def _common(gamma: FloatArray, d: FloatArray, options: ConsistentOptions) -> flo
         square = np.exp(2 * logarithm)
         return float(((d - gamma * square) / (NU * square + d)).sum())
 
-    low, high = options.deviations
+    low, high = LEAST_OFF, LARGEST_OFF
     if excess(np.log(low)) <= 0:
         return low
     if excess(np.log(high)) >= 0:
@@ -679,7 +706,7 @@ def _result(
 def _posterior(
     data: FitSamples, weights: FloatArray, values: FloatArray, C: FloatArray
 ) -> WorkingFit:
-    """Values (n,) with the covariance for autocorrelated errors; CᵀC (n, n) is that of the prior.
+    """Values (n,) with the covariance for autocorrelated errors; CᵀC is that of the prior.
 
     The prior counts as rows whose least squares with the data are the values.
     """
@@ -752,9 +779,9 @@ def solid_body(
         terms=JointPriors.none(),
     )
     with one_blas_thread():
-        state = _minimised(program, program.first(FARTHEST))
+        state, step = _minimised(program, program.first(FARTHEST))
         turned = matrix @ program.changes(state)
-        return program.standard(state), program.step(state).covariance(turned) @ turned.T
+        return program.standard(state), step.covariance(turned) @ turned.T
 
 
 def _freedom(program: _Program, state: _State, told: FloatArray) -> FloatArray:

@@ -32,8 +32,8 @@ PAIRS = 10  # of samples that each further coefficient must rest on
 WHITE = 0.001
 # Rounds of adding back what a fit takes up of its errors: on slow errors each adds half as much as
 # the one before. Parts of a correction that are tried, until one leaves enough of the innovations'
-# variance.
-CORRECTIONS, DAMPING, KEPT = 6, (1.0, 0.5, 0.25, 0.125, 0.0), 0.5
+# variance. Part of the variance that is no change.
+CORRECTIONS, DAMPING, KEPT, SAME = 6, (1.0, 0.5, 0.25, 0.125, 0.0), 0.5, 1e-6
 
 Pieces = tuple[slice, ...]  # rows of evenly sampled stretches, whose errors are independent
 
@@ -335,7 +335,9 @@ class ErrorModel:
             covariances = self._observed[lags] + part * correction
             model = Autoregression.of_covariances(covariances)
             if model.order == len(covariances) - 1 and model.variance >= self._least_innovation:
-                self._adopt(model)
+                change = np.abs(covariances - self.model.covariances).max()
+                if change > SAME * covariances[0]:
+                    self._adopt(model)
                 return
 
     def effective_samples(self) -> float:

@@ -24,14 +24,13 @@ import numpy as np
 from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, OptionError
 from loopid.identification.consistent import (
-    ConsistentOptions,
     consistent_parameters,
     error_weights,
     quiet_consistent_fit,
     warn_of_bodies,
 )
 from loopid.identification.correlation import residual_noise
-from loopid.identification.estimator import LEAST_EXCITATION, WorkingFit
+from loopid.identification.estimator import LEAST_EXCITATION, WorkingFit, excited_solution
 from loopid.identification.force_models import ForceModel
 from loopid.identification.hysteresis import possible_hysteresis, with_reach
 from loopid.identification.problem import FitSamples
@@ -147,8 +146,6 @@ def with_friction(
     data: FitSamples,
     recordings: Sequence[Recording],
     whole: Fit,
-    *,
-    options: ConsistentOptions = ConsistentOptions(),
 ) -> tuple[ForceModel, FitSamples, WorkingFit]:
     """Add the friction curves and the load friction that recordings ask for.
 
@@ -173,7 +170,7 @@ def with_friction(
     noise = whole.noise
     if whole.noise is None or noise is None:
         raise DataError("the fit has no model of its errors that friction could be weighed by")
-    standard = consistent_parameters(force_model, data, noise, options=options)
+    standard = consistent_parameters(force_model, data, noise)
     use, loads = motor_use(force_model, data, recordings), force_model.loads(data.regressor)
     kinds = friction_kinds(force_model, data, use, loads)
     weights = error_weights(data.problem, noise)
@@ -186,15 +183,18 @@ def with_friction(
         data = wide.widened(plain, recordings)
         if left == ROUNDS:
             # What plain terms leave of friction is no error.
-            every, rank = _all_told(data, whole.weights)
+            with one_blas_thread():
+                every, rank = excited_solution(
+                    data.problem.weighted(whole.weights), LEAST_EXCITATION
+                )
             noise = residual_noise(data, every, rank)
         if left and kinds:
             left -= 1
-            standard = consistent_parameters(wide, data, noise, options=options)
+            standard = consistent_parameters(wide, data, noise)
             noise = residual_noise(data, wide.base.values(standard), rank)
         else:
             noise = _of_motors(kinds, noise, whole.noise)
-            working = quiet_consistent_fit(wide, data, noise, options=options)
+            working = quiet_consistent_fit(wide, data, noise)
             fit = working.result
             asked = {} if fit.term_deviations is None else _asked(kinds, fit.term_deviations)
             if asked == kinds and honest:
@@ -214,16 +214,6 @@ def _of_motors(motors: Iterable[str], noise: NoiseModel, others: NoiseModel) -> 
         deviation=np.where(own, noise.deviation, others.deviation),
         effective_samples=np.where(own, noise.effective_samples, others.effective_samples),
     )
-
-
-def _all_told(data: FitSamples, weights: FloatArray) -> tuple[FloatArray, int]:
-    """Least squares (n,) of all columns that the data excite, and how many these are."""
-    with one_blas_thread():
-        R = data.problem.weighted(weights)
-        lengths = np.linalg.norm(R[:-1, :-1], axis=0)
-        lengths = np.where(lengths > 0, lengths, 1.0)
-        x, _, rank, _ = np.linalg.lstsq(R[:-1, :-1] / lengths, R[:-1, -1], rcond=LEAST_EXCITATION)
-    return np.asarray(x / lengths, dtype=np.float64), int(rank)
 
 
 def _asked(

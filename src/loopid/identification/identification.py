@@ -26,7 +26,7 @@ from loopid.identification.notes import checks_of, notes_of
 from loopid.identification.options import FitOptions
 from loopid.identification.prediction import Candidate, error_ratio
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import Fit, nearest_first
+from loopid.identification.result import Fit
 from loopid.identification.sensor_noise import sensor_noise
 from loopid.identification.unseen import UnseenErrors
 from loopid.identification.verdict import Verdict, findings_of
@@ -94,8 +94,7 @@ class Identification:
 
     def __getitem__(self, name: str) -> Candidate:
         if name not in self.candidates:
-            choices = nearest_first(name, tuple(self.candidates))
-            raise OptionError.unknown("candidate", name, choices)
+            raise OptionError.unknown("candidate", name, self.candidates)
         return self.candidates[name]
 
     @property

@@ -67,10 +67,7 @@ def joint_sizes(force_model: ForceModel, problem: FitProblem) -> FloatArray:
 def _weighed(
     force_model: ForceModel, problem: FitProblem
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Weights (dof,) of data; what they make of its factor (n, n) and random rows (N, p); sizes.
-
-    Rows count in the root mean square; sizes (k,) are those of joint terms.
-    """
+    """Weights (dof,); factor (n, n) and random rows (N, p) by them; sizes (k,) of terms."""
     base, columns = force_model.base, force_model.columns_of(problem.parameters)
     prior, random = force_model.standard_prior, force_model.random_regressor
     n, bodies = len(columns), len(prior) - len(force_model.joint_values)
@@ -352,8 +349,7 @@ class Identifiability:
 
     @property
     def _advice(self) -> str:
-        what = "them" if len(self.leads) > 1 else "it"
-        return f"excite {what}: design_motion with parameters={list(self.leads)}"
+        return f"excite the least known: design_motion with parameters={list(self.leads[:NAMED])}"
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -456,10 +452,7 @@ def _weak(excitation: Excitation, errors: FloatArray, turns: FloatArray) -> Iter
 def _standard_errors(
     samples: FitSamples, prior: FloatArray, excitation: Excitation
 ) -> tuple[FloatArray, FloatArray]:
-    """Standard errors (rank,) in sizes, ascending, and their directions (rank, rank).
-
-    Those of a fit with autocorrelated residuals; NaN where there are too few rows for one.
-    """
+    """Standard errors (rank,) in sizes, ascending, or NaN of too few rows; directions."""
     if not excitation.rank:
         return np.empty(0), np.empty((0, 0))
     # What the motion excites is required, not what the model lacks.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from loopid.errors import OptionError
-from loopid.identification.consistent import ConsistentOptions
 from loopid.identification.estimator import ESTIMATORS, Estimator
 from loopid.identification.force_models import AUTOMATIC, chosen_terms
 from loopid.identification.model_choice import require_model
@@ -36,8 +35,6 @@ class FitOptions:
         Of the samples of each recording in which a motor moves, between 0 and 1: the first ones
         are fitted, the rest judges. By default all are fitted, and each stretch is judged by fits
         to the others.
-    consistent : ConsistentOptions
-        Of the fit that weighs the robot file.
     undo_delay : bool
         Whether a clear delay between forces and motion is undone in the logs (``find_delay``).
     n_jobs : int
@@ -61,7 +58,6 @@ class FitOptions:
     estimator: str | Estimator = "wls"
     unidentifiable: str = "prior"
     fraction: float | None = None
-    consistent: ConsistentOptions = ConsistentOptions()
     undo_delay: bool = True
     n_jobs: int = 1
 

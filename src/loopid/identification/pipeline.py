@@ -43,8 +43,8 @@ from loopid.identification.model_choice import ModelChoice, choose_model
 from loopid.identification.options import FitOptions
 from loopid.identification.plausibility import absurdities
 from loopid.identification.prediction import Candidate, judge, quality_of
-from loopid.identification.problem import ROUND_OFF, FitSamples
-from loopid.identification.result import Fit, NoiseModel, StandardUncertainty, fit_quality, of_all
+from loopid.identification.problem import FitSamples
+from loopid.identification.result import Fit, NoiseModel, fit_quality, of_all
 from loopid.identification.terms import choose_terms
 from loopid.logs.mapping import LogMapping
 from loopid.logs.preparing import at_cutoff
@@ -52,7 +52,6 @@ from loopid.logs.reading import locked_as_logged
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.parameters import ParameterSet
-from loopid.regressors.joint_laws import joint_term
 from loopid.regressors.motion_regressors import force_parts
 from loopid.robot.robot import Robot
 from loopid.workers import one_blas_thread
@@ -185,9 +184,7 @@ def identify(
         training, judging, friction = (
             at_cutoff(own, runs, cutoff.chosen) for runs in (training, judging, friction)
         )
-    force_model = choose_terms(force_model, friction or training, n_jobs=options.n_jobs)
-    data = samples_of(force_model, training, references=references, n_jobs=options.n_jobs)
-    first = samples_of(force_model, friction, n_jobs=options.n_jobs) if friction else None
+    force_model, data, first = _sampled(force_model, training, friction, references, options)
     plain = force_model.plain_columns
     fitted = plain if first is None else np.setdiff1d(plain, force_model.joint_columns)
     excited = identifiability(force_model, data.select(fitted))
@@ -195,9 +192,7 @@ def identify(
     solid, known, missing = None, None, tuple[MissingForce, ...]()
     if options.name == "wls":
         if force_model.automatic and first is None:
-            force_model, data, solid = with_friction(
-                force_model, data, training, whole, options=options.consistent
-            )
+            force_model, data, solid = with_friction(force_model, data, training, whole)
         else:
             known = whole if first is not None else None
             if first is not None and force_model.automatic:
@@ -205,7 +200,8 @@ def identify(
                 data = force_model.widened(data, training)
             solid = fit_solid_bodies(force_model, data, whole.noise, known=known, options=options)
         missing = missing_forces(solid, force_model, training)
-    start = fit_joint_terms(force_model, data, options=options)
+    least = whole.noise if solid is None else solid.result.noise
+    start = fit_joint_terms(force_model, data, noise=least)
     fits = {ROBOT_FILE: start, ALL: widened(whole, force_model.parameters)}
     if solid is not None:
         fits[CONSISTENT] = with_missing(with_assumed(solid.result, excited), missing)
@@ -257,10 +253,7 @@ def _read(
     options: FitOptions,
     *data: Any,
 ) -> tuple[Robot | ForceModel, list[tuple[Recording, ...]]]:
-    """The recordings of several data, and the robot: a locked joint is where the first log has it.
-
-    Options that the robot cannot have are refused before any work is done.
-    """
+    """The recordings of several data, and the robot, locked where the first log has it."""
     if isinstance(robot, Robot):
         options.require_terms(robot)
         first = next(iter(each_of(data[0])), None)
@@ -292,6 +285,24 @@ def _model_of(
     return choice, force_model(own, model, options.terms)
 
 
+def _sampled(
+    force_model: ForceModel,
+    training: Sequence[Recording],
+    friction: Sequence[Recording],
+    references: Sequence[JointMotion],
+    options: FitOptions,
+) -> tuple[ForceModel, FitSamples, FitSamples | None]:
+    """The force model without offsets that are not identifiable, and its samples."""
+
+    def samples(model: ForceModel) -> tuple[FitSamples, FitSamples | None]:
+        data = samples_of(model, training, references=references, n_jobs=options.n_jobs)
+        return data, samples_of(model, friction, n_jobs=options.n_jobs) if friction else None
+
+    data, first = samples(force_model)
+    chosen = choose_terms(force_model, data if first is None else first)
+    return chosen, *((data, first) if chosen is force_model else samples(chosen))
+
+
 def _errors_by_region(fit: WorkingFit) -> FloatArray:
     """Root mean squares (dof,) on regions of states, by estimates without each."""
     forces = Jackknife.of(fit, fit.samples.regions).predicted(fit)
@@ -311,8 +322,8 @@ def _refits(
 
     def terms(part: FitSamples) -> FloatArray:
         noise = fits[ROBOT_FILE].noise
-        if noise is None or options.name != "wls":
-            return fit_joint_terms(force_model, part, options=options).values
+        if noise is None:  # there are none
+            return fits[ROBOT_FILE].values
         standard = consistent_parameters(force_model, part, noise, like=fits[ROBOT_FILE])
         return force_model.base.values(standard)
 
@@ -326,9 +337,7 @@ def _refits(
 
     def solid(part: FitSamples) -> FloatArray:
         if known is None and noise is not None:
-            standard = consistent_parameters(
-                force_model, part, noise, options=options.consistent, like=fits[CONSISTENT]
-            )
+            standard = consistent_parameters(force_model, part, noise, like=fits[CONSISTENT])
             return force_model.base.values(standard)
         return fit_solid_bodies(
             force_model, part, noise, known=known, options=options
@@ -347,7 +356,7 @@ def _friction_alone(
 ) -> tuple[ForceModel, Fit]:
     """The terms that an experiment of their own asks for, and their values."""
     whole = fit_all(force_model, first, identifiability(force_model, first), options=options)
-    model, _, found = with_friction(force_model, first, friction, whole, options=options.consistent)
+    model, _, found = with_friction(force_model, first, friction, whole)
     return model, found.result
 
 
@@ -358,10 +367,7 @@ def _judged(
     left: LeftOut | None,
     regions: FloatArray | None,
 ) -> dict[str, Candidate]:
-    """Candidates beside the first one, their quality that of the samples.
-
-    ``regions`` (dof,) are errors of the consistent one where states were left out.
-    """
+    """Candidates beside the first; ``regions`` (dof,) are the consistent one's errors there."""
     fits = {
         name: replace(fit, quality=fit_quality(data.problem, fit.values))
         for name, fit in fits.items()
@@ -470,15 +476,14 @@ def widened(found: Fit, parameters: ParameterSet) -> Fit:
 
 @checked
 def fit_joint_terms(
-    force_model: ForceModel,
-    data: FitSamples,
-    *,
-    options: FitOptions = FitOptions(),
+    force_model: ForceModel, data: FitSamples, noise: NoiseModel | None = None
 ) -> Fit:
     """Fit the joint terms alone, with the bodies of the robot file: what others have to beat.
 
-    Friction and drive inertia are not negative. Bodies are ``assumed``: their covariance is zero,
-    their intervals are infinite.
+    By weighted least squares, whatever estimator others have. Friction and drive inertia are not
+    negative. Bodies are ``assumed``: their covariance is zero, their intervals are infinite. Those
+    of joint terms hold by how much the bodies seem to be off, by errors beyond the ``noise`` of a
+    better fit.
     """
     values = np.array(force_model.prior)
     joints = np.intersect1d(force_model.joint_columns, force_model.plain_columns)
@@ -499,47 +504,13 @@ def fit_joint_terms(
             assumed=force_model.parameters.names,
             standard_parameters=force_model.standard_prior,
         )
-    estimator = chosen_estimator(options.estimator)
     if excitation.rank == len(joints):
-        terms = quiet_fit(left, estimator)
+        terms = quiet_fit(left)
     else:
-        terms = fit_excited(left, values[joints], excitation, estimator=estimator)
-    if terms.noise is not None and options.name == "wls":
-        return replace(fit_terms(force_model, data, terms.noise), estimator=terms.estimator)
-    # Each leads a base parameter of its own, with factor 1.
-    standard, places = force_model.standard_prior, force_model.base.base[joints]
-    kinds = [force_model.parameters[j].kind for j in joints]
-    positive = [joint_term(kind).positive for kind in kinds]
-    least = np.where(positive, force_model.prior[joints] - standard[places], -np.inf)
-    values[joints] = not_below(least, left, terms)
-    standard[places] += values[joints] - force_model.prior[joints]
-    terms = replace(terms, values=values[joints])
-    gain, file = np.zeros((len(standard), len(values))), np.zeros(len(standard))
-    gain[places, joints], file[places] = 1.0, np.inf
-    known = np.zeros(len(standard)), file, np.full(len(standard), np.inf)
-    return replace(
-        of_all(terms, force_model.parameters, joints, values),
-        quality=fit_quality(data.problem, values),
-        standard_parameters=standard,
-        uncertainty=StandardUncertainty(force_model.base.parameters, gain, *known),
-    )
-
-
-def not_below(least: FloatArray, data: FitSamples, found: Fit) -> FloatArray:
-    """Values (n,) of a fit from their least ones on, such as friction from zero on.
-
-    What the data do not determine stays as it is in the fit.
-    """
-    from scipy.optimize import lsq_linear  # slow to import
-
-    if (found.values >= least).all():
-        return found.values
-    R = data.problem.weighted(found.weights)
-    norms = np.linalg.norm(R[:, :-1], axis=0)
-    own = np.diag(np.where(norms > 0, ROUND_OFF * norms, 1.0))
-    X = np.concatenate([R[:, :-1], own])
-    y = np.concatenate([R[:, -1], own @ np.maximum(found.values, least)])
-    return np.asarray(lsq_linear(X, y, bounds=(least, np.inf), method="bvls").x)
+        terms = fit_excited(left, values[joints], excitation)
+    assert terms.noise is not None
+    found = fit_terms(force_model, data, terms.noise, noise or terms.noise)
+    return replace(found, estimator=terms.estimator)
 
 
 @checked
@@ -572,7 +543,7 @@ def fit_solid_bodies(
         values, deviations = np.nan_to_num(force_model.joint_values), np.full(count, np.inf)
         values[places], deviations[places] = known.values[own], known.standard_errors[own]
         terms = {"joint_values": values, "joint_deviations": deviations}
-    found = quiet_consistent_fit(force_model, data, noise, **terms, options=options.consistent)
+    found = quiet_consistent_fit(force_model, data, noise, **terms)
     warn_of_bodies(force_model, found.result)
     return found
 

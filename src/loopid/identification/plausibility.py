@@ -65,8 +65,9 @@ def require_sane(fit: Fit, anyway: bool) -> None:
     terms = None if fit.model is None else fit.model.joint_terms
     broken = fit.broken or tuple(_of_friction(fit, terms))
     if broken:
+        mend = f"its log has a mistake, {fit.mistakes[0]}" if fit.mistakes else SANE
         raise OptionError(
-            f"the fit is not fit for use, as {broken[0]}: {SANE}; anyway=True takes it "
+            f"the fit is not fit for use, as {broken[0]}: {mend}; anyway=True takes it "
             "nevertheless",
             broken=broken,
         )

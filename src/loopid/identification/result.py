@@ -100,6 +100,12 @@ class Robustness(OfArrays):
     down_weighted: FloatArray
 
 
+# Deviations of the robot file as a whole that the data may choose, in parts of its bodies, and the
+# largest of a single one. The least is 0.4: evidence averages ten parameters, and a wrong mass
+# spoils one.
+LEAST_OFF, LARGEST_OFF, FARTHEST = 0.4, 1.0, 3.0
+
+
 @record
 class FileDeviation(OfArrays):
     """How far the bodies of the robot file are off, as the data say, in parts of themselves."""
@@ -107,14 +113,11 @@ class FileDeviation(OfArrays):
     common: float  # of all bodies
     bodies: tuple[str, ...]  # those with a mass
     own: FloatArray  # (bodies,), of each: larger for one that is far off while the others are right
-    largest: float  # that the common one, and that of a body, may be; and the least common one
-    farthest: float
-    least: float = 0.0
 
     @property
     def sentence(self) -> str:
         """How far the file is trusted; at a bound that is no finding of the data."""
-        bound = self.common <= self.least or self.common >= self.largest
+        bound = not LEAST_OFF < self.common < LARGEST_OFF
         off = (f"{name} {100 * own:.2g} %" for name, own in self.rows if own > self.common)
         also = ", ".join(off)
         return (
@@ -125,7 +128,7 @@ class FileDeviation(OfArrays):
     @property
     def far(self) -> tuple[str, ...]:
         """Bodies that are as far off as they may be."""
-        return tuple(self.bodies[k] for k in np.flatnonzero(self.own >= self.farthest))
+        return tuple(self.bodies[k] for k in np.flatnonzero(self.own >= FARTHEST))
 
     @property
     def rows(self) -> list[tuple[str, float]]:
@@ -135,10 +138,10 @@ class FileDeviation(OfArrays):
     @property
     def suspicion(self) -> str:
         """What a deviation at its bound says: a sentence, empty where none is."""
-        if self.common < self.largest and not self.far:
+        if self.common < LARGEST_OFF and not self.far:
             return ""
         who = f"bodies {', '.join(self.far)}" if self.far else "the bodies"
-        most = self.farthest if self.far else self.largest
+        most = FARTHEST if self.far else LARGEST_OFF
         return (
             f"{who} would have to be off the robot file by {most:g} times themselves: it is of "
             "another robot (a tool, a payload), or the model lacks a force"
@@ -424,9 +427,8 @@ class Fit(OfArrays, Tabular):
                 given=name,
                 valid=tuple(with_it),
             )
-        near = nearest_first(name, self.parameters.labels)
-        called = dict(zip(self.parameters.labels, names, strict=True))
-        raise OptionError.unknown("parameter", name, [called[label] for label in near])
+        near = sorted(self.parameters, key=lambda p: -SequenceMatcher(None, name, p.label).ratio())
+        raise OptionError.unknown("parameter", name, [each.name for each in near])
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.parameters.names)
@@ -705,13 +707,23 @@ def of_all(found: Fit, parameters: ParameterSet, columns: IntArray, others: Floa
     )
 
 
+def with_errors(fit: Fit, moved: FloatArray, known: float) -> Fit:
+    """A fit with further errors: values move by columns (n, k) times numbers of unit variance.
+
+    Their size is known to so many degrees of freedom, which add up as in [Welch1947].
+    """
+    added, own = (moved**2).sum(axis=1), np.diag(fit.covariance)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        together = (own + added) ** 2 / (own**2 / fit.degrees_of_freedom + added**2 / known)
+    return replace(
+        fit,
+        covariance=fit.covariance + moved @ moved.T,
+        degrees_of_freedom=np.where(added > 0, together, fit.degrees_of_freedom),
+    )
+
+
 def relative_deviation(errors: FloatArray, values: FloatArray) -> FloatArray:
     """Standard errors (n,) in % of values (n,); infinite for a value of zero."""
     relative = np.full(len(values), np.inf)
     np.divide(100 * errors, np.abs(values), out=relative, where=values != 0)
     return relative
-
-
-def nearest_first(name: str, names: tuple[str, ...]) -> list[str]:
-    """Names that a given one may stand for, the most similar first."""
-    return sorted(names, key=lambda each: -SequenceMatcher(None, name, each).ratio())

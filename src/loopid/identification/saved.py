@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from hashlib import sha256
 from importlib.metadata import version
@@ -136,13 +136,13 @@ class _Base(_Section):
     terms: dict[str, Finite]
 
 
-class _State(_Section):
-    """A state of the robot, and the forces that the values give there."""
+class _States(_Section):
+    """Some states of the robot, and the forces that the values give there."""
 
-    configuration: Array
-    velocity: Array
-    acceleration: Array
-    force: Array
+    configurations: Array  # (STATES, nq)
+    velocities: Array  # (STATES, dof)
+    accelerations: Array
+    forces: Array
 
 
 class _Uncertainty(_Section):
@@ -189,7 +189,7 @@ class FitFile(_Section):
     standard_parameters: tuple[_Standard, ...] = Field(min_length=1)
     base_parameters: tuple[_Base, ...] = Field(min_length=1)
     covariance: Array  # (r, r)
-    check: tuple[_State, ...] = Field(min_length=1)  # states with their forces
+    check: _States
     estimate: _Estimate  # all else that is known of the values
     # SHA-256 of all but names and paths of the robot; None before it is written
     digest: str | None = None
@@ -200,10 +200,7 @@ class FitFile(_Section):
         model = fit.require_model()
         _require_own_bodies(fit, model)
         robot, base, bodies = model.robot, model.base, fit.standard_parameters
-        known: list[dict[str, Any]] = [
-            {"value": x.value, "standard_error": x.standard_error, "told": x.told}
-            for x in fit.standard.values()
-        ] or [{"value": x} for x in ([None] * len(base.parameters) if bodies is None else bodies)]
+        values = [None] * len(base.parameters) if bodies is None else bodies.tolist()
         return cls.model_validate(
             {
                 "loopid": version("loopid"),
@@ -220,9 +217,10 @@ class FitFile(_Section):
                     "gravity": tuple(robot.model.gravity.linear.tolist()),
                     "joint_terms": model.joint_terms,
                 },
-                "standard_parameters": tuple(
-                    {"name": parameter.label, "unit": parameter.unit, **more}
-                    for parameter, more in zip(base.parameters, known, strict=True)
+                "standard_parameters": tuple(fit.standard.values())
+                or tuple(
+                    {"name": parameter.label, "unit": parameter.unit, "value": value}
+                    for parameter, value in zip(base.parameters, values, strict=True)
                 ),
                 "base_parameters": tuple(
                     {
@@ -235,7 +233,7 @@ class FitFile(_Section):
                     for x, terms in zip(fit.estimates, base.terms, strict=True)
                 ),
                 "covariance": fit.covariance,
-                "check": tuple(_states(model, fit.values)),
+                "check": _states(model, fit.values),
                 "estimate": fit,
             }
         )
@@ -357,14 +355,13 @@ class FitFile(_Section):
 
     def _require_forces(self, fit: Fit) -> None:
         """Refuse a fit whose forces are others at the states of the file."""
-        model, *states = fit.require_model(), *_columns(self.check)
-        apart = np.abs(_forces(model, fit.values, *states[:3]) - states[3]).max(axis=0)
+        model, at = fit.require_model(), self.check
+        found = _forces(model, fit.values, at.configurations, at.velocities, at.accelerations)
+        apart = np.abs(found - at.forces).max(axis=0)
         k = int(apart.argmax())
-        if apart[k] > SAME_ROBOT * np.abs(states[3]).max():
+        if apart[k] > SAME_ROBOT * np.abs(at.forces).max():
             row = self.force_model.rows[k]
-            terms = model.joint_terms
-            why = " (bodies that load joints count)" if terms is not None and terms.loaded else ""
-            said = f"the force along {row} differs by {apart[k]:.3g} there{why}"
+            said = f"the force along {row} differs by {apart[k]:.3g} there"
             raise self._refusal(model.robot, said)
 
     def _refusal(self, robot: Robot, difference: str) -> DataError:
@@ -450,7 +447,11 @@ def content(fit: Fit, path: str | Path, *, anyway: bool = False) -> str:
     """The content of a file of that name: JSON, which is YAML, but read 16 times faster."""
     _ending(path)
     require_sane(fit, anyway)
-    record = FitFile.of(fit).record()
+    return as_file(fit.record())
+
+
+def as_file(record: dict[str, Any]) -> str:
+    """The record of a fit as it stands in its file."""
     return json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -495,17 +496,13 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _states(model: ForceModel, values: FloatArray) -> Iterator[dict[str, FloatArray]]:
+def _states(model: ForceModel, values: FloatArray) -> _States:
     """Random states, the same for the same robot, and the forces there."""
     q = random_configurations(model.robot, STATES, seed=0)
     shape = 2, STATES, len(model.robot.independent)
     v, a = np.random.default_rng(0).standard_normal(shape)
-    for state in zip(q, v, a, _forces(model, values, q, v, a), strict=True):
-        yield dict(zip(_State.model_fields, state, strict=True))
-
-
-def _columns(states: Iterable[_State]) -> list[FloatArray]:
-    return [np.array([getattr(each, part) for each in states]) for part in _State.model_fields]
+    forces = _forces(model, values, q, v, a)
+    return _States(configurations=q, velocities=v, accelerations=a, forces=forces)
 
 
 def _forces(
@@ -533,7 +530,9 @@ def _differences(file: FitFile, robot: Robot) -> Iterator[str]:
     gravity = robot.model.gravity.linear.tolist()
     if not np.allclose(gravity, file.force_model.gravity, rtol=SAME_ROBOT):
         yield f"gravity is {gravity} m/s² there, not {list(file.force_model.gravity)}"
-    residual = np.abs(constraint_residual(robot, _columns(file.check)[0])).max(axis=0, initial=0.0)
+    residual = np.abs(constraint_residual(robot, file.check.configurations)).max(
+        axis=0, initial=0.0
+    )
     most = SAME_ROBOT * robot.length + 2 * robot.closure_residual
     if residual.max(initial=0.0) > most:
         k = int(residual.argmax())

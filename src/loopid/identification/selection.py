@@ -292,16 +292,15 @@ def prediction_errors(
     scale : FloatArray
         (dof,), that residuals are multiplied by; 0 leaves an actuator out.
     """
-    means = [_mean(validation, _squares(validation, values, scale), scale) for values in candidates]
-    best = int(np.argmin([mean for mean, _ in means]))
-    least, found = _squares(validation, candidates[best], scale), list[PredictionError]()
-    for k, (values, (mean, error)) in enumerate(zip(candidates, means, strict=True)):
+    squares = [_squares(validation, values, scale) for values in candidates]
+    means = [_mean(validation, series, scale) for series in squares]
+    best, found = int(np.argmin([mean for mean, _ in means])), list[PredictionError]()
+    for k, (mean, error) in enumerate(means):
         # Of the differences at each time: what both share, as a disturbance that neither explains,
         # does not count as uncertainty.
         excess, excess_error = 0.0, 0.0
         if k != best:
-            more = _squares(validation, values, scale) - least
-            excess, excess_error = _mean(validation, more, scale)
+            excess, excess_error = _mean(validation, squares[k] - squares[best], scale)
         # One standard error of the best is wide where a disturbance that none explains makes all
         # of them uncertain; two of the difference are not.
         uncertainty = min(means[best][1], CLEARLY * excess_error)

@@ -20,10 +20,9 @@ from loopid.arguments import FloatArray, checked
 from loopid.errors import DataError, RankError
 from loopid.identification.estimator import LEAST_EXCITATION, scaled_svd
 from loopid.identification.fitting import quiet_fit
-from loopid.identification.force_models import ForceModel, samples_of
+from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import LEAST_FREEDOM
-from loopid.logs.recording import Recording
 from loopid.parameters import Parameter
 from loopid.regressors.joint_terms import terms_of_file
 from loopid.workers import one_blas_thread
@@ -37,22 +36,15 @@ FALSE_ALARM, KNOWN_OFFSET = 0.01, 0.05
 
 
 @checked
-def choose_terms(
-    force_model: ForceModel,
-    recordings: Sequence[Recording],
-    *,
-    n_jobs: int = 1,
-) -> ForceModel:
+def choose_terms(force_model: ForceModel, data: FitSamples) -> ForceModel:
     """Leave out offsets that are not identifiable.
 
     A step of ``identify``. Models whose terms were chosen by name are taken as they are.
 
     Parameters
     ----------
-    recordings : sequence of Recording
-        Those that are fitted.
-    n_jobs : int
-        Processes that compute the regressor; the result is the same to the bit.
+    data : FitSamples
+        Those that are fitted, of all parameters.
 
     Returns
     -------
@@ -62,7 +54,7 @@ def choose_terms(
     usual, offsets = force_model.joint_terms, list(_offsets(force_model))
     if usual is None or not (force_model.automatic and offsets):
         return force_model
-    evidence = _Evidence.of(samples_of(force_model, recordings, n_jobs=n_jobs))
+    evidence = _Evidence.of(data)
     if evidence is None:
         return force_model
     gone = evidence.unknown(offsets)

@@ -42,6 +42,8 @@ LONGEST_STEP = 0.4  # rad or characteristic lengths, of the first of these
 # Each further step as a part of the last at most. By Kantorovich's theorem one may then expect that
 # the root is unique around the start, hence the one on its branch.
 CONTRACTION = 0.2
+NEAR = 1e-2  # way of the unknown coordinates for which the start's tangent is followed first
+LEAST_WINDOW, WINDOW = 16, 256  # samples of a trajectory that are reached at a time
 REGULAR = 1e-6  # ratio of singular values above which inverses are good enough for such a step
 
 
@@ -59,14 +61,10 @@ class AssemblyOptions:
         Part of the way to a sample that must be done at a time; below it the sample is given up.
     most_steps : float
         Of a path; by default more than the shortest step leaves room for.
-    near : float
-        Way of the unknown coordinates for which the start's tangent is followed first.
     short : float
         A Newton step this short, the root of the round-off, leaves an error of round-off.
     rough : float
         The same on the way, where the next correction starts.
-    least_window, window : int
-        Samples of a trajectory that are reached at a time.
 
     Examples
     --------
@@ -80,11 +78,8 @@ class AssemblyOptions:
     tolerance: NotNegative = CLOSURE_TOLERANCE
     shortest_step: float = 2.0**-12
     most_steps: float = 1e6
-    near: float = 1e-2
     short: float = 1e-8
     rough: float = 1e-3
-    least_window: int = 16
-    window: int = 256
 
 
 USUAL = AssemblyOptions()
@@ -100,7 +95,7 @@ class Assembly:
     tolerance: float = field(default=0.0, repr=False)  # in m, of the residual
 
     def first(self, count: int) -> Assembly:
-        """The first samples, as many as asked for."""
+        """The first ``count`` samples."""
         parts = self.configurations[:count], self.residual[:count], self.assembled[:count]
         return Assembly(*parts, self.tolerance)
 
@@ -182,11 +177,7 @@ def try_assemble(
     trajectory: bool = False,
     options: AssemblyOptions = USUAL,
 ) -> Assembly:
-    """As ``assemble``, but report the samples that fail instead of raising.
-
-    Along a trajectory the next one is then reached from the last one that was assembled. Otherwise
-    there may be a start for each sample, (N, nq).
-    """
+    """As ``assemble``, but report the samples that fail; there may be a start for each, (N, nq)."""
     measured = measured_coordinates(robot, coordinates)
     targets = samples(values, measured.width, "measured coordinates")
     q = rectangular(robot.reference if start is None else start, "start")
@@ -235,8 +226,8 @@ def _followed(
     origin = measured.read(start)
     way, at = measured.difference(origin, targets), measured.linearise(start, origin)
     # The whole way at once, from where the start's tangent leads if that is near; else in steps.
-    begin = _predicted(measured, start, at, way, options)
-    found = correct(measured, begin, targets, options.short, options)
+    begin = _predicted(measured, start, at, way)
+    found = correct(measured, begin, targets, options.short)
     arrived = found.accepted & same_side(at.unknown, found.jacobian)
     q = found.configurations
     if not arrived.all():
@@ -262,10 +253,7 @@ class _Path(NamedTuple):
 def _in_steps(
     measured: MeasuredCoordinates, path: _Path, options: AssemblyOptions
 ) -> tuple[FloatArray, BoolArray]:
-    """The last points (N, nq) on paths that are followed in parts, and whether these are the ends.
-
-    The whole way was tried before.
-    """
+    """The last points (N, nq) on paths followed in parts, and whether they are the ends."""
     count = len(path.start)
     # The last point on the path, its Jacobian, the part of the way done there, and the next part.
     reached, jacobian = path.start.copy(), path.jacobian.copy()
@@ -275,7 +263,7 @@ def _in_steps(
         ahead = np.minimum(done[k] + step[k], 1.0)
         short = np.where(ahead < 1.0, options.rough, options.short)
         values = path.origin[k] + ahead[:, None] * path.way[k]
-        found = correct(measured, reached[k], values, short, options)
+        found = correct(measured, reached[k], values, short)
         good = found.accepted & same_side(jacobian[k], found.jacobian)
         there = k[good]
         reached[there], jacobian[there] = found.configurations[good], found.jacobian[good]
@@ -290,14 +278,13 @@ def _predicted(
     start: FloatArray,
     at: Linearisation,
     way: FloatArray,
-    options: AssemblyOptions,
 ) -> FloatArray:
     """Where the tangents lead that are short enough to be trusted; else the starts."""
     if measured.holds:
         return start
     pull = at.known @ way[:, :, None]
     steps = -Solver.of(at.unknown, REGULAR).solve(pull)[:, :, 0]
-    steps[np.abs(steps).max(axis=1, initial=0.0) > options.near] = 0.0
+    steps[np.abs(steps).max(axis=1, initial=0.0) > NEAR] = 0.0
     return integrate(measured.robot, start, measured.tangent(steps))
 
 
@@ -326,7 +313,7 @@ class Correction(NamedTuple):
     configurations: FloatArray  # (N, nq)
     accepted: BoolArray  # (N,), whether it contracted at once
     jacobian: FloatArray  # (N, m, u), by the unknown coordinates
-    # (N, u, c), their steps per unit of the measured values; without columns where not asked for
+    # (N, u, c), their steps per unit of the measured values; without columns where not required
     tangent: FloatArray
 
 
@@ -335,7 +322,6 @@ def correct(
     q: FloatArray,
     values: FloatArray,
     short: FloatArray | float,
-    options: AssemblyOptions,
     *,
     tangents: bool = False,
 ) -> Correction:
@@ -387,17 +373,17 @@ def follow_trajectory(
 ) -> Assembly:
     """Follow the straight line to each sample (N, c) from the last one that was reached."""
     none = _no_samples(measured.robot, options)
-    parts, first, window, alone = [none], 0, options.window, 1
+    parts, first, window, alone = [none], 0, WINDOW, 1
     while first < len(targets):
         part = _together(measured, start, targets[first : first + window], options)
         count = len(part.residual)
-        window = min(max(2 * count, options.least_window), options.window)
+        window = min(max(2 * count, LEAST_WINDOW), WINDOW)
         if not count:
             # From one start as many samples as fail, and the first that does not.
             ahead = targets[first : first + alone]
             part = follow_paths(measured, start[None], ahead, options)
             found = np.flatnonzero(part.assembled)
-            alone = 1 if len(found) else min(2 * alone, options.window)
+            alone = 1 if len(found) else min(2 * alone, WINDOW)
             part = part.first(int(found[0]) + 1 if len(found) else len(ahead))
         if part.assembled[-1]:
             start = part.configurations[-1]
@@ -415,7 +401,7 @@ def _together(
     singularity may lie in between.
     """
     here = measured.read(start[None])
-    home = correct(measured, start[None], here, options.short, options, tangents=True)
+    home = correct(measured, start[None], here, options.short, tangents=True)
     steps = measured.difference(here, targets) @ home.tangent[0].T
     length = np.abs(steps).max(axis=1, initial=0.0)
     near = _leading_true(length <= LONGEST_STEP)
@@ -423,7 +409,7 @@ def _together(
         return _no_samples(measured.robot, options)
     targets, steps, length = targets[:near], steps[:near], length[:near]
     guess = integrate(measured.robot, np.tile(start, (near, 1)), measured.tangent(steps))
-    found = correct(measured, guess, targets, options.short, options)
+    found = correct(measured, guess, targets, options.short)
     q = found.configurations
     residual, small = _closed(measured, q, targets, options)
     rest = np.abs(measured.steps(guess, q)).max(axis=1, initial=0.0)

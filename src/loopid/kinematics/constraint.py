@@ -51,7 +51,7 @@ class Constraint:
         ]
 
     def repeated(self, count: int) -> Constraint:
-        """The same, each configuration so many times."""
+        """The same, each configuration ``count`` times."""
         q = np.repeat(self.q, count, axis=0)
         return Constraint(self.robot, q, poses=self.poses.repeated(count))
 

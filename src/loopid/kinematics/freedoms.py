@@ -121,8 +121,8 @@ def _undetermined(robot: Robot, jacobian: FloatArray) -> tuple[str, ...]:
 def closed_at(robot: Robot, q: FloatArray) -> tuple[Robot, FloatArray]:
     """The robot with a closed configuration (nq,) as reference, and others (n, nq) around it.
 
-    Which coordinates are independent is chosen there. A MobilityError says that nothing can move,
-    and by which rounding of the file's numbers it could.
+    A MobilityError says that nothing can move, and by which rounding of the file's numbers it
+    could.
     """
     residual = max(float(largest_residual(robot, q[None])[0]), robot.closure_residual)
     left = residual if residual > CLOSURE_TOLERANCE * robot.length else 0.0
@@ -150,10 +150,7 @@ def closed_at(robot: Robot, q: FloatArray) -> tuple[Robot, FloatArray]:
 
 
 def independent_coordinates(robot: Robot, configurations: FloatArray) -> tuple[str, ...]:
-    """Choose independent coordinates, actuated ones first, from closed configurations (N, nq).
-
-    A MobilityError says that nothing can move.
-    """
+    """Independent coordinates, actuated ones first, of closed configurations (N, nq)."""
     _, jacobians = Constraint(robot, configurations).scaled()
     spaces = [null_space(A, robot.closure_rank_tolerance) for A in jacobians]
     # At a singular configuration more is possible than around it.

@@ -38,10 +38,7 @@ class Linearisation(NamedTuple):
 
 
 class MeasuredCoordinates(ABC):
-    """A set of numbers from which the configuration follows.
-
-    Steps of the unknown coordinates are in rad or characteristic lengths.
-    """
+    """Numbers that give the configuration; steps of the others in rad or lengths of the robot."""
 
     def __init__(self, robot: Robot, unknown: IntArray, width: int) -> None:
         self.robot = robot
@@ -250,10 +247,7 @@ def coordinates_at(robot: Robot, q: FloatArray) -> FloatArray:
 
 
 def platform_jacobian(robot: Robot, q: FloatArray, G: FloatArray) -> FloatArray:
-    """Rates (N, c, dof) of the platform coordinates per unit of each independent coordinate.
-
-    At closed configurations (N, nq) with the projection G (N, nv, dof).
-    """
+    """Rates (N, c, dof) of the platform by the independent coordinates; G is (N, nv, dof)."""
     platform = declared_platform(robot)
     frame = frame_poses(robot, q, [platform.frame_id])
     units = np.repeat([1.0, robot.length], 3)[:, None]
@@ -270,10 +264,7 @@ def platform_motion(
     rates: FloatArray,
     accelerations: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Velocities and accelerations (N, nv) of all joints from those (N, c) of the platform.
-
-    At closed configurations (N, nq).
-    """
+    """Velocities and accelerations (N, nv) of all joints from those (N, c) of the platform."""
     platform = declared_platform(robot)
     q = samples(configurations, robot.model.nq, "configurations")
     xd = samples(rates, len(platform.motions), "platform rates", len(q))
@@ -301,6 +292,6 @@ def _platform_motion(
     E = platform.twist_map(x)
     v = solve(np.zeros((len(q), robot.rows)), np.einsum("nij,nj->ni", E, xd))
     moving = frame_motions(robot, q, v, frame)
-    felt = np.concatenate([moving.acceleration[:, 0], moving.turning[:, 0]], axis=1)
+    drift = np.concatenate([moving.acceleration[:, 0], moving.turning[:, 0]], axis=1)
     twist_rate = np.einsum("nij,nj->ni", E, xdd) + platform.twist_drift(x, xd)
-    return v, solve(-constraint.drift(v), twist_rate - felt)
+    return v, solve(-constraint.drift(v), twist_rate - drift)

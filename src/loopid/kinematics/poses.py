@@ -61,10 +61,7 @@ class _Memory(threading.local):
 
 
 class Prepared:
-    """What does not change from sample to sample: indices, units, Pinocchio's memory.
-
-    It is made once a robot and kept with it; see ``prepared``.
-    """
+    """Indices, units and memory of Pinocchio that are made once a robot; see ``prepared``."""
 
     def __init__(self, robot: Robot) -> None:
         self.model = robot.model
@@ -150,10 +147,10 @@ class FramePoses:
     origin: FloatArray  # (N, F, 3) in m
     rotation: FloatArray  # (N, F, 3, 3), columns are the frame's axes
     supports: FloatArray  # (F, nv), 1 where a coordinate moves a frame, else 0
-    joint_jacobian: FloatArray  # (N, 6, nv), ``data.J``; without rows where not asked for
+    joint_jacobian: FloatArray  # (N, 6, nv), ``data.J``; without rows where not required
 
     def repeated(self, count: int) -> FramePoses:
-        """The same, each sample so many times."""
+        """The same, each sample ``count`` times."""
         arrays = self.origin, self.rotation, self.joint_jacobian
         origin, rotation, jacobian = (np.repeat(each, count, axis=0) for each in arrays)
         return FramePoses(origin, rotation, self.supports, jacobian)

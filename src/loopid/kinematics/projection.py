@@ -459,10 +459,7 @@ def _refuse_singular(doubts: list[_Doubt], width: int) -> None:
 
 
 def _refuse_too_many(constraint: Constraint, parts: tuple[IntArray, IntArray]) -> None:
-    """Refuse more independent joints than the first sample has degrees of freedom.
-
-    What was few enough once is not asked again: a rank that falls later is a singularity.
-    """
+    """Refuse more independent joints than the first sample has degrees of freedom."""
     robot, count = constraint.robot, len(parts[0])
     few = prepared(robot).few_enough
     # No more equations than dependent coordinates have no larger rank.

@@ -1,6 +1,6 @@
 """Geometry of files with a few digits: how accurate it is, and how far its loops may stay open.
 
-Numbers of a file that end after so many decimals are known to half a unit of the last one. What is
+Numbers of a file with few decimals are known to half a unit of the last one. What is
 drawn special (parallel, in a plane) stays so: zeros and right angles are not rounded numbers.
 """
 

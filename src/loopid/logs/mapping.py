@@ -152,7 +152,7 @@ class LogMapping(Section):
     columns of joints that no motor moves: one, or the seven of a floating base.
     ``delay`` is how much later forces are than positions, in s, of all joints or by joint, or how
     late the time stamps of whole streams are, by their names.
-    Without a column of times, rows are even, of a ``rate`` in Hz.
+    Without a column of times, rows are even: ``rate`` in Hz, or ``period`` in s between them.
     ``topic`` chooses among those of a bag, ``group`` among those of an HDF5 file.
 
     Raises
@@ -166,6 +166,7 @@ class LogMapping(Section):
     group: str | None = None
     time: TimeColumns | None = None
     rate: Positive | None = None
+    period: Positive | None = None
     position: Columns | None = None
     force: Columns | None = None
     velocity: Columns | None = None
@@ -207,10 +208,15 @@ class LogMapping(Section):
 
     @model_validator(mode="after")
     def _one_time(self) -> LogMapping:
-        given = [key for key in ("time", "rate") if getattr(self, key) is not None]
+        given = [key for key in ("time", "rate", "period") if getattr(self, key) is not None]
         if len(given) > 1:
             raise ValueError(f"give only one of {', '.join(given)}")
         return self
+
+    @property
+    def row_period(self) -> float | None:
+        """Seconds between rows that have no time of their own; None where they have one."""
+        return self.period if self.rate is None else 1 / self.rate
 
     @model_validator(mode="after")
     def _maps_are_apart(self) -> LogMapping:

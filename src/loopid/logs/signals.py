@@ -402,9 +402,9 @@ class ColumnFinder:
     def time(self, stream: str) -> TimeColumn:
         """The time of a stream; a LogError when it is not found, or there are several."""
         if stream not in self._times:
-            given, rate = self.mapping.time, self.mapping.rate
-            if rate is not None:
-                found = TimeColumn("", NANOSECONDS["s"] / rate)
+            given, period = self.mapping.time, self.mapping.row_period
+            if period is not None:
+                found = TimeColumn("", NANOSECONDS["s"] * period)
             elif given is not None:
                 found = self._given_time(given, stream)
             else:

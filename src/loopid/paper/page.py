@@ -33,19 +33,16 @@ from loopid.paper.structure import EXHAUSTIVE, TABLE_I, TABLE_II, TIMES, BaseCom
 from loopid.plots.chart import Chart, Mark, Panel
 from loopid.plots.structure import robot_chart, search_chart
 from loopid.report.look import json_fields, json_value, plain_table
-from loopid.report.page import Card, Figure, Part, Report, Section, Tone
+from loopid.report.page import Card, Figure, Report, Section, Tone
 from loopid.report.searches import groups_table, search_record, subgroup_facts
 from loopid.report.structure import base_record
 
 FITS = 3.0  # standard errors within which a value of the paper fits
 
 STAND_IN = (
-    "No log of the real robot was given: a simulated robot stands in for it, whose masses and "
-    "inertias are drawn about the robot file's with a standard deviation of 10 %. Figures 5 and 6 "
-    "show its first trajectory."
+    "No log of the real robot was given: a simulated robot stands in, with masses and inertias "
+    "drawn about the robot file's with a standard deviation of 10 %."
 )
-
-
 SYMBOLIC = "poses", "columns", "difference", "symbolic_seconds", "pinocchio_seconds", "transfers"
 
 
@@ -73,10 +70,7 @@ def paper_report(found: PaperReproduction) -> Report:
             "rows": list(found.base.rows),
             "subgroups": subgroups,
             "subgroup_rows": found.base.subgroup_rows,
-            "symbolic": {
-                "formulas": {each.name: each.text for each in found.symbolic.formulas},
-                **json_fields(found.symbolic, *SYMBOLIC),
-            },
+            "symbolic": json_fields(found.symbolic, *SYMBOLIC),
             "fits": {n: json_fields(fit, "values", "standard_errors") for n, fit in fits.items()},
             "influence": json_value(simulated.influence),
             "stand_in": actual.is_stand_in,
@@ -130,7 +124,6 @@ def _card(found: PaperReproduction) -> Card:
                 f"{subgroup.condition_number:.4f}",
                 f"by the paper's subgroups, {subgroup.evaluated:,} combinations tried",
             ),
-            Figure(f"{found.symbolic.difference:.0e}", "largest difference to the symbolic model"),
             Figure(
                 f"{worst['CAD as prior']:.3g} N",
                 f"largest rms error on new data; by the robot file {worst['robot file']:.3g} N",
@@ -202,59 +195,12 @@ def _reached(search: SearchResult) -> str:
 
 
 def _sections(found: PaperReproduction, subgroups: dict[str, Any]) -> tuple[Section, ...]:
-    """Results with their figures, then all other tables."""
+    """Results with their figures, then all other tables; docs/paper.md explains them."""
     comparison, simulated, actual = found.base, found.simulated, found.actual
     symbolic, account = found.symbolic, subgroups["gap"]["subgroups"]
-    searches: tuple[Part, ...] = (
-        f"W stacks {comparison.poses} random closed poses; its columns stand limb by limb. With "
-        f"the paper's alpha of {account['alpha']:g} a group has n* = {account['group_size']} rows, "
-        f"and {account['groups'][0]['tried']:,} combinations. Those of full rank are valid if "
-        f"cond(V22) is below cond_limit, {account['condition_limit']:g}. As printed, the last bits "
-        "of singular values decide the rank, so the outcome depends on the processor and on the "
-        "order of the columns. The other variant decides it by a gap.",
-        search_chart(list(comparison.subgroups.values())),
-        search_table(comparison),
-        "Exact search proves that no choice is better; benchmarks/search.py confirms it by trying "
-        "all of them. The paper's times are from another machine and cannot be compared with those "
-        "measured here.",
-    )
-    model: tuple[Part, ...] = (
-        f"K_G = J⁻ᵀ P, derived by SymPy from the paper's geometry alone, and Pinocchio's K of the "
-        f"robot file agree in all {symbolic.columns} columns: at {symbolic.poses} random closed "
-        f"poses entries differ by {symbolic.difference:.1e} of the largest at most. A pose takes "
-        f"{1e6 * symbolic.symbolic_seconds:.0f} µs by the symbolic model and "
-        f"{1e6 * symbolic.pinocchio_seconds:.0f} µs by Pinocchio. Two entries:",
-        *symbolic.formulas,
-        transfer_table(comparison, symbolic.transfers),
-    )
-    shares = (
-        "The nine trajectories are loopid's own, after the laboratory's; the paper does not say "
-        "which one it shows. All forces are simulated with the robot file.",
-        share_charts(found.shares)[0],
-    )
-    fits = (
-        "± is half the width of a 95 % interval, here and below. A fit of eight parameters is "
-        "biased by the seven that it leaves out: its intervals are about what is expected, the "
-        "value on average.",
-        simulated_chart(simulated),
-    )
-    influence = (
-        "p_i is the norm of the forces by the first i parameters over that of all forces, with the "
-        "base regressor and i up to 15 (the paper's equation 13 has the full regressor and ends "
-        "at 8). It is a ratio of norms, not an accuracy: it need not grow with i, and can be near "
-        "100 % while the forces differ. The noise keeps what is explained below 100 %.",
-        influence_chart(simulated),
-    )
-    robot: tuple[Part, ...] = (
-        "The first 60 % of each log are fitted. The values of eight parameters have no intervals: "
-        "they are biased by the seven that are left out, by an amount that the log does not show. "
-        "With CAD as prior, bodies are solid and as near to the robot file as the data say.",
-        *([STAND_IN] if actual.is_stand_in else []),
-        errors_chart(actual),
-        actual_chart(actual),
-        *actual_charts(actual),
-    )
-    tables: tuple[Part, ...] = (
+    inertial, _ = share_charts(found.shares)
+    tables = (
+        *(groups_table(each, _groups_title(each)) for each in subgroups.values()),
         geometry_table(found.geometry),
         shares_table(found.shares),
         simulated_table(simulated),
@@ -263,16 +209,47 @@ def _sections(found: PaperReproduction, subgroups: dict[str, Any]) -> tuple[Sect
         steps_table(found.two_steps),
         actual_table(actual),
     )
-    groups = tuple(groups_table(each, _groups_title(each)) for each in subgroups.values())
     return (
-        Section("What was searched", searches, short="Search"),
+        Section(
+            "What was searched",
+            (search_chart(list(comparison.subgroups.values())), search_table(comparison)),
+            lead=f"Groups have {account['groups'][0]['tried']:,} combinations; exact search proves "
+            "that no choice is better.",
+            short="Search",
+        ),
         Section("Base parameters, paper and loopid", (base_table(comparison),), short="Table II"),
-        Section("How many parameters matter", influence, short="How many"),
-        Section("Identification in simulation", fits, short="Simulation"),
-        Section("Identification from logs", robot, short="Logs"),
-        Section("The symbolic model", model, short="Symbolic"),
-        Section("What the forces are made of", shares, short="Forces"),
-        Section("All other tables", (*groups, *tables), folded=True, short="Tables"),
+        Section(
+            "How many parameters matter",
+            (influence_chart(simulated),),
+            lead="A ratio of norms, no accuracy: it need not grow, and forces can differ at 100 %.",
+            short="How many",
+        ),
+        Section(
+            "Identification in simulation",
+            (simulated_chart(simulated),),
+            lead="Eight parameters are biased by the seven that are left out.",
+            short="Simulation",
+        ),
+        Section(
+            "Identification from logs",
+            (errors_chart(actual), actual_chart(actual), *actual_charts(actual)),
+            lead=STAND_IN if actual.is_stand_in else "The first 60 % of each log are fitted.",
+            short="Logs",
+        ),
+        Section(
+            "The symbolic model",
+            (transfer_table(comparison, symbolic.transfers),),
+            lead=f"SymPy's K_G and Pinocchio's agree to {symbolic.difference:.1e} of the largest "
+            f"entry in all {symbolic.columns} columns, at {symbolic.poses} random closed poses.",
+            short="Symbolic",
+        ),
+        Section(
+            "What the forces are made of",
+            (inertial,),
+            lead="All forces are simulated with the robot file, along trajectories of our own.",
+            short="Forces",
+        ),
+        Section("All other tables", tables, folded=True, short="Tables"),
     )
 
 

@@ -121,10 +121,7 @@ class Experiment:
         return np.concatenate([self.force_model.prior[self.order[BODIES]], FRICTION])
 
     def frictionless(self, seed: int) -> dict[str, FitSamples]:
-        """Samples by trajectory as behind Table IV: known friction, forces with ±12 N of noise.
-
-        Columns (15,) are those of Table II.
-        """
+        """Samples behind Table IV: columns of Table II, known friction, ±12 N of noise."""
         return {
             name: with_noise(samples, seed, SIMULATED, k).select(range(BODIES.stop))
             for k, (name, samples) in enumerate(self.samples.items())
@@ -208,10 +205,7 @@ def force_shares(experiment: Experiment) -> ForceShares:
 def simulate_stand_in(
     experiment: Experiment, seed: int, progress: Progress | None = None
 ) -> tuple[list[Recording], FloatArray]:
-    """Logs of a robot that is not quite the robot file's, and its standard parameters (90,).
-
-    The logs go through the same filter, assembly and masks as those of a real robot.
-    """
+    """Logs of a robot that is not quite the file's, prepared as real ones; its parameters (90,)."""
     robot, terms = experiment.robot, experiment.force_model.joint_terms
     standard = robot.standard_parameters()
     generator = random_generator(derived_seed(seed, MASSES))
@@ -345,10 +339,7 @@ def _in_order(fit: Fit, order: IntArray) -> Fit:
 def fit_actual(
     experiment: Experiment, recordings: Sequence[Recording], standard: FloatArray | None = None
 ) -> ActualFit:
-    """Fit gravity and friction to the first 60 % of each recording; the rest is new data.
-
-    The standard parameters (90,) are the true ones of a stand-in.
-    """
+    """Fit 60 % of each recording and judge the rest; ``standard`` (90,) is a stand-in's truth."""
     model, cad = experiment.force_model, experiment.truth[BODIES]
     fitted, new = (
         FitSamples.combined([model.samples(part).select(experiment.order) for part in parts])

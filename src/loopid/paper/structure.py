@@ -11,14 +11,13 @@ import numpy as np
 from loopid.arguments import FloatArray, IntArray
 from loopid.base_parameters.base import BaseParameters, base_of_choice, find_base
 from loopid.base_parameters.choice import ChoiceProblem, SearchResult
-from loopid.base_parameters.enumerated import VARIANTS, SubgroupSearch
+from loopid.base_parameters.subgroups import VARIANTS, SubgroupSearch
 from loopid.errors import OptionError
 from loopid.kinematics.measured import platform_coordinates
 from loopid.kinematics.sampling import random_configurations
 from loopid.records import record
 from loopid.regressors.motion_regressors import gravity_regressor
 from loopid.regressors.structural import structural_observation
-from loopid.report.page import Formula
 from loopid.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -127,11 +126,7 @@ class BaseComparison:
 
 
 def compare_base_parameters(robot: Robot) -> BaseComparison:
-    """Search the base parameters of the 3UPS+RPU in all ways, and match them with Table II.
-
-    The subgroup search takes the columns of W as they stand in the paper's Φ_G, limb by limb; by
-    the pseudocode it may find nothing.
-    """
+    """Search in all ways, limb by limb as Φ_G has the columns, and match with Table II."""
     observation = structural_observation(robot)
     base = find_base(observation)
     problem = ChoiceProblem(base.structure)
@@ -192,7 +187,6 @@ class SymbolicComparison:
     difference: float  # largest of an entry, relative to the largest entry at its pose
     symbolic_seconds: float  # a pose, of many at once
     pinocchio_seconds: float
-    formulas: tuple[Formula, ...]
     transfers: tuple[Transfer, ...]  # Table III
 
 
@@ -216,7 +210,6 @@ def compare_symbolic(robot: Robot, seed: int = 0) -> SymbolicComparison:
         difference=float(difference.max()),
         symbolic_seconds=by_sympy / POSES,
         pinocchio_seconds=by_pinocchio / POSES,
-        formulas=tuple(Formula(*each) for each in symbolic.formulas()),
         transfers=inertia_transfers(geometry),
     )
 

@@ -31,7 +31,6 @@ except ImportError as error:
 GRAVITY = 9.81  # m/s², against Z_F
 # Below this reciprocal condition number of J the forces are round-off.
 SINGULAR_RCOND = 1e-13
-TIMES = "&InvisibleTimes;"  # as SymPy writes it, which only MathML's own parsers know
 
 # Pose of the platform: position (m) in the X_F Z_F plane, pitch and yaw (rad).
 POSE: tuple[sp.Symbol, ...] = sp.symbols("x_m z_m theta psi")
@@ -54,10 +53,7 @@ Points = tuple[sp.ImmutableMatrix, sp.ImmutableMatrix, sp.ImmutableMatrix]
 
 
 def parameter_symbols() -> dict[str, sp.Symbol]:
-    """Symbols of the 36 gravitational parameters, in the column order of the regressor.
-
-    ``leg2_stem.m`` is m_22 (kg), ``leg2_stem.mx`` the first moment mx_22 = m_22 x_G22 (kg m).
-    """
+    """Symbols of the 36 columns: ``leg2_stem.mx`` is mx_22 = m_22 x_G22, in kg m."""
     return {
         f"{link}.{kind}": sp.Symbol(f"{kind}_{index}")
         for link, index in PAPER_INDEX.items()
@@ -229,19 +225,6 @@ def gravity_model() -> GravityModel:
     return GravityModel(strokes, strokes.jacobian(POSE), energy, energy.jacobian(POSE).T)
 
 
-def formulas() -> tuple[tuple[str, str, str], ...]:
-    """Two entries of what K_G is made of: what each is, as text, and in MathML."""
-    model, mx = gravity_model(), GRAVITY_LABELS.index("platform.mx")
-    entries = {
-        "J = ∂q/∂X: stroke of limb 4 along x_m": model.jacobian[3, 0],
-        "P: power of gravity on mx_m along θ": model.power[2, mx],
-    }
-    return tuple(
-        (name, str(entry), sp.mathml(entry, printer="presentation").replace(TIMES, "&#8290;"))
-        for name, entry in entries.items()
-    )
-
-
 # Base parameters by inertia transfer. Every body's energy is written over the same 15 atoms,
 # functions of the pose; what multiplies an atom is one base parameter [Gautier1991], [Khalil2004].
 # The atoms are heights that bodies share: of p, and of the unit vectors along the axes of limbs 1
@@ -261,10 +244,7 @@ class BaseParameterRow:
     atom: sp.Expr  # what it multiplies in the potential energy divided by g; m, or a cosine
 
     def coefficients(self, geometry: Geometry) -> dict[str, float]:
-        """Coefficient of every parameter in the row, by column label.
-
-        A term that a geometry happens to cancel stays, with a coefficient of zero or round-off.
-        """
+        """Coefficients by column label; what a geometry cancels stays, as zero or round-off."""
         numeric = self.expression.subs(geometry.substitutions())
         return {
             label: float(numeric.coeff(symbol))

@@ -171,7 +171,7 @@ class Panel:
     worst : bool
         Whether it is the motor with the largest error.
     note : str
-        Numbers, below the motor's name.
+        Numbers, below the panel.
     """
 
     title: str
@@ -261,8 +261,6 @@ class Panel:
         if self.motor:
             badge = E.i({"class": f"badge{' worst' * self.worst}"}, str(self.number))
             panel.append(E.h3(*([badge] if self.number else []), self.motor))
-        if self.note:
-            panel.append(E.p({"class": "note"}, self.note))
         small = self.motor or not headed
         if self.title and not (self.labels and self.motor):
             panel.append(E.p({"class": "say"}, self.title) if small else E.h3(self.title))
@@ -394,6 +392,7 @@ class Chart:
             grid.append(E.div({"class": "lanes"}, *drawn))
             if self.x_label:
                 grid[-1].append(E.div({"class": "along"}, self.x_label))
+            grid[-1].extend(E.p({"class": "note"}, panel.note) for panel in group if panel.note)
         return grid
 
     def _keys(self) -> list[tuple[str, str, str]]:

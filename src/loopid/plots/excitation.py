@@ -10,8 +10,6 @@ from loopid.plots.chart import Chart, Mark, Panel
 from loopid.plots.pictures import ZOOM, of_motor
 from loopid.plots.structure import force_unit
 
-MOST_ERRORS = 40  # parameters whose standard errors are drawn
-
 
 @checked
 def motion_chart(found: ExcitationDesign) -> Chart:
@@ -37,15 +35,18 @@ def motion_chart(found: ExcitationDesign) -> Chart:
 
 @checked
 def errors_chart(found: ExcitationDesign) -> Chart:
-    """Standard errors of the least known parameters, before and after."""
-    worst = np.sort(np.argsort(-found.standard_errors, kind="stable")[:MOST_ERRORS])
-    place = np.arange(float(len(worst)))
-    before = "with the logs" if found.after_logs else "first motion"
+    """Standard errors of the parameters, before and after."""
+    before, after = found.before.standard_errors, found.standard_errors
+    place, earlier = np.arange(float(len(after))), "logs" if found.after_logs else "first motion"
     marks = (
-        Mark(before, found.before.standard_errors[worst], place, "file", "box"),
-        Mark("with this motion", found.standard_errors[worst], place, "fit", "disc"),
+        Mark(earlier, before, place, "file", "box"),
+        Mark("with this motion", after, place, "fit", "disc"),
     )
-    labels = tuple(found.parameters.names[j] for j in worst)
-    panel = Panel("Standard error (kg, kg m, kg m², ...)", marks, labels=labels, log="x")
+    units = [parameter.unit for parameter in found.parameters]
+    columns = {
+        "± std": tuple(f"{x:.3g} {u}" for x, u in zip(after, units, strict=True)),
+        earlier: tuple(f"{x:.3g}" for x in before),
+    }
+    panel = Panel("", marks, labels=found.parameters.names, columns=columns, log="x")
     caption = "Predicted standard errors; one dot alone: unidentifiable without the motion."
-    return Chart("errors", caption, "", (panel,))
+    return Chart("errors", caption, "standard error (kg, kg m, kg m², ...)", (panel,))

@@ -27,12 +27,13 @@ from loopid.logs.recording import Recording
 from loopid.numbers import number, with_error
 from loopid.parameters import KINDS, Parameter
 from loopid.plots.chart import Chart, Mark, Panel
-from loopid.plots.pictures import of_motor
+from loopid.plots.pictures import numbered, of_motor
 from loopid.plots.structure import force_unit
 from loopid.regressors.joint_laws import grouped, joint_term
 from loopid.robot.robot import Robot
 
 MOST, ROOM = 0.95, 1.3  # quantile of the friction's band, and times that, that an axis shows
+MOST_CHANGE = 200.0  # % from the robot file, at which charts are cut
 CURVE_POINTS = 50  # of a friction curve on either side of standstill
 DOTS = 240  # of the forces that it explains
 # Of the kinds whose size the evidence decides: those that say something alone.
@@ -103,10 +104,10 @@ def _beside(ratio: float) -> str:
     """An error beside that of the robot file."""
     change = 100 * (ratio - 1)
     if not abs(change) >= 1:
-        return "as by the robot file"
+        return "as by the file"
     if ratio >= 3:
-        return f"{ratio:.2g} times that of the robot file"
-    return f"{abs(change):.0f} % {'less' if change < 0 else 'more'} than by the robot file"
+        return f"{ratio:.2g} times the file's"
+    return f"{abs(change):.0f} % {'below' if change < 0 else 'above'} the file's"
 
 
 def _beside_each_other(panels: Sequence[Panel]) -> int:
@@ -219,7 +220,7 @@ def parameters_chart(found: Identification) -> Chart:
     )
     caption = (
         "Change from the robot file, in % of the body's mass times its length (of inertias: length "
-        "squared). Of a sum only the whole is known; it is named by its first parameter."
+        "squared), cut at 200 %. Of a sum only the whole is known; its first parameter names it."
     )
     return Chart("parameters", caption, "change (%)", (panel,))
 
@@ -231,6 +232,8 @@ def _about(
     values: FloatArray, ends: FloatArray, right: float, words: tuple[str, str, str] = OF_FILE
 ) -> tuple[Mark, ...]:
     """Values (n,) with intervals (n, 2), filled where these do not hold what would be right."""
+    if words is OF_FILE:
+        values, ends = (np.clip(each, -MOST_CHANGE, MOST_CHANGE) for each in (values, ends))
     place, known = np.arange(float(len(values))), np.isfinite(ends).all(axis=1)
     alike = (ends[:, 0] <= right) & (ends[:, 1] >= right) | ~known
     return (
@@ -249,7 +252,8 @@ def joints_chart(found: Identification) -> Chart:
         kind = parameter.kind
         if kind not in KINDS and (not grouped(kind) or kind.startswith(ALONE)):
             short = f"{joint_term(kind).name}, {kind.partition('~')[0]}"
-            name = each.name.replace(f".{kind}", "", 1)
+            name = numbered(found.force_model.robot, parameter.link)
+            name += each.name.removeprefix(f"{parameter.link}.{kind}")
             kinds.setdefault((short, each.unit), []).append((name, each))
     panels = []
     for (short, unit), all_ in kinds.items():
@@ -290,8 +294,8 @@ def masses_chart(found: Identification) -> Chart:
         },
     )
     caption = (
-        "Change from the robot file. Forces determine sums of masses: a mass by the file is the "
-        "one nearest to it of all that give these forces."
+        "Change from the robot file, cut at 200 %. Forces determine sums of masses: a mass by the "
+        "file is the one nearest to it of all that give these forces."
     )
     return Chart("masses", caption, "change (%)", (panel,) if masses else ())
 
@@ -308,7 +312,7 @@ def used_chart(robot: Robot, recordings: Mapping[str, Sequence[Recording]]) -> C
                 first, last = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
                 place = np.full(len(first), float(k))
                 marks.append(Mark(use, time[first], place, looks[use], "span", time[last]))
-            labels = tuple(f"{k} {name}" for k, name in enumerate(run.actuators, start=1))
+            labels = tuple(numbered(robot, name) for name in run.actuators)
             parts = tuple(f"{100 * part:.0f} %" for part in run.used.mean(axis=0))
             panels.append(Panel(run.name, tuple(marks), labels=labels, columns={"used": parts}))
     caption = "Gaps: the motor stands still or is saturated, or a stretch begins or ends."
@@ -316,13 +320,13 @@ def used_chart(robot: Robot, recordings: Mapping[str, Sequence[Recording]]) -> C
 
 
 @checked
-def gains_chart(suspicions: Sequence[Suspicions]) -> Chart:
+def gains_chart(robot: Robot, suspicions: Sequence[Suspicions]) -> Chart:
     """Measured forces over expected ones, of each motor with a determined gain; 1 is right."""
     panels = []
     for each in (each for each in suspicions if each.gains):
         gains = np.array([gain.gain for gain in each.gains])
         ends = np.array([gain.interval for gain in each.gains])
-        labels = tuple(gain.joint for gain in each.gains)
+        labels = tuple(numbered(robot, gain.joint) for gain in each.gains)
         panels.append(
             _expected(f"Force over expected force, {each.recording}", gains, ends, 1.0, labels)
         )
@@ -331,11 +335,11 @@ def gains_chart(suspicions: Sequence[Suspicions]) -> Chart:
 
 
 @checked
-def delays_chart(delay: Delay) -> Chart:
+def delays_chart(robot: Robot, delay: Delay) -> Chart:
     """How late the forces of each motor are."""
-    panel = _expected(
-        "Delay of the forces (ms)", 1e3 * delay.each, 1e3 * delay.intervals, 0.0, delay.joints
-    )
+    labels = tuple(numbered(robot, name) for name in delay.joints)
+    values, intervals = 1e3 * delay.each, 1e3 * delay.intervals
+    panel = _expected("Delay of the forces (ms)", values, intervals, 0.0, labels)
     common, ends = 1e3 * delay.common, [1e3 * x for x in delay.interval]
     caption = (
         f"Forces after the positions. All motors together: {common:.2g} ms, 95 %: {ends[0]:.2g} to "

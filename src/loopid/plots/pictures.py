@@ -28,6 +28,12 @@ def of_motor(robot: Robot, name: str, worst: str = "") -> dict[str, Any]:
     return {"motor": name, "number": number, "worst": name == worst}
 
 
+def numbered(robot: Robot, name: str) -> str:
+    """A joint, a motor with its number on the page."""
+    motors = robot.independent
+    return f"{motors.index(name) + 1} {name}" if name in motors else name
+
+
 @checked
 def forces_chart(
     robot: Robot,

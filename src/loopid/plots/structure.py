@@ -91,9 +91,7 @@ def _apart(
 
 @checked
 def search_chart(searches: Sequence[SearchResult]) -> Chart:
-    """Condition numbers of the combinations that subgroup searches tried, a column a search.
-
-    Above stand all of them, below those of full rank.
+    """Condition numbers of the combinations that subgroup searches tried, a panel a search.
 
     Raises
     ------
@@ -111,51 +109,27 @@ def search_chart(searches: Sequence[SearchResult]) -> Chart:
     for search in searches:
         if search.subgroups is None:
             raise OptionError(f"search_chart shows subgroup searches, not {search.name} search")
-    accounts = [search.subgroups for search in searches if search.subgroups is not None]
+    panels = tuple(_tried_panel(s.subgroups) for s in searches if s.subgroups is not None)
     caption = (
         "Condition number of each combination tried, in turn; lines part the groups. Of those that "
         f"are rank-deficient it is round-off, drawn up to {HIGHEST:.0e}."
     )
-    panels = (*map(_tried_panel, accounts), *map(_full_rank_panel, accounts))
-    return Chart("search", caption, "combination tried", panels, columns=len(accounts) or 1)
+    return Chart("search", caption, "combination tried", panels, columns=len(panels) or 1)
 
 
 def _tried_panel(account: SubgroupAccount) -> Panel:
-    place, conditions, full_rank = _tried(account)
-    marks = (
-        _group_ends(account, 1.0, conditions.max()),
-        Mark("rank-deficient", place[~full_rank], conditions[~full_rank], "faint", "dots"),
+    conditions = np.concatenate([group.condition_numbers for group in account.groups])
+    full_rank = np.concatenate([group.full_rank for group in account.groups])
+    place, drawn = np.arange(1.0, len(conditions) + 1), np.minimum(conditions, HIGHEST)
+    ends = np.cumsum([len(group) for group in account.groups])[:-1] + 0.5
+    marks = [
+        Mark.upright("", *ends.tolist()),
+        Mark("rank-deficient", place[~full_rank], drawn[~full_rank], "faint", "dots"),
         Mark("limit", place[[0, -1]], np.full(2, account.condition_limit), "limit"),
-        *_full_rank_marks(account),
-    )
-    return Panel(f"cond(V22), {account.rule}", marks, log="y")
-
-
-def _full_rank_panel(account: SubgroupAccount) -> Panel:
-    place, conditions, full_rank = _tried(account)
-    shown = conditions[full_rank]
-    lines = _group_ends(account, shown.min(initial=np.inf), shown.max(initial=1.0))
-    ends = Mark("", place[[0, -1]], np.full(2, np.nan))  # as long as the panel above
-    return Panel(f"of full rank, {account.rule}", (ends, lines, *_full_rank_marks(account)))
-
-
-def _full_rank_marks(account: SubgroupAccount) -> list[Mark]:
-    place, conditions, full_rank = _tried(account)
-    marks = [Mark("full rank", place[full_rank], conditions[full_rank], "fit", "dots")]
+        Mark("full rank", place[full_rank], drawn[full_rank], "fit", "dots"),
+    ]
     if account.found_in is not None:
         before = sum(map(len, account.groups[: account.found_in]))
         at = [before + int(account.groups[account.found_in].best or 0)]
-        marks.append(Mark("best", place[at], conditions[at], "file", "dots"))
-    return marks
-
-
-def _tried(account: SubgroupAccount) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Places, condition numbers and whether of full rank, of all combinations in turn."""
-    conditions = np.concatenate([group.condition_numbers for group in account.groups])
-    full_rank = np.concatenate([group.full_rank for group in account.groups])
-    return np.arange(1.0, len(conditions) + 1), np.minimum(conditions, HIGHEST), full_rank
-
-
-def _group_ends(account: SubgroupAccount, low: float, high: float) -> Mark:
-    ends = np.cumsum([len(group) for group in account.groups])[:-1]
-    return Mark("", np.repeat(ends + 0.5, 3), np.tile([low, high, np.nan], len(ends)), "faint")
+        marks.append(Mark("best", place[at], drawn[at], "file", "box"))
+    return Panel(f"cond(V22), {account.rule}", tuple(marks), log="y")

@@ -73,8 +73,8 @@ def _sized(
             return float("nan")
         found = _rms(force)
         known = rigid > NOTHING * rigid.max(initial=0.0)
-        felt = found > NOTHING * max(found.max(initial=0.0), rigid.max(initial=0.0))
-        if (felt & ~known).any():
+        acting = found > NOTHING * max(found.max(initial=0.0), rigid.max(initial=0.0))
+        if (acting & ~known).any():
             return float("inf")
         return float((found[known] / rigid[known]).max(initial=0.0))
 

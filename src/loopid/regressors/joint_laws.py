@@ -28,7 +28,6 @@ class JointState(NamedTuple):
     position: Any  # in m or rad; None of one of several coordinates of a joint
     rate: Any
     acceleration: Any
-    load: Any = None  # force in N that the bearing carries
     math: Any = None  # NumPy or CasADi: ``fmax``, ``fmin``, ``fabs``, ``exp``, ``tanh``, ``sign``
     # In m/s or rad/s: up to which rate a joint stands, and over which its sign is smoothed
     dead_zone: float = 0.0
@@ -54,7 +53,7 @@ ONE_UNIT = r"(?:N|m|rad|s|kg)[²³]?"
 NO_UNIT = "1"
 UNIT = re.compile(rf"|(?:{NO_UNIT}|{ONE_UNIT}(?: {ONE_UNIT})*)(?:/{ONE_UNIT}(?: {ONE_UNIT})*)?")
 OF_RATE = {"sign": "rate", "slip": "rate"}  # what the state has it from
-NEEDS = "position", "rate", "acceleration", "load", "torque", "sign", "slip"
+NEEDS = "position", "rate", "acceleration", "torque", "sign", "slip"
 
 
 @record
@@ -88,9 +87,9 @@ class JointTerm:
     law : callable
         What the coefficient multiplies, of a ``JointState`` and the number ``at``.
     needs : tuple of str
-        What it needs of the state: "position", "rate", "acceleration", "load", "torque", "sign",
-        "slip". Coordinates of a joint with several have no position. What follows the sign of the
-        rate jumps; what follows slip hangs on where the joint came from.
+        What it needs of the state: "position", "rate", "acceleration", "torque", "sign",
+        "slip". Coordinates of a joint with several have no position. What follows the sign
+        of the rate jumps; what follows slip hangs on where the joint came from.
     beside : tuple of str
         Kinds that the law has further coefficients of.
     at : float
@@ -148,7 +147,7 @@ class JointTerm:
                 raise OptionError.unknown(f"need of {self.name}", need, NEEDS)
 
     def signal(self, joint: JointState, count: int) -> FloatArray:
-        """What the coefficient multiplies in so many states of a joint, (count,).
+        """What the coefficient multiplies in ``count`` states of a joint, (count,).
 
         Raises
         ------
@@ -181,17 +180,6 @@ class JointTerm:
 
 def _coulomb(name: str, law: Callable[[JointState, float], Any]) -> JointTerm:
     return JointTerm(name, ("N", "N m"), law, ("sign",), positive=True)
-
-
-def _load_friction(name: str) -> JointTerm:
-    """Friction by Coulomb's law; in a hinge the coefficient holds the radius of the pin."""
-    return JointTerm(
-        name,
-        ("N/N", "N m/N"),
-        lambda joint, at: joint.load * joint.sign(at),
-        needs=("load", "sign"),
-        positive=True,
-    )
 
 
 def _spring(
@@ -257,11 +245,7 @@ def _point(name: str, law: Callable[[JointState, float], Any], prior: PriorGroup
 
 
 class JointTermRegistry(Registry[JointTerm]):
-    """Joint terms by their kinds, each tried when it is registered.
-
-    ``found`` holds those with a number that ``joint_term`` was asked for, by kinds such as
-    ``"Ks@0.2"``.
-    """
+    """Joint terms by their kinds; ``found`` are those with a number, such as ``"Ks@0.2"``."""
 
     found: dict[str, JointTerm]
 
@@ -309,7 +293,7 @@ WORDS = "file", "none", "passive", "auto"
 KIND = re.compile(r"[A-Za-z][A-Za-z0-9+-]*(~RATE|@POSITION)?")
 # A joint that a law is tried with.
 TRIED = {"position": (-0.4, 0.1, 0.7), "rate": (0.5, -1.0, 0.2), "acceleration": (1.0, 0.3, -2.0)}
-TRIED |= {"load": (3.0, 1.0, 2.0), "torque": (1.0, 4.0, 2.0)}
+TRIED |= {"torque": (1.0, 4.0, 2.0)}
 TRIED_AT = 0.3
 
 
@@ -340,7 +324,8 @@ def _try(kind: str, term: JointTerm) -> None:
 
 # By their kinds, which label the parameters and are written in files; in place of the words in
 # capitals stands a number. A spring Ks q + Fo = Ks (q - q0) is slack at q0 = -Fo / Ks; a gain of
-# stiffness above a position makes it piecewise linear, or a stop. Stribeck friction is what there
+# stiffness above a position makes it piecewise linear, or a stop. The gas of a cylinder that would
+# be closed up at a position presses by 1 / (q - at) (Boyle's law). Stribeck friction is what there
 # is more near standstill [Armstrong1994]. Hysteresis is what friction that builds up over a
 # displacement has less after a reversal than Coulomb friction, which it is a part of: none in
 # steady motion (``maxwell_slip.py``).
@@ -383,8 +368,6 @@ for _kind, _term in {
         positive=True,
         prior=HYSTERESIS,
     ),
-    "Fl": _load_friction("friction of loaded bearings"),
-    "Fl~RATE": _load_friction("smooth friction of loaded bearings"),
     "Fv": JointTerm(
         "viscous friction",
         ("N s/m", "N m s/rad"),
@@ -399,16 +382,19 @@ for _kind, _term in {
     "Ks@POSITION": _spring(
         "stiffness gained", "", (), lambda joint, at: joint.math.fmax(joint.position - at, 0.0)
     ),
+    "Kg@POSITION": JointTerm(
+        "gas spring",
+        ("N m", "N m rad"),
+        lambda joint, at: 1.0 / (joint.position - at),
+        ("position",),
+    ),
 }.items():
     JOINT_TERMS.register(_kind, _term)
 MARKS = {"~": "RATE", "@": "POSITION"}
 
 
 def joint_term(kind: str, others: Iterable[str] = ()) -> JointTerm:
-    """The term of a kind such as ``"Fc"`` or ``"Ks@0.2"``.
-
-    Where other words than kinds would do, an OptionError names them too.
-    """
+    """The term of a kind such as ``"Fc"`` or ``"Ks@0.2"``; errors also name other words."""
     if kind in JOINT_TERMS.found:
         return JOINT_TERMS.found[kind]
     mark = next((mark for mark in MARKS if mark in kind), "")

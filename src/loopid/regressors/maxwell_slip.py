@@ -22,7 +22,7 @@ from loopid.arguments import FloatArray
 # States (N,) of the elements of joints, by their displacements.
 Slips = Mapping[str, Mapping[float, FloatArray]]
 # Displacements of the elements of a joint: the largest by the range of its motion, and by halves
-# so many in all, so that neighbours follow whatever is between them.
+# this many in all, so that neighbours follow whatever is between them.
 LARGEST, ELEMENTS = 0.05, 9
 
 
@@ -52,10 +52,7 @@ def slip_states(
 def slips_along(
     ways: Sequence[FloatArray], displacements: Sequence[float]
 ) -> dict[float, FloatArray]:
-    """States (N,) of elements by their displacements, along positions in stretches, one by one.
-
-    Angles may jump by a whole turn.
-    """
+    """States (N,) by displacements, along positions one after the other; turns may jump."""
     states = [slip_states(np.unwrap(way), np.asarray(displacements)) for way in ways]
     return dict(zip(displacements, np.concatenate(states).T, strict=True))
 

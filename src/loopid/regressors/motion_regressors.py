@@ -11,7 +11,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray, checked, samples
 from loopid.kinematics.poses import torque_regressors
-from loopid.kinematics.projection import ClosedMotion, closed_motion, project
+from loopid.kinematics.projection import ClosedMotion, project
 from loopid.parameters import ParameterSet
 from loopid.records import record
 from loopid.regressors.dynamics import Dynamics
@@ -54,44 +54,6 @@ def gravity_regressor(robot: Robot, configurations: FloatArray) -> FloatArray:
 
 
 @checked
-def dynamic_regressor(
-    robot: Robot,
-    configurations: FloatArray,
-    velocities: FloatArray,
-    *,
-    accelerations: FloatArray,
-) -> FloatArray:
-    """Actuator forces in motion per unit of all ten parameters a body.
-
-    Parameters
-    ----------
-    configurations : FloatArray
-        (N, nq), closed.
-    velocities, accelerations : FloatArray
-        (N, dof) of the independent coordinates; those of the others follow, v = G u̇, a = G ü + γ.
-
-    Returns
-    -------
-    FloatArray
-        (N, dof, n), rows in the order of ``robot.independent``.
-
-    Raises
-    ------
-    DataError, SingularityError
-        As ``closed_motion``.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> robot = loopid.load("3ups_rpu")
-    >>> q, still, pushed = robot.reference, [0, 0, 0, 0], [1, 0, 0, 0]
-    >>> loopid.regressors.dynamic_regressor(robot, q, still, accelerations=pushed).shape
-    (1, 4, 90)
-    """
-    return motion_regressor(robot, closed_motion(robot, configurations, velocities, accelerations))
-
-
-@checked
 def motion_parameters(
     robot: Robot, model: str = "full", joint_terms: JointTerms | None = None
 ) -> ParameterSet:
@@ -107,23 +69,21 @@ def motion_regressor(
     model: str = "full",
     *,
     joint_terms: JointTerms | None = None,
-    standard_parameters: FloatArray | None = None,
     slips: Slips | None = None,
 ) -> FloatArray:
     """Actuator forces (N, dof, n) per unit of the parameters of all bodies, then of joint terms.
 
     The model is ``"full"``, or ``"gravity"`` for what holds the robot at rest in each
     configuration; joint terms are those of the motion in either. ``motion_parameters`` names the
-    columns. Loads of joints are those of the bodies of the robot file, or of other
-    ``standard_parameters`` (n,) of the full model. Hysteresis needs ``JointTerms.slips`` of the
-    whole motion; without, friction is that of steady motion.
+    columns. Hysteresis needs ``JointTerms.slips`` of the whole motion; without, friction is that of
+    steady motion.
     """
     q, G = motion.configurations, motion.projection.G
     rates = (motion.velocities, motion.accelerations) if model == "full" else ()
     bodies = torque_regressors(robot, q, *rates, model=model, G=G)
     if joint_terms is None:
         return bodies
-    columns = joint_terms.columns(robot, motion, standard_parameters, slips=slips)
+    columns = joint_terms.columns(robot, motion, slips=slips)
     return np.concatenate([bodies, columns], axis=2)
 
 
@@ -137,7 +97,7 @@ class ForceParts:
 
     @property
     def total(self) -> FloatArray:
-        """Their sum, the forces of ``dynamic_regressor``."""
+        """Their sum."""
         return self.inertial + self.coriolis + self.gravity
 
 

@@ -128,7 +128,7 @@ class _Motions:
     def observation(
         self, seeds: tuple[int, ...], samples: int, progress: Progress | None = None
     ) -> Observation:
-        """What so many samples of each seed show."""
+        """What samples of each seed show."""
         robot, driven, done = self.robot, self.driven, 0
         part = driven if robot.free and driven else None
         forces, along = (StackedRows(self.parameters, part) for _ in range(2))

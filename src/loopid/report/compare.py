@@ -46,7 +46,8 @@ def comparison_report(files: dict[str, FitFile]) -> Report:
     tables = [_table(rows, names, k) for k in range(0, len(names), BESIDE)]
     return Report(
         name="comparison",
-        title=f"{', '.join(names)} compared",
+        title="Fits beside each other",
+        under=", ".join(names),
         verdict=_verdict(rows, names, pairs),
         record=record,
         brief=[*([_pairs_table(pairs)] if len(pairs) > 1 else []), *tables],

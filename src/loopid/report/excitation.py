@@ -11,11 +11,11 @@ from rich.table import Table
 from loopid.arguments import FloatArray
 from loopid.excitation.design import ExcitationDesign
 from loopid.files import csv_text
-from loopid.motion.trajectories import FourierCurve, SplineCurve, Waypoint
+from loopid.motion.trajectories import FourierCurve, Waypoint
 from loopid.plots.excitation import errors_chart, motion_chart
 from loopid.plots.structure import force_unit, robot_chart
-from loopid.report.look import facts, json_fields, json_value, plain_table, table_of
-from loopid.report.page import Card, Figure, Report, Section
+from loopid.report.look import json_fields, json_value, plain_table, table_of
+from loopid.report.page import Card, Figure, Report, Section, panel_table
 from loopid.yaml_files import yaml_writer
 
 NAME = "excitation"  # of the motion in its file
@@ -48,15 +48,12 @@ def excitation_report(found: ExcitationDesign) -> Report:
         title=f"{model.robot.name}, {model.model} model, excitation",
         verdict=verdict,
         record=excitation_record(found),
-        brief=[_errors("", found)],
+        brief=[panel_table(errors_chart(found).panels[0])],
         card=_card(found, broken),
         pictures=lambda: (robot_chart(model.robot),),
         sections=lambda: [
-            Section("Motion", (motion_chart(found), _summary(found))),
-            Section(
-                "Expected accuracy",
-                (errors_chart(found), _errors("standard errors", found), _noise(found)),
-            ),
+            Section("Motion", (motion_chart(found),), lead=_search(found)),
+            Section("Expected accuracy", (errors_chart(found), _noise(found))),
             Section("What it keeps", (_checks(found),)),
         ],
         results=lambda: {"motion.csv": motion_table(found), "motion.yaml": motion_file(found)},
@@ -76,9 +73,9 @@ def _card(found: ExcitationDesign, broken: list[str]) -> Card:
             Figure(f"{found.min_singularity_measure:.3g}", "least singularity measure"),
             Figure(str(found.violations), "violations on the fine grid"),
         ),
-        next="run motion.csv on the robot, and identify from its log."
-        if found.converged
-        else "more evaluations may do better.",
+        next="give the motion more room: a limit is broken."
+        if broken
+        else "run motion.csv on the robot, and identify from its log.",
     )
 
 
@@ -100,37 +97,26 @@ def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
     }
 
 
-def _summary(found: ExcitationDesign) -> Table:
-    criteria, force_model = found.criteria, found.force_model
-    title = f"a motion of {found.motion.duration:g} s"
-    rows = {
-        "criterion that was optimised": found.options.criterion,
-        "condition number of the weighted observation": f"{criteria.condition_number:.4g}",
-        "log det of the information (D)": f"{criteria.log_det:.4g}",
-        "trace of its inverse (A)": f"{criteria.trace:.4g}",
-        "its least eigenvalue (E)": f"{criteria.least_eigenvalue:.4g}",
-        "violations on the fine grid": found.violations,
-        "pairs of links that are kept apart": ", ".join(map(" and ".join, found.pairs)) or "none",
-        "least singularity measure": f"{found.min_singularity_measure:.4g}",
-        "solver": f"{found.solver}, {found.evaluations} evaluations, {found.seconds:.1f} s",
-        "converged": "yes" if found.converged else "no: more evaluations may do better",
-    }
-    return facts(f"{title} for the {force_model.model} model", rows)
-
-
-def _errors(title: str, found: ExcitationDesign) -> Table:
-    before = "of the logs" if found.after_logs else "of the first motion"
-    columns = ("parameter", ">± std", f">{before}", "unit")
-    errors = zip(found.parameters, found.standard_errors, found.before.standard_errors, strict=True)
-    rows = ((p.name, f"{after:.3g}", f"{earlier:.3g}", p.unit) for p, after, earlier in errors)
-    return plain_table(title, columns, rows)
+def _search(found: ExcitationDesign) -> str:
+    """How the motion was found, and how much information it has."""
+    known = found.criteria
+    return (
+        f"Criterion {found.options.criterion}: log det {known.log_det:.4g} (D), trace of the "
+        f"inverse {known.trace:.4g} (A), least eigenvalue {known.least_eigenvalue:.4g} (E), by "
+        f"{found.solver} in {found.evaluations} evaluations, {found.seconds:.1f} s."
+    )
 
 
 def _noise(found: ExcitationDesign) -> Table:
     robot, sizes = found.force_model.robot, np.sqrt((found.forces**2).mean(axis=0))
     named = zip(robot.actuated, found.noise, sizes, strict=True)
     rows = (
-        (name, f"{noise:.3g}", force_unit(robot, name), f"{noise / size:.2%}" if size else "")
+        (
+            name,
+            f"{noise:.3g}",
+            force_unit(robot, name),
+            f"{100 * noise / size:.3g} %" if size else "",
+        )
         for name, noise, size in named
     )
     title = f"noise that they assume, independent at {found.options.rate:g} Hz"
@@ -188,8 +174,6 @@ def _step(names: tuple[str, ...], here: FloatArray, waypoint: Waypoint) -> dict[
             for k, name in enumerate(names)
         }
         return {"fourier": terms, "seconds": seconds}
-    if isinstance(curve, SplineCurve):
-        return {"spline": [_pose(names, here + x) for x in curve.shape], "seconds": seconds}
     if (waypoint.position == here).all():
         return {"hold": seconds}
     return {"to": _pose(names, waypoint.position), "seconds": seconds}

@@ -10,8 +10,9 @@ from rich.table import Table
 from loopid.errors import counted
 from loopid.identification.identification import Identification
 from loopid.identification.information import WeakDirection
+from loopid.identification.plausibility import require_sane
 from loopid.identification.prediction import Candidate, Prediction, prediction_reach
-from loopid.identification.saved import content
+from loopid.identification.saved import as_file
 from loopid.identification.unseen import WHERE
 from loopid.identification.verdict import GOOD, NOT_FIT, ROUGH, Verdict
 from loopid.logs.recording import Recording
@@ -63,14 +64,15 @@ def identification_report(
         left = len(rows) - SHOWN
         rows[SHOWN:] = [(f"... and {left} more in the report", "", "", "")] if left > 0 else []
     advice = command if judged.excite else ""
+    record = identification_record(found, judged)
     return Report(
         name="identification",
         title=f"{robot.name}, {found.force_model.model} model",
         verdict=str(judged),
-        record=identification_record(found, judged),
+        record=record,
         brief=[plain_table("", ("", ">", "", ""), rows)],
         sections=lambda: list(_sections(found, judged.motor)),
-        results=lambda: _fits(found, anyway),
+        results=lambda: _fits(found, record, anyway),
         advice=advice,
         card=_card(found, judged, advice),
         pictures=lambda: (robot_chart(robot, worst=judged.motor),),
@@ -166,17 +168,18 @@ def _sections(found: Identification, worst: str) -> Iterator[Section]:
             "What the log does not identify", (_untold_table(found),), short="Not identified"
         )
     used = {"fitted": found.training, "new data, not fitted": found.validation}
-    log = [used_chart(robot, used), gains_chart(found.suspicions)]
-    log += [] if found.delay is None else [delays_chart(found.delay)]
-    log = [each for each in log if each.panels]
-    yield Section("Checks of the log", (*log, *_log_tables(found)), folded=True, short="Log")
+    log = [used_chart(robot, used), gains_chart(robot, found.suspicions)]
+    log += [] if found.delay is None else [delays_chart(robot, found.delay)]
+    checks: list[Part] = [each for each in log if each.panels]
+    checks += [table] if (table := _dropped_table(found)).row_count else []
+    yield Section("Checks of the log", tuple(checks), folded=True, short="Log")
     model: list[Part] = [] if found.cutoff is None else [filter_chart(found.cutoff)]
     model.append(_candidates_table(found))
     yield Section("Checks of the model", tuple(model), folded=True, short="Model")
     values = _estimates_table(found)
     yield Section("All values", (values,), folded=values.row_count > OPEN)
-    if tables := _robot_tables(found):
-        yield Section("Values of bodies and joints", tuple(tables), folded=True, short="Robot")
+    if (table := _robot_table(found)).row_count:
+        yield Section("Values of bodies and joints", (table,), folded=True, short="Robot")
 
 
 def _forces(found: Identification, motors: tuple[str, ...], worst: str) -> Iterator[Part]:
@@ -220,16 +223,15 @@ def _untold_table(found: Identification) -> Table:
     return plain_table("", columns, rows)
 
 
-def _fits(found: Identification, anyway: bool) -> dict[str, bytes | str]:
+def _fits(found: Identification, record: dict[str, Any], anyway: bool) -> dict[str, bytes | str]:
     """The recommended fit, and that of all parameters where it is another.
 
     That one may break laws: its file says which, and controllers refuse it.
     """
-    whole = found["all parameters"]
-    name, other = "parameters.yaml", "all_parameters.yaml"
-    files: dict[str, bytes | str] = {name: content(found.fit, name, anyway=anyway)}
-    if found.recommended is not whole:
-        files[other] = content(whole.fit, other, anyway=True)
+    require_sane(found.fit, anyway)
+    files: dict[str, bytes | str] = {"parameters.yaml": as_file(record["fit"])}
+    if found.recommended is not found["all parameters"]:
+        files["all_parameters.yaml"] = as_file(record["all_parameters"])
     return files
 
 
@@ -336,20 +338,12 @@ def _estimates_table(found: Identification) -> Table:
         ">value ± std": lambda each: value_text(each, fit.assumed),
         ">robot file": lambda each: number(known[each.name]) if each.name in bodies else "-",
         ">95 % interval": lambda each: interval(*each.interval),
-        "from zero": lambda each: _clear(*each.interval),
-        ">std": lambda each: (
-            f"{each.relative_std:.2g} %" if each.relative_std < 1000 else "> 1000 %"
-        ),
     }
     title = f"recommended: {found.recommended.name}, as in parameters.yaml"
     return table_of(title, columns, alone(fit))
 
 
-def _clear(low: float, high: float) -> str:
-    return "clear" if low > 0 or high < 0 else "not clear"
-
-
-def _robot_tables(found: Identification) -> list[Table]:
+def _robot_table(found: Identification) -> Table:
     """Masses, moments, rotors and friction of the recommended robot, and their source."""
     file = found.force_model.standard_prior.tolist()
     known = zip(found.force_model.base.parameters, file, strict=True)
@@ -362,8 +356,8 @@ def _robot_tables(found: Identification) -> list[Table]:
         "unit": "unit",
         "by": lambda each: "log" if each.told else "file",
     }
-    robot = found.fit.standard.values()
-    return [table_of(f"robot: {found.recommended.name}", columns, robot)] if robot else []
+    title = f"robot: {found.recommended.name}"
+    return table_of(title, columns, found.fit.standard.values())
 
 
 def _candidates_table(found: Identification) -> Table:
@@ -382,29 +376,12 @@ def _grade(each: Candidate, found: Identification) -> str:
     return f"{said} (recommended)".strip() if each is found.recommended else said
 
 
-def _log_tables(found: Identification) -> list[Table]:
-    """Samples and their correlation, and what was left out."""
-    noise = found["all parameters"].fit.noise
+def _dropped_table(found: Identification) -> Table:
+    """What of the recordings was left out."""
     rows = (
-        []
-        if noise is None
-        else [
-            (motor, f"{count:,}", f"{effective:,.0f}", f"{lag:.3f}")
-            for motor, count, effective, lag in zip(
-                *(noise.actuators, noise.samples, noise.effective_samples, noise.lag_one),
-                strict=True,
-            )
-        ]
-    )
-    dropped = [
         (recording.name, d.reason, d.count, f"{d.first:.2f}", f"{d.last:.2f}")
         for recording in found.training
         for d in recording.dropped
-    ]
-    of_noise = "", ">samples", ">effective", ">lag-one correlation"
-    of_dropped = "recording", "reason", ">samples", ">from (s)", ">to (s)"
-    tables = (
-        plain_table("residuals of the fit", of_noise, rows),
-        plain_table("left out", of_dropped, dropped),
     )
-    return [table for table in tables if table.row_count]
+    columns = "recording", "reason", ">samples", ">from (s)", ">to (s)"
+    return plain_table("left out", columns, rows)

@@ -11,17 +11,18 @@ import math
 import platform
 from collections.abc import Callable, Sequence
 from dataclasses import field
+from functools import cached_property
 from importlib.metadata import version
 from importlib.resources import files
 from typing import Any, Literal
 
-from lxml.html import HtmlElement, fragment_fromstring, tostring
+from lxml.html import HtmlElement, tostring
 from rich.table import Table
 
 from loopid.findings import Finding, most_important_first
 from loopid.plots.chart import Chart, E, Panel, in_parts, unfolding
 from loopid.records import record
-from loopid.report.look import facts, json_text, json_value, plain_table, rounded
+from loopid.report.look import json_text, json_value, plain_table, rounded
 
 LIBRARIES = "loopid", "pin", "numpy", "scipy"
 VERSION = 1  # of the records' forms, which ``schema.py`` states: a new one where programs notice
@@ -34,30 +35,7 @@ SIGNS = {"mistake": "✗ ", "warning": "! ", "note": ""}
 DECADES = 3  # of a gauge, which ends at 100 %
 
 
-@record
-class Formula:
-    """A formula on a page.
-
-    Attributes
-    ----------
-    name : str
-        What it is.
-    text : str
-        For programs.
-    mathml : str
-        Presentation MathML, as browsers show it, without the element ``math``.
-    """
-
-    name: str
-    text: str
-    mathml: str
-
-    def html(self) -> HtmlElement:
-        """A paragraph of a page."""
-        return E.p(f"{self.name}: ", fragment_fromstring(f"<math>{self.mathml}</math>"))
-
-
-Part = str | Table | Chart | Formula
+Part = str | Table | Chart
 
 
 @record
@@ -68,7 +46,7 @@ class Section:
     ----------
     title : str
     parts : tuple
-        Paragraphs (str), tables (``rich.table.Table``), charts (``Chart``) and formulas.
+        Paragraphs (str), tables (``rich.table.Table``) and charts (``Chart``).
     folded : bool
         Whether only the titles of its tables are seen at first.
     lead : str
@@ -251,16 +229,17 @@ def _said(found: Finding) -> list[HtmlElement]:
 
 
 def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:]
+    """The text as a sentence; a name that it begins with stays as it is."""
+    return text[:1].upper() + text[1:] if text.split(" ")[0].strip(",:").isalpha() else text
 
 
 def _reproducing(command: str) -> Section:
     """The command line, if there was one, and versions of the libraries that decide the numbers."""
-    told = {"command": command} if command else {}
-    told |= {name: version(name) for name in LIBRARIES}
-    told["Python"] = platform.python_version()
-    told["machine"] = f"{platform.system()} {platform.machine()}"
-    return Section("To reproduce this run", (facts("", told),), short="Reproduce")
+    told = {name: version(name) for name in LIBRARIES} | {"Python": platform.python_version()}
+    used = ", ".join(f"{name} {which}" for name, which in told.items())
+    said = f"{used}; {platform.system()} {platform.machine()}"
+    parts = (*([command] if command else []), said)
+    return Section("To reproduce this run", parts, short="Reproduce")
 
 
 @record
@@ -395,7 +374,7 @@ class Report:
         if self.card is None:
             object.__setattr__(self, "card", Card(use=self.verdict))
 
-    @property
+    @cached_property
     def data(self) -> dict[str, Any]:
         """The record with its form and the verdict."""
         said = {
@@ -410,7 +389,7 @@ class Report:
         """All tables of the page, those with pictures among them."""
         parts = [part for each in self.sections() for part in each.parts]
         panels = (p for part in parts if isinstance(part, Chart) for p in part.panels if p.columns)
-        return [*map(_panel_table, panels), *(part for part in parts if isinstance(part, Table))]
+        return [*map(panel_table, panels), *(part for part in parts if isinstance(part, Table))]
 
     def page(self, command: str = "") -> Page:
         """The page, with the command line that reproduces it."""
@@ -432,7 +411,7 @@ class Report:
         return {"report.html": page.html(), **record, **self.results(), **drawn}
 
 
-def _panel_table(panel: Panel) -> Table:
+def panel_table(panel: Panel) -> Table:
     """The texts of a table with pictures."""
     title = panel.title or panel.motor
     columns = ("", *(f">{name}" for name in panel.columns))

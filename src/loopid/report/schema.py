@@ -76,9 +76,6 @@ _SUBGROUPS = {
         {"rows": [str], "tried": int, **of(TriedGroup, *GROUP)}
         | dict.fromkeys(("removed", "added"), Text)
     ],
-    "condition_numbers": [
-        {"from": float, "below": Real} | dict.fromkeys(("full_rank", "deficient"), int)
-    ],
 }
 _SEARCH = of(SearchResult, *SEARCH) | {"subgroups": (_SUBGROUPS, None)}
 _CHOICE = {
@@ -190,7 +187,7 @@ FORMS: dict[str, dict[Any, Any]] = {
         **{"centre_intervals_95_percent": ([[Real]], None), "standard_parameters": [float]},
         "motors": (
             of(MotorMasses, "actuators", "values", "untold")
-            | {"chance": float, "disagreement": Text, "intervals_95_percent": [[Real]]},
+            | {"chance": float, "intervals_95_percent": [[Real]]},
             None,
         ),
     },
@@ -212,7 +209,7 @@ FORMS: dict[str, dict[Any, Any]] = {
         **{"geometry": {str: float}, "base": _BASE, "rows": [int | None], "stand_in": bool},
         **{"subgroups": {str: _SEARCH}, "subgroup_rows": {str: int}},
         "symbolic": {
-            **{"poses": int, "columns": int, "formulas": {str: str}},
+            **{"poses": int, "columns": int},
             **dict.fromkeys(("difference", "symbolic_seconds", "pinocchio_seconds"), float),
             "transfers": [{"row": int, "label": str, "formula": str, "value": float}],
         },

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf
 from typing import Any
 
-import numpy as np
 from rich.table import Table
 
 from loopid.base_parameters.account import SubgroupAccount, TriedGroup
 from loopid.base_parameters.choice import SearchResult
-from loopid.report.look import json_fields, json_value, number, table_of
+from loopid.report.look import json_fields, number, table_of
 
 SEARCH = (
     *("name", "criterion", "condition_number", "certified", "gap", "candidates", "evaluated"),
@@ -36,7 +34,6 @@ def _account_record(account: SubgroupAccount, labels: Sequence[str]) -> dict[str
         **json_fields(account, *ACCOUNT),
         "found_in": None if account.found_in is None else account.found_in + 1,
         "groups": [_group_record(group, labels) for group in account.groups],
-        "condition_numbers": _decades(account),
     }
 
 
@@ -51,22 +48,6 @@ def _group_record(group: TriedGroup, labels: Sequence[str]) -> dict[str, Any]:
         "removed": name(group.removed),
         "added": name(group.added),
     }
-
-
-def _decades(account: SubgroupAccount) -> list[dict[str, Any]]:
-    """How many choices have a condition number in which decade; the last one has no end."""
-    conditions = np.concatenate([group.condition_numbers for group in account.groups])
-    full_rank = np.concatenate([group.full_rank for group in account.groups])
-    finite = conditions[np.isfinite(conditions)]
-    last = int(np.log10(finite.max(initial=1.0))) + 1
-    ends = [10.0**k for k in range(last + 1)]
-    edges = np.array([*ends, inf])
-    counts = [np.histogram(conditions[kind], edges)[0] for kind in (full_rank, ~full_rank)]
-    return [
-        {"from": low, "below": json_value(high), "full_rank": int(full), "deficient": int(rest)}
-        for low, high, full, rest in zip(ends, edges[1:].tolist(), *counts, strict=True)
-        if full or rest
-    ]
 
 
 def subgroup_facts(search: dict[str, Any]) -> dict[str, str]:

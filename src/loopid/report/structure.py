@@ -87,7 +87,7 @@ def check_report(robot: Robot) -> Report:
                 Figure(f"{found['closure_residual']:.0e}", "largest residual of a loop", "m"),
                 Figure(f"{found['singularity_measure']:.3g}", "singularity measure, 1 is best"),
             ),
-            next=wrong[0].do if wrong else "",
+            next=wrong[0].do if wrong else "find what forces determine.",
         ),
     )
 
@@ -121,7 +121,7 @@ def _wrong(robot: Robot, found: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield (
             f"it has {_freedoms(found)}",
             f"where {shortened(extra)} have none, leave them out of 'name_mot', and where a "
-            "closure has too many rows, choose another type: a pin is a hinge, a ball 3d",
+            "closure has too many rows, choose another type",
         )
     yield from ((text, "") for text in found["undeclared_loops"])
     if found["singular_reference"]:
@@ -372,7 +372,7 @@ def base_report(
                 Figure(_conditions(found).split(", ")[0], "cond(V22), 1 is best"),
                 Figure(f"{search['candidates']:.3g}", "choices that were searched"),
             ),
-            next="design a motion that excites them, with loopid excite.",
+            next="design a motion that excites them.",
         ),
     )
 
@@ -453,7 +453,7 @@ def _first_parameters(choice: dict[str, Any]) -> Table:
     if len(every) <= SCREEN:
         return _parameters("", choice)
     rows: list[tuple[object, str]] = list(enumerate(map(_few_terms, every[:SHOWN]), 1))
-    rows.append(("...", f"and {len(every) - SHOWN} more, and all terms: --verbose"))
+    rows.append(("...", f"{len(every) - SHOWN} more, and all terms, in the report"))
     return plain_table("", (">", "base parameter"), rows)
 
 

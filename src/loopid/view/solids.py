@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, TypeAlias
 
-import coal
 import numpy as np
 import pinocchio as pin
 import trimesh
@@ -35,26 +34,17 @@ def read_solids(robot: Robot) -> list[Solid]:
 
 
 def _of_urdf(robot: Robot, tree: Path) -> Iterator[Solid]:
-    kind, folders = pin.GeometryType.VISUAL, [str(folder) for folder in tree.absolute().parents]
-    try:
-        found = pin.buildGeomFromUrdf(robot.model, str(tree), kind, package_dirs=folders)
-    except (ValueError, RuntimeError):
-        return
-    for each in found.geometryObjects:
-        shape, size = each.geometry, np.ones(3)
-        if isinstance(shape, coal.Box):
-            mesh = creation.box(2 * shape.halfSide)
-        elif isinstance(shape, coal.Sphere):
-            mesh = creation.icosphere(1, shape.radius)
-        elif isinstance(shape, coal.Cylinder):
-            mesh = creation.cylinder(shape.radius, 2 * shape.halfLength, sections=SECTIONS)
-        elif isinstance(shape, coal.BVHModelBase):
-            corners = [tuple(shape.tri_indices(k)) for k in range(shape.num_tris)]
-            mesh = trimesh.Trimesh(shape.vertices(), corners, process=False)
-            size = each.meshScale
-        else:
-            continue
-        yield each.parentJoint, _color(each.meshColor), _placed(mesh, each.placement, size)
+    from yourdfpy import URDF
+
+    scene = URDF.load(str(tree)).scene
+    for node in scene.graph.nodes_geometry:
+        link = scene.graph.transforms.parents[node]
+        place, name = scene.graph.get(node, frame_from=link)
+        frame = robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)]
+        mesh, look = scene.geometry[name].copy(), scene.geometry[name].visual
+        color = (look.material if look.kind == "texture" else look).main_color
+        mesh.apply_transform(frame.placement.homogeneous @ place)
+        yield frame.parentJoint, _color(color / 255), mesh
 
 
 def _of_mjcf(robot: Robot, tree: Path) -> Iterator[Solid]:

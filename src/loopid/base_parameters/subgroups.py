@@ -1,6 +1,5 @@
-"""Searches that look at combinations one by one: at all [Gautier1991], or at those of subgroups.
+"""The subgroup search of the knee-rehabilitation paper [its section II.C].
 
-The subgroup search is that of the knee-rehabilitation paper [its section II.C].
 It looks at n* = (1 + α) r rows of V2 at a time, tries all C(n*, d) choices among them, then drops
 the row that occurs most often in the worse half of the invalid choices and takes in the next one.
 The pseudocode decides rank by the last bits of the smallest singular value and orders invalid
@@ -12,8 +11,7 @@ open are explained in docs/paper.md.
 
 from __future__ import annotations
 
-from dataclasses import field
-from itertools import chain, combinations, islice
+from itertools import combinations
 from math import ceil, comb
 from typing import Annotated, ClassVar
 
@@ -23,104 +21,22 @@ from pydantic import Field
 from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.base_parameters.account import SubgroupAccount, TriedGroup
 from loopid.base_parameters.choice import (
-    MOST_TOLERANCE,
     ChoiceProblem,
     SearchOptions,
     SearchResult,
     SearchStrategy,
     condition_numbers,
-    most_readable,
-    readabilities,
 )
 from loopid.base_parameters.rank import pivots
 from loopid.errors import OptionError
-from loopid.progress import Progress
 from loopid.records import record
 
-DETERMINANT_SLACK = 1e-6  # round-off of a determinant, relative, for matrices that may be the best
 # Singular values below this fraction of the largest are zero to the variant "gap": null vectors are
 # known to some 1e-12, and regular choices of robots stay above 1e-4.
 RANK_TOLERANCE = 1e-8
 VARIANTS = ("gap", "pseudocode")
 PAPER_LIMIT, PAPER_ALPHA = 2000.0, 0.25  # cond_limit and α of the paper
 DIGITS = 6  # that condition numbers are compared with
-
-
-@record(kw_only=True, checked=True)
-class ExhaustiveSearch(SearchStrategy):
-    """Gautier's search: evaluate every one of the C(n, d) combinations [Gautier1991].
-
-    Each is judged by a determinant, which costs a fifth of its singular values. With all singular
-    values between σ_max / κ and σ_max, |det| >= σ_max^k / κ^(k-1), and σ_max is at least the root
-    mean square of the singular values, ‖X_S‖_F / sqrt(k). A combination whose determinant is
-    smaller cannot have a condition number κ; only the others get their singular values computed.
-
-    Parameters
-    ----------
-    options : SearchOptions
-        Its number of combinations is the most that are tried.
-    chunk : int
-        Combinations whose matrices are in memory together.
-    progress : callable, optional
-        Called with the numbers of combinations done and in all.
-    """
-
-    name: ClassVar[str] = "exhaustive"
-
-    options: SearchOptions = SearchOptions()
-    chunk: int = 1 << 14
-    progress: Progress | None = field(default=None, compare=False, repr=False)
-
-    def _search(self, problem: ChoiceProblem) -> SearchResult:
-        total, vectors, tolerance = problem.candidates, problem.vectors, self.options.tolerance
-        if total > self.options.candidates:
-            raise OptionError(
-                f"exhaustive search would evaluate C({problem.size}, {problem.dependent_count}) = "
-                f"{total:,} combinations (bound {self.options.candidates:,}): use search='exact'",
-                candidates=total,
-                bound=self.options.candidates,
-            )
-        size, count = vectors.shape
-        best, least, ties = np.empty((0, count), dtype=np.int64), np.inf, 0
-        every = combinations(range(size), count)
-        for done in range(0, total, self.chunk):
-            numbers = chain.from_iterable(islice(every, self.chunk))
-            selections = np.fromiter(numbers, np.int64).reshape(-1, count)
-            kept, found = promising(vectors, selections, least * (1 + tolerance))
-            lowest = float(found.min(initial=np.inf))
-            if least > lowest * (1 + tolerance):
-                best, ties = best[:0], 0
-            least = min(least, lowest)
-            tied = kept[(found <= least * (1 + tolerance)) & (found < np.inf)]
-            best = np.concatenate([best, selections[tied]])[: self.options.ties]
-            ties += len(tied)
-            if self.progress is not None:
-                self.progress(min(done + self.chunk, total), total)
-        chosen = most_readable(readabilities(problem.structure.null_basis, problem.dependent(best)))
-        tolerance = self.options.covering(problem.uncertainty(least))
-        certain = tolerance <= MOST_TOLERANCE
-        return self._result(
-            problem,
-            chosen.dependent,
-            certified=certain,
-            gap=1.0 if certain else np.inf,
-            evaluated=total,
-            ties=ties,
-            tolerance=tolerance,
-            reason="" if certain else "round-off",
-        )
-
-
-def promising(
-    vectors: FloatArray, selections: IntArray, most: float
-) -> tuple[IntArray, FloatArray]:
-    """Which of some selections (c, k) may reach a condition number, and theirs."""
-    matrices, count = vectors[selections], selections.shape[1]
-    mean = np.sqrt((vectors**2).sum(axis=1)[selections].sum(axis=1) / count)
-    # One power of a quotient: a power of the condition number alone could overflow.
-    enough = mean * (mean / most) ** (count - 1) * (1 - DETERMINANT_SLACK)
-    kept = np.flatnonzero(np.abs(np.linalg.det(matrices)) >= enough)
-    return kept, condition_numbers(matrices[kept])
 
 
 @record(kw_only=True, checked=True)
@@ -237,10 +153,7 @@ class SubgroupSearch(SearchStrategy):
         return np.concatenate([first, np.setdiff1d(np.arange(problem.size), first)])
 
     def _judge(self, V22: FloatArray) -> tuple[FloatArray, BoolArray, IntArray]:
-        """Condition numbers of choices (c, d, d), which have full rank, and their order.
-
-        The worst come last; only the order of those that are invalid counts.
-        """
+        """Condition numbers of choices (c, d, d), who has full rank, and the order, worst last."""
         values = np.linalg.svd(V22, compute_uv=False)
         with np.errstate(divide="ignore", invalid="ignore"):
             conditions = np.where(values[:, -1] > 0, values[:, 0] / values[:, -1], np.inf)
