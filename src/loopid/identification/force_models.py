@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import FloatArray, IntArray, checked, finite, row_blocks, samples
+from loopid.arguments import CHUNK, FloatArray, IntArray, checked, finite, row_blocks, samples
 from loopid.base_parameters.base import BaseParameters, find_base
 from loopid.base_parameters.choice import KeptChoice, SearchStrategy
 from loopid.errors import DataError, ModelWarning, OptionError, warn
@@ -46,8 +46,6 @@ AUTOMATIC = "auto"
 # Friction, offsets and rotor inertia of the motors, and what the file gives. A gravity model is of
 # motion that is too slow for inertia.
 USUAL_TERMS = {"gravity": "Fc,Fv,Fo,file", "full": "Fc,Fv,Fo,Ia,file"}
-# Samples whose regressor of all standard parameters is in memory at a time.
-CHUNK = 2048
 # Rows "= 0" of free coordinates count as known to this part of their terms, not to round-off:
 # weighted by what is left of them, they would drown the rows of the motors.
 LEAST_ERROR = 1e-4

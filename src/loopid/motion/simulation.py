@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from loopid.arguments import (
+    CHUNK,
     FloatArray,
     NotNegative,
     checked,
@@ -29,8 +30,6 @@ from loopid.regressors.maxwell_slip import slips_at
 from loopid.regressors.motion_regressors import motion_regressor
 from loopid.robot.robot import Robot
 
-# Samples whose regressor of all standard parameters is in memory at a time.
-CHUNK = 2048
 # Part of the fastest rate of a motion, in rad/s or characteristic lengths a second, that is none.
 STANDS = 1e-9
 
