@@ -58,6 +58,7 @@ Share = Annotated[float, Field(ge=0, lt=1)]
 # What NumPy's kinds of other than real numbers are called.
 KINDS = {"U": "text", "S": "bytes", "c": "complex", "M": "dates", "m": "time differences"}
 BLOCK_ROWS = 4096  # of long arrays that are worked on at a time
+CHUNK = 2048  # samples whose regressor of all standard parameters is in memory at a time
 # Of any number that is taken: no product of a few such numbers overflows.
 LARGEST = 1e100
 

@@ -79,15 +79,6 @@ class LoopidError(Exception):
         message = unknown_word(what, given, known, where)
         return cls(message, given=given, valid=known, **facts)
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuilt, (type(self), self.args, self.facts)  # so that a worker can send it
-
-
-def _rebuilt(kind: type[LoopidError], args: tuple[Any, ...], facts: dict[str, Any]) -> LoopidError:
-    error = kind.__new__(kind, *args)
-    LoopidError.__init__(error, *args, **facts)
-    return error
-
 
 class OptionError(LoopidError, ValueError):
     """An argument is not one of those that are valid, or asks for what cannot be done."""

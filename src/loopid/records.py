@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Mapping, Set
 from dataclasses import dataclass, field, fields
 from functools import wraps
 from html import escape
-from operator import attrgetter
 from reprlib import Repr
 from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform, overload
 
@@ -74,7 +73,7 @@ def _record(cls: type, kw_only: bool, is_checked: bool) -> type:
         _protect(self.__dict__)
 
     made.__init__ = initialise
-    made._compared = staticmethod(_reader([each.name for each in fields(made) if each.compare]))
+    made._compared = [each.name for each in fields(made) if each.compare]
     own: dict[str, Any] = {"__repr__": _repr, "_repr_html_": _html, "__reduce__": _reduce}
     if made.__eq__ is object.__eq__:  # who compares by a rule of its own hashes by it, too
         own |= {"__eq__": _eq, "__hash__": _hash}
@@ -104,14 +103,6 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
     return copy
 
 
-def _reader(names: list[str]) -> Callable[[Any], tuple[Any, ...]]:
-    """A function that reads attributes, as a tuple."""
-    if not names:
-        return lambda instance: ()
-    read = attrgetter(*names)
-    return read if len(names) > 1 else lambda instance: (read(instance),)
-
-
 def _reduce(self: Any) -> tuple[Any, ...]:
     return _restored, (type(self), self.__dict__)
 
@@ -132,11 +123,12 @@ def _eq(self: Any, other: Any) -> Any:
         return True
     if type(other) is not type(self):
         return NotImplemented
-    return all(map(same, self._compared(self), self._compared(other)))
+    return all(same(getattr(self, name), getattr(other, name)) for name in self._compared)
 
 
 def _hash(self: Any) -> int:
-    return hash((type(self).__name__, *map(digest, self._compared(self))))
+    values = (getattr(self, name) for name in self._compared)
+    return hash((type(self).__name__, *map(digest, values)))
 
 
 def _repr(self: Any) -> str:

@@ -327,8 +327,8 @@ def test_values_of_the_robot_file_are_marked_everywhere(
     command = "identify", arm_files[0], elbow_log, "--unidentifiable", "prior"
     done = run(*command, "--out", tmp_path)
     assert done.code == 0, done.err
-    assert "unidentifiable combinations; " in " ".join(done.out.split())
-    advised = re.search(r"excite (?:them|it): loopid (.*?--after \S+)", " ".join(done.out.split()))
+    assert "unidentifiable combinations excite the least known: " in " ".join(done.out.split())
+    advised = re.search(r"least known: loopid (.*?--after \S+)", " ".join(done.out.split()))
     designed = run(*shlex.split(advised[1]), "--starts", "1", "--evaluations", "5")
     assert designed.code == 0, designed.err
     assert "design_motion" not in done.out

@@ -99,7 +99,7 @@ def test_what_makes_no_sense_is_refused(case):
 def test_motors_with_other_gains_disagree_and_the_interval_holds_it(case):
     gains = np.array([0.9, 1.1, 1.0, 1.05])
     light, heavy = noisy_runs(case, np.random.default_rng(2), 20.0, CENTRE, gains)
-    with pytest.warns(loopid.errors.ModelWarning, match="motors disagree on the mass: "):
+    with pytest.warns(loopid.errors.DataWarning, match="motors disagree on the mass: "):
         found = loopid.identify_payload(case[1], "platform", unloaded=light, loaded=heavy)
     motors = found.motors
     assert motors.untold == ()
@@ -119,8 +119,8 @@ def test_what_motors_differ_by_beyond_their_errors():
     values = [2.0, 2.2, 2.5, 2.9]
     assert masses(values, 1e-6).spread == pytest.approx(np.std(values, ddof=1), rel=1e-3)
     assert masses(values, 1.0).spread == 0.0
-    assert masses(values, 1.0).disagreement == ""
-    assert "2 kg by motor0, 2.9 kg by motor3" in masses(values, 0.05).disagreement
+    assert masses(values, 1.0).disagreement is None
+    assert "2 kg by motor0, 2.9 kg by motor3" in masses(values, 0.05).disagreement.why
     assert masses([2.0], 1e-6).chance == 1.0
     # What is left after the spread is as large as expected.
     one = masses(values, 0.2)

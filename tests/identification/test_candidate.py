@@ -1,15 +1,20 @@
 """Candidates are judged by data that none of them has seen, with errors that hold."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 
-from loopid.identification import FitSamples, judge
+import loopid
+from loopid import JointTerms
+from loopid.identification import FitSamples, fit_joint_terms, judge
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.prediction import Candidate, prediction_reach
 from loopid.identification.result import Quality, fit_quality
+from loopid.motion import scaled_bodies
 from loopid.parameters import ParameterSet
+from made_runs import record, wander
 
 NAMES = ParameterSet.from_labels(["body.m", "body.mx", "motor.Fc"])
 MOTORS = ("one", "two")
@@ -169,3 +174,30 @@ def test_an_rms_of_a_motor_that_never_takes_part_has_no_error():
     used[:, 1] = False
     errors = judged(made(5, used=used), off(0.3), TRUTH).rms_errors[1]
     assert np.isnan(errors).tolist() == [False, True]
+
+
+GIVEN = {"Fo": 0.03, "Ia": 0.02}
+
+
+def given_bodies(robot, part):
+    """Errors and half widths (k,) of offsets and rotors, with bodies that are off the file."""
+    model, found = loopid.force_model(robot, "full", "Fc,Fv,Fo,Ia"), []
+    terms = JointTerms.with_values(robot, "Fc=0.3,Fv=0.1,Fo=0.03,Ia=0.02")
+    for seed in range(4):
+        motion = wander(robot, seed, 12.0, 50.0, size=(0.5, 0.5))
+        bodies = scaled_bodies(robot, part, seed) if part else robot.standard_parameters()
+        data = model.samples(record(robot, motion, terms, bodies, 0.02, seed))
+        fit = fit_joint_terms(model, data, noise=quiet_fit(data).noise)
+        for joint, kind in product(robot.actuated, GIVEN):
+            low, high = fit.standard[f"{joint}.{kind}"].interval
+            found.append((abs((low + high) / 2 - GIVEN[kind]), (high - low) / 2))
+    return np.transpose(found)
+
+
+def test_offsets_and_rotors_hold_by_how_much_given_bodies_are_off(load_once):
+    robot = load_once("five_bar")
+    right, little, far = (given_bodies(robot, part) for part in (0.0, 0.02, 0.2))
+    for errors, reach in (right, little, far):
+        assert (errors <= reach).mean() >= 0.9
+    assert 4 < np.median(little[1] / right[1]) < np.median(far[1] / right[1]) / 4
+    assert np.median(right[1]) < 0.005

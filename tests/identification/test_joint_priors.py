@@ -113,4 +113,5 @@ def test_a_step_within_limits_is_the_best_one(seed):
     slope = lambda z: g + z - step.J.T @ (step.e - step.J @ z)  # noqa: E731
     other = minimize(value, np.zeros(8), jac=slope, constraints=[limits], tol=1e-12)
     assert (rows @ z >= least - 1e-9).all()
-    assert value(z) <= value(other.x) * (1 + 1e-6)  # it ends a little outside its limits
+    # SLSQP leaves the limits by some 1e-9, which lowers its value by 1e-8 of it.
+    assert value(z) <= value(other.x) * (1 + 1e-7)

@@ -1,12 +1,18 @@
 """No combination goes by one of its members; and the robot that stands beside the sums."""
 
+import re
 import warnings
+from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import loopid
+from loopid.identification.saved import FitFile
 from loopid.parameters import Parameter
+from loopid.report.compare import comparison_report
+from loopid.report.look import json_text
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +62,24 @@ def test_tables_prints_and_files_name_sums(found):
     saved = fit.record()["base_parameters"]
     assert [each["name"] for each in saved] == [*fit]
     assert tuple(each["expression"] for each in saved) == fit.parameters.expressions
+
+
+def test_nothing_that_is_printed_calls_a_sum_by_its_lead(found, tmp_path):
+    """A lead stands with the rest of its sum, in all that shows estimates."""
+    fit, whole = found.fit, found["all parameters"].fit
+    compared = comparison_report({"a": FitFile.of(fit), "b": FitFile.of(whole)})
+    said = {
+        "notebook": fit._repr_html_() + found._repr_html_(),
+        "verdict": "\n".join([str(found.verdict), *map(str, found.findings)]),
+        "reduction": repr(found.reduction) + repr(found.identifiability),
+        "comparison": json_text(compared.data) + compared.page().html(),
+    }
+    if find_spec("casadi"):
+        said |= {path.name: path.read_text() for path in map(Path, fit.to_c(tmp_path))}
+    leads = [re.escape(each.label) for each in fit.parameters if each.others]
+    alone = re.compile(rf"(?<![\w.])({'|'.join(leads)})(?![\w.]| [+-])")
+    assert leads
+    assert {name: hits for name, text in said.items() if (hits := alone.findall(text))} == {}
 
 
 def test_the_robot_beside_the_sums_has_their_uncertainty(found):

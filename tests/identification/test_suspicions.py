@@ -111,6 +111,8 @@ def test_a_mistake_is_called_by_its_cause(runs, name, spoil, words, advice):
     assert found.severity == "mistake"
     assert words.format(*motors) in found.title
     assert advice.format(*motors) in found.do
+    assert len(f"mistake: {found.title}") <= 80
+    assert len(f"mistake: {found.brief}") <= 2 * 80
 
 
 def moved(offset, column):

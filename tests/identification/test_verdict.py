@@ -7,6 +7,7 @@ import pytest
 
 import loopid
 from loopid import JointTerms, identify
+from loopid.findings import SEVERITIES
 from loopid.identification.unseen import UnseenErrors
 from loopid.logs import Log, Recording
 from loopid.motion import Noise, scaled_bodies
@@ -126,3 +127,14 @@ def test_errors_are_looked_at_where_they_are_worst(robot, models):
     held = replace(new, used=new.used & ~slow)
     alone = UnseenErrors.of(found.recommended, found.force_model, held, [run])
     assert (alone.standstill < 0.05).all()
+
+
+@pytest.mark.parametrize("wrong", ["nothing", "a spring", "gravity", "a sign", "a zero"])
+def test_findings_are_two_lines_at_most_the_most_important_first(robot, models, wrong):
+    found = quietly(identify, models.get(wrong, models["full"]), [recording(robot, wrong)])
+    assert found.findings
+    order = [SEVERITIES.index(each.severity) for each in found.findings]
+    assert order == sorted(order)
+    for each in found.findings:
+        assert len(f"{each.severity}: {each.title}") <= 80
+        assert len(f"{each.severity}: {each.brief}") <= 2 * 80

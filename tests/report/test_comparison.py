@@ -50,7 +50,7 @@ def test_a_parameter_of_one_fit_alone_is_said_so(fits):
     )
     report = comparison_report({"a": one, "b": less})
     assert report.record["parameters"][-1]["values"][1] is None
-    assert report.verdict.endswith(" 1 parameters are not in all of them.")
+    assert report.verdict.endswith(" Not in all of them: 1 parameter.")
 
 
 def test_many_fits_are_in_tables_of_three(fits):

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from loopid.diagnosis.gains import GainFit
     from loopid.identification.identification import Identification
     from loopid.identification.log_mistakes import Suspicions
+    from loopid.identification.result import Fit
     from loopid.logs.recording import Recording
     from loopid.report.page import Report
     from loopid.robot.robot import Robot
@@ -277,33 +278,51 @@ def export(
 
     The robot is loaded as it was for the fit, and refused where it is another one.
     """
-    from loopid.export.c_code import c_source
-    from loopid.identification.plausibility import require_fit_for_use
-    from loopid.identification.saved import content, load_fit, robot_files
+    from loopid.identification.saved import load_fit, robot_files
     from loopid.report.look import json_text
 
     if robot is yaml is c is None:
         raise OptionError(
             "nothing to export: give --urdf FILE, --mjcf FILE, --yaml FILE or --c DIR"
         )
-    saved, written = load_fit(fit, file), list[Path]()
-    model = saved.require_model()
-    # All that may be refused is found out before the first file is written.
-    require_fit_for_use(saved, anyway)
+    saved = load_fit(fit, file)
     if yaml is not None:
-        require_other_file(yaml, fit, *robot_files(model.robot))
-        content(saved, yaml, anyway=anyway)
-    code = None if c is None else c_source(model, name=name, values=saved.values)
-    if robot is not None:
-        written.append(saved.to_robot_file(robot, overwrite=overwrite, anyway=anyway))
-    if yaml is not None:
-        written.append(saved.save(yaml, anyway=anyway))
-    written += [] if code is None or c is None else code.save(c)
+        require_other_file(yaml, fit, *robot_files(saved.require_model().robot))
+    written = _exported(saved, robot, yaml, c, name=name, overwrite=overwrite, anyway=anyway)
     places = [str(place) for place in written]
     if as_json:
         typer.echo(json_text({"schema": "loopid export 1", "written": places}))
     else:  # on lines of their own, whatever the width of the terminal
         typer.echo("\n".join(places))
+
+
+def _exported(
+    fit: Fit,
+    robot: str | None,
+    yaml: str | None,
+    c: str | None,
+    *,
+    name: str | None,
+    overwrite: bool,
+    anyway: bool,
+) -> list[Path]:
+    """Write a fit; all that may be refused is found out before the first file is written."""
+    from loopid.export.c_code import c_source
+    from loopid.identification.plausibility import require_fit_for_use
+    from loopid.identification.saved import content
+
+    require_fit_for_use(fit, anyway)
+    if yaml is not None:
+        content(fit, yaml, anyway=anyway)
+    code = None if c is None else c_source(fit.require_model(), name=name, values=fit.values)
+    written = list[Path]()
+    if robot is not None:
+        written.append(fit.to_robot_file(robot, overwrite=overwrite, anyway=anyway))
+    if yaml is not None:
+        written.append(fit.save(yaml, anyway=anyway))
+    if code is not None and c is not None:
+        written += code.save(c)
+    return written
 
 
 @with_options(answer=answering)

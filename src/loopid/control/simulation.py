@@ -144,7 +144,10 @@ class ControlLoop:
         others = [
             each.label
             for each in robot.parameters
-            if _frictional(each) and not (each.link in names and _simulated(each.kind))
+            if _frictional(each)
+            and not (
+                each.link in names and (each.kind in FRICTION or each.kind.startswith(NUMBERED))
+            )
         ]
         if others:
             raise OptionError(
@@ -306,10 +309,6 @@ class DryFriction:
 def _frictional(each: Parameter) -> bool:
     """Whether a parameter is of a force in a joint that depends on its rate."""
     return each.kind not in KINDS and bool({"rate", "sign"} & {*joint_term(each.kind).needs})
-
-
-def _simulated(kind: str) -> bool:
-    return kind in FRICTION or kind.startswith(NUMBERED)
 
 
 def _slowed(A: FloatArray, b: FloatArray, least: FloatArray, x: FloatArray) -> FloatArray:

@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import solve_triangular
 from scipy.special import fdtrc, stdtrit
 
 from loopid.arguments import FloatArray, checked, frozen
 from loopid.base_parameters.base import BaseParameters, find_base
 from loopid.diagnosis.gains import MotorNumbers, motor_scales
 from loopid.diagnosis.loaded_runs import LoadedRuns
-from loopid.errors import ModelWarning, RankError, warn
+from loopid.errors import RankError
+from loopid.findings import Finding
 from loopid.identification.consistent import (
     CONSISTENT,
     error_weights,
@@ -25,14 +25,14 @@ from loopid.identification.estimator import (
     Estimator,
     WorkingFit,
     chosen_estimator,
-    require_excitation,
     result_of,
+    solved,
 )
 from loopid.identification.fitting import working_fit
 from loopid.identification.force_models import ForceModel
 from loopid.identification.jackknife import with_scatter
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import Fit
+from loopid.identification.result import Fit, with_errors
 from loopid.inertia import from_moments
 from loopid.logs.recording import Recording
 from loopid.observation import Observation
@@ -90,16 +90,18 @@ class MotorMasses(MotorNumbers):
         return float((self.values - mean) @ inverse @ (self.values - mean))
 
     @property
-    def disagreement(self) -> str:
-        """What it says that motors disagree: a sentence, empty where they do not."""
+    def disagreement(self) -> Finding | None:
+        """That motors disagree, where they do."""
         if self.chance >= FALSE_ALARM:
-            return ""
+            return None
         low, high = int(self.values.argmin()), int(self.values.argmax())
-        return (
-            f"motors disagree on the mass: {self.values[low]:.3g} kg by {self.actuators[low]}, "
-            f"{self.values[high]:.3g} kg by {self.actuators[high]}, gains of drives are off, or "
-            "the model lacks a force; drive_gains finds the gains by a load of known mass, as by "
-            f"known_mass={np.median(self.values):.3g}"
+        return Finding(
+            "warning",
+            "motors disagree on the mass",
+            f"{self.values[low]:.3g} kg by {self.actuators[low]}, {self.values[high]:.3g} kg by "
+            f"{self.actuators[high]}: gains of drives are off, or the model lacks a force",
+            "weigh it: drive_gains finds the gains, as by "
+            f"known_mass={np.median(self.values):.3g} if it has that mass",
         )
 
 
@@ -238,7 +240,7 @@ def identify_payload(
 
     Warns
     -----
-    ModelWarning
+    DataWarning
         When motors clearly disagree on the mass.
 
     Examples
@@ -282,8 +284,8 @@ def identify_payload(
     if motors is not None and motors.spread:
         result = _with_spread(runs, working, result, motors)
     found = PayloadFit(link, base, result, standard, motors)
-    if motors is not None and motors.disagreement:
-        warn(motors.disagreement, ModelWarning)
+    if motors is not None and motors.disagreement is not None:
+        motors.disagreement.warn()
     return found
 
 
@@ -318,15 +320,11 @@ def _with_the_file(runs: LoadedRuns, base: BaseParameters) -> tuple[LoadedRuns, 
     rows = np.insert(robot.prior, np.full(k, n), 0.0, axis=1)
     weights, samples = robot.result.weights, _samples(runs, base)
     for _ in range(2):  # by the errors and loads of the robot alone, then by those of all
-        problem = samples.problem
-        factor = problem.weighted(weights, rows)
-        R = factor[:-1, :-1]
-        require_excitation(problem, R)
-        values = solve_triangular(R, factor[:-1, -1])
-        plain = result_of(CONSISTENT, problem, values, R, weights, 1.0)
+        values, R = solved(samples.problem, weights, rows)
+        plain = result_of(CONSISTENT, samples.problem, values, R, weights, 1.0)
         working = within_runs(WorkingFit(plain, samples, rows))
         assert working.result.noise is not None
-        weights = error_weights(problem, working.result.noise)
+        weights = error_weights(samples.problem, working.result.noise)
         load = np.zeros(len(runs.kinds))
         load[base.base] = values[n:]
         carrying = runs.carrying(load)
@@ -375,19 +373,11 @@ def _by_motor(
 
 
 def _with_spread(runs: LoadedRuns, working: WorkingFit, result: Fit, motors: MotorMasses) -> Fit:
-    """The fit with intervals that hold what motors disagree by [Welch1947]."""
+    """The fit with intervals that hold what motors disagree by."""
     samples, bodies = working.samples, np.array(working.result.values)
     bodies[runs.force_model.joint_columns] = 0.0
     of_motors = np.isin(samples.actuators, motors.actuators)
     forces = samples.predicted(bodies)[:, :, None] * np.eye(len(of_motors))[:, of_motors]
     part = motors.spread / float(np.average(motors.values))
     known = max(len(motors.values) - 1, LEAST_KNOWN)
-    moved = part * working.response(forces)[-len(result.values) :]
-    added, own = (moved**2).sum(axis=1), np.diag(result.covariance)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        freedom = (own + added) ** 2 / (own**2 / result.degrees_of_freedom + added**2 / known)
-    return replace(
-        result,
-        covariance=result.covariance + moved @ moved.T,
-        degrees_of_freedom=np.where(added > 0, freedom, result.degrees_of_freedom),
-    )
+    return with_errors(result, part * working.response(forces)[-len(result.values) :], known)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked, row_blocks
+from loopid.arguments import CHUNK, FloatArray, checked, row_blocks
 from loopid.errors import AccuracyWarning, DataError, DataWarning, OptionError, warn
 from loopid.excitation.criteria import Criteria, Known, OfCombinations, Unknown
 from loopid.excitation.limits import Bounds, MotionLimits
@@ -47,8 +47,6 @@ POSES = 128
 NO_FORCE = 1e-6
 # Bounds that a warning names.
 NAMED_BOUNDS = 3
-# Samples whose regressor of all standard parameters is in memory at a time.
-CHUNK = 2048
 # Relative singular values of an observation that count as zero, and the part of a parameter that
 # may lie there.
 UNEXCITED, PART_UNEXCITED = 1e-8, 1e-4

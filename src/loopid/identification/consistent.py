@@ -37,6 +37,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import cho_solve
 from scipy.linalg.lapack import dtrtri
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, checked, finite, rectangular
@@ -59,6 +60,7 @@ from loopid.identification.result import (
     StandardUncertainty,
     TermDeviations,
     fit_quality,
+    with_errors,
 )
 from loopid.inertia import body_defect, nearest_solid, parameters_of, pseudo_inertia, upper_factor
 from loopid.parameters import KINDS
@@ -68,6 +70,8 @@ CONSISTENT = "consistent"
 # ν, degrees of freedom of the deviations of single bodies about the common one: few let a body be
 # far off while the others are right.
 NU = 4.0
+# Part by which bodies of a file that explains the forces count as off, which is as good as none.
+RIGHT = 1e-4
 # Deviation of a joint term of which nothing is known, in values that would make all of the force:
 # so large that only terms without an effect in the data depend on it.
 FLAT = 10.0
@@ -194,10 +198,26 @@ def consistent_parameters(
 
 
 @checked
-def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> Fit:
-    """As ``consistent_fit``, with the bodies of the robot file: those alone are ``assumed``."""
-    weights, program = _posed(force_model, data, noise, None, None)
-    base, (program, standard) = force_model.base, _terms_alone(force_model, program)
+def fit_terms(
+    force_model: ForceModel, data: FitSamples, noise: NoiseModel, least: NoiseModel
+) -> Fit:
+    """As ``consistent_fit``, with the bodies of the robot file.
+
+    Parameters
+    ----------
+    noise : NoiseModel
+        Errors of each actuator, those of the file's bodies included.
+    least : NoiseModel
+        Errors beside any bodies: what is more tells how far those of the file are off.
+
+    Returns
+    -------
+    Fit
+        Parameters of bodies alone are ``assumed``; those that joint terms fold into are not, and
+        hold by how much the bodies seem to be off.
+    """
+    weights, whole = _posed(force_model, data, noise, None, None)
+    base, (program, standard) = force_model.base, _terms_alone(force_model, whole)
     first = len(standard) - len(program.terms.start)
     J = base.matrix[:, first:]
     left = data.less(data.predicted(base.values(standard))).along(J)
@@ -205,31 +225,66 @@ def fit_terms(force_model: ForceModel, data: FitSamples, noise: NoiseModel) -> F
         state, _ = _most_likely(program)
         standard[first:] = state.joints
         spread = program.terms.spread(state.groups)
-        found = _posterior(left, weights, state.joints, spread.T).result
-        freedom = _freedom(program, state, spread)
+        working = _posterior(left, weights, state.joints, spread.T)
+        _, best = _posed(force_model, data, least, None, None)
+        off, known = _off_the_file(whole, best, standard, working.factor[:-1, :-1])
+        alone = np.minimum(working.result.degrees_of_freedom, _freedom(program, state, spread))
+        terms = with_errors(replace(working.result, degrees_of_freedom=alone), off[first:], known)
         own = np.flatnonzero(program.terms.group >= 0)
-        groups = _groups(program, state, found.covariance[np.ix_(own, own)])
-    freedom = np.minimum(found.degrees_of_freedom, freedom)
+        groups = _groups(program, state, working.result.covariance[np.ix_(own, own)])
     names, inside = force_model.parameters.names, J != 0
-    values, (variances, file) = base.values(standard), np.zeros((2, len(standard)))
+    folded = inside.any(axis=1)
+    found = replace(
+        terms,
+        parameters=force_model.parameters,
+        values=base.values(standard),
+        covariance=J @ working.result.covariance @ J.T,
+        degrees_of_freedom=np.where(inside, alone, np.inf).min(axis=1, initial=data.problem.rows),
+    )
+    variances, file = np.zeros((2, len(standard)))
     variances[first:], file[first:] = (
-        np.diag(found.covariance),
+        np.diag(terms.covariance),
         np.where(inside.any(axis=0), np.inf, 0.0),
     )
-    none, known = np.zeros((len(standard), len(values))), np.full(len(standard), np.inf)
-    known[first:] = freedom
+    none, freedom = np.zeros((len(standard), len(names))), np.full(len(standard), np.inf)
+    freedom[first:] = terms.degrees_of_freedom
     return replace(
-        found,
-        parameters=force_model.parameters,
-        values=values,
-        covariance=J @ found.covariance @ J.T,
-        degrees_of_freedom=np.where(inside, freedom, np.inf).min(axis=1, initial=data.problem.rows),
-        quality=fit_quality(data.problem, values),
-        assumed=tuple(names[j] for j in np.flatnonzero(~inside.any(axis=1))),
+        with_errors(found, folded[:, None] * (base.matrix @ off), known),
+        quality=fit_quality(data.problem, found.values),
+        assumed=tuple(names[j] for j in np.flatnonzero(~folded)),
         standard_parameters=standard,
-        uncertainty=StandardUncertainty(base.parameters, none, variances, file, known),
+        uncertainty=StandardUncertainty(base.parameters, none, variances, file, freedom),
         term_deviations=groups,
     )
+
+
+def _off_the_file(
+    program: _Program, best: _Program, standard: FloatArray, factor: FloatArray
+) -> tuple[FloatArray, float]:
+    """How far bodies seem to be off the file, and joint terms with them: columns (p, 10 b).
+
+    Of the standard parameters (p,) with the bodies of the file, and the triangular factor of their
+    joint terms. What is left of the forces, in the errors of the best fit, is e of the variance
+    1 + s² A Aᵀ with A what such changes leave of them; s is the most likely one. With how many
+    degrees of freedom it is known.
+    """
+    from scipy.optimize import minimize_scalar  # slow to import
+
+    first = len(standard) - len(factor)
+    E, J = program.effects, program.effects[:, first:]
+    T = program.changes(program.first(1.0))[:, : WIDTH * len(program.file)]
+    T[first:] = -cho_solve((factor, False), J.T @ (E @ T))
+    U, sizes, _ = np.linalg.svd(best.effects @ T, full_matrices=False)
+    squares = (U.T @ (best.target - best.effects @ standard)) ** 2
+
+    def unlikely(logarithm: float) -> float:
+        variances = 1 + np.exp(2 * logarithm) * sizes**2
+        return float((np.log(variances) + squares / variances).sum())
+
+    bounds = np.log(RIGHT), np.log(FARTHEST)
+    s = float(np.exp(minimize_scalar(unlikely, bounds=bounds, method="bounded").x))
+    told = (s * sizes) ** 2 / (1 + (s * sizes) ** 2)
+    return s * T, NU + float(told.sum())
 
 
 def _terms_alone(force_model: ForceModel, program: _Program) -> tuple[_Program, FloatArray]:

@@ -132,9 +132,14 @@ INVOLVED = 0.1
 CONVERGED, WEIGHT_ROUND_OFF, ITERATIONS = 1e-10, 1e-13, 500
 
 
-def solved(problem: FitProblem, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Least squares (n,) of the weighted rows, and their triangular factor (n, n)."""
-    factor = problem.weighted(weights)
+def solved(
+    problem: FitProblem, weights: FloatArray, prior: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Least squares (n,) of the weighted rows, and their triangular factor (n, n).
+
+    With the rows (k, n + 1) of a prior, their errors of unit variance.
+    """
+    factor = problem.weighted(weights, prior)
     R = factor[:-1, :-1]
     require_excitation(problem, R)
     return np.asarray(solve_triangular(R, factor[:-1, -1]), dtype=np.float64), R
@@ -158,6 +163,18 @@ ROUNDS = 3  # of weights: sizes of errors need only be about right
 UNKNOWN = 1e-6  # relative singular values, below which directions stay as in the robot file
 
 
+def excited_solution(rows: FloatArray, least: float) -> tuple[FloatArray, int]:
+    """Least squares (n,) of rows [X | y], none along directions of no effect, and their rank.
+
+    That is singular values, of columns of unit length, below this part of the largest.
+    """
+    X, y = rows[:, :-1], rows[:, -1]
+    lengths = np.linalg.norm(X, axis=0)
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    x, _, rank, _ = np.linalg.lstsq(X / lengths, y, rcond=least)
+    return np.asarray(x / lengths, dtype=np.float64), int(rank)
+
+
 def nearest_to_file(
     problem: FitProblem,
     file: FloatArray,
@@ -172,10 +189,8 @@ def nearest_to_file(
     weights, values = problem.force_weights, file
     for _ in range(ROUNDS):
         rows = problem.weighted(weights, prior)
-        X, y = rows[:, :-1], rows[:, -1] - rows[:, :-1] @ file
-        lengths = np.linalg.norm(X, axis=0)
-        lengths = np.where(lengths > 0, lengths, 1.0)
-        values = file + np.linalg.lstsq(X / lengths, y, rcond=UNKNOWN)[0] / lengths
+        rows[:, -1] -= rows[:, :-1] @ file
+        values = file + excited_solution(rows, UNKNOWN)[0]
         weights = inverse_deviations(problem, problem.residual_squares(values), freedom)
     return values, weights
 

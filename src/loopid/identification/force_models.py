@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import FloatArray, IntArray, checked, finite, row_blocks, samples
+from loopid.arguments import CHUNK, FloatArray, IntArray, checked, finite, row_blocks, samples
 from loopid.base_parameters.base import BaseParameters, find_base
 from loopid.base_parameters.choice import KeptChoice, SearchStrategy
 from loopid.errors import DataError, ModelWarning, OptionError, warn
@@ -46,8 +46,6 @@ AUTOMATIC = "auto"
 # Friction, offsets and rotor inertia of the motors, and what the file gives. A gravity model is of
 # motion that is too slow for inertia.
 USUAL_TERMS = {"gravity": "Fc,Fv,Fo,file", "full": "Fc,Fv,Fo,Ia,file"}
-# Samples whose regressor of all standard parameters is in memory at a time.
-CHUNK = 2048
 # Rows "= 0" of free coordinates count as known to this part of their terms, not to round-off:
 # weighted by what is left of them, they would drown the rows of the motors.
 LEAST_ERROR = 1e-4
@@ -55,6 +53,7 @@ LEAST_ERROR = 1e-4
 SILENT = 1e-10
 # Random states of the robot: at least so many, and so many rows for each column.
 LEAST_STATES, ROWS_PER_COLUMN = 60, 3
+FEW = 5  # states that decide whether closures are redundant
 
 
 @record
@@ -448,13 +447,16 @@ class ForceModel:
 
         def of_joint(what: str) -> Any:
             def field_of(motion: ClosedMotion) -> FloatArray:
+                if what == "load":
+                    return terms.loads(self.robot, motion)[0][joint]
                 return np.asarray(getattr(joint_state(self.robot, motion, joint), what))
 
             return history.of_motion(self.robot, field_of)
 
         rate = history.of_joint(self.robot, joint)
-        more = {n: of_joint(n) for n in ("position", "acceleration") if n in needed}
-        found = terms.state(JointState(None, rate, None)._replace(**more))
+        more = {n: of_joint(n) for n in ("position", "acceleration", "load") if n in needed}
+        load = more.pop("load", None)
+        found = terms.state(JointState(None, rate, None)._replace(**more), load)
         own = terms.displacements.get(joint)
         return found._replace(slips=slips_along(history.ways(rate), own)) if own else found
 
@@ -517,7 +519,8 @@ def force_model(
     Warns
     -----
     ModelWarning
-        Of forces of the robot file that are left out, and of joint terms that no motor senses.
+        Of forces of the robot file that are left out, of joint terms that no motor senses, and
+        of loads that redundant closures leave open.
 
     Examples
     --------
@@ -544,6 +547,15 @@ def force_model(
             "without them",
             ModelWarning,
         )
+    if plain is not None and plain.loaded:
+        states = random_configurations(robot, FEW), *random_motions(robot, FEW)
+        _, left_open = plain.loads(robot, closed_motion(robot, *states))
+        if left_open:
+            warn(
+                f"redundant closures of {robot.name} leave open what {', '.join(left_open)} "
+                "carry: their load-dependent friction is that of the least forces in closures",
+                ModelWarning,
+            )
     found = ForceModel(robot, model, plain, base, automatic)
     return found.with_columns(others) if others else found
 

@@ -30,7 +30,7 @@ from loopid.identification.consistent import (
     warn_of_bodies,
 )
 from loopid.identification.correlation import residual_noise
-from loopid.identification.estimator import LEAST_EXCITATION, WorkingFit
+from loopid.identification.estimator import LEAST_EXCITATION, WorkingFit, excited_solution
 from loopid.identification.force_models import ForceModel
 from loopid.identification.hysteresis import possible_hysteresis, with_reach
 from loopid.identification.problem import FitSamples
@@ -183,7 +183,10 @@ def with_friction(
         data = wide.widened(plain, recordings)
         if left == ROUNDS:
             # What plain terms leave of friction is no error.
-            every, rank = _all_told(data, whole.weights)
+            with one_blas_thread():
+                every, rank = excited_solution(
+                    data.problem.weighted(whole.weights), LEAST_EXCITATION
+                )
             noise = residual_noise(data, every, rank)
         if left and kinds:
             left -= 1
@@ -211,16 +214,6 @@ def _of_motors(motors: Iterable[str], noise: NoiseModel, others: NoiseModel) -> 
         deviation=np.where(own, noise.deviation, others.deviation),
         effective_samples=np.where(own, noise.effective_samples, others.effective_samples),
     )
-
-
-def _all_told(data: FitSamples, weights: FloatArray) -> tuple[FloatArray, int]:
-    """Least squares (n,) of all columns that the data excite, and how many these are."""
-    with one_blas_thread():
-        R = data.problem.weighted(weights)
-        lengths = np.linalg.norm(R[:-1, :-1], axis=0)
-        lengths = np.where(lengths > 0, lengths, 1.0)
-        x, _, rank, _ = np.linalg.lstsq(R[:-1, :-1] / lengths, R[:-1, -1], rcond=LEAST_EXCITATION)
-    return np.asarray(x / lengths, dtype=np.float64), int(rank)
 
 
 def _asked(

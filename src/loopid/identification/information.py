@@ -349,8 +349,7 @@ class Identifiability:
 
     @property
     def _advice(self) -> str:
-        what = "them" if len(self.leads) > 1 else "it"
-        return f"excite {what}: design_motion with parameters={list(self.leads)}"
+        return f"excite the least known: design_motion with parameters={list(self.leads[:NAMED])}"
 
     @property
     def findings(self) -> tuple[Finding, ...]:

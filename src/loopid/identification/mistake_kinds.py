@@ -133,16 +133,16 @@ def _force(one: _Mistaken) -> Called:
     do, what = one.scale("force_scale", one.scales), f"the force of {one.listed}"
     if one.cause is None:
         title = f"{what} is scaled by {one.factor:g}"
-        return Called(title, one.sized, f"look for a unit, ratio, current or sign; or {do}")
+        return Called(title, one.sized, f"look why, or {do}")
     return Called(f"{what} {_caused(one.cause, 'has', 'is')}", one.sized, do)
 
 
 def _position(one: _Mistaken) -> Called:
-    do = f"{one.scale('position_scale', {})}, times a scale and an offset that it has"
+    do = f"{one.scale('position_scale', {})}, times what it has"
     what = f"the positions of {one.listed}"
     if one.cause is None or not one.cause[1]:
         title = f"{what} are scaled by {one.factor:g}"
-        return Called(title, one.sized, f"look for a unit, ratio or sign; or {do}")
+        return Called(title, one.sized, f"look why, or {do}")
     return Called(f"{what} {_caused(one.cause, 'have', 'are')}", one.sized, do)
 
 
@@ -175,12 +175,9 @@ def _time(one: _Mistaken) -> Called:
 
 def _exchanged(*what: str) -> Callable[[_Mistaken], Called]:
     def called(one: _Mistaken) -> Called:
-        a, b = one.names
-        keys = " and ".join(
-            f"{key[:-1]}: {{{a}: column of {b}, {b}: column of {a}}}" for key in what
-        )
+        keys = " and ".join(key[:-1] for key in what)
         title = f"the {' and '.join(what)} of {one.listed} are exchanged"
-        return Called(title, "", f"exchange their columns in the mapping, {keys}")
+        return Called(title, "", f"exchange their columns under {keys} in the mapping")
 
     return called
 

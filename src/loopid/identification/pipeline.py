@@ -200,7 +200,8 @@ def identify(
                 data = force_model.widened(data, training)
             solid = fit_solid_bodies(force_model, data, whole.noise, known=known, options=options)
         missing = missing_forces(solid, force_model, training)
-    start = fit_joint_terms(force_model, data)
+    least = whole.noise if solid is None else solid.result.noise
+    start = fit_joint_terms(force_model, data, noise=least)
     fits = {ROBOT_FILE: start, ALL: widened(whole, force_model.parameters)}
     if solid is not None:
         fits[CONSISTENT] = with_missing(with_assumed(solid.result, excited), missing)
@@ -474,11 +475,15 @@ def widened(found: Fit, parameters: ParameterSet) -> Fit:
 
 
 @checked
-def fit_joint_terms(force_model: ForceModel, data: FitSamples) -> Fit:
+def fit_joint_terms(
+    force_model: ForceModel, data: FitSamples, noise: NoiseModel | None = None
+) -> Fit:
     """Fit the joint terms alone, with the bodies of the robot file: what others have to beat.
 
     By weighted least squares, whatever estimator others have. Friction and drive inertia are not
-    negative. Bodies are ``assumed``: their covariance is zero, their intervals are infinite.
+    negative. Bodies are ``assumed``: their covariance is zero, their intervals are infinite. Those
+    of joint terms hold by how much the bodies seem to be off, by errors beyond the ``noise`` of a
+    better fit.
     """
     values = np.array(force_model.prior)
     joints = np.intersect1d(force_model.joint_columns, force_model.plain_columns)
@@ -504,7 +509,8 @@ def fit_joint_terms(force_model: ForceModel, data: FitSamples) -> Fit:
     else:
         terms = fit_excited(left, values[joints], excitation)
     assert terms.noise is not None
-    return replace(fit_terms(force_model, data, terms.noise), estimator=terms.estimator)
+    found = fit_terms(force_model, data, terms.noise, noise or terms.noise)
+    return replace(found, estimator=terms.estimator)
 
 
 @checked

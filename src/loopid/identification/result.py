@@ -707,6 +707,21 @@ def of_all(found: Fit, parameters: ParameterSet, columns: IntArray, others: Floa
     )
 
 
+def with_errors(fit: Fit, moved: FloatArray, known: float) -> Fit:
+    """A fit with further errors: values move by columns (n, k) times numbers of unit variance.
+
+    Their size is known to so many degrees of freedom, which add up as in [Welch1947].
+    """
+    added, own = (moved**2).sum(axis=1), np.diag(fit.covariance)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        together = (own + added) ** 2 / (own**2 / fit.degrees_of_freedom + added**2 / known)
+    return replace(
+        fit,
+        covariance=fit.covariance + moved @ moved.T,
+        degrees_of_freedom=np.where(added > 0, together, fit.degrees_of_freedom),
+    )
+
+
 def relative_deviation(errors: FloatArray, values: FloatArray) -> FloatArray:
     """Standard errors (n,) in % of values (n,); infinite for a value of zero."""
     relative = np.full(len(values), np.inf)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from loopid.arguments import (
+    CHUNK,
     FloatArray,
     NotNegative,
     checked,
@@ -29,8 +30,6 @@ from loopid.regressors.maxwell_slip import slips_at
 from loopid.regressors.motion_regressors import motion_regressor
 from loopid.robot.robot import Robot
 
-# Samples whose regressor of all standard parameters is in memory at a time.
-CHUNK = 2048
 # Part of the fastest rate of a motion, in rad/s or characteristic lengths a second, that is none.
 STANDS = 1e-9
 
@@ -204,9 +203,15 @@ def _motor_forces(
     for rows in row_blocks(len(motion.time), CHUNK):
         state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
         whole = _at_rest(robot, closed_motion(robot, *state), fastest)
-        K = motion_regressor(robot, whole, joint_terms=terms, slips=slips_at(slips, rows))
+        bodies = values[: len(robot.parameters())]
+        K = motion_regressor(
+            robot,
+            whole,
+            joint_terms=terms,
+            standard_parameters=bodies,
+            slips=slips_at(slips, rows),
+        )
         if terms is not None:
-            bodies = values[: len(robot.parameters())]
             every = robot.parameters() + terms.parameters(robot)
             places = load_places(every, robot.independent)
             loads = K[:, :, : len(bodies)] @ bodies

@@ -14,12 +14,10 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from loopid.arguments import FloatArray, Positive, checked, finite, shaped
+from loopid.arguments import MOST_SAMPLES, FloatArray, Positive, checked, finite, shaped
 from loopid.errors import DataError
 from loopid.records import Tabular, columns_of, record
 
-# Of a sampled motion: a slip of the pen should not fill the memory.
-MOST_SAMPLES = 10_000_000
 # Rate and acceleration at the ends, as parts of the largest terms, that count as rest.
 REST = 1e-9
 

@@ -10,7 +10,7 @@ from typing import Any
 from rich.table import Table
 
 from loopid.diagnosis.agreement import Agreement, compare_fits
-from loopid.errors import DataError, OptionError
+from loopid.errors import DataError, OptionError, counted
 from loopid.identification.result import Fit
 from loopid.identification.saved import FitFile
 from loopid.numbers import with_error
@@ -94,7 +94,7 @@ def _verdict(
     """Of the pair that agrees least, and what the fits do not share."""
     common = sum(None not in row["values"] for row in rows)
     lone = len(rows) - common
-    others = f" {lone} parameters are not in all of them." if lone else ""
+    others = f" Not in all of them: {counted(lone, 'parameter')}." if lone else ""
     if not pairs:
         return f"{len(names)} fits have {common} parameters in common.{others}"
     worst = max(pairs, key=lambda pair: pairs[pair].apart.max(initial=0.0))

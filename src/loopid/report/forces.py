@@ -13,7 +13,6 @@ from loopid.arguments import FloatArray
 from loopid.diagnosis.gains import GainFit
 from loopid.diagnosis.payload import PayloadFit
 from loopid.errors import RankError
-from loopid.findings import Finding
 from loopid.identification.prediction import Prediction
 from loopid.identification.verdict import GOOD, ROUGH
 from loopid.numbers import interval, number, with_error
@@ -159,23 +158,16 @@ def payload_report(found: PayloadFit) -> Report:
         record=told,
         brief=tables,
         card=_payload_card(found, told, verdict),
-        findings=_disagreement(found),
+        findings=() if motors is None or motors.disagreement is None else (motors.disagreement,),
     )
-
-
-def _disagreement(found: PayloadFit) -> tuple[Finding, ...]:
-    """That motors disagree, where they do."""
-    if found.motors is None or not found.motors.disagreement:
-        return ()
-    title, said = found.motors.disagreement.split(": ", 1)
-    return (Finding("warning", title, *said.split("; ", 1)),)
 
 
 def _payload_card(found: PayloadFit, told: dict[str, Any], verdict: str) -> Card:
     """The mass, and whether the motors agree on it."""
     if told["mass"] is None:
         return Card(tone="rough", word="No mass", use=verdict)
-    motors, apart = found.motors, _disagreement(found)
+    motors = found.motors
+    apart = None if motors is None else motors.disagreement
     ends = found.intervals()[told["values"].index(told["mass"])]
     figures = [
         Figure(_of_width(x, own), f"centre of mass along {axis}", "m")
@@ -192,7 +184,7 @@ def _payload_card(found: PayloadFit, told: dict[str, Any], verdict: str) -> Card
         if motors is not None
         else (),
         figures=tuple(figures),
-        next=apart[0].do if apart else "",
+        next=apart.do if apart else "",
     )
 
 
@@ -243,7 +235,7 @@ def _payload_record(found: PayloadFit) -> dict[str, Any]:
         "standard_parameters": json_value(found.standard_parameters),
         "motors": None
         if motors is None
-        else json_fields(motors, "actuators", "values", "chance", "disagreement", "untold")
+        else json_fields(motors, "actuators", "values", "chance", "untold")
         | {"intervals_95_percent": json_value(motors.intervals())},
     }
 

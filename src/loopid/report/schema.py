@@ -187,7 +187,7 @@ FORMS: dict[str, dict[Any, Any]] = {
         **{"centre_intervals_95_percent": ([[Real]], None), "standard_parameters": [float]},
         "motors": (
             of(MotorMasses, "actuators", "values", "untold")
-            | {"chance": float, "disagreement": Text, "intervals_95_percent": [[Real]]},
+            | {"chance": float, "intervals_95_percent": [[Real]]},
             None,
         ),
     },

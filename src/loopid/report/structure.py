@@ -121,7 +121,7 @@ def _wrong(robot: Robot, found: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield (
             f"it has {_freedoms(found)}",
             f"where {shortened(extra)} have none, leave them out of 'name_mot', and where a "
-            "closure has too many rows, choose another type: a pin is a hinge, a ball 3d",
+            "closure has too many rows, choose another type",
         )
     yield from ((text, "") for text in found["undeclared_loops"])
     if found["singular_reference"]:
