@@ -2,6 +2,7 @@
 
     python benchmarks/friction.py [--runs N] [--robot NAME] [--law NAME] [--rate HZ] [--bits N]
                                   [--latin]
+    python benchmarks/friction.py --plants [--runs N] [--seed N] [--robot NAME] [--control]
 
 Each row is a robot with bodies that are some 20 % off its file, on one motion, at a sample rate,
 with encoders, and a law of friction beside Coulomb's and viscous friction; ``none`` is clean. By
@@ -12,27 +13,40 @@ the worst, how often the bands of the friction curves cover the true curves at r
 Seeds draw the noise of the forces and the phases of the encoders. ``--latin`` takes four cells a
 robot: of the first four laws, of sample rates from 100 Hz to 5 kHz and of encoders from 10 to 17
 bits each once.
+
+With ``--plants`` robots are those of ``plants.py``, fast and slow in turn, with encoders, rates,
+noise and delays by the seed: how far friction is off the truth at 5 mrad/s, 0.1 and 1 rad/s in the
+motor and the direction that is worst, by default, and whether it is within 10 % at all of these
+that the log reaches. Beyond its fastest rate no data can judge: what is off by more there is
+counted apart. With ``--control`` forces of the exported C code are a feedforward on another slow
+motion: the error with PD alone, of the default and of ``--terms Fc,Fv,Ia``.
 """
 
 from __future__ import annotations
 
 import argparse
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import process_time
 from typing import Any
 
 import numpy as np
 
 import loopid
+from compiled_c import CompiledRobot
 from intervals import CAD_ERROR, COARSE, MOTIONS, RATES, ROBOTS, Case
 from loopid import identify
 from loopid.arguments import FloatArray
-from loopid.identification import friction_curve
+from loopid.export import c_source
+from loopid.identification import Fit, friction_curve
 from loopid.logs import Log
-from loopid.motion import scaled_bodies
+from loopid.motion import Motion, joint_motion, scaled_bodies
 from loopid.regressors.joint_laws import grouped
 from loopid.workers import one_blas_thread
+from plants import DRIVES, Plant, Sensors
 from tables import show, write_json
 
 # Force beside Coulomb's and viscous friction, in parts of Coulomb's, at a rate in rad/s.
@@ -48,6 +62,11 @@ LAWS: dict[str, Callable[[FloatArray], FloatArray]] = {
 }
 TERMS = "Fc,Fv", "auto"
 POINTS = 40
+# Of plants: rates in rad/s that friction is judged at, and how near it shall be; what logs are of.
+JUDGED, NEAR = (0.005, 0.1, 1.0), 0.1
+PACES, BITS = ("fast", "slow"), (12, 17, 14, 15, 16, 13)
+LOG_RATES, NOISE, DELAYS = (100.0, 200.0, 500.0, 1000.0), (0.01, 0.003, 0.03), (0, 0, 5e-3, 0, 1e-2)
+PLAIN, OTHER = "Fc,Fv,Ia", 500  # terms to compare with, and seeds of other motions from there on
 
 
 class Friction(Case):
@@ -131,20 +150,82 @@ def cells(arguments: argparse.Namespace) -> list[tuple[str, str, float, int]]:
     return found
 
 
+def judged(name: str, seed: int, control: bool) -> dict[str, Any]:
+    """What friction of a plant is worth, and on request its C code as a feedforward."""
+    plant, pace = Plant(name=name, seed=seed, bits=BITS[seed % 6]), PACES[seed % 2]
+    rate, noise, delay = LOG_RATES[seed // 2 % 4], NOISE[seed % 3], DELAYS[seed % 5]
+    sensors = Sensors(rate=rate, noise=noise, delay=delay)
+    log = plant.follow(plant.motion(pace)).log(sensors, seed)
+    fit, joints = identify(plant.robot, log).fit, plant.robot.actuated
+    assert fit.use is not None
+    rates = np.array(JUDGED)
+    true = plant.curve(np.repeat(rates[:, None], len(joints), axis=1))
+    found = [
+        [np.abs(friction_curve(fit, joint, way * rates).values) for way in (1.0, -1.0)]
+        for joint in joints
+    ]
+    off = np.abs(np.array(found).transpose(1, 2, 0) / true - 1)  # (2, rates, m)
+    reached = rates[:, None] <= [fit.use.of(joint)[1] for joint in joints]
+    worst = np.where(reached, off, 0.0).max(axis=(0, 2))
+    row: dict[str, Any] = {"robot": name, "seed": seed, "motion": pace}
+    row |= {
+        f"off at {v:g} rad/s %": 100 * float(part) for v, part in zip(JUDGED, worst, strict=True)
+    }
+    row |= {"within": bool((worst <= NEAR).all()), "beyond": int((~reached & (off > NEAR)).sum())}
+    if control:
+        motion = replace(plant, seed=OTHER + seed).motion("slow", 10.0)
+        plain = identify(loopid.force_model(plant.robot, "full", PLAIN), log).fit
+        ways = {"PD": None, "auto": feedforward(fit, motion), PLAIN: feedforward(plain, motion)}
+        for how, forward in ways.items():
+            run = plant.follow(motion, forward)
+            error = np.sqrt(((run.exact_position - run.wanted) ** 2).mean())
+            row[f"{how} (mrad)"] = 1e3 * float(error)
+    return row
+
+
+def feedforward(fit: Fit, motion: Motion) -> FloatArray:
+    """Forces (N, m) of a motion by the C code of a fit."""
+    model, force = fit.require_model(), np.zeros(motion.position.shape)
+    first = joint_motion(model.robot, motion).configurations[0]
+    given = motion.position, motion.velocity, motion.acceleration
+    with TemporaryDirectory() as folder:
+        code = CompiledRobot(model, c_source(model), Path(folder))
+        code.place(first, motion.position[0].copy())
+        for u, du, ddu, own in zip(*map(np.ascontiguousarray, given), force, strict=True):
+            code.call("assemble", u)
+            code.call("forces", du, ddu, fit.values, own)
+    return force
+
+
+def of_plants(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """Rows of plants."""
+    for name in DRIVES:
+        if arguments.robot in (None, name):
+            for seed in range(arguments.seed, arguments.seed + arguments.runs):
+                with one_blas_thread():
+                    yield judged(name, seed, arguments.control)
+
+
 def main() -> None:
     """Print a table, and write the figures on request."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--runs", type=int, default=200, help="logs of each case")
-    parser.add_argument("--robot", choices=list(MOTIONS), help="one robot only")
+    parser.add_argument("--robot", choices=[*MOTIONS, "ur5"], help="one robot only")
     parser.add_argument("--law", choices=list(LAWS), help="one law only")
     parser.add_argument("--rate", type=float, default=1000.0, help="samples a second")
     parser.add_argument("--bits", type=int, default=17, help="of the encoders, a turn")
     parser.add_argument("--latin", action="store_true", help="four cells a robot")
+    parser.add_argument("--plants", action="store_true", help="robots that MuJoCo moves")
+    parser.add_argument("--seed", type=int, default=0, help="of the first plant")
+    parser.add_argument("--control", action="store_true", help="the C code as a feedforward, too")
     parser.add_argument("--json", metavar="FILE", help="write the figures to a file")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
     rows = []
-    for name, law, rate, bits in cells(arguments):
+    for row in of_plants(arguments) if arguments.plants else ():
+        rows.append(row)
+        print(row, flush=True)
+    for name, law, rate, bits in () if arguments.plants else cells(arguments):
         case = Friction(name, law, rate)
         for terms in TERMS:
             with one_blas_thread():

@@ -11,7 +11,7 @@ from bank_robots import few_of
 from loopid import FilterOptions, FitOptions, JointTerms, identify
 from loopid.errors import DataWarning
 from loopid.identification import find_delay
-from loopid.identification.delay import CLEAR, USUAL, without_delay
+from loopid.identification.delay import CLEAR, USUAL, VAGUE, Delay, _over_bands, without_delay
 from loopid.identification.fitting import quiet_fit
 from loopid.logs import Recording
 from loopid.logs.preparing import prepare_again
@@ -85,6 +85,35 @@ def test_friction_that_builds_up_is_no_delay(case, slip):
         half = np.ptp(found.interval) / 2
         assert abs(found.common - delay) < 1.7 * half < 0.012
     assert late.clear
+
+
+def in_a_band(common, half):
+    """A delay of two motors as one band has it, undone."""
+    ends = np.array([common - half, common + half])
+    both, undone = np.array([common, common]), np.array([common, common])
+    return Delay(
+        ("a", "b"), common, tuple(ends), both, np.tile(ends, (2, 1)), 0.01, undone, both[:1]
+    )
+
+
+def test_bands_that_disagree_about_a_delay_make_its_interval_wider():
+    best = in_a_band(0.03, 0.01)
+    for other in (in_a_band(0.032, 0.01 * np.sqrt(2)), in_a_band(0.035, 0.02)):
+        same = _over_bands(best, [best, other])
+        assert same.clear
+        np.testing.assert_allclose(same.interval, best.interval)
+    for common, half in ((0.045, 0.012), (0.015, 0.01), (0.012, 0.005)):
+        found = _over_bands(best, [best, in_a_band(common, half)])
+        assert not found.clear
+        assert found.interval[0] < common < found.interval[1]
+        assert found.left[0] > best.step / 2
+
+
+def test_a_delay_that_is_vague_has_no_interval():
+    vague = _over_bands(in_a_band(0.2, 1.1 * VAGUE), [])
+    assert not vague.clear
+    assert np.isinf([*vague.interval, *vague.intervals.ravel()]).all()
+    assert np.isfinite(_over_bands(in_a_band(0.2, 0.9 * VAGUE), []).interval).all()
 
 
 def test_forces_that_are_moved_are_those_of_a_log_that_is_prepared_again(case):

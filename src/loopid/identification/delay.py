@@ -197,13 +197,39 @@ def find_delay(
     """
     logged = [one for one in recordings if one.log is not None]
     best: Delay | None = None
+    tried = list[Delay]()
     with one_blas_thread():
         for band in _bands(force_model, logged, cutoff):
-            found = _found(force_model, at_cutoff(force_model.robot, logged, band))
-            if best is not None and (found is None or not _sharpens(found, best)):
+            found, slips = _found(force_model, at_cutoff(force_model.robot, logged, band))
+            if found is not None:
+                tried.append(found)
+                if best is None or _sharpens(found, best):
+                    best = found
+                    continue
+            if best is not None and (found is None or not slips):
                 break
-            best = found
-    return best
+    return None if best is None else _over_bands(best, tried)
+
+
+def _over_bands(best: Delay, tried: Sequence[Delay]) -> Delay:
+    """A delay with intervals that allow for other bands, and are infinite where they are vague.
+
+    A delay is the same in all bands, friction that slip does not describe looks later in some: the
+    largest difference that errors do not explain is a further deviation.
+    """
+    others = [abs(each.common - best.common) for each in tried if not _agree(best, each)]
+    error = float(np.hypot(np.ptp(best.interval) / 2 / NORMAL, max(others, default=0.0)))
+    half = NORMAL * error if NORMAL * error < VAGUE else np.inf
+    vague = np.ptp(best.intervals, axis=1) / 2 >= VAGUE
+    found = replace(
+        best,
+        interval=(best.common - half, best.common + half),
+        intervals=np.where(vague[:, None], [-np.inf, np.inf], best.intervals),
+    )
+    if np.ptp(best.undone):
+        return found
+    clear = best.clear and abs(best.common) > CLEAR * half
+    return replace(found, left=np.array([error])) if clear else _kept(found)
 
 
 def _bands(
@@ -222,8 +248,11 @@ def _bands(
     return [widest / 2**k for k in range(count)]
 
 
-def _found(force_model: ForceModel, recordings: Sequence[Recording]) -> Delay | None:
-    """The delay in the band of recordings; None of too few samples, or a motion without change."""
+def _found(force_model: ForceModel, recordings: Sequence[Recording]) -> tuple[Delay | None, bool]:
+    """The delay in the band of recordings, and whether friction may build up.
+
+    None of too few samples, or a motion without change.
+    """
     try:
         forces = _Forces(force_model, recordings)
         search = _Search(forces)
@@ -231,14 +260,14 @@ def _found(force_model: ForceModel, recordings: Sequence[Recording]) -> Delay | 
         known = bool(np.isfinite(plain.interval).all())
         slips = not known or search.slips(plain)
         if not (slips or plain.clear):
-            return plain
+            return plain, slips
         robust = _Search(forces, slip=True).result()
     except (DataError, RankError):
-        return None
+        return None, False
     # What is undone is there in either way.
     if slips or not _sharpens(plain, robust):
-        return robust if not known or _has(plain, robust.undone) else _kept(robust)
-    return plain if _has(robust, plain.undone) else _kept(plain)
+        return (robust if not known or _has(plain, robust.undone) else _kept(robust)), slips
+    return (plain if _has(robust, plain.undone) else _kept(plain)), slips
 
 
 def _has(delay: Delay, undone: FloatArray) -> bool:
@@ -262,15 +291,18 @@ def _left_open(common: float, error: float, step: float) -> float:
 
 
 def _sharpens(sharp: Delay, other: Delay) -> bool:
-    """Whether a delay is better known than another one, and the same by a test [Hausman1978].
+    """Whether a delay is better known than another one, and the same."""
+    return bool(np.ptp(sharp.interval) < np.ptp(other.interval)) and _agree(sharp, other)
 
-    Where a sharp estimate is right, its difference from any other has the difference of both
+
+def _agree(one: Delay, other: Delay) -> bool:
+    """Whether two delays are the same by a test [Hausman1978].
+
+    Where the sharp one is right, its difference from the other has the difference of both
     variances.
     """
-    halves = np.ptp([sharp.interval, other.interval], axis=1) / 2
-    if not halves[0] < halves[1]:
-        return False
-    return bool((sharp.common - other.common) ** 2 <= halves[1] ** 2 - halves[0] ** 2)
+    sharp, wide = sorted(np.ptp([one.interval, other.interval], axis=1) / 2)
+    return not (one.common - other.common) ** 2 > wide**2 - sharp**2  # NaN of two unknown ones
 
 
 @checked
