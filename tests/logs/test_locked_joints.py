@@ -9,9 +9,11 @@ import pytest
 import loopid
 from closure_robots import body, chain, files, joint, loop, urdf
 from loopid.errors import LogError, ModelWarning, OptionError
+from loopid.loading import bundled_directory
 from loopid.logs import read_log
 from loopid.logs.reading import locked_as_logged
 from loopid.regressors import gravity_regressor
+from made_runs import quietly
 
 TIME = np.arange(200) / 100
 
@@ -79,40 +81,61 @@ def test_noise_of_an_encoder_is_no_motion(arm, tmp_path):
 
 
 def hand():
-    """Two joints with a gripper behind them, whose second finger mimics the first."""
-    second = joint("finger2", "link2", "right", (0, 0.05, 0.2), kind="prismatic")
+    """Three joints in a row, a gripper whose second finger mimics the first, and a head."""
+    second = joint("finger2", "link3", "right", (0, 0.05, 0.2), kind="prismatic")
     second = second.replace("</joint>", '<mimic joint="finger1" multiplier="-1"/></joint>')
     return [
-        *chain(2),
-        *(body("left"), joint("finger1", "link2", "left", (0, 0, 0.2), kind="prismatic")),
+        *chain(3),
+        *(body("left"), joint("finger1", "link3", "left", (0, 0, 0.2), kind="prismatic")),
         *(body("right"), second),
+        *(body("head"), joint("neck", "ground", "head")),
     ]
 
 
-def test_motors_that_a_log_lacks_are_locked_where_they_move_nothing_else(tmp_path):
-    """A gripper counts as part of what carries it, and what it follows is locked with it."""
+def write_motors(path, *joints):
+    """A log of some joints, all of which move."""
+    columns = [TIME, *(np.sin(TIME / 2) for _ in joints), *(np.cos(TIME) for _ in joints)]
+    header = ",".join(["time", *joints, *(f"{name}.force" for name in joints)])
+    np.savetxt(path, np.column_stack(columns), delimiter=",", comments="", header=header)
+    return path
+
+
+def test_motors_that_a_log_of_an_arm_lacks_are_locked(tmp_path):
+    """Those of a gripper, with what follows them, and those apart from the arm."""
     (path := tmp_path / "arm.urdf").write_text(urdf(*hand()))
-    log = write(tmp_path / "log.csv", np.sin(TIME / 2))
-    with pytest.raises(LogError, match=r'finger1: .* or lock=\["finger1"\] where it stood'):
+    arm = ("joint1", "joint2", "joint3")
+    log = write_motors(tmp_path / "log.csv", *arm)
+    with pytest.raises(LogError, match=r'finger1: .* or lock=\["finger1", "neck"\] if they stood'):
         read_log(log, loopid.load(path))
-    with pytest.warns(ModelWarning, match="no columns of finger1, finger2: locked"):
+    with pytest.warns(ModelWarning, match="no columns of finger1, finger2, neck: locked"):
         robot = locked_as_logged(loopid.load(path), log)
-    assert robot.locked == {"finger1": 0.0, "finger2": 0.0}
-    assert read_log(log, robot).joints == ("joint1", "joint2")
+    assert robot.locked == {"finger1": 0.0, "finger2": 0.0, "neck": 0.0}
+    assert read_log(log, robot).joints == arm
 
 
-def test_motors_that_move_logged_ones_or_a_loop_are_not_locked(arm, write_files, tmp_path):
-    """Where they stood matters, so that the log is refused."""
-    log = tmp_path / "log.csv"
-    columns = [TIME, np.sin(TIME), np.cos(TIME)]
-    for last in ("joint2", "joint1.spare"):  # a column of the joint under another name
-        names = ["time", "joint2" if last == "joint2" else "joint1.spare", "joint2.force"]
-        np.savetxt(
-            log, np.column_stack(columns), delimiter=",", comments="", header=",".join(names)
-        )
-        robot = loopid.load(arm)
-        assert locked_as_logged(robot, log) is robot
+@pytest.mark.parametrize(
+    ("logged", "left"),
+    [
+        (("joint2", "joint3", "finger1"), "joint1"),  # it moves them
+        (("joint1", "joint2", "neck"), "joint3"),  # two branches, as the motors of a loop are in
+        (("joint1", "joint2"), "joint3"),
+        (("joint1", "joint2", "joint3", "neck.spare"), "neck"),  # a column under another name
+    ],
+)
+def test_motors_are_not_locked_where_the_pose_matters_or_a_loop_may_be(tmp_path, logged, left):
+    (path := tmp_path / "arm.urdf").write_text(urdf(*hand()))
+    robot, log = loopid.load(path), write_motors(tmp_path / "log.csv", *logged)
+    assert left not in quietly(locked_as_logged, robot, log).locked
+
+
+@pytest.mark.parametrize("name", ["five_bar", "3ups_rpu"])
+def test_passive_joints_of_a_robot_file_without_its_loops_are_not_locked(name):
+    folder = bundled_directory()
+    robot = loopid.load(folder / f"{name}.urdf")
+    assert locked_as_logged(robot, folder / "logs" / f"{name}.csv") is robot
+
+
+def test_a_closed_loop_is_not_locked(write_files, tmp_path):
     linkage = loopid.load(write_files(*files(*loop("hinge"))))
-    header = f"time,{linkage.joints[0]},{linkage.joints[0]}.force"
-    np.savetxt(log, np.column_stack(columns), delimiter=",", comments="", header=header)
+    log = write_motors(tmp_path / "log.csv", linkage.joints[0])
     assert locked_as_logged(linkage, log) is linkage

@@ -28,6 +28,8 @@ from loopid.robot.robot import Robot
 
 # How far a locked joint may be from its lock, in rad or m.
 LOCKED = 2e-3
+# Logged joints in a chain that are an arm; fewer may be motors of a loop.
+ARM = 3
 
 
 @checked
@@ -84,7 +86,6 @@ def read_log(
     >>> loopid.read_log(bundled_directory() / "logs" / "five_bar.csv", robot)
     <Log 'five_bar': 2241 samples of left_crank_joint, right_crank_joint over 22.40 s in 1 stretch>
     """
-    require_name(path, "the log")
     mapping = _mapping(mapping)
     require_known_motion(robot, mapping.free)
     place = _existing(path)
@@ -107,6 +108,7 @@ def _mapping(given: LogMapping | str | Path | None) -> LogMapping:
 
 def _existing(path: str | Path) -> Path:
     """A log that is there."""
+    require_name(path, "the log")
     place = Path(path)
     reason = why_no_file(place)
     if reason == "does not exist":
@@ -207,6 +209,7 @@ def locked_as_logged(
     if robot.path is None:
         return robot
     mapping = _mapping(mapping)
+    require_known_motion(robot, mapping.free)
     log = open_log(_existing(path), mapping)
     finder = ColumnFinder(str(path), log.columns(), mapping, log.ordered, log.choice)
     found = _elsewhere(str(path), log, finder, robot.locked)
@@ -227,21 +230,25 @@ def locked_as_logged(
 
 
 def _lacking(robot: Robot, finder: ColumnFinder) -> list[str]:
-    """Motors without columns in a log that has others by name; those that move nothing else.
+    """Joints without columns beyond the last joint of a logged arm, or apart from it.
 
-    A motor that moves a logged one, or a loop, must be where the log was recorded: it is refused.
+    Where others stood matters, or they are passive in a loop that the robot file does not close.
     """
     motors = finder.mapping.measured(finder.source, robot.actuated)
-    named = [j for j, motor in zip(robot.actuated, motors, strict=True) if finder.names(motor)]
-    if not named:
+    both = zip(robot.actuated, motors, strict=True)
+    supports = robot.model.supports
+    arm = {robot.model.getJointId(j.partition(".")[0]) for j, name in both if finder.names(name)}
+    last = max(arm, key=lambda k: len(supports[k]), default=0)
+    if len(arm) < ARM or not arm <= {*supports[last]}:
         return []
     frames = [robot.model.frames[k] for each in robot.closures for k in each.frame_ids]
-    ends = {robot.model.getJointId(joint.partition(".")[0]) for joint in named} | {
-        f.parentJoint for f in frames
-    }
-    kept = {joint for end in ends for joint in robot.model.supports[end]}
+    kept = {k for end in (last, *(one.parentJoint for one in frames)) for k in supports[end]}
     moved = {*robot.actuated, *robot.following}
-    return [name for k, name in enumerate(robot.joints, 1) if name in moved and k not in kept]
+    return [
+        name
+        for k, name in enumerate(robot.joints, 1)
+        if name in moved and k not in kept and (last in supports[k] or not arm & {*supports[k]})
+    ]
 
 
 def open_log(path: Path, mapping: LogMapping) -> LogFormat:

@@ -468,9 +468,10 @@ class ColumnFinder:
         own = [self._of_joint(joint, quantity) for joint in joints]
         if not all(own) and (numbered := self._numbered(quantity)):
             return numbered
-        lock = ', or lock=["{}"] where it stood' if any(own) else ""
-        both = zip(joints, own, strict=True)
-        return [self._only(joint, quantity, found, lock.format(joint)) for joint, found in both]
+        both = [*zip(joints, own, strict=True)]
+        lacking = ", ".join(f'"{joint}"' for joint, found in both if not found)
+        lock = f", or lock=[{lacking}] if they stood" if any(own) else ""
+        return [self._only(joint, quantity, found, lock) for joint, found in both]
 
     def _listed_columns(self, given: StreamColumns) -> list[Place]:
         """Columns in the order of the motors; by default all of a stream but its time."""
