@@ -419,9 +419,6 @@ class ForceModel:
         history, robot = recording.history, self.robot
         assert history is not None
         links = [self.parameters[j].link for j in columns]
-        rates = robot.velocity_indices(links)
-        q = recording.motion.configurations
-        shares = [project(robot, q[rows]).G[:, rates] for rows in row_blocks(len(q))]
         signals = np.empty((len(history.velocity), len(columns)))
         for joint in dict.fromkeys(links):
             own = [k for k, link in enumerate(links) if link == joint]
@@ -433,7 +430,14 @@ class ForceModel:
             for k in own:
                 law = joint_term(self.parameters[columns[k]].kind)
                 signals[:, k] = law.signal(state, len(signals))
-        return history.lowpassed(signals)[:, None] * np.concatenate(shares).swapaxes(1, 2)
+        if set(links) <= set(robot.independent):
+            own = [robot.independent.index(link) for link in links]
+            shares = np.eye(len(robot.independent))[None, own]
+        else:
+            rates, q = robot.velocity_indices(links), recording.motion.configurations
+            parts = [project(robot, q[rows]).G[:, rates] for rows in row_blocks(len(q))]
+            shares = np.concatenate(parts)
+        return history.lowpassed(signals)[:, None] * shares.swapaxes(1, 2)
 
     def _state_of_log(self, recording: Recording, joint: str, columns: Sequence[int]) -> JointState:
         """State (M,) of a joint at the rate of the log, as far as its terms need it."""

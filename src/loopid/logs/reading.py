@@ -209,6 +209,7 @@ def locked_as_logged(
     if robot.path is None:
         return robot
     mapping = _mapping(mapping)
+    require_known_motion(robot, mapping.free)
     log = open_log(_existing(path), mapping)
     finder = ColumnFinder(str(path), log.columns(), mapping, log.ordered, log.choice)
     found = _elsewhere(str(path), log, finder, robot.locked)
