@@ -184,6 +184,7 @@ def test_springs_of_a_urdf_come_back_where_it_has_some(tmp_path):
         (("Fv", "Fo"), "shoulder.Fo, elbow.Fo"),
         (("Fc+", "Fc-"), "shoulder.Fc+, shoulder.Fc-, elbow.Fc+, elbow.Fc-"),
         (("Fc", "Fs~0.1"), "shoulder.Fs~0.1, elbow.Fs~0.1"),
+        (("Fc", "Fl"), "shoulder.Fl, elbow.Fl"),
     ],
 )
 def test_what_has_no_place_is_named_in_one_sentence(tmp_path, kinds, words):

@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import loopid
 from closure_robots import body
 from loopid import JointTerms, read_log
 from loopid.files import csv_text
+from loopid.findings import PAGE
 from loopid.identification import suspicions
 from loopid.logs import FilterOptions, LogMapping
 from loopid.motion import Noise
@@ -104,6 +106,15 @@ CASES = [
 ]
 
 
+SYMPTOMS = re.findall(r'"([^"]+)"', (Path(__file__).parents[2] / PAGE).read_text())
+
+
+def on_the_page(title):
+    """Whether a symptom of the page that verdicts link, but for its names and numbers, is this."""
+    pieces = (re.split(r"\.\.\.|[\d.]+", symptom) for symptom in SYMPTOMS)
+    return any(all(piece.strip() in title for piece in own) for own in pieces)
+
+
 @pytest.mark.parametrize(("name", "spoil", "words", "advice"), CASES)
 def test_a_mistake_is_called_by_its_cause(runs, name, spoil, words, advice):
     (found,) = runs(name, 0, spoil).mistakes
@@ -111,6 +122,8 @@ def test_a_mistake_is_called_by_its_cause(runs, name, spoil, words, advice):
     assert found.severity == "mistake"
     assert words.format(*motors) in found.title
     assert advice.format(*motors) in found.do
+    assert on_the_page(found.title)
+    assert not on_the_page("the forces of elbow are green")
     assert len(f"mistake: {found.title}") <= 80
     assert len(f"mistake: {found.brief}") <= 2 * 80
 

@@ -54,13 +54,8 @@ def joint_positions():
     return positions
 
 
-@pytest.fixture(scope="session")
-def displaced_joints():
+def bearing_forces(robot, motion):
     """Forces (N, nv) across the motion of joints with one coordinate, by displacing them."""
-    return _displaced_joints
-
-
-def _displaced_joints(robot, motion):
     q, step, data = motion.configurations, 1e-6, robot.model.createData()
     _, dependent = partition(robot)
     state = zip(q, motion.velocities, motion.accelerations, strict=True)
@@ -101,6 +96,7 @@ def joint_signals(joint_positions):
 
     def signals(robot, motion):
         v, q = motion.velocities, joint_positions(robot, motion.configurations)
+        load = bearing_forces(robot, motion)
         return {
             "Ia": motion.accelerations,
             "Fc": np.sign(v),
@@ -108,6 +104,8 @@ def joint_signals(joint_positions):
             "Fc-": np.where(v < 0, -1.0, 0.0),
             "Fc~0.7": np.tanh(v / 0.7),
             "Fs~0.7": np.exp(-v * v / 0.49) * np.sign(v),
+            "Fl": load * np.sign(v),
+            "Fl~0.7": load * np.tanh(v / 0.7),
             "Fv": v,
             "Fo": np.ones_like(v),
             "Ks": q,

@@ -364,7 +364,7 @@ def test_parts_sum_up_to_the_forces(name, full_model, some_values):
         close(robot.forward(u, v, robot.inverse(u, v, a)), a, 1e-8)
 
 
-@pytest.mark.parametrize("terms", ["Fc,Fv,Ia,Fk0~0.25,Fk~0.5,Fa~0.5,Fa1~1,Ft", "Fc~0.3,Fv,Ks,Ia"])
+@pytest.mark.parametrize("terms", ["Fc,Fv,Ia,Fk0~0.25,Fk~0.5,Fa~0.5,Fa1~1,Ft", "Fl~0.3,Fv,Ks,Ia"])
 def test_friction_curves_and_loads_are_those_of_the_force_model(load_once, terms):
     model = loopid.force_model(load_once("five_bar"), "full", terms)
     phi = np.random.default_rng(1).standard_normal(len(model.parameters))

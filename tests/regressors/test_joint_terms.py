@@ -140,7 +140,7 @@ def test_a_law_needs_what_it_says_and_no_more(kind):
     """It fails without any one thing that it needs, and nothing else changes it."""
     term = JOINT_TERMS[kind]
     at = 0.3 if kind.endswith(("RATE", "POSITION")) else 0.0
-    given = {"position": 0.7, "rate": 1.1, "acceleration": -0.4}
+    given = {"position": 0.7, "rate": 1.1, "acceleration": -0.4, "load": 2.0}
     usual = term.law(JointState(**given, math=np), at)
     for name, value in given.items():
         needed = name in term.needs or (name == "rate" and "sign" in term.needs)

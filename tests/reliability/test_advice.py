@@ -11,6 +11,7 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import beside_tests  # noqa: F401
@@ -23,6 +24,7 @@ from loopid import JointTerms
 from loopid.base_parameters import SubgroupSearch
 from loopid.control import RecursiveLeastSquares, WrenchObserver
 from loopid.errors import LoopidError, MissingExtraError
+from loopid.export import c_source
 from loopid.export.robot_file import export_robot_file
 from loopid.identification import Bisquare, FitSamples, WeightedLeastSquares
 from loopid.identification.selection import eliminate_parameters
@@ -673,6 +675,20 @@ BALL = Robot("b.xml", MJCF.format('<joint name="ball" type="ball"/>'))
 FRICTION = JointTerms(("crank_joint",), ("Fc",))
 
 
+@cache
+def crowded():
+    """The five-bar with a motor too many."""
+    five_bar = load("five_bar")
+    motors = (*five_bar.actuated, "left_coupler_joint")
+    with TemporaryDirectory() as folder:
+        for end in ("urdf", "yaml"):
+            shutil.copy(bundled_directory() / f"five_bar.{end}", folder)
+        file = Path(folder) / "five_bar.yaml"
+        text = re.sub("name_mot: .*", f"name_mot: {json.dumps(motors)}", file.read_text())
+        file.write_text(text)
+        return loopid.load(file)
+
+
 def driven(*motors, **more):
     """A ball with a hinge behind it, and which of them have motors."""
 
@@ -708,6 +724,14 @@ def follow(arm):
     return make
 
 
+@cache
+def loaded(kind):
+    """The force model of an arm with friction of a kind."""
+    robot = load("five_bar")
+    terms = JointTerms(robot.actuated, (kind,))
+    return loopid.force_model(robot, "full", terms)
+
+
 OF_ANALYSES = {
     "a base that floats": (
         follow(FLOATING),
@@ -718,6 +742,11 @@ OF_ANALYSES = {
         lambda folder: loopid.Dynamics(FLOATING(folder)).gravity([1.0, 1.0]),
         "load it with lock=['root_joint']",
         lambda folder: loopid.Dynamics(locked("root_joint", floating_base=True)(folder)).pose(),
+    ),
+    "friction by loads, in C": (
+        lambda _: c_source(loaded("Fl")),
+        "identify without Fl for it",
+        lambda _: c_source(loaded("Fc")),
     ),
     "a closure that Pinocchio does not know": (
         lambda folder: loopid.export.to_pinocchio(edited("['3d']", "[hinge]")(folder)),
@@ -735,6 +764,11 @@ OF_ANALYSES = {
         base("exact", "delta"),
     ),
     "subgroups without end": (base("subgroup"), "use search='exact'", base("exact")),
+    "loads of redundant motors": (
+        lambda _: quick(crowded(), JointTerms(("left_crank_joint",), ("Fl",))),
+        "leave out load-dependent friction",
+        lambda _: quick(crowded(), JointTerms(("left_crank_joint",), ("Fc",))),
+    ),
     "a log of a robot that floats": (
         lambda folder: read(FLOATING(folder)),
         "lock them (lock=['root_joint'])",

@@ -259,6 +259,12 @@ class SymbolicRobot:
     def _joint_term(self, parameter: Parameter, state: JointState) -> Any:
         """What a joint term multiplies, by the law of its kind."""
         term = joint_term(parameter.kind)
+        if "load" in term.needs:
+            raise OptionError(
+                f"C code cannot have {parameter.label}, as it does not compute what joints carry: "
+                f"identify without {parameter.kind} for it",
+                parameter=parameter.label,
+            )
         return term.law(state, term.at)
 
     def _closure_residual(self, chain: Sequence[Link]) -> Any:

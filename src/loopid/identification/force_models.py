@@ -53,6 +53,7 @@ LEAST_ERROR = 1e-4
 SILENT = 1e-10
 # Random states of the robot: at least so many, and so many rows for each column.
 LEAST_STATES, ROWS_PER_COLUMN = 60, 3
+FEW = 5  # states that decide whether closures are redundant
 
 
 @record
@@ -418,9 +419,6 @@ class ForceModel:
         history, robot = recording.history, self.robot
         assert history is not None
         links = [self.parameters[j].link for j in columns]
-        rates = robot.velocity_indices(links)
-        q = recording.motion.configurations
-        shares = [project(robot, q[rows]).G[:, rates] for rows in row_blocks(len(q))]
         signals = np.empty((len(history.velocity), len(columns)))
         for joint in dict.fromkeys(links):
             own = [k for k, link in enumerate(links) if link == joint]
@@ -432,7 +430,14 @@ class ForceModel:
             for k in own:
                 law = joint_term(self.parameters[columns[k]].kind)
                 signals[:, k] = law.signal(state, len(signals))
-        return history.lowpassed(signals)[:, None] * np.concatenate(shares).swapaxes(1, 2)
+        if set(links) <= set(robot.independent):
+            own = [robot.independent.index(link) for link in links]
+            shares = np.eye(len(robot.independent))[None, own]
+        else:
+            rates, q = robot.velocity_indices(links), recording.motion.configurations
+            parts = [project(robot, q[rows]).G[:, rates] for rows in row_blocks(len(q))]
+            shares = np.concatenate(parts)
+        return history.lowpassed(signals)[:, None] * shares.swapaxes(1, 2)
 
     def _state_of_log(self, recording: Recording, joint: str, columns: Sequence[int]) -> JointState:
         """State (M,) of a joint at the rate of the log, as far as its terms need it."""
@@ -442,13 +447,16 @@ class ForceModel:
 
         def of_joint(what: str) -> Any:
             def field_of(motion: ClosedMotion) -> FloatArray:
+                if what == "load":
+                    return terms.loads(self.robot, motion)[0][joint]
                 return np.asarray(getattr(joint_state(self.robot, motion, joint), what))
 
             return history.of_motion(self.robot, field_of)
 
         rate = history.of_joint(self.robot, joint)
-        more = {n: of_joint(n) for n in ("position", "acceleration") if n in needed}
-        found = terms.state(JointState(None, rate, None)._replace(**more))
+        more = {n: of_joint(n) for n in ("position", "acceleration", "load") if n in needed}
+        load = more.pop("load", None)
+        found = terms.state(JointState(None, rate, None)._replace(**more), load)
         own = terms.displacements.get(joint)
         return found._replace(slips=slips_along(history.ways(rate), own)) if own else found
 
@@ -511,7 +519,8 @@ def force_model(
     Warns
     -----
     ModelWarning
-        Of forces of the robot file that are left out, and of joint terms that no motor senses.
+        Of forces of the robot file that are left out, of joint terms that no motor senses, and
+        of loads that redundant closures leave open.
 
     Examples
     --------
@@ -538,6 +547,15 @@ def force_model(
             "without them",
             ModelWarning,
         )
+    if plain is not None and plain.loaded:
+        states = random_configurations(robot, FEW), *random_motions(robot, FEW)
+        _, left_open = plain.loads(robot, closed_motion(robot, *states))
+        if left_open:
+            warn(
+                f"redundant closures of {robot.name} leave open what {', '.join(left_open)} "
+                "carry: their load-dependent friction is that of the least forces in closures",
+                ModelWarning,
+            )
     found = ForceModel(robot, model, plain, base, automatic)
     return found.with_columns(others) if others else found
 

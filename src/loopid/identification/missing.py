@@ -208,7 +208,7 @@ LAWS = (
     _Law("drifts in time", "warm the robot up, or fit shorter logs", _drift),
     _Law("grows with its position", 'add springs: terms="auto; {terms}"', _spring, ("Ks",), "Ks"),
     _Law("differs by direction", DEFAULT, _direction, ("Fa", "Fo", "Fc+")),
-    _Law("grows with load", DEFAULT, _load, ("Ft",)),
+    _Law("grows with load", DEFAULT, _load, ("Ft", "Fl")),
     _Law("is curved over its rate", DEFAULT, _curve, ("Fk", "Fs")),
 )
 

@@ -361,7 +361,9 @@ class FitFile(_Section):
         k = int(apart.argmax())
         if apart[k] > SAME_ROBOT * np.abs(at.forces).max():
             row = self.force_model.rows[k]
-            said = f"the force along {row} differs by {apart[k]:.3g} there"
+            terms = model.joint_terms
+            why = " (bodies that load joints count)" if terms is not None and terms.loaded else ""
+            said = f"the force along {row} differs by {apart[k]:.3g} there{why}"
             raise self._refusal(model.robot, said)
 
     def _refusal(self, robot: Robot, difference: str) -> DataError:

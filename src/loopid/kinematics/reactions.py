@@ -54,7 +54,7 @@ def bearing_forces(
     if robot.redundant:
         raise OptionError(
             f"what the joints of {robot.name} carry is not known, as its motors "
-            f"{', '.join(robot.redundant)} are redundant: load it with fewer, motors=[...]",
+            f"{', '.join(robot.redundant)} are redundant: leave out load-dependent friction",
             motors=robot.redundant,
         )
     tree = robot.model

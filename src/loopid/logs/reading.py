@@ -86,7 +86,6 @@ def read_log(
     >>> loopid.read_log(bundled_directory() / "logs" / "five_bar.csv", robot)
     <Log 'five_bar': 2241 samples of left_crank_joint, right_crank_joint over 22.40 s in 1 stretch>
     """
-    require_name(path, "the log")
     mapping = _mapping(mapping)
     require_known_motion(robot, mapping.free)
     place = _existing(path)
@@ -109,6 +108,7 @@ def _mapping(given: LogMapping | str | Path | None) -> LogMapping:
 
 def _existing(path: str | Path) -> Path:
     """A log that is there."""
+    require_name(path, "the log")
     place = Path(path)
     reason = why_no_file(place)
     if reason == "does not exist":
@@ -209,6 +209,7 @@ def locked_as_logged(
     if robot.path is None:
         return robot
     mapping = _mapping(mapping)
+    require_known_motion(robot, mapping.free)
     log = open_log(_existing(path), mapping)
     finder = ColumnFinder(str(path), log.columns(), mapping, log.ordered, log.choice)
     found = _elsewhere(str(path), log, finder, robot.locked)

@@ -203,9 +203,15 @@ def _motor_forces(
     for rows in row_blocks(len(motion.time), CHUNK):
         state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
         whole = _at_rest(robot, closed_motion(robot, *state), fastest)
-        K = motion_regressor(robot, whole, joint_terms=terms, slips=slips_at(slips, rows))
+        bodies = values[: len(robot.parameters())]
+        K = motion_regressor(
+            robot,
+            whole,
+            joint_terms=terms,
+            standard_parameters=bodies,
+            slips=slips_at(slips, rows),
+        )
         if terms is not None:
-            bodies = values[: len(robot.parameters())]
             every = robot.parameters() + terms.parameters(robot)
             places = load_places(every, robot.independent)
             loads = K[:, :, : len(bodies)] @ bodies

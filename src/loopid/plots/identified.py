@@ -340,11 +340,9 @@ def delays_chart(robot: Robot, delay: Delay) -> Chart:
     labels = tuple(numbered(robot, name) for name in delay.joints)
     values, intervals = 1e3 * delay.each, 1e3 * delay.intervals
     panel = _expected("Delay of the forces (ms)", values, intervals, 0.0, labels)
-    common, ends = 1e3 * delay.common, [1e3 * x for x in delay.interval]
-    caption = (
-        f"Forces after the positions. All motors together: {common:.2g} ms, 95 %: {ends[0]:.2g} to "
-        f"{ends[1]:.2g}."
-    )
+    common, (low, high) = 1e3 * delay.common, (1e3 * end for end in delay.interval)
+    told = f"{common:.2g} ms, 95 %: {low:.2g} to {high:.2g}" if high < np.inf else "unknown"
+    caption = f"Forces after the positions. All motors together: {told}."
     return Chart("delays", caption, "", (panel,))
 
 

@@ -55,7 +55,9 @@ from loopid.kinematics.measured import (
 from loopid.kinematics.poses import Tree, integrate, torque_regressors
 from loopid.kinematics.projection import (
     NEAR_SINGULARITY,
+    ClosedMotion,
     Factorisation,
+    Projection,
     TangentSpaces,
     partition,
     tangent_spaces,
@@ -142,6 +144,12 @@ class Pose:
         if len(self._parts) == 1:
             return self.tangents.gamma(v)
         return np.concatenate([part.gamma(v[rows]) for rows, part in self._parts])
+
+    def motion(self, v: FloatArray, a: FloatArray) -> ClosedMotion:
+        """The motion with velocities and accelerations (N, nv) of the tree."""
+        columns = np.concatenate([part.solver.matrices for _, part in self._parts])
+        projection = Projection(self.maps, partition(self.robot)[0], columns)
+        return ClosedMotion(self.configurations, v, a, np.zeros_like(v), projection)
 
 
 class _Law(NamedTuple):
@@ -545,7 +553,7 @@ class Dynamics:
         pose = self.pose(u)
         laws = [law for law in self._laws if law.friction]
         v = self._along(pose, du, "velocities")
-        a = pose.gamma(v) if any(law.needs("torque") for law in laws) else 0 * v
+        a = pose.gamma(v) if any(law.needs("load", "torque") for law in laws) else 0 * v
         return pose.answer(self._of_joints(pose, v, a, laws)[:, 0])
 
     def deviation(self, u: FloatArray | Pose, du: FloatArray, ddu: FloatArray) -> FloatArray:
@@ -654,12 +662,19 @@ class Dynamics:
             each = [joint_position(self.robot, q, name) for name in law.names]
             position = np.stack(each, axis=-1)[:, None]
         state = JointState(position, v.take(law.joints, axis=2), a.take(law.joints, axis=2))
-        state = self._terms.state(state)
+        state = self._terms.state(state, self._carried(pose, law, v, a))
         if law.needs("torque") and loads is not None:
             state = state._replace(torque=loads.take(law.rows, axis=2))
         if law.slips is not None and pose is self._memory.pose:
             state = state._replace(slips={law.term.at: self.slips[law.slips]})
         return np.asarray(law.term.law(state, law.term.at))
+
+    def _carried(self, pose: Pose, law: _Law, v: FloatArray, a: FloatArray) -> FloatArray | None:
+        """Forces (N, 1, k) in N that bearings carry, of the bodies of the robot file."""
+        if not law.needs("load"):
+            return None
+        found, _ = self._terms.loads(self.robot, pose.motion(v[:, 0], a[:, 0]))
+        return np.stack([found[name] for name in law.names], axis=1)[:, None]
 
     def coefficients(self, kind: str) -> FloatArray:
         """Values (dof,) of a kind of joint term, such as Coulomb friction ``"Fc"``; 0 without."""

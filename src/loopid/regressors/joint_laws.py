@@ -28,6 +28,7 @@ class JointState(NamedTuple):
     position: Any  # in m or rad; None of one of several coordinates of a joint
     rate: Any
     acceleration: Any
+    load: Any = None  # force in N that the bearing carries
     math: Any = None  # NumPy or CasADi: ``fmax``, ``fmin``, ``fabs``, ``exp``, ``tanh``, ``sign``
     # In m/s or rad/s: up to which rate a joint stands, and over which its sign is smoothed
     dead_zone: float = 0.0
@@ -53,7 +54,7 @@ ONE_UNIT = r"(?:N|m|rad|s|kg)[²³]?"
 NO_UNIT = "1"
 UNIT = re.compile(rf"|(?:{NO_UNIT}|{ONE_UNIT}(?: {ONE_UNIT})*)(?:/{ONE_UNIT}(?: {ONE_UNIT})*)?")
 OF_RATE = {"sign": "rate", "slip": "rate"}  # what the state has it from
-NEEDS = "position", "rate", "acceleration", "torque", "sign", "slip"
+NEEDS = "position", "rate", "acceleration", "load", "torque", "sign", "slip"
 
 
 @record
@@ -87,9 +88,9 @@ class JointTerm:
     law : callable
         What the coefficient multiplies, of a ``JointState`` and the number ``at``.
     needs : tuple of str
-        What it needs of the state: "position", "rate", "acceleration", "torque", "sign",
-        "slip". Coordinates of a joint with several have no position. What follows the sign
-        of the rate jumps; what follows slip hangs on where the joint came from.
+        What it needs of the state: "position", "rate", "acceleration", "load", "torque", "sign",
+        "slip". Coordinates of a joint with several have no position. What follows the sign of the
+        rate jumps; what follows slip hangs on where the joint came from.
     beside : tuple of str
         Kinds that the law has further coefficients of.
     at : float
@@ -180,6 +181,17 @@ class JointTerm:
 
 def _coulomb(name: str, law: Callable[[JointState, float], Any]) -> JointTerm:
     return JointTerm(name, ("N", "N m"), law, ("sign",), positive=True)
+
+
+def _load_friction(name: str) -> JointTerm:
+    """Friction by Coulomb's law; in a hinge the coefficient holds the radius of the pin."""
+    return JointTerm(
+        name,
+        ("N/N", "N m/N"),
+        lambda joint, at: joint.load * joint.sign(at),
+        needs=("load", "sign"),
+        positive=True,
+    )
 
 
 def _spring(
@@ -293,7 +305,7 @@ WORDS = "file", "none", "passive", "auto"
 KIND = re.compile(r"[A-Za-z][A-Za-z0-9+-]*(~RATE|@POSITION)?")
 # A joint that a law is tried with.
 TRIED = {"position": (-0.4, 0.1, 0.7), "rate": (0.5, -1.0, 0.2), "acceleration": (1.0, 0.3, -2.0)}
-TRIED |= {"torque": (1.0, 4.0, 2.0)}
+TRIED |= {"load": (3.0, 1.0, 2.0), "torque": (1.0, 4.0, 2.0)}
 TRIED_AT = 0.3
 
 
@@ -368,6 +380,8 @@ for _kind, _term in {
         positive=True,
         prior=HYSTERESIS,
     ),
+    "Fl": _load_friction("friction of loaded bearings"),
+    "Fl~RATE": _load_friction("smooth friction of loaded bearings"),
     "Fv": JointTerm(
         "viscous friction",
         ("N s/m", "N m s/rad"),

@@ -204,6 +204,15 @@ class JointTerms:
             for joint, own in zip(self.joints, self._own_kinds, strict=True)
         }
 
+    @property
+    def loaded(self) -> tuple[str, ...]:
+        """Joints with load-dependent friction."""
+        return tuple(
+            joint
+            for joint, kinds in self.of_joints.items()
+            if any("load" in joint_term(kind).needs for kind in kinds)
+        )
+
     def parameters(self, robot: Robot) -> ParameterSet:
         """Labels ``<joint>.<kind>``, joint by joint; the names of ``columns``."""
         return ParameterSet(
@@ -221,16 +230,23 @@ class JointTerms:
         return np.array([given.get(p.link, {}).get(p.kind, np.nan) for p in self.parameters(robot)])
 
     def columns(
-        self, robot: Robot, motion: ClosedMotion, *, slips: Slips | None = None
+        self,
+        robot: Robot,
+        motion: ClosedMotion,
+        standard_parameters: FloatArray | None = None,
+        *,
+        slips: Slips | None = None,
     ) -> FloatArray:
         """Actuator forces (N, dof, k) per unit of each of ``parameters``.
 
-        Without ``slips``, friction is that of steady motion.
+        Loads of joints are those of the bodies of the robot file, or of other
+        ``standard_parameters`` (n,). Without ``slips``, friction is that of steady motion.
         """
         G, columns = motion.projection.G, [np.zeros((*motion.projection.G.shape[::2], 0))]
+        loads, _ = self.loads(robot, motion, standard_parameters)
         for name, kinds in self.of_joints.items():
             index = _index(robot, name, kinds)
-            state = self.state(joint_state(robot, motion, name))
+            state = self.state(joint_state(robot, motion, name), loads.get(name))
             state = state._replace(slips=(slips or {}).get(name))
             for kind in kinds:
                 term = joint_term(kind)
@@ -238,13 +254,13 @@ class JointTerms:
                 columns.append((G[:, index] * signal[:, None])[..., None])
         return np.concatenate(columns, axis=2)
 
-    def state(self, joint: JointState, math: Any = np) -> JointState:
+    def state(self, joint: JointState, load: Any = None, math: Any = np) -> JointState:
         """The state of a joint as laws take it, with these terms' dead zone and smoothing.
 
         ``math`` is NumPy, or CasADi for exported C code.
         """
         zones: dict[str, Any] = {"dead_zone": self.dead_zone, "smoothing": self.smoothing}
-        return joint._replace(math=math, **zones)
+        return joint._replace(load=load, math=math, **zones)
 
     @property
     def displacements(self) -> dict[str, tuple[float, ...]]:
@@ -264,6 +280,27 @@ class JointTerms:
             joint: slips_along([joint_position(robot, configurations, joint)], own)
             for joint, own in self.displacements.items()
         }
+
+    def loads(
+        self,
+        robot: Robot,
+        motion: ClosedMotion,
+        standard_parameters: FloatArray | None = None,
+    ) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
+        """Forces (N,) that the bearings of joints with load-dependent friction carry, in N.
+
+        And which of these joints redundant closures leave open.
+        """
+        if not (names := self.loaded):
+            return {}, ()
+        from loopid.kinematics.reactions import bearing_forces  # seldom needed
+
+        ids = [robot.joint_ids[k] for k in robot.velocity_indices(names)]
+        forces, undetermined = bearing_forces(
+            robot, motion, ids, standard_parameters=standard_parameters
+        )
+        left_open = tuple(name for name, flag in zip(names, undetermined, strict=True) if flag)
+        return dict(zip(names, forces.T, strict=True)), left_open
 
 
 def load_places(parameters: ParameterSet, independent: Sequence[str]) -> tuple[IntArray, IntArray]:

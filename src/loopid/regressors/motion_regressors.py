@@ -69,21 +69,23 @@ def motion_regressor(
     model: str = "full",
     *,
     joint_terms: JointTerms | None = None,
+    standard_parameters: FloatArray | None = None,
     slips: Slips | None = None,
 ) -> FloatArray:
     """Actuator forces (N, dof, n) per unit of the parameters of all bodies, then of joint terms.
 
     The model is ``"full"``, or ``"gravity"`` for what holds the robot at rest in each
     configuration; joint terms are those of the motion in either. ``motion_parameters`` names the
-    columns. Hysteresis needs ``JointTerms.slips`` of the whole motion; without, friction is that of
-    steady motion.
+    columns. Loads of joints are those of the bodies of the robot file, or of other
+    ``standard_parameters`` (n,) of the full model. Hysteresis needs ``JointTerms.slips`` of the
+    whole motion; without, friction is that of steady motion.
     """
     q, G = motion.configurations, motion.projection.G
     rates = (motion.velocities, motion.accelerations) if model == "full" else ()
     bodies = torque_regressors(robot, q, *rates, model=model, G=G)
     if joint_terms is None:
         return bodies
-    columns = joint_terms.columns(robot, motion, slips=slips)
+    columns = joint_terms.columns(robot, motion, standard_parameters, slips=slips)
     return np.concatenate([bodies, columns], axis=2)
 
 
