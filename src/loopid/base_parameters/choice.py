@@ -191,7 +191,7 @@ class Exclusion:
 
 @record
 class SearchResult:
-    r"""What a search found.
+    """What a search found.
 
     Attributes
     ----------
@@ -220,7 +220,7 @@ class SearchResult:
         Relative; see ``certified``.
     seconds : float
     proof : tuple of Exclusion
-        With ``ExactSearch\(proof=True\)``.
+        With ``ExactSearch(proof=True)``.
     subgroups : SubgroupAccount or None
         What a subgroup search tried.
     options : SearchOptions
