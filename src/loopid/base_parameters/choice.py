@@ -220,7 +220,7 @@ class SearchResult:
         Relative; see ``certified``.
     seconds : float
     proof : tuple of Exclusion
-        Of an ``ExactSearch`` with ``proof=True``.
+        With ``ExactSearch(proof=True)``.
     subgroups : SubgroupAccount or None
         What a subgroup search tried.
     options : SearchOptions
