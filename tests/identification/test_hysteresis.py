@@ -15,7 +15,10 @@ from loopid.control import ControlLoop
 from loopid.errors import OptionError
 from loopid.export import c_source
 from loopid.export.robot_file import updated_robot_file
-from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
+from loopid.identification.consistent import error_weights
+from loopid.identification.fitting import quiet_fit
+from loopid.identification.friction import motor_use
+from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints, possible_hysteresis
 from loopid.kinematics import measured_coordinates
 from loopid.motion import scaled_bodies
 from loopid.regressors.joint_laws import joint_term
@@ -51,6 +54,27 @@ def found(robot):
         slip: quietly(identify, model, [loopid.prepare(robot, log_of(robot, 2, slip))])
         for slip in (0.0, SLIP)
     }
+
+
+def test_what_an_encoder_does_not_resolve_says_nothing_of_friction(robot):
+    model, log = loopid.force_model(robot, "full"), log_of(robot, 2, 10 * SLIP)
+    least, slowest = [], []
+    for step in (0.0, 0.001, 0.004):
+        position = step * np.round(log.position / step) if step else log.position
+        run = loopid.prepare(robot, replace(log, position=position))
+        data = model.samples(run)
+        noise = quiet_fit(data).noise
+        kinds = possible_hysteresis(
+            model, data, [run], error_weights(data.problem, noise), robot.actuated
+        )
+        assert set(kinds) == set(robot.actuated)
+        least.append(min(joint_term(kind).at for own in kinds.values() for kind in own))
+        slowest.append(motor_use(model, data, [run]).slowest.min())
+        assert least[-1] > 3 * step
+        assert slowest[-1] >= 3 * step * run.cutoff * (1 - 1e-9)
+        assert run.step_of(robot.actuated[0]) == pytest.approx(step, abs=1e-5)
+    assert least[0] < least[1] < least[2]
+    assert slowest[0] < slowest[2]
 
 
 def error_on(model, values, run):

@@ -32,7 +32,7 @@ from loopid.identification.consistent import (
 from loopid.identification.correlation import residual_noise
 from loopid.identification.estimator import LEAST_EXCITATION, WorkingFit, excited_solution
 from loopid.identification.force_models import ForceModel
-from loopid.identification.hysteresis import possible_hysteresis, with_reach
+from loopid.identification.hysteresis import RESOLVED, possible_hysteresis, with_reach
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Estimate, Fit, MotorUse, NoiseModel, TermDeviations
 from loopid.logs.recording import Recording
@@ -54,7 +54,9 @@ from loopid.workers import one_blas_thread
 
 # Percentile of the rates of a motor's samples, half of which is its slowest informative one: a
 # filter mixes what is slower into them, and friction that rises there would be taken for something
-# else. Most rates of a curve, from the fastest down.
+# else. Nor is a rate informative at which an encoder takes fewer than RESOLVED steps in a period of
+# the cut-off: when it changed its sign is unknown, and friction looks smaller there.
+# Most rates of a curve, from the fastest down.
 SLOWEST, MIXED, MOST_RATES = 2.0, 0.5, 9
 # Digits of the fastest rate of a curve, the others are halves of it.
 DIGITS = 2
@@ -93,7 +95,9 @@ def motor_use(
         used = data.used[:, row] & (velocity[:, row] > 0)
         if joint in force_model.robot.actuated and used.any():
             joints.append(joint)
-            rates = np.percentile(velocity[used, row], [SLOWEST, 100.0]) * [MIXED, 1.0]
+            slowest, fastest = np.percentile(velocity[used, row], [SLOWEST, 100.0])
+            error = RESOLVED * max(run.step_of(joint) * (run.cutoff or 0.0) for run in recordings)
+            rates = min(max(MIXED * slowest, error), fastest), fastest
             most = np.abs(data.force[data.used[:, row], row]).max()
             found.append([*rates, loads[used, row].mean(), most])
     return MotorUse(tuple(joints), *np.array(found).reshape(-1, 4).T)

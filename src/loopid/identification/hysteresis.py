@@ -30,6 +30,9 @@ TRIED, POSSIBLE = np.geomspace(1e-3, 1.0, 7), 0.5
 # Part of the force that has changed sides over the identified way: of a law that falls off
 # exponentially, as Dahl's, its constant. Part of it that has within a loop.
 TOLD, WHOLE = 1 - np.exp(-1), 0.98
+# Steps of an encoder below which it tells no displacement from none: where the motor turned back is
+# unknown by as much.
+RESOLVED = 3.0
 POINTS = 400  # of a loop, each way
 SLOW = 0.01  # of the slowest rate of the samples: a loop is gone through next to standstill
 
@@ -84,9 +87,10 @@ def slip_evidence(columns: FloatArray, left: FloatArray, size: float) -> float:
 
 
 def _elements(recordings: Sequence[Recording], joint: str) -> tuple[str, ...]:
-    """Kinds of the elements of a motor, by the range of its motion."""
+    """Kinds of the elements of a motor, by the range of its motion and the steps of its encoder."""
     span = max(float(np.ptp(way)) for each in recordings for way in each.ways(joint))
-    return tuple(f"Fh@{slip:.3g}" for slip in slip_displacements(span) if slip)
+    least = RESOLVED * max(each.step_of(joint) for each in recordings)
+    return tuple(f"Fh@{slip:.3g}" for slip in slip_displacements(span) if slip > least)
 
 
 @record

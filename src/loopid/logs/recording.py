@@ -35,6 +35,7 @@ from loopid.robot.robot import Robot
 # to a signal after so many periods of its cut-off.
 REACH = 1.0
 RATE_ROUNDING = 1e-3  # relative error of measured rates
+FINEST = 1e-6  # step of an encoder, relative to the range of its positions, that counts as none
 
 
 @record(kw_only=True, checked=True)
@@ -255,6 +256,14 @@ class Recording(Tabular):
         return [
             np.cumsum(np.append(0.0, steps)) for steps in np.split(rate[1:] * np.diff(time), ends)
         ]
+
+    def step_of(self, joint: str) -> float:
+        """Least difference of positions of a motor in the log, in m or rad; 0 where it has none."""
+        if self.log is None or joint not in self.log.joints:
+            return 0.0
+        steps = np.diff(np.unique(self.log.position[:, self.log.joints.index(joint)]))
+        steps = steps[steps > FINEST * steps.sum()]
+        return float(steps.min()) if len(steps) else 0.0
 
     @property
     def open_cutoff(self) -> bool:
