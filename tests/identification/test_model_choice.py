@@ -2,6 +2,7 @@
 
 import re
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -105,6 +106,21 @@ def test_inertia_that_the_file_knows_nothing_of_shows_by_what_it_predicts(five_b
     assert found.model == "full"
     assert choose_model(five_bar, [run_of(five_bar, 100.0)]).model == "gravity"
     assert "by the robot file" not in found.finding.why
+
+
+def test_forces_that_lack_inertia_ask_for_gravity_and_say_so(five_bar):
+    """As where a hand moves the robot; bodies of half the inertia are bodies."""
+    run = run_of(five_bar, 10.0)
+    motion = run.motion
+    parts = force_parts(five_bar, motion.configurations, motion.velocities, motion.accelerations)
+    inertia = parts.inertial + parts.coriolis
+    for factor, model in ((0.0, "gravity"), (0.5, "full"), (1.0, "full")):
+        force = parts.gravity + factor * inertia
+        noise = np.random.default_rng(0).normal(scale=NOISE, size=force.shape)
+        found = choose_model(five_bar, [replace(run, force=force + noise)])
+        assert found.model == model
+        assert abs(found.factor - factor) < 3 * found.factor_error < 0.2
+        assert ("no inertia" in found.finding.title) == (factor == 0)
 
 
 def test_an_unknown_model_is_refused_with_the_choices(five_bar):

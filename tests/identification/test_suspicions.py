@@ -15,8 +15,9 @@ from loopid import JointTerms, read_log
 from loopid.files import csv_text
 from loopid.findings import PAGE
 from loopid.identification import suspicions
-from loopid.logs import FilterOptions, LogMapping
-from loopid.motion import Noise
+from loopid.logs import FilterOptions, LogMapping, Recording
+from loopid.motion import Noise, scaled_bodies
+from loopid.regressors import force_parts
 from made_runs import HINGE, friction, quietly, record, simulated, stand, unchecked, wander
 
 FIVE_BAR, KNEE = ("left_crank_joint", "right_crank_joint"), tuple(f"leg{k}_stroke" for k in "1234")
@@ -246,6 +247,24 @@ def test_a_time_axis_that_is_a_factor_off_is_named(runs, factor):
     assert "time axis" in said.title
     size, reach = map(float, re.search(r"([\d.]+) ± ([\d.]+) times", said.why).groups())
     assert abs(size - factor) < 2 * reach < 0.6 * factor
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("friction", [0.0, 0.2])
+def test_forces_without_inertia_and_friction_are_of_a_robot_that_a_hand_moves(
+    load_once, friction, seed
+):
+    """Motors with friction made the motion: what inertia lacks then is the time axis."""
+    robot = load_once("five_bar")
+    motion = wander(robot, seed, seconds=10.0, rate=50.0, size=(0.5, 0.5))
+    scaled = scaled_bodies(robot, 0.2, seed)
+    state = motion.configurations, motion.velocities, motion.accelerations
+    force = force_parts(robot, *state, standard_parameters=scaled).gravity
+    force = force + friction * np.sign(motion.velocities)
+    noise = np.random.default_rng(seed).normal(scale=0.02, size=force.shape)
+    run = Recording.of_motion(motion, force + noise, robot.actuated, name="run")
+    (said,) = suspicions(robot, [run]).mistakes
+    assert said.title.startswith("the time axis" if friction else "the robot was moved by hand")
 
 
 @pytest.mark.parametrize(("rows", "what"), [(5, "positions"), (4, "forces")])

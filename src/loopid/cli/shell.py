@@ -114,7 +114,6 @@ class Answer:
         """Write the report where a folder is given, and print it: the verdict first.
 
         The command is the next step of a card that is good.
-        A report whose files are refused is printed before the refusal.
         """
         from loopid.findings import Finding
         from loopid.report.look import json_text
@@ -130,13 +129,7 @@ class Answer:
         command = shlex.join(["loopid", *sys.argv[1:]])
         written: list[Path] = []
         if self.folder is not None:
-            try:
-                files = report.files(command, figures=self.figures)
-            except LoopidError:
-                if not self.as_json:
-                    self._print(report)
-                raise
-            written = write_files(self.folder, files)
+            written = write_files(self.folder, report.files(command, figures=self.figures))
         if self.as_json:
             data = {**report.data, "written": [str(place) for place in written]}
             typer.echo(json_text(data))

@@ -368,6 +368,16 @@ class Evidence:
             self.independent[k] = max(len(error) * (1 - lag) / (1 + lag), LEAST_INDEPENDENT)
         return self.explained([undone])[0]
 
+    def friction_evidence(self, found: Explanation) -> FloatArray:
+        """Logarithms (d,) of how much likelier friction that takes in energy makes a log."""
+        columns, power = self._friction(_pose(found.undone), found.undone.time)
+        gain = np.array(found.undone.gain)
+        ends = np.column_stack([np.ones(len(gain)), -1 / gain])
+        z = np.column_stack([np.tile(found.values, (len(gain), 1)), ends])
+        given = (columns @ z[:, :, None])[:, :, 0]
+        takes = (given * power).sum(axis=1) < 0
+        return np.asarray(takes * self.independent * (given**2).sum(axis=1) / found.error**2 / 2)
+
     def unit(self, motor: int) -> tuple[str, float]:
         """Of the positions of a motor, and the length in it that zeros are in."""
         sliding = self.robot.joint(self.names[motor]).idx_v in self.robot.prismatic

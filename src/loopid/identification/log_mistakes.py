@@ -50,6 +50,12 @@ SHAPE, FACTOR_SHAPE = 0.4, 0.15
 # Half of the 95 % interval at most, as a part of the size: a size that is not known is none. Errors
 # of motors that were exchanged, over those before, at most.
 KNOWN, BETTER = 0.5, 0.8
+BY_HAND = Finding(
+    "mistake",
+    "the robot was moved by hand",
+    "its forces have neither inertia nor friction of a motor, as of motors that carry weight alone",
+    "record a motion that its motors make",
+)
 MATTERS = 0.1  # of what bodies may be off, that a zero must move them by to be worth a sentence
 
 
@@ -126,6 +132,8 @@ def suspicions(
         if not model.present:
             return nothing
         found, undone = model.weighed(model.recorded), list[_Find]()
+        if _moved_by_hand(model, found):  # the forces are not those that move the robot
+            return replace(nothing, mistakes=(BY_HAND, *held))
         mistakes = list[Finding]()
         while True:
             finds = _finds(model, found, assembled=False)
@@ -367,6 +375,17 @@ def _untold(model: Evidence, found: Explanation) -> Finding | None:
         "about as well, by other bodies",
         "move faster and further",
     )
+
+
+def _moved_by_hand(model: Evidence, found: Explanation) -> bool:
+    """Whether forces are clearly without inertia, and no motor works against friction."""
+    still = found.undone._replace(time=(0.0,) * len(found.undone.time))
+    (plain,) = model.explained([still])
+    friction = model.friction_evidence(plain)[list(model.present)]
+    if plain.evidence - found.evidence < EVIDENCE or friction.max() > EVIDENCE + log(len(friction)):
+        return False
+    gained = model.beside_rivals(plain).evidence - model.beside_rivals(found).evidence
+    return gained >= EVIDENCE and model.explains(plain, model.present, SHAPE, whole=False)
 
 
 def _turned(model: Evidence, found: Explanation, clear: Sequence[_Find]) -> Finding | None:

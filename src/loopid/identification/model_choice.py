@@ -36,6 +36,7 @@ UNLOGGED = "gravity"  # where nothing is logged
 DRIVES = {"gravity": ("Fc", "Fv", "Fo"), "full": ("Fc", "Fv", "Fo", "Ia")}
 SAMPLES = 2000  # that are looked at, evenly spread
 CLEAR = 2.0  # standard errors
+LITTLE = 0.5  # of the robot file's inertia: bodies are off by less
 BLOCKS = 20  # of time, whose errors count as independent of each other
 
 
@@ -51,8 +52,9 @@ class ModelChoice:
     shares : FloatArray
         (dof,), inertial and Coriolis forces by the robot file, in parts of each motor's force, in
         the root mean square where it moves; NaN where it does not.
-    factor_error : float
-        Standard error of a factor of these forces: above 0.5 the factor may as well be zero.
+    factor, factor_error : float
+        Of these forces, beside gravity and friction, and its standard error: above 0.5 the factor
+        may as well be zero.
     errors : mapping
         By model (dof,): errors on stretches left out, in parts of each motor's force. Bodies near
         the robot file and friction of the motors, in the full model also their rotors, were fitted
@@ -62,6 +64,7 @@ class ModelChoice:
     model: str
     motors: tuple[str, ...]
     shares: FloatArray
+    factor: float
     factor_error: float
     errors: Mapping[str, FloatArray]
 
@@ -76,6 +79,11 @@ class ModelChoice:
         return CLEAR * self.factor_error < 1
 
     @property
+    def lacking(self) -> bool:
+        """Whether the recordings clearly have less than half of the robot file's inertia."""
+        return self.factor + CLEAR * self.factor_error < LITTLE
+
+    @property
     def least_share(self) -> float:
         """The share from which on the recordings show inertia."""
         return CLEAR * self.factor_error * self.share
@@ -84,6 +92,14 @@ class ModelChoice:
     def finding(self) -> Finding:
         """What to know of a gravity model: that inertia does not show, or is missing."""
         share = f"by the robot file it is at most {_percent(self.share)} of a motor's force"
+        if self.model == "gravity" and self.lacking:
+            factor = f"{self.factor:.2g} ± {CLEAR * self.factor_error:.2g}"
+            return Finding(
+                "warning",
+                "the forces have no inertia",
+                f"that of the robot file counts {factor} times; a hand may have moved the robot",
+                "record a motion that its motors make",
+            )
         if self.model == "gravity":
             title = "the motion is too slow for inertia to show"
             if np.isfinite(self.least_share):
@@ -105,8 +121,9 @@ def _percent(part: float) -> str:
 def choose_model(robot: Robot, recordings: Sequence[Recording]) -> ModelChoice:
     """Choose the model that recordings need.
 
-    The full one, unless the recordings do not distinguish the file's inertia from none, and
-    fitted inertia of bodies and rotors predicts stretches left out no better. Errors count as alike
+    The full one, unless the recordings do not distinguish the file's inertia from none, or have
+    clearly less than half of it, and fitted inertia of bodies and rotors predicts stretches left
+    out no better. Errors count as alike
     within blocks of time, and as independent between them (sandwich covariance).
 
     Parameters
@@ -140,20 +157,22 @@ def choose_model(robot: Robot, recordings: Sequence[Recording]) -> ModelChoice:
     with one_blas_thread():
         predicted = {model: fit.left_out(runs) for model, fit in fits.items()}
         # Rows between those that are looked at add information, if not quite as much.
-        error = _factor_error(gravity, inertia, full) / np.sqrt(step)
+        factor, error = _factor(gravity, inertia, full)
     (ratio, spread), _ = error_ratio(full.samples, predicted["full"], predicted["gravity"])
     found = ModelChoice(
         "gravity",
         full.samples.actuators,
         _shares(full.samples, inertia),
-        float(error),
+        factor,
+        error / np.sqrt(step),
         {
             model: _shares(full.samples, full.samples.force - own)
             for model, own in predicted.items()
         },
     )
     better, worse = ratio + CLEAR * spread < 1, ratio - CLEAR * spread > 1
-    return replace(found, model="full") if better or (found.shown and not worse) else found
+    shown = found.shown and not (worse or found.lacking)
+    return replace(found, model="full") if better or shown else found
 
 
 def chosen_model(robot: Robot, model: str, recordings: Sequence[Recording]) -> str:
@@ -227,8 +246,8 @@ class _Fit:
         return LeftOut.of(self.samples, recordings, refits).predicted("", self.samples)
 
 
-def _factor_error(gravity: _Fit, inertia: FloatArray, full: _Fit) -> float:
-    """Standard error of a factor of inertial forces (N, dof) beside gravity and friction."""
+def _factor(gravity: _Fit, inertia: FloatArray, full: _Fit) -> tuple[float, float]:
+    """A factor of inertial forces (N, dof) beside gravity and friction, and its standard error."""
     values, weights = full.weighed(full.samples)
     used = full.samples.used
 
@@ -241,8 +260,10 @@ def _factor_error(gravity: _Fit, inertia: FloatArray, full: _Fit) -> float:
     X = X / np.where(lengths > 0, lengths, 1.0)
     own = x - X @ np.linalg.lstsq(X, x, rcond=UNKNOWN)[0]
     if not own @ own > (UNKNOWN * np.linalg.norm(x)) ** 2:
-        return np.inf
+        return np.nan, np.inf
     scores = own * rows(full.samples.residual(values))
     blocks = np.broadcast_to(np.arange(len(used))[:, None] * BLOCKS // len(used), used.shape)[used]
     sums = np.bincount(blocks, scores, BLOCKS)
-    return float(np.sqrt((sums**2).sum() * BLOCKS / (BLOCKS - 1)) / (own @ own))
+    square = float(own @ own)
+    factor = float(own @ rows(full.samples.force)) / square
+    return factor, float(np.sqrt((sums**2).sum() * BLOCKS / (BLOCKS - 1))) / square

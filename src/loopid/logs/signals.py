@@ -537,8 +537,8 @@ class ColumnFinder:
     def _only(self, joint: str, quantity: str, found: Sequence[Place], also: str = "") -> Place:
         if not found:
             raise self._refused(
-                f"there is no {quantity} of {joint}: call a column {joint}.{quantity}, name it in "
-                f"a mapping{also}; {self._choices()}",
+                f"there is no {quantity} of {joint}: call a column {joint}.{quantity}, "
+                f"{'' if also else 'or '}name it in a mapping{also}; {self._choices()}",
                 quantity=quantity,
                 joint=joint,
             )

@@ -7,7 +7,7 @@ from typing import Any
 
 from rich.table import Table
 
-from loopid.errors import counted
+from loopid.errors import DataWarning, OptionError, counted, warn
 from loopid.identification.identification import Identification
 from loopid.identification.information import WeakDirection
 from loopid.identification.plausibility import require_sane
@@ -51,7 +51,7 @@ def identification_report(
 ) -> Report:
     """What an identification found; the command designs the motion that its verdict asks for.
 
-    Its files are refused where the recommended fit breaks a law, unless forced.
+    Without a file of the recommended fit where that breaks a law, unless forced.
     """
     judged = found.verdict
     robot = found.force_model.robot
@@ -224,11 +224,15 @@ def _untold_table(found: Identification) -> Table:
 
 
 def _fits(found: Identification, record: dict[str, Any], anyway: bool) -> dict[str, bytes | str]:
-    """The recommended fit, and that of all parameters where it is another.
+    """The recommended fit, unless it breaks a law, and that of all parameters where it is another.
 
     That one may break laws: its file says which, and controllers refuse it.
     """
-    require_sane(found.fit, anyway)
+    try:
+        require_sane(found.fit, anyway)
+    except OptionError as refused:
+        warn(f"parameters.yaml is not written: {refused}", DataWarning)
+        return {}
     files: dict[str, bytes | str] = {"parameters.yaml": as_file(record["fit"])}
     if found.recommended is not found["all parameters"]:
         files["all_parameters.yaml"] = as_file(record["all_parameters"])
