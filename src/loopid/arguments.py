@@ -54,7 +54,6 @@ Number = Annotated[
 ]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
-Share = Annotated[float, Field(ge=0, lt=1)]
 # What NumPy's kinds of other than real numbers are called.
 KINDS = {"U": "text", "S": "bytes", "c": "complex", "M": "dates", "m": "time differences"}
 BLOCK_ROWS = 4096  # of long arrays that are worked on at a time

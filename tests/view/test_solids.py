@@ -65,3 +65,41 @@ def test_a_urdf_without_its_meshes_is_drawn_as_rods(tmp_path, load_once):
     (tmp_path / "five_bar.urdf").write_text(other)
     (tmp_path / "five_bar.yaml").write_text(given.read_text())
     assert read_solids(loopid.load(tmp_path / "five_bar.yaml")) == []
+
+
+LINKED = """<robot name="linked">
+<link name="base"><visual><geometry>{shape}</geometry></visual></link>{links}<link name="pin"/>
+<joint name="a" type="revolute"><parent link="base"/><child link="left"/>
+  <limit lower="-1" upper="1" effort="9" velocity="1"/></joint>
+<joint name="b" type="continuous"><parent link="left"/><child link="rod"/>
+  <origin xyz="0 0 1"/></joint>
+<joint name="c" type="continuous"><parent link="base"/><child link="right"/>
+  <origin xyz="0 1 0"/></joint>
+<joint name="end" type="fixed"><parent link="rod"/><child link="pin"/><origin xyz="0 1 0"/></joint>
+<joint name="d" type="continuous"><parent link="right"/><child link="pin"/>
+  <origin xyz="0 0 1"/></joint></robot>"""
+LINK = """<link name="{}"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+<visual><geometry><box size="1 1 1"/></geometry></visual></link>"""
+
+
+def linked(folder, shape):
+    """A four-bar whose loop is closed by a link with two parents."""
+    links = "".join(map(LINK.format, ("left", "rod", "right")))
+    (folder / "linked.urdf").write_text(LINKED.format(shape=shape, links=links))
+    (folder / "linked.yaml").write_text("urdf: linked.urdf\nname_mot: [a]\n")
+    with pytest.warns(loopid.errors.ModelWarning, match="second parent"):
+        return loopid.load(folder / "linked.yaml")
+
+
+def test_a_robot_whose_loop_is_a_link_with_two_parents_is_drawn(tmp_path):
+    found = read_solids(linked(tmp_path, '<box size="1 1 1"/>'))
+    assert [joint for joint, _, _ in found] == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize("shape", ['<capsule radius="1" length="1"/>', '<mesh filename="no.dae"/>'])
+def test_a_shape_that_cannot_be_read_is_said(tmp_path, shape):
+    (tmp_path / "no.dae").write_text("<x")
+    robot = linked(tmp_path, shape)
+    with pytest.warns(loopid.errors.ModelWarning, match="not drawn: "):
+        assert read_solids(robot) == []

@@ -210,9 +210,8 @@ def _spanned(matrix: FloatArray, effective: BoolArray, short: BoolArray, rank: i
     Round-off does not: however short they are, they have an effect.
     """
     if short.any():
-        span = np.linalg.svd(matrix[:, effective] / np.linalg.norm(matrix[:, effective], axis=0))[
-            0
-        ][:, :rank]
+        long = matrix[:, effective]
+        span = np.linalg.svd(long / np.linalg.norm(long, axis=0))[0][:, :rank]
         columns = matrix[:, short] / np.linalg.norm(matrix[:, short], axis=0)
         apart = np.linalg.norm(columns - span @ (span.T @ columns), axis=0)
         short[short] = apart <= SPANNED

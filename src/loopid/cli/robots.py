@@ -221,9 +221,7 @@ def excite(
     terms: str = GIVEN_TERMS,
     criterion: str = Option("D", help="What is optimised: D, A, E or condition."),
     shape: str = Option("fourier", help="fourier, or poses to stand in (gravity)."),
-    size: int | None = Option(
-        None, help="Number of harmonics, waypoints or poses; enough by default."
-    ),
+    size: int | None = Option(None, help="Number of harmonics or poses; enough by default."),
     duration: float | None = Option(
         None, help="Seconds; by default 20 for a gravity model, 10 for a full one."
     ),

@@ -29,7 +29,7 @@ class Shape(ABC):
     """A kind of motion that takes a time."""
 
     seconds: float
-    size: int  # harmonics, waypoints or poses
+    size: int  # harmonics or poses
 
     least: ClassVar[int]  # size that can move
 

@@ -470,7 +470,7 @@ class ColumnFinder:
             return numbered
         both = [*zip(joints, own, strict=True)]
         lacking = ", ".join(f'"{joint}"' for joint, found in both if not found)
-        lock = f", or lock=[{lacking}] if they stood" if any(own) else ""
+        lock = f", or lock=[{lacking}] if not moved" if any(own) else ""
         return [self._only(joint, quantity, found, lock) for joint, found in both]
 
     def _listed_columns(self, given: StreamColumns) -> list[Place]:
@@ -537,8 +537,8 @@ class ColumnFinder:
     def _only(self, joint: str, quantity: str, found: Sequence[Place], also: str = "") -> Place:
         if not found:
             raise self._refused(
-                f"there is no {quantity} of {joint}: call a column {joint}.{quantity}, name it in "
-                f"a mapping{also}; {self._choices()}",
+                f"there is no {quantity} of {joint}: call a column {joint}.{quantity}, "
+                f"{'' if also else 'or '}name it in a mapping{also}; {self._choices()}",
                 quantity=quantity,
                 joint=joint,
             )

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
 import trimesh
+from lxml import etree
 from trimesh import creation
 
 from loopid.arguments import FloatArray
+from loopid.errors import ModelWarning, one_line, warn
 from loopid.loading.files import files_of
+from loopid.loading.urdf_tree import read_urdf_file
 from loopid.robot.robot import Robot
 
 Color: TypeAlias = tuple[int, int, int]
@@ -36,7 +40,14 @@ def read_solids(robot: Robot) -> list[Solid]:
 def _of_urdf(robot: Robot, tree: Path) -> Iterator[Solid]:
     from yourdfpy import URDF
 
-    scene = URDF.load(str(tree)).scene
+    urdf = read_urdf_file(tree)
+    for joint in urdf.second:  # yourdfpy knows trees alone
+        urdf.root.remove(joint)
+    try:
+        scene = URDF.load(BytesIO(etree.tostring(urdf.root)), mesh_dir=str(tree.parent)).scene
+    except Exception as error:  # whatever is wrong with a shape or its file
+        warn(f"{tree}: shapes of links are not drawn: {one_line(str(error))}", ModelWarning)
+        return
     for node in scene.graph.nodes_geometry:
         link = scene.graph.transforms.parents[node]
         place, name = scene.graph.get(node, frame_from=link)
