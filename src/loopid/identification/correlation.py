@@ -76,7 +76,7 @@ class Autoregression:
         """Number p of coefficients."""
         return len(self.coefficients)
 
-    @property
+    @cached_property
     def polynomial(self) -> FloatArray:
         """(p + 1,), A of A(z) e = ε: 1, then -c_k."""
         return np.append(1.0, -self.coefficients)
