@@ -15,8 +15,10 @@ from loopid import JointTerms, read_log
 from loopid.files import csv_text
 from loopid.findings import PAGE
 from loopid.identification import suspicions
+from loopid.identification.log_timing import late_by_seconds
+from loopid.kinematics import measured_coordinates
 from loopid.logs import FilterOptions, LogMapping, Recording
-from loopid.motion import Noise, scaled_bodies
+from loopid.motion import Noise, Waypoint, joint_motion, point_to_point, scaled_bodies
 from loopid.regressors import force_parts
 from made_runs import HINGE, friction, quietly, record, simulated, stand, unchecked, wander
 
@@ -213,6 +215,21 @@ def test_forces_of_another_time_are_late_by_seconds(runs):
     (found,) = runs("five_bar", 0, shift).mistakes
     assert found.title == "the forces are 4 s late"
     assert "delay: 4 in" in found.do
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_forces_of_a_robot_that_mostly_stands_are_not_late(load_once, seed):
+    """A shift that leaves a standstill alone is explained by an offset, even with a spring."""
+    robot = load_once("delta")
+    middle = measured_coordinates(robot).read(robot.reference[None].copy())[0]
+    moves = np.random.default_rng(seed).uniform(-0.3, 0.3, (12, 3))
+    ways = [(14.0, 0.2), *((1.0, each) for each in moves), (1.0, -0.1), (15.0, -0.1)]
+    ways = [Waypoint(middle + each, seconds) for seconds, each in ways]
+    motion = joint_motion(robot, point_to_point(robot.measured, middle, ways, rate=50.0))
+    terms = JointTerms(robot.actuated, ("Fc", "Fv", "Ks")), np.tile([0.3, 0.1, 4.0, 0.0], 3)
+    read = simulated(robot, motion, Noise(gaussian=0.02, encoder_step=2e-6), seed, None, terms)
+    log = unchecked(read.time, read.position, read.force, robot.actuated)
+    assert late_by_seconds(robot, [quietly(loopid.prepare, robot, log)]) is None
 
 
 MISSED = {"force scales": times(0.5, 1), "zeros": moved(0.3, 1), "time axis": times(1.0)}

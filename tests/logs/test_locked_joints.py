@@ -105,7 +105,7 @@ def test_motors_that_a_log_of_an_arm_lacks_are_locked(tmp_path):
     (path := tmp_path / "arm.urdf").write_text(urdf(*hand()))
     arm = ("joint1", "joint2", "joint3")
     log = write_motors(tmp_path / "log.csv", *arm)
-    with pytest.raises(LogError, match=r'finger1: .* or lock=\["finger1", "neck"\] if they stood'):
+    with pytest.raises(LogError, match=r'finger1: .* or lock=\["finger1", "neck"\] if not moved'):
         read_log(log, loopid.load(path))
     with pytest.warns(ModelWarning, match="no columns of finger1, finger2, neck: locked"):
         robot = locked_as_logged(loopid.load(path), log)

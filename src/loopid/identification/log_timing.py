@@ -23,8 +23,8 @@ RIDGE = 1e-9  # of columns of size 1, so that a column that is none does no harm
 # Part of the changes of values that are as many rows apart as most, and median change in steps of
 # the encoder, from which on values are held by a slower bus.
 HELD, JUMP = 0.8, 3.0
-# Shifts in s: that a delay may be, and the longest that is tried. Part of the forces that must be
-# left at any shift of the first; of that, and of the forces, what may be left at the best one.
+# Shifts in s: that a delay may be, and the longest that is tried. Part of what varies in the forces
+# that must be left at any shift of the first; of that, and of the whole, what the best may leave.
 DELAY, LATEST, UNEXPLAINED, LATE, LEFT = 0.15, 30.0, 0.03, 0.25, 0.15
 
 
@@ -87,8 +87,8 @@ def late_by_seconds(robot: Robot, recordings: Sequence[Recording]) -> Finding | 
     return Finding(
         "mistake",
         f"the forces are {abs(lag):.2g} s {how}",
-        f"shifted, bodies of the robot file and friction leave {100 * least:.2g} % of them "
-        f"instead of {100 * usual:.2g} %",
+        f"shifted, bodies of the robot file and friction leave {100 * least:.2g} % of what varies "
+        f"in them instead of {100 * usual:.2g} %",
         f"align the clocks, or set delay: {key} in the mapping",
     )
 
@@ -100,7 +100,7 @@ def _between(errors: FloatArray, shift: int) -> tuple[float, float, float]:
 
 
 def _errors_by_lag(robot: Robot, recording: Recording) -> tuple[FloatArray, FloatArray]:
-    """Shifts (L,) in s, and what is left of the forces at each, in parts of them."""
+    """Shifts (L,) in s, and what is left of the forces at each, in parts of what varies in them."""
     motion, force = recording.motion, recording.motor_force
     steps = np.diff(motion.time)
     step = float(np.median(steps)) if len(steps) else 1.0
@@ -138,9 +138,12 @@ def _errors_by_lag(robot: Robot, recording: Recording) -> tuple[FloatArray, Floa
         g = np.stack([at_lags(y, X[:, i]) for i in range(n)], axis=1)
         squares, samples = at_lags(y**2, used), at_lags(all_rows, used)
         freedom = 1 - alike * n / np.maximum(samples, 1.0)
+        # Of what varies: a robot that stands still is explained by an offset.
+        varying = squares - at_lags(y, used) ** 2 / np.maximum(samples, 1.0)
         H += RIDGE * np.maximum(samples, 1.0)[:, None, None] * np.eye(n)
         left = squares - (g * np.linalg.solve(H, g[:, :, None])[:, :, 0]).sum(axis=1)
-        error = np.maximum(left, 0.0) / (np.maximum(squares, TINY) * np.maximum(freedom, RIDGE))
+        least = np.maximum(varying, MODEL_ERROR**2 * squares + TINY)
+        error = np.maximum(left, 0.0) / (least * np.maximum(freedom, RIDGE))
         error[freedom <= 0] = 1.0  # nothing is explained by as many parameters
         total += np.log(error + MODEL_ERROR**2)
     return np.multiply(lags, step), np.exp(total / max(2 * len(motors), 1))

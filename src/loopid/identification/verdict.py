@@ -230,7 +230,7 @@ def _model_findings(found: Identification) -> Iterator[Finding]:
             "the motion repeats itself",
             f"{100 * found.repeated:.0f} % of its states come back; regions of states were left "
             "out to judge the fit",
-            "record another motion, and give it with validate",
+            "record another motion, and judge the fit on it",
         )
 
 

@@ -23,7 +23,8 @@ class Closure:
         Names of links, or of joints, sites or other frames of the tree.
     kind : str
         One of ``CLOSURE_KINDS`` or another name for it: ``"3d"`` is a ball, ``"6d"`` a weld,
-        ``"hinge"`` a pin.
+        ``"hinge"`` a pin, ``"2d"`` a point on an axis, ``"distance"`` a rod,
+        ``"cable"`` a length that a sliding joint has; others are joints of that name.
     axes : tuple, optional
         The axis in frame a and in frame b; one axis where the kind needs no more.
     length : float, optional

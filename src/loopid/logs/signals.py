@@ -470,7 +470,7 @@ class ColumnFinder:
             return numbered
         both = [*zip(joints, own, strict=True)]
         lacking = ", ".join(f'"{joint}"' for joint, found in both if not found)
-        lock = f", or lock=[{lacking}] if they stood" if any(own) else ""
+        lock = f", or lock=[{lacking}] if not moved" if any(own) else ""
         return [self._only(joint, quantity, found, lock) for joint, found in both]
 
     def _listed_columns(self, given: StreamColumns) -> list[Place]:
