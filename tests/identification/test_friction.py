@@ -250,3 +250,21 @@ def test_curves_of_joints_without_friction_are_refused(robot, motion):
         assert refused.value.facts["valid"] == (LEFT,)
     with pytest.raises(DataError):
         friction_curve(fit, LEFT, np.zeros((2, 2)))
+
+
+def test_samples_keep_the_columns_that_other_loads_leave(load_once):
+    robot = load_once("five_bar")
+    model = loopid.force_model(robot, "full")
+    run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
+    plain, curve = model.samples(run), ("Fk0~0.5", "Fk~1", "Fk~2")
+    wide = model.with_columns({"left_crank_joint": (*curve, "Ft")})
+    light, heavy = (wide.with_loads(wide.prior, k * wide.standard_prior) for k in (1, 2))
+    first = light.widened(plain, [run])
+    again = heavy.widened(first, [run])
+    np.testing.assert_array_equal(again.regressor, heavy.widened(plain, [run]).regressor)
+    changed = (again.regressor != first.regressor).any(axis=(0, 1))
+    np.testing.assert_array_equal(np.flatnonzero(changed), wide.load_columns[1])
+    unloaded = model.with_columns({"left_crank_joint": curve})
+    fewer = unloaded.widened(again, [run])
+    assert fewer.parameters == unloaded.parameters
+    np.testing.assert_array_equal(fewer.regressor, unloaded.widened(plain, [run]).regressor)

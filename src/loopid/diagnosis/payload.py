@@ -100,8 +100,8 @@ class MotorMasses(MotorNumbers):
             "motors disagree on the mass",
             f"{self.values[low]:.3g} kg by {self.actuators[low]}, {self.values[high]:.3g} kg by "
             f"{self.actuators[high]}: gains of drives are off, or the model lacks a force",
-            "weigh it: drive_gains finds the gains, as by "
-            f"known_mass={np.median(self.values):.3g} if it has that mass",
+            "weigh it, and find the gains: "
+            f"known_mass={np.median(self.values):.3g} (in Python: drive_gains)",
         )
 
 

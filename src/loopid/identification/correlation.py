@@ -64,7 +64,9 @@ class Autoregression:
         for k in range(1, len(covariances)):
             asked = -float(polynomial @ covariances[k:0:-1]) / variance
             reflection = float(np.clip(asked, -LARGEST_REFLECTION, LARGEST_REFLECTION))
-            polynomial, variance = _raised(polynomial, reflection), variance * (1 - reflection**2)
+            longer = np.append(polynomial, 0.0)
+            polynomial = longer + reflection * longer[::-1]
+            variance *= 1 - reflection**2
             if reflection != asked:
                 break
         return cls(-polynomial[1:], variance)
@@ -74,7 +76,7 @@ class Autoregression:
         """Number p of coefficients."""
         return len(self.coefficients)
 
-    @property
+    @cached_property
     def polynomial(self) -> FloatArray:
         """(p + 1,), A of A(z) e = ε: 1, then -c_k."""
         return np.append(1.0, -self.coefficients)
@@ -147,24 +149,26 @@ def burg_covariances(errors: FloatArray, runs: IntArray) -> FloatArray:
     products, rows = _window_products(errors, runs, LARGEST_ORDER)
     observed = float(products[0, 0, 0] / rows[0])
     white = WHITE * observed
-    polynomial, variance = np.ones(1), observed + white
-    covariances, criteria = [variance], [0.0]
+    polynomial, covariances = np.zeros((2, LARGEST_ORDER + 1))
+    polynomial[0], criteria = 1.0, [0.0]
+    covariances[0] = variance = observed + white
     for k in range(1, LARGEST_ORDER + 1):
         if rows[k] < PAIRS * k or not observed > 0:
             break
-        window, past = products[k, : k + 1, : k + 1], polynomial[1:]
+        window, past = products[k, : k + 1, : k + 1], polynomial[1:k]
         # Of e_t to e_{t-k}: e_t less its forward prediction, e_{t-k} less its backward one.
-        ahead = np.append(polynomial, 0.0)
+        ahead = polynomial[: k + 1]
         behind = ahead[::-1]
         common = ahead @ window @ behind + rows[k] * white * (past @ past[::-1])
         energy = ahead @ window @ ahead + behind @ window @ behind
-        energy += 2 * rows[k] * white * (polynomial @ polynomial)
+        energy += 2 * rows[k] * white * (ahead @ ahead)
         reflection = -2 * float(common / energy)
-        covariances.append(-reflection * variance - float(past @ covariances[:0:-1]))
-        polynomial, variance = _raised(polynomial, reflection), variance * (1 - reflection**2)
+        covariances[k] = -reflection * variance - past @ covariances[k - 1 : 0 : -1]
+        polynomial[: k + 1] = ahead + reflection * behind
+        variance *= 1 - reflection**2
         criteria.append(rows[0] * np.log(variance / covariances[0]) + k * np.log(rows[0]))
     best = int(np.argmin(criteria))
-    return np.array(covariances[: best + 1]) / (1 + WHITE)
+    return np.asarray(covariances[: best + 1] / (1 + WHITE))
 
 
 def _window_products(errors: FloatArray, runs: IntArray, order: int) -> tuple[FloatArray, IntArray]:
@@ -182,12 +186,6 @@ def _window_products(errors: FloatArray, runs: IntArray, order: int) -> tuple[Fl
         products[length - 1, :length, :length] = inside.T @ inside
         counts[length - 1] = len(inside)
     return np.cumsum(products[::-1], axis=0)[::-1], np.cumsum(counts[::-1])[::-1]
-
-
-def _raised(polynomial: FloatArray, reflection: float) -> FloatArray:
-    """The polynomial of one order more."""
-    longer = np.append(polynomial, 0.0)
-    return np.asarray(longer + reflection * longer[::-1], dtype=np.float64)
 
 
 def within_runs(fit: WorkingFit, corrections: int = CORRECTIONS) -> WorkingFit:

@@ -461,16 +461,17 @@ class ForceModel:
         return found._replace(slips=slips_along(history.ways(rate), own)) if own else found
 
     def widened(self, samples: FitSamples, recordings: Sequence[Recording]) -> FitSamples:
-        """Samples of all columns, from those of the first ones and their recordings.
+        """Samples of all columns, from those that samples of the recordings have, and no others.
 
-        The others are joint terms, of which load friction is made anew by ``bodies``.
+        Joint terms that they lack are added; load friction is made anew by ``bodies``.
         """
-        width = len(samples.parameters)
-        columns = sorted({*range(width, len(self.parameters)), *self.load_columns[1].tolist()})
+        places = {label: j for j, label in enumerate(samples.parameters.labels)}
+        found = np.array([places.get(label, -1) for label in self.parameters.labels])
+        found[self.load_columns[1]] = -1
+        columns = np.flatnonzero(found < 0).tolist()
         if not columns:
-            return samples
-        W = np.zeros((len(samples), len(samples.actuators), len(self.parameters)))
-        W[:, :, :width] = samples.regressor
+            return samples if samples.parameters == self.parameters else samples.select(found)
+        W = np.where(found < 0, 0.0, samples.regressor[:, :, found])
         loads, start = self.loads(W), 0
         for recording in recordings:
             rows = slice(start, start + len(recording))

@@ -176,11 +176,11 @@ def with_friction(
     weights = error_weights(data.problem, noise)
     slips = possible_hysteresis(force_model, data, recordings, weights, list(kinds))
     kinds = together(kinds, slips)
-    plain, left, honest = data, ROUNDS, False
+    left, honest = ROUNDS, False
     while True:
         wide = force_model.with_columns(kinds)
         wide = wide.with_loads(wide.prior, standard)
-        data = wide.widened(plain, recordings)
+        data = wide.widened(data, recordings)
         if left == ROUNDS:
             # What plain terms leave of friction is no error.
             with one_blas_thread():

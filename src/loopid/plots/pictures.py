@@ -106,7 +106,7 @@ def _band(found: Prediction, motor: int, look: str) -> list[Mark]:
         return []
     some = spread_rows(len(found.recording), MOST_DOTS)
     time, half = found.recording.motion.time[some], found.reach[some, motor]
-    return [Mark("95 % of new forces", time, -half, "faint", "band", half)]
+    return [Mark("95 % of new forces", time, -half, look, "band", half)]
 
 
 def _spans(time: FloatArray, chosen: BoolArray) -> Any:

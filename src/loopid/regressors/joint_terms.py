@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
+from functools import cached_property
 from math import nan
 from typing import Any
 
@@ -194,7 +195,7 @@ class JointTerms:
         alike = tuple(kind for kind in self.kinds if isinstance(kind, str))
         return [k for k in self.kinds if not isinstance(k, str)] or [alike] * len(self.joints)
 
-    @property
+    @cached_property
     def of_joints(self) -> dict[str, tuple[str, ...]]:
         """Kinds of each joint, with those that their laws bring along."""
         return {
