@@ -11,11 +11,11 @@ from lxml.html import fromstring
 
 import loopid
 from closure_robots import chain, files
-from loopid import JointTerms
+from loopid import FitOptions, JointTerms
 from loopid.cli.logs import excite_command
 from loopid.identification import load_fit
 from loopid.report import identification_report
-from made_runs import logged, one_joint, wander
+from made_runs import logged, one_joint, quietly, wander
 
 
 def lines_of(text):
@@ -25,7 +25,9 @@ def lines_of(text):
 @pytest.fixture(scope="module")
 def record(study):
     """What the library says of the first run."""
-    return identification_report(study, excite_command(study, ["run.csv"])).data
+    return identification_report(
+        study, excite_command(study, study.force_model.robot, ["run.csv"])
+    ).data
 
 
 @pytest.fixture
@@ -455,3 +457,8 @@ def test_a_joint_is_locked_where_the_log_has_it(run_json, run, write_files, tmp_
     assert "locked where the log has it: joint1 at 0.5" in done.err
     saved = run_json("identify", arm, log, *options)["fit"]["robot"]["options"]
     assert saved["lock"] == ["joint1=0.5"]
+    robot = loopid.load(arm, lock=["joint1"])
+    found = quietly(loopid.identify, robot, log, options=FitOptions(model="gravity", terms="none"))
+    assert found.force_model.robot.options["lock"] == ("joint1=0.5",)
+    command = excite_command(found, robot, [str(log)])  # --after has it where the log has
+    assert "--lock joint1 " in f"{command} "

@@ -99,7 +99,7 @@ def identify(
     answer.require(robot.path, mapping, *logs, *(validate or ()))
     if rows is not None and reference:
         raise OptionError("--rows would move LOG against its --reference: use --from and --to")
-    robot = locked_as_logged(robot, logs[0], mapping=mapping)
+    loaded, robot = robot, locked_as_logged(robot, logs[0], mapping=mapping)
     runs = recordings(robot, logs, mapping, cutoff, rows)
     judging = recordings(robot, validate, mapping, cutoff)
     commanded = recordings(robot, reference, mapping, cutoff)
@@ -112,7 +112,7 @@ def identify(
         references=[each.motion for each in commanded],
         options=options,
     )
-    command = excite_command(found, logs, mapping)
+    command = excite_command(found, loaded, logs, mapping)
     answer.show(identification_report(found, command, anyway=anyway))
 
 
@@ -120,13 +120,16 @@ MOST_WANTED = 5  # parameters that a command names; of more, the motion is for a
 
 
 def excite_command(
-    found: Identification, logs: Sequence[str] = ("LOG",), mapping: str | None = None
+    found: Identification, robot: Robot, logs: Sequence[str], mapping: str | None = None
 ) -> str:
-    """``loopid excite`` for a robot as it was loaded, and what the logs determine badly."""
+    """``loopid excite`` for a robot as it was loaded, and what the logs determine badly.
+
+    What the logs lack is locked by ``--after``.
+    """
     model = found.force_model.plain  # what the evidence weighs is no aim of a motion
-    robot, terms, excite = model.robot, model.joint_terms, found.verdict.excite
+    terms, excite = model.joint_terms, found.verdict.excite
     wanted = excite if len(excite) <= MOST_WANTED else ()
-    options: dict[str, Any] = {"model": model.model, "terms": terms and terms.choice(robot)}
+    options: dict[str, Any] = {"model": model.model, "terms": terms and terms.choice(model.robot)}
     options |= {"mapping": mapping, "after": list(logs), "for": wanted}
     return command_with("excite", robot, "--out", "motion", **options)
 
