@@ -104,6 +104,11 @@ def test_figures_for_papers_are_drawn_where_asked_for(run, arm_files, tmp_path):
     drawn = {"errors", "filter", "forces", "friction", "parameters", "robot"}
     for name in drawn:
         assert "<svg" in (tmp_path / f"{name}.svg").read_text()
+    try:
+        import cairosvg  # noqa: F401
+    except (ImportError, OSError):
+        return
+    assert all((tmp_path / f"{name}.pdf").read_bytes().startswith(b"%PDF") for name in drawn)
 
 
 def test_all_tables_are_shown_where_asked_for(run, arm_files):

@@ -196,7 +196,7 @@ def answering(
         None, metavar="DIR", help="Write report.html and results to a folder."
     ),
     figures: bool = typer.Option(
-        False, "--figures", help="With --out: each chart as SVG, for papers."
+        False, "--figures", help="With --out: each chart as SVG and PDF, for papers."
     ),
     verbose: bool = typer.Option(False, "--verbose", "-v", help="All tables, whole warnings."),
     as_json: bool = typer.Option(False, "--json", help="Print JSON instead of text."),

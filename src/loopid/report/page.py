@@ -10,6 +10,7 @@ import json
 import math
 import platform
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import field
 from functools import cached_property
 from importlib.metadata import version
@@ -406,7 +407,13 @@ class Report:
         page = self.page(command)
         parts = (*page.pictures, *(part for each in page.sections for part in each.parts))
         charts = [part for part in parts if isinstance(part, Chart)]
-        drawn = {f"{chart.name}.svg": chart.svg() for chart in charts if figures}
+        drawn = dict[str, bytes | str]()
+        for chart in charts if figures else ():
+            drawn[f"{chart.name}.svg"] = svg = chart.svg()
+            with suppress(ImportError, OSError):  # without CairoSVG, or without the library cairo
+                from cairosvg import svg2pdf
+
+                drawn[f"{chart.name}.pdf"] = svg2pdf(svg.encode())
         record = {f"{self.name}.json": json_text(self.data) + "\n"}
         return {"report.html": page.html(), **record, **self.results(), **drawn}
 
