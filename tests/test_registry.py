@@ -1,11 +1,10 @@
 import pickle
-from contextlib import suppress
 from math import sqrt
 
 import pytest
 
 from loopid.errors import OptionError
-from loopid.registry import Registry, exchanged
+from loopid.registry import Registry
 
 
 @pytest.fixture
@@ -44,13 +43,3 @@ def test_a_default_is_given_for_what_is_unknown(roots):
 
 def test_a_registry_can_be_sent_to_another_process(roots):
     assert pickle.loads(pickle.dumps(roots))["square"] is sqrt
-
-
-def test_entries_of_a_table_are_exchanged_for_a_while():
-    table = {"kept": 1, "other": 2}
-    with exchanged(table, kept=3, new=4):
-        assert table == {"kept": 3, "other": 2, "new": 4}
-    assert table == {"kept": 1, "other": 2}
-    with suppress(KeyError), exchanged(table, kept=3):
-        table["nothing"]
-    assert table == {"kept": 1, "other": 2}
