@@ -80,8 +80,8 @@ class ModelChoice:
 
     @property
     def lacking(self) -> bool:
-        """Whether the recordings clearly have less than half of the robot file's inertia."""
-        return self.factor + CLEAR * self.factor_error < LITTLE
+        """Whether they do, and clearly have less than half of it."""
+        return self.shown and self.factor + CLEAR * self.factor_error < LITTLE
 
     @property
     def least_share(self) -> float:
