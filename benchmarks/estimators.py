@@ -95,10 +95,10 @@ def knee() -> Case:
     model = loopid.force_model(robot, "gravity", JointTerms(robot.actuated))
     motions = [joint_motion(robot, program.motion(name, 1.0)) for name in program.motions]
     W = np.concatenate([model.regressor(motion) for motion in motions])
-    stretches = np.repeat(np.arange(len(motions)), [len(motion.time) for motion in motions])
+    segments = np.repeat(np.arange(len(motions)), [len(motion.time) for motion in motions])
     deviations = np.array([2.0, 2.0, 2.0, 4.0])
     few = len(motions[0].time)
-    return _case("3UPS+RPU", model, None, W, np.array(KNEE_FRICTION), deviations, few, stretches)
+    return _case("3UPS+RPU", model, None, W, np.array(KNEE_FRICTION), deviations, few, segments)
 
 
 def ur10() -> Case:
@@ -122,12 +122,12 @@ def _case(
     friction: np.ndarray,
     deviations: np.ndarray,
     few: int,
-    stretches: np.ndarray | None = None,
+    segments: np.ndarray | None = None,
 ) -> Case:
     bodies = model.robot.standard_parameters(model.model)
     truth = model.base.values(np.concatenate([bodies, friction]))
     actuators = model.robot.independent
-    samples = FitSamples.of(model.parameters, actuators, W, W @ truth, stretches=stretches)
+    samples = FitSamples.of(model.parameters, actuators, W, W @ truth, segments=segments)
     return Case(name, model, motion, samples, truth, deviations, few)
 
 

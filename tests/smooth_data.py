@@ -34,9 +34,9 @@ def named(count):
     return ParameterSet.from_labels([f"link{j}.m" for j in range(count)])
 
 
-def named_samples(W, force, used=None, stretches=None):
+def named_samples(W, force, used=None, segments=None):
     return FitSamples.of(
-        named(W.shape[2]), tuple("abcd"[: W.shape[1]]), W, force, used=used, stretches=stretches
+        named(W.shape[2]), tuple("abcd"[: W.shape[1]]), W, force, used=used, segments=segments
     )
 
 

@@ -199,7 +199,7 @@ def good(made):
         "log": made[loopid.Log],
         **{name: getattr(made[loopid.Log], name) for name in ("time", "position", "joints")},
         ("Log", "force"): made[loopid.Log].force,
-        ("Log", "stretches"): made[loopid.Log].stretches,
+        ("Log", "segments"): made[loopid.Log].segments,
         ("Coupling", "joints"): {"left_crank_joint": 1.0, "right_crank_joint": 1.0},
         "motion": made[JointMotion],
         ("joint_motion", "motion"): made[Motion],

@@ -21,7 +21,7 @@ from loopid.parameters import ParameterSet
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
-# Rows that are reduced at a time, and columns whose reflections are applied together: so many, or
+# Rows that are reduced at a time, and columns whose reflections are applied together: this many, or
 # a part of all.
 ROWS = 400
 PANEL, PANEL_PART = 8, 16

@@ -69,7 +69,7 @@ def test_friction_and_gravity_are_found(record, friction_values):
         assert found[name]["value"] == pytest.approx(value, rel=0.1)
     assert record["mechanism"] == "3ups_rpu"
     assert [part["name"] for part in record["training"]] == ["run"]
-    assert record["validation"] == []  # each stretch is judged by fits to the others
+    assert record["validation"] == []  # each segment is judged by fits to the others
 
 
 def test_the_terminal_shows_the_verdict_first_and_the_place_last(written, record):

@@ -48,9 +48,7 @@ def test_the_robot_file_predicts_its_own_forces(five_bar, saved, sweep):
 
 def test_errors_are_those_of_the_definition(five_bar, saved, sweep):
     used = np.random.default_rng(0).random(sweep.force.shape) < 0.7
-    known = Recording(
-        "run", sweep.actuators, sweep.motion, sweep.force + 0.3, used, sweep.stretches
-    )
+    known = Recording("run", sweep.actuators, sweep.motion, sweep.force + 0.3, used, sweep.segments)
     found = loopid.load_fit(saved).predict(known)
     for part, chosen in ((found.moving, used), (found.standing, ~used)):
         np.testing.assert_array_equal(part.samples, chosen.sum(axis=0))

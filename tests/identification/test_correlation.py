@@ -24,7 +24,7 @@ from smooth_data import (
 )
 
 
-def stretches_of(samples, parts=3):
+def segments_of(samples, parts=3):
     return np.arange(samples) * parts // samples
 
 
@@ -32,11 +32,11 @@ def omega_of(result, samples, i):
     """The dense covariance matrix of one actuator's errors."""
     noise = result.noise
     model = Autoregression(noise.coefficients[i], noise.innovation[i] ** 2)
-    longest = max(np.bincount(samples.stretches))
+    longest = max(np.bincount(samples.segments))
     lags = np.append(model.covariances, np.zeros(longest))
     for t in range(model.order + 1, longest):
         lags[t] = model.coefficients @ lags[t - 1 : t - model.order - 1 : -1]
-    counts = np.bincount(samples.stretches)
+    counts = np.bincount(samples.segments)
     return block_diag(*(toeplitz(lags[:count]) for count in counts))
 
 
@@ -45,7 +45,7 @@ def test_the_covariance_is_the_dense_sandwich(estimator):
     W, rng = smooth_regressor(samples=300), np.random.default_rng(0)
     used = rng.random((300, 2)) < 0.8
     force = W @ TRUTH + autoregressive(rng, (300, 2), 0.8) * DEVIATIONS
-    samples = named_samples(W, force, used, stretches_of(300))
+    samples = named_samples(W, force, used, segments_of(300))
     result = quiet_fit(samples, estimator)
     bread = meat = 0.0
     for i, weight in enumerate(result.weights):
@@ -125,7 +125,7 @@ def test_standard_errors_are_the_spread_of_estimates_whatever_the_gaps(runs):
     used = np.random.default_rng(9).random((600, 2)) < 0.7
     for seed in range(runs):
         errors = autoregressive(np.random.default_rng(seed), (600, 2), 0.9) * DEVIATIONS
-        result = quiet_fit(named_samples(W, errors, used, stretches_of(600)))
+        result = quiet_fit(named_samples(W, errors, used, segments_of(600)))
         stated.append(result.standard_errors)
         values.append(result.values)
     ratio = np.median(stated, axis=0) / np.std(values, axis=0)

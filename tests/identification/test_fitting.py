@@ -48,13 +48,13 @@ each = pytest.mark.parametrize("name", list(estimators()))
 
 
 def made(seed=0, count=300):
-    """Slow errors and a few outliers, masks, gaps, stretches and instruments."""
+    """Slow errors and a few outliers, masks, gaps, segments and instruments."""
     rng, W = np.random.default_rng(seed), smooth_regressor(seed, count)
     used = rng.random((count, 2)) < 0.9
     used[50:80, 1] = False
     errors = autoregressive(rng, (count, 2), 0.6) * DEVIATIONS + outliers(rng, (count, 2), 0.02)
-    stretches = np.arange(count) * 3 // count
-    samples = named_samples(W, W @ TRUTH + errors, used, stretches)
+    segments = np.arange(count) * 3 // count
+    samples = named_samples(W, W @ TRUTH + errors, used, segments)
     return samples.with_instruments(W + 0.01 * rng.normal(size=W.shape))
 
 
@@ -101,7 +101,7 @@ def test_an_actuator_without_samples_takes_no_part(name):
     samples = made()
     absent = replace(samples, used=samples.used & [True, False])
     parts = (samples.regressor, samples.force, samples.used)
-    alone = named_samples(*(part[:, :1] for part in parts), samples.stretches)
+    alone = named_samples(*(part[:, :1] for part in parts), samples.segments)
     alone = alone.with_instruments(samples.instruments[:, :1])
     found, expected = (quiet_fit(data, estimators()[name]) for data in (absent, alone))
     assert_equal_fits(expected, found)

@@ -101,7 +101,7 @@ def test_without_joint_terms_all_columns_are_bodies(knee):
     np.testing.assert_allclose(model.prior, model.base.values(knee.standard_parameters("gravity")))
 
 
-def test_samples_keep_forces_masks_and_stretches(knee, knee_model):
+def test_samples_keep_forces_masks_and_segments(knee, knee_model):
     motion, generator = random_motion(knee, 30, seed=8), np.random.default_rng(9)
     recording = record(knee, motion)
     masked = type(recording)(
@@ -110,7 +110,7 @@ def test_samples_keep_forces_masks_and_stretches(knee, knee_model):
         motion=motion,
         force=recording.force,
         used=generator.random((30, 4)) < 0.6,
-        stretches=np.repeat([0, 1, 4], 10),
+        segments=np.repeat([0, 1, 4], 10),
     )
     samples = knee_model.samples(masked)
     assert samples.parameters == knee_model.parameters

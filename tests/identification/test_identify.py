@@ -427,7 +427,7 @@ def logged(mechanism, real_recording, once):
     return once(f"identified {mechanism.name}", identified)
 
 
-def test_stretches_are_predicted_better_than_by_the_robot_file(logged):
+def test_segments_are_predicted_better_than_by_the_robot_file(logged):
     assert logged.recommended.beats_baseline
     essential = judge_essential(logged, eliminate(logged))
     assert essential.error_ratio[0] < 1

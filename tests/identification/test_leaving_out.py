@@ -1,4 +1,4 @@
-"""All data are fitted, and each stretch is judged by fits that have not seen it."""
+"""All data are fitted, and each segment is judged by fits that have not seen it."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ import pytest
 import loopid
 from loopid import FitOptions, identify
 from loopid.identification import samples_of
-from loopid.identification.leaving_out import FOLDS, kept_without, stretches_of
+from loopid.identification.leaving_out import FOLDS, kept_without, segments_of
 from loopid.motion import scaled_bodies
 from made_runs import modelled, quietly, wander
 
@@ -32,23 +32,23 @@ def runs(model):
     ]
 
 
-def test_stretches_take_no_part_in_the_fits_that_judge_them(model, runs):
+def test_segments_take_no_part_in_the_fits_that_judge_them(model, runs):
     run = replace(runs[0], cutoff=2.0)
     data = model.samples(run)
-    stretches, time = stretches_of(data, [run]), np.asarray(run.motion.time)
-    kept = list(kept_without(stretches, data, [run]))
+    segments, time = segments_of(data, [run]), np.asarray(run.motion.time)
+    kept = list(kept_without(segments, data, [run]))
     assert len(kept) == FOLDS
-    assert np.ptp(np.bincount(stretches)) <= 1
+    assert np.ptp(np.bincount(segments)) <= 1
     for k, each in enumerate(kept):
-        apart = np.abs(time[each][:, None] - time[stretches == k]).min()
+        apart = np.abs(time[each][:, None] - time[segments == k]).min()
         assert apart > 1 / 2.0
 
 
 def test_whole_logs_are_left_out_where_there_are_several(model, runs):
     data = samples_of(model, runs)
-    stretches = stretches_of(data, runs)
-    np.testing.assert_array_equal(stretches, data.runs)
-    assert [int(kept.sum()) for kept in kept_without(stretches, data, runs)] == [601, 601]
+    segments = segments_of(data, runs)
+    np.testing.assert_array_equal(segments, data.runs)
+    assert [int(kept.sum()) for kept in kept_without(segments, data, runs)] == [601, 601]
 
 
 def test_all_is_fitted_and_judged_as_honestly_as_by_new_data(model, runs):
@@ -68,7 +68,7 @@ def test_all_is_fitted_and_judged_as_honestly_as_by_new_data(model, runs):
     assert "left out of the fit" in str(found.verdict)
 
 
-def test_a_spoilt_stretch_does_not_predict_itself(model, runs):
+def test_a_spoilt_segment_does_not_predict_itself(model, runs):
     """Forces of the last fifth that no robot has: their own fit would follow them."""
     run, late = runs[0], np.arange(len(runs[0])) >= 0.8 * len(runs[0])
     force = run.force + late[:, None] * (5.0 * np.asarray(run.motion.accelerations))

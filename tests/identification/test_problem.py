@@ -17,8 +17,8 @@ def made(seed, count=400):
     used[50:80, 1] = False
     # What is not used may be anything.
     force = np.where(used, W @ TRUTH + autoregressive(rng, (count, 2), 0.9) * [0.5, 4.0], 1e6)
-    stretches = np.arange(count) * 4 // count
-    return named_samples(W, force, used, stretches).with_instruments(2 * W)
+    segments = np.arange(count) * 4 // count
+    return named_samples(W, force, used, segments).with_instruments(2 * W)
 
 
 @pytest.mark.parametrize("size", [1, 7, 64])
@@ -37,7 +37,7 @@ def test_samples_go_together_whatever_the_size_of_blocks(set_block_rows, size):
     joined = FitSamples.combined([samples, samples])
     np.testing.assert_array_equal(joined.regressor, np.concatenate([W, W]))
     np.testing.assert_array_equal(joined.instruments, np.concatenate([2 * W, 2 * W]))
-    np.testing.assert_array_equal(joined.stretches, np.repeat(np.arange(8), 100))
+    np.testing.assert_array_equal(joined.segments, np.repeat(np.arange(8), 100))
 
 
 def positive(factors):
@@ -96,8 +96,8 @@ W, FORCE = np.ones((8, 2, 3)), np.ones((8, 2))
         ({"regressor": W[:0], "force": FORCE[:0]}, "no samples"),
         ({"used": np.ones((7, 2), dtype=bool)}, "used must have shape"),
         ({"used": FORCE}, "used must be booleans"),
-        ({"stretches": np.ones(8)}, "stretches whole numbers"),
-        ({"stretches": [0, 1]}, "stretches must have shape"),
+        ({"segments": np.ones(8)}, "segments whole numbers"),
+        ({"segments": [0, 1]}, "segments must have shape"),
         *(({"least_errors": least}, "least errors") for least in ([0, -1], [0.0], [0, np.nan])),
     ],
 )

@@ -126,7 +126,7 @@ def test_the_result_is_the_fit_of_the_supported_parameters():
 def test_an_actuator_without_training_samples_does_not_count():
     training, validation = make_data()
     used = training.used & [True, False]
-    half = named_samples(training.regressor, training.force, used, training.stretches)
+    half = named_samples(training.regressor, training.force, used, training.segments)
     found = eliminate_parameters(half, validation)
     alone = eliminate_parameters(*(first_actuator(data) for data in (training, validation)))
     assert found.chosen.labels == alone.chosen.labels
@@ -136,7 +136,7 @@ def test_an_actuator_without_training_samples_does_not_count():
 
 
 def first_actuator(data):
-    return named_samples(data.regressor[:, :1], data.force[:, :1], None, data.stretches)
+    return named_samples(data.regressor[:, :1], data.force[:, :1], None, data.segments)
 
 
 def test_what_cannot_be_reduced_is_refused():

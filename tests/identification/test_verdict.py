@@ -104,7 +104,7 @@ def test_a_fit_that_is_not_at_its_best_is_not(robot, models):
 
 
 def test_errors_are_looked_at_where_they_are_worst(robot, models):
-    """Of forces with more noise in a stretch and at low speed, and that are off at standstill."""
+    """Of forces with more noise in a segment and at low speed, and that are off at standstill."""
     found = quietly(identify, models["full"], [recording(robot)])
     run, new, rng = found.training[0], found.new, np.random.default_rng(0)
     rates = np.abs(run.motion.velocities)

@@ -35,8 +35,8 @@ def check(aligned, streams, longest=1):
     bound = (longest * PERIOD / 1e9 * OMEGA) ** 2 / 8
     expected = np.tile(signal(aligned.time + zero), len(streams))
     assert np.abs(aligned.signals["position"] - expected).max() < bound
-    for number in np.unique(aligned.stretches):
-        steps = np.diff(aligned.time[aligned.stretches == number])
+    for number in np.unique(aligned.segments):
+        steps = np.diff(aligned.time[aligned.segments == number])
         np.testing.assert_allclose(steps, steps.mean(), rtol=1e-9)
         assert steps.mean() == pytest.approx(PERIOD / 1e9, rel=0.05)
 
@@ -83,13 +83,13 @@ def test_a_lost_row_moves_no_other_sample():
 
 
 @pytest.mark.parametrize("of_first", [True, False])
-def test_a_gap_in_any_stream_starts_a_new_stretch(of_first):
+def test_a_gap_in_any_stream_starts_a_new_segment(of_first):
     stamps = EPOCH + PERIOD * np.arange(500)
     broken = np.delete(stamps, np.arange(200, 230))
     streams = [stream(broken if of_first else stamps), stream(stamps if of_first else broken, "b")]
     aligned = align(streams)
     check(aligned, streams)
-    np.testing.assert_array_equal(aligned.stretches, np.repeat([0, 1], [200, 270]))
+    np.testing.assert_array_equal(aligned.segments, np.repeat([0, 1], [200, 270]))
     (gap,) = aligned.dropped
     assert str(gap) == "gap in the time stamps: 30 samples between 1.99 and 2.30 s"
 
@@ -97,8 +97,8 @@ def test_a_gap_in_any_stream_starts_a_new_stretch(of_first):
 def test_a_step_that_is_just_no_gap_is_bridged():
     stamps = EPOCH + PERIOD * np.arange(500)
     few = int(GAP)
-    assert not align([stream(np.delete(stamps, np.arange(200, 199 + few)))]).stretches.any()
-    assert align([stream(np.delete(stamps, np.arange(200, 200 + few)))]).stretches.any()
+    assert not align([stream(np.delete(stamps, np.arange(200, 199 + few)))]).segments.any()
+    assert align([stream(np.delete(stamps, np.arange(200, 200 + few)))]).segments.any()
 
 
 def test_a_slower_stream_is_interpolated():
@@ -107,11 +107,11 @@ def test_a_slower_stream_is_interpolated():
     check(align(streams), streams, longest=4)
 
 
-def test_short_stretches_are_left_out():
+def test_short_segments_are_left_out():
     stamps = EPOCH + PERIOD * np.arange(500)
     stamps = np.delete(stamps, [*range(200, 230), *range(233, 260)])
     aligned = align([stream(stamps)])
-    np.testing.assert_array_equal(np.bincount(aligned.stretches), [200, 240])
+    np.testing.assert_array_equal(np.bincount(aligned.segments), [200, 240])
 
 
 def test_streams_that_never_meet_are_refused():

@@ -39,11 +39,11 @@ def test_whole_steps_move_forces_as_they_are(late):
     np.testing.assert_array_equal(back.position, late.position[3:])
 
 
-def test_stretches_stay_apart(late):
+def test_segments_stay_apart(late):
     parts = np.repeat([0, 1], len(TIME) // 2)
-    halves = Log.from_arrays(TIME, late.position, late.force, JOINTS, stretches=parts)
+    halves = Log.from_arrays(TIME, late.position, late.force, JOINTS, segments=parts)
     log = halves.delayed(0.02)
-    np.testing.assert_array_equal([np.sum(log.stretches == k) for k in (0, 1)], [198, 198])
+    np.testing.assert_array_equal([np.sum(log.segments == k) for k in (0, 1)], [198, 198])
     np.testing.assert_array_equal(log.force[:198], late.force[2:200])
 
 
@@ -57,7 +57,7 @@ def test_clipped_forces_stay_clipped(late):
 def test_a_delay_is_of_joints_of_the_log_and_shorter_than_it(late):
     with pytest.raises(OptionError, match="unknown joint 'third'"):
         late.delayed({"third": 0.1})
-    with pytest.raises(DataError, match="no stretch is longer"):
+    with pytest.raises(DataError, match="no segment is longer"):
         late.delayed(10.0)
 
 

@@ -25,7 +25,7 @@ def check(truth, knee):
         np.testing.assert_allclose(log.time, truth.time, atol=time)
         np.testing.assert_allclose(log.position, truth.position, atol=1e-12 + 0.1 * time)
         np.testing.assert_allclose(log.force, truth.force, atol=1e-9 + 1e5 * time)
-        assert not log.stretches.any()
+        assert not log.segments.any()
 
     return compare
 
@@ -192,7 +192,7 @@ def test_only_some_rows_are_as_if_there_were_no_others(
     part = read_text("".join([head, *lines[98:499]]))
     for path, rows in ((spoilt, (100, 500)), (tmp_path / "run.npz", (99, 499))):
         log = read_log(path, knee, rows=rows)
-        for name in ("time", "position", "force", "stretches", "dropped"):
+        for name in ("time", "position", "force", "segments", "dropped"):
             np.testing.assert_array_equal(getattr(log, name), getattr(part, name))
     with pytest.warns(
         DataWarning, match=r"spoilt\.csv\[91:\]: another number of cells .* of 410: left"
@@ -258,7 +258,7 @@ def read_both(path, robot):
 def assert_alike(one, other):
     (log, recording), (log_there, recording_there) = one, other
     assert (log.name, log.joints) == (log_there.name, log_there.joints)
-    for name in ("time", "position", "force", "stretches"):
+    for name in ("time", "position", "force", "segments"):
         mine, theirs = getattr(log, name), getattr(log_there, name)
         np.testing.assert_allclose(mine, theirs, rtol=1e-12, atol=1e-12)
     np.testing.assert_array_equal(recording.used, recording_there.used)

@@ -28,9 +28,9 @@ def found(path, robot):
 
 def assert_same(one, other):
     (log, recording, said), (log_there, recording_there, said_there) = one, other
-    for name in ("time", "position", "force", "stretches"):
+    for name in ("time", "position", "force", "segments"):
         np.testing.assert_array_equal(getattr(log, name), getattr(log_there, name))
-    for name in ("force", "used", "stretches"):
+    for name in ("force", "used", "segments"):
         np.testing.assert_array_equal(getattr(recording, name), getattr(recording_there, name))
     for field in fields(JointMotion):
         mine, theirs = (getattr(r.motion, field.name) for r in (recording, recording_there))

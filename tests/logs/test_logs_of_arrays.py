@@ -132,11 +132,11 @@ def test_units_are_those_that_are_named(arrays, knee):
 def test_gaps_are_found_or_told(arrays, knee):
     parts = [np.delete(each, np.s_[200:230], axis=0) for each in arrays]
     found = Log.from_arrays(*parts, knee.actuated)
-    np.testing.assert_array_equal(np.bincount(found.stretches), [200, len(parts[0]) - 200])
+    np.testing.assert_array_equal(np.bincount(found.segments), [200, len(parts[0]) - 200])
     np.testing.assert_array_equal(found.position, parts[1])
     told = np.repeat([0, 1], [100, len(parts[0]) - 100])
-    log = Log.from_arrays(*parts, knee.actuated, stretches=told)
-    np.testing.assert_array_equal(log.stretches, told)
+    log = Log.from_arrays(*parts, knee.actuated, segments=told)
+    np.testing.assert_array_equal(log.segments, told)
 
 
 def test_uneven_samples_are_put_on_an_even_grid(arrays, knee):

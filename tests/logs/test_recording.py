@@ -40,7 +40,7 @@ def log(knee, truth):
 
 
 def altered(log, rows=slice(None), **changes):
-    fields = {name: getattr(log, name) for name in ("time", "position", "force", "stretches")}
+    fields = {name: getattr(log, name) for name in ("time", "position", "force", "segments")}
     fields = {name: values[rows] for name, values in (fields | changes).items()}
     return Log(name="run", joints=log.joints, checked=True, **fields)  # values are no matter
 
@@ -147,7 +147,7 @@ def test_the_rate_stays_above_five_times_the_cutoff(knee, log, cutoff):
 
 
 def test_the_ends_are_left_out(recording):
-    (end,) = (part for part in recording.dropped if part.reason == "end of a stretch")
+    (end,) = (part for part in recording.dropped if part.reason == "end of a segment")
     assert end.count == 40
     assert recording.motion.time[0] == pytest.approx(0.2)
 
@@ -276,11 +276,11 @@ def test_effort_limits_saturate_unless_a_tenth_of_the_forces_exceeds_them(knee, 
     assert named == [f"leg{k}_stroke is saturated" for k in (1, 2, 4)]
 
 
-def test_a_stretch_is_not_filtered_across_its_ends(knee, log, truth):
+def test_a_segment_is_not_filtered_across_its_ends(knee, log, truth):
     # The second half is another run: joined, the jump would ring.
     rows = np.r_[0:700, 900 : len(log)]
     numbers = np.repeat([0, 1], [700, len(rows) - 700])
-    recording = prepared(knee, altered(altered(log, rows), stretches=numbers))
+    recording = prepared(knee, altered(altered(log, rows), segments=numbers))
     kept = at_times(truth, recording)
     error = np.abs(recording.motion.velocities - truth.motion.velocities[kept]).max(axis=0)
     assert (error < 2e-3 * np.abs(truth.motion.velocities).max(axis=0)).all()
@@ -301,7 +301,7 @@ def test_samples_that_do_not_assemble_are_left_out(knee, log, truth):
     (open_loops,) = (part for part in recording.dropped if part.reason == "loops do not close")
     assert 7 < open_loops.first < open_loops.last < 9
     assert len(recording) == 391 - open_loops.count
-    np.testing.assert_array_equal(np.unique(recording.stretches), [0, 1])
+    np.testing.assert_array_equal(np.unique(recording.segments), [0, 1])
     outside = (recording.motion.time < 6.8) | (recording.motion.time > 9.2)
     exact = truth.motion.configurations[at_times(truth, recording)]
     assert np.abs(recording.motion.configurations - exact)[outside].max() < 1e-4
@@ -330,7 +330,7 @@ def test_near_a_singularity_samples_are_left_out(knee, log, truth):
         recording = prepared(knee, log, masks=MaskOptions(singularity=margin))
     assert (recording.motion.singularity >= margin).all()
     assert any(part.reason == "near a singularity" for part in recording.dropped)
-    steps = np.diff(recording.motion.time)[np.diff(recording.stretches) == 0]
+    steps = np.diff(recording.motion.time)[np.diff(recording.segments) == 0]
     np.testing.assert_allclose(steps, 0.04, atol=1e-9)
     with pytest.raises(LogError, match="near a singularity in 391 of 391 samples"):
         prepared(knee, log, masks=MaskOptions(singularity=1.0))
@@ -410,7 +410,7 @@ def real(mechanism, real_log):
 def test_nearly_all_rows_are_read(real, real_log):
     stamps, positions = read_stream(real_log / "joint_position.txt.gz")
     assert len(stamps) - 5 < len(real) <= len(stamps)
-    assert not real.stretches.any()
+    assert not real.segments.any()
     assert {part.reason for part in real.dropped} == {"not in all streams"}
     assert real.rate(slice(None)) == pytest.approx(100, abs=0.01)
     nearest = np.searchsorted((stamps - stamps[0]) / 1e9, real.time - 0.005)

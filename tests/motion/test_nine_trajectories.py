@@ -53,7 +53,7 @@ def test_there_are_nine(program, knee):
 
 
 def stays(values, place):
-    """First and last samples (k, 2) of the stretches in which the motion rests at a place."""
+    """First and last samples (k, 2) of the segments in which the motion rests at a place."""
     near = np.abs(values - place).max(axis=1) < 1e-9
     edges = np.flatnonzero(np.diff(near.astype(int), prepend=0, append=0))
     return edges.reshape(-1, 2) - [0, 1]

@@ -190,10 +190,10 @@ class WrenchObserver:
         inverse = units * (left[:, :seen] / sizes[:seen] @ right[:seen])  # of Jᵀ
         told = np.linalg.solve(S, np.column_stack([residual, J.T]))
         unseen = left[:, seen:]
-        felt = np.sqrt(np.maximum((J * told[:, 1:].T).sum(axis=1), 0.0))
+        sensed = np.sqrt(np.maximum((J * told[:, 1:].T).sum(axis=1), 0.0))
         hidden = (unseen**2).sum(axis=1) > 1 - UNSEEN
         floor = np.full(len(J), np.inf)
-        floor[~hidden] = (np.sqrt(self.threshold) + norm.isf(0.025)) / felt[~hidden]
+        floor[~hidden] = (np.sqrt(self.threshold) + norm.isf(0.025)) / sensed[~hidden]
         wrench = inverse @ residual, inverse @ S @ inverse.T, floor, unseen
         statistic = float(residual @ told[:, 0]), self.threshold
         return WrenchEstimate(residual, S, D, *wrench, standing, *statistic)

@@ -194,7 +194,7 @@ class ChangeDetector:
         self.drift, self.limit, self.sum = drift, limit, 0.0
 
     def update(self, innovation: float, count: int) -> bool:
-        """Take a squared innovation of so many forces; whether something has changed."""
+        """Take a squared innovation of this many forces; whether something has changed."""
         if count:
             self.sum = max(0.0, self.sum + innovation / count - self.drift)
         changed = self.sum > self.limit

@@ -50,7 +50,7 @@ class LoopOptions:
     step : float
         Of the motion in s, at most.
     refresh : float
-        Masses, Coriolis forces and gravity are those of at most so many s before.
+        Masses, Coriolis forces and gravity are those of at most this many s before.
     """
 
     interval: Positive = 0.01

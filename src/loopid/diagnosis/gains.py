@@ -351,7 +351,7 @@ class _Rows:
 
 
 def _excited(samples: FitSamples, count: int) -> BoolArray:
-    """Which of the last columns, so many, do what no others do."""
+    """Which of the last columns, this many, do what no others do."""
     R = samples.problem.weighted(samples.problem.force_weights)[:-1, :-1][:, -count:]
     sizes = np.linalg.norm(R, axis=0)
     own = R[-count:] / np.where(sizes > 0, sizes, 1.0)

@@ -433,7 +433,7 @@ def _expected_fit(problem: Problem, motors: Motion, forces: FloatArray) -> Expec
     shares = G[:, robot.velocity_indices(robot.actuated)] * problem.noise[:, None]
     weights = 1.0 / np.sqrt((shares**2).sum(axis=1).mean(axis=0))
     X = samples.regressor @ problem.basis * (weights * samples.used)[:, :, None]
-    # So many samples of the log for each one that is kept.
+    # This many samples of the log for each one that is kept.
     thinned = float(np.median(np.diff(history.rows)))
     weighted = np.sqrt(thinned) * X.reshape(-1, X.shape[2])
     information = triangular_factor(np.concatenate([before, weighted]))

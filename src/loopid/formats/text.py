@@ -242,7 +242,7 @@ def _header(path: Path, names: Sequence[str], separator: str | None, lines: int)
 
 
 def _names(line: Line, separator: str | None, width: int, spare: bool) -> list[str]:
-    """So many names in a line, with that separator or, without it, others; else none.
+    """A number of names in a line, with that separator or, without it, others; else none.
 
     Separators at the end of the line, or of all samples, which have a spare cell, do not count.
     """

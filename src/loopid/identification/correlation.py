@@ -35,7 +35,7 @@ WHITE = 0.001
 # variance. Part of the variance that is no change.
 CORRECTIONS, DAMPING, KEPT, SAME = 6, (1.0, 0.5, 0.25, 0.125, 0.0), 0.5, 1e-6
 
-Pieces = tuple[slice, ...]  # rows of evenly sampled stretches, whose errors are independent
+Pieces = tuple[slice, ...]  # rows of evenly sampled segments, whose errors are independent
 
 
 @record
@@ -119,7 +119,7 @@ class Autoregression:
 def mean_of_series(
     series: FloatArray, counts: IntArray | BoolArray, pieces: Pieces
 ) -> tuple[float, float]:
-    """Mean of numbers, of which a series (N,) has the sums of so many each, and its standard error.
+    """Mean of numbers, given as sums (N,) of this many each, and its standard error.
 
     The series is an autoregressive process: times do not count as independent.
     """
@@ -225,7 +225,7 @@ def within_runs(fit: WorkingFit, corrections: int = CORRECTIONS) -> WorkingFit:
 
 
 def residual_noise(samples: FitSamples, values: FloatArray, fitted: float) -> NoiseModel:
-    """Errors of each actuator by the residuals at values (n,) alone, of so many fitted parameters.
+    """Errors of each actuator by the residuals at values (n,) alone, for a number of parameters.
 
     What a fit takes up of slow errors is not added back, as ``within_runs`` does.
     """
@@ -280,7 +280,7 @@ class ErrorModel:
     """Autoregressive errors of one actuator, corrected for what the fit has taken up of them.
 
     Of weighted columns x (N, n), orthonormal over all actuators and zero where a sample is not
-    used, weighted residuals (N,), the stretches' rows, and the least deviation of the errors.
+    used, weighted residuals (N,), the segments' rows, and the least deviation of the errors.
     ``sums`` (n, n) is the covariance of Σ_t x_t e_t under the ``model`` of the errors e. One
     actuator determines few combinations of all parameters: repeated work is on those alone.
     """

@@ -36,11 +36,11 @@ OCTAVES = 4  # below the last, at least, where the band of the motion is doubtfu
 ROWS = 10.0
 # A change is a root of a sum of few squares, and scatters by a third: such ones are as small.
 TIE = 1.5
-# Up to so many times the least, lower cut-offs are preferred: where noise buries accelerations,
+# Up to this many times the least, lower cut-offs are preferred: where noise buries accelerations,
 # estimates stand still again, and wrong.
 LOWER = 2.0
 # Bias by noise grows by 2 to 5 from one to the next: after ten times the least nothing comes back.
-GROWTH, BEYOND = 10.0, 4.0  # looked at from so many bands of the motion on
+GROWTH, BEYOND = 10.0, 4.0  # looked at from this many bands of the motion on
 # Of the motors' errors: where predictions change by more up to the last, motion is lost.
 CLEAR = 1.0
 
@@ -199,7 +199,7 @@ def _chosen(changes: Sequence[float], *, bounded: bool) -> IntArray:
 
 
 def _least_cutoff(recordings: Sequence[Recording], rows: float) -> float:
-    """The cut-off in Hz from which recordings have so many rows, with five samples a period."""
+    """The cut-off in Hz from which recordings have this many rows, with five samples a period."""
     spans = (np.ptp(run.motion.time) * len(run.actuators) for run in recordings)
     return float(rows / (FilterOptions().oversampling * max(sum(spans), np.finfo(float).tiny)))
 

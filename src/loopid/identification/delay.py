@@ -59,7 +59,7 @@ from loopid.workers import one_blas_thread
 
 NORMAL = 1.96  # standard errors to the end of a 95 % interval
 DEGREE = 5  # of splines between samples: off by 5e-4 of a signal at a fifth of the rate
-# Shifts in s that are looked at, and the same as a part of the longest stretch: longer ones leave
+# Shifts in s that are looked at, and the same as a part of the longest segment: longer ones leave
 # too little of a log. Shifts of all forces that are tried first, an odd number.
 LONGEST, PART, TRIED = 0.25, 0.05, 51
 # Rounds in which weights follow from residuals: more change them by a few per cent. Iterations of
@@ -72,13 +72,13 @@ KNOWN, PRECISION = 1e-6, 1e-8
 # gather where the motion turns back and friction jumps, which informs most of a delay: estimates
 # scatter between parts more than their autocorrelation predicts.
 BLOCKS = 20
-# Forces at most that are looked at in a band wider than the motion's: so many take a second. The
+# Forces at most that are looked at in a band wider than the motion's: this many take a second. The
 # narrowest band, relative to that.
 MOST, LOWEST = 12_000, 0.7
 # Deviation of the force of an element of Maxwell slip, relative to that of its motor.
 SLIP = 0.1
-# A delay is clear from so many steps of the log on, and so many times half of its 95 % interval;
-# of a motor that differs from the others, for which its delay is undone alone, so many times.
+# A delay is clear from this many steps of the log on, and times half of its 95 % interval;
+# of a motor that differs from the others, for which its delay is undone alone, this many times.
 LEAST, CLEAR, ALONE = 0.2, 2.0, 6.0
 # Half of an interval in s from which on it excludes no possible delay: slow motions.
 VAGUE = 0.05
@@ -360,7 +360,7 @@ def with_delay_errors(
     """Add the uncertainty of the delay to a fit's covariance.
 
     An error of the delay adds forces D = ∂τ/∂t to those of the samples x, which move the estimates
-    by C Σ xᵀ D / σ², with C their covariance and σ² the variance of so many independent errors as
+    by C Σ xᵀ D / σ², with C their covariance and σ² the variance of this many independent errors as
     would determine a mean as well. Of a delay that is not clear all is left (``Delay.left``).
 
     Parameters
@@ -536,7 +536,7 @@ class _Search:
         return np.concatenate([data, left[len(left) - len(self.prior) :]])
 
     def _weighed(self) -> FloatArray:
-        """Weights (dof,) by the residuals at the best shift, as of so many independent errors."""
+        """Weights (dof,) by the residuals at the best shift, as of this many independent errors."""
         samples, counts = self.samples, np.maximum(self.samples.used.sum(axis=0), 1)
         _, left = self._newton(np.repeat(self.best, self.forces.count))
         errors = left[: samples.force.size].reshape(samples.force.T.shape).T
@@ -745,6 +745,6 @@ def _of_slip(samples: FitSamples, recordings: Sequence[Recording]) -> dict[int, 
 
 
 def _slip(recording: Recording, states: Sequence[FloatArray]) -> FloatArray:
-    """States along the stretches of the log, filtered as the forces are, at the samples (N,)."""
+    """States along the segments of the log, filtered as the forces are, at the samples (N,)."""
     along = np.concatenate(states)
     return along if recording.history is None else recording.history.lowpassed(along)

@@ -290,8 +290,8 @@ def excited_rank(R: FloatArray, usual: FloatArray) -> int:
     Columns that are short beside their usual lengths (n,), as in random states, count as none:
     alone they would be as long as any other.
     """
-    felt = np.linalg.norm(R, axis=0) > LEAST_EXCITATION * usual
-    _, values, _ = scaled_svd(np.where(felt, R, 0.0))
+    sensed = np.linalg.norm(R, axis=0) > LEAST_EXCITATION * usual
+    _, values, _ = scaled_svd(np.where(sensed, R, 0.0))
     return int((values >= LEAST_EXCITATION * (values[0] or np.inf)).sum())
 
 

@@ -189,10 +189,10 @@ class Evidence:
         sizes = PRIOR * body_sizes(robot, "full")
         table = (K[:, :, :p] * sizes * per_force[:, None]).reshape(-1, p)
         squares, turn = np.linalg.eigh(table.T @ table)
-        felt = sizes[:, None] * turn[:, squares > 1e-6 * squares[-1]]
+        sensed = sizes[:, None] * turn[:, squares > 1e-6 * squares[-1]]
         known = np.append(bodies, np.zeros(len(flat)))
-        self.felt = felt.shape[1]
-        self.columns = np.column_stack([block_diag(felt, np.diag(flat)), known])
+        self.sensed = sensed.shape[1]
+        self.columns = np.column_stack([block_diag(sensed, np.diag(flat)), known])
         self.possible = np.sqrt(((K @ self.columns) ** 2).mean(axis=0).sum(axis=1)) + TINY
 
     def _regressors(self, q: FloatArray, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -319,7 +319,7 @@ class Evidence:
     def _weights(self, missing: tuple[int, ...]) -> FloatArray:
         """What columns count for beside some rivals (n + 2,), with the known ones and the force."""
         d, weights = len(self.names), np.ones(self._count + 2)
-        weights[d : d + self.felt] = FURTHER if d in missing else 1.0
+        weights[d : d + self.sensed] = FURTHER if d in missing else 1.0
         others = np.repeat(np.isin(np.arange(d), missing), 1 + DEGREE)
         weights[-2 - len(others) : -2] = others
         return weights

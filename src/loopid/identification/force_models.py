@@ -51,7 +51,7 @@ USUAL_TERMS = {"gravity": "Fc,Fv,Fo,file", "full": "Fc,Fv,Fo,Ia,file"}
 LEAST_ERROR = 1e-4
 # Part of the largest regressor entry below which a row is round-off: no mass takes part in it.
 SILENT = 1e-10
-# Random states of the robot: at least so many, and so many rows for each column.
+# Random states of the robot: at least this many, and this many rows for each column.
 LEAST_STATES, ROWS_PER_COLUMN = 60, 3
 FEW = 5  # states that decide whether closures are redundant
 
@@ -396,7 +396,7 @@ class ForceModel:
             W,
             recording.force,
             used=used,
-            stretches=recording.stretches,
+            segments=recording.segments,
             least_errors=least,
         )
 
@@ -540,8 +540,8 @@ def force_model(
         robot, model, seed=seed, progress=progress, joint_terms=plain
     )
     base = find_base(observation, search)
-    felt = {base.parameters.labels[j] for j in base.structure.columns}
-    idle = [p.label for p in base.parameters if p.kind not in KINDS and p.label not in felt]
+    sensed = {base.parameters.labels[j] for j in base.structure.columns}
+    idle = [p.label for p in base.parameters if p.kind not in KINDS and p.label not in sensed]
     if idle:
         warn(
             f"no motor of {robot.name} senses {', '.join(idle)} in any pose: the model is "

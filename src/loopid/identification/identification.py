@@ -54,7 +54,7 @@ class Identification:
     force_model : ForceModel
     training, validation, friction : tuple of Recording
         What was fitted, what judged, and what the joint terms alone were identified from, if any.
-        Without validation each stretch of the training was predicted by fits to the others.
+        Without validation each segment of the training was predicted by fits to the others.
     data, new : FitSamples
         Training, and what judges, as samples of a fit.
     identifiability : Identifiability
@@ -150,7 +150,7 @@ class Identification:
 
     @cached_property
     def repeated(self) -> float:
-        """Part of the fitted samples whose states come back in other stretches, or logs."""
+        """Part of the fitted samples whose states come back in other segments, or logs."""
         return repeated_share(self.data, self.training)
 
     @cached_property

@@ -222,7 +222,7 @@ def told_values(
 # Standard error, in sizes by the robot file, above which a combination is weakly identifiable.
 WEAK = 1.0
 # Coefficients below this part of the largest, in sizes, are round-off in an unidentifiable
-# combination, or not worth naming in a weak one, of which at most so many terms are named.
+# combination, or not worth naming in a weak one, of which at most this many terms are named.
 ROUND_OFF, MINOR, MOST_TERMS = 1e-6, 0.1, 4
 # Combinations that a message names.
 NAMED = 3

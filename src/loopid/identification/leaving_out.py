@@ -1,7 +1,7 @@
-"""Forces of each stretch of some data, predicted by fits to the others.
+"""Forces of each segment of some data, predicted by fits to the others.
 
-All data can then be fitted, and all judge. What is fitted keeps apart from a stretch by as much as
-the filter spreads; of several logs each is a stretch of its own.
+All data can then be fitted, and all judge. What is fitted keeps apart from a segment by as much as
+the filter spreads; of several logs each is a segment of its own.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from loopid.identification.problem import FitSamples
 from loopid.logs.recording import Recording
 from loopid.records import record
 
-FOLDS = 5  # stretches: each fit has four fifths of the data
+FOLDS = 5  # segments: each fit has four fifths of the data
 REGIONS, ROWS = 16, 10  # of states, at most, and samples of each at least
 DIGITS = 6  # of states in their deviations, that separate them
 ROUND_OFF = 1e-9  # of the widest coordinate: others do not move
@@ -27,17 +27,17 @@ PERIODS = 1.0  # of the cut-off, over which a filter spreads what happens in one
 
 @record
 class LeftOut:
-    """Fits to all stretches of some data but one.
+    """Fits to all segments of some data but one.
 
     Attributes
     ----------
-    stretches : IntArray
-        (N,), the stretch of each sample, of K.
+    segments : IntArray
+        (N,), the segment of each sample, of K.
     values : dict of FloatArray
-        (K, n), for each candidate its values without each stretch.
+        (K, n), for each candidate its values without each segment.
     """
 
-    stretches: IntArray
+    segments: IntArray
     values: Mapping[str, FloatArray]
 
     @classmethod
@@ -47,7 +47,7 @@ class LeftOut:
         recordings: Sequence[Recording],
         refits: Mapping[str, Callable[[FitSamples], FloatArray]],
     ) -> LeftOut:
-        """Fit again without each stretch.
+        """Fit again without each segment.
 
         Parameters
         ----------
@@ -56,24 +56,24 @@ class LeftOut:
         refits : dict of callable
             For each candidate: values (n,) from samples, some of which are not used.
         """
-        stretches = stretches_of(data, recordings)
+        segments = segments_of(data, recordings)
         values: dict[str, list[FloatArray]] = {name: [] for name in refits}
         with warnings.catch_warnings():  # the same as of all data
             warnings.simplefilter("ignore")
-            for kept in kept_without(stretches, data, recordings):
+            for kept in kept_without(segments, data, recordings):
                 part = replace(data, used=data.used & kept[:, None])
                 for name, refit in refits.items():
                     values[name].append(refit(part))
-        return cls(stretches, {name: np.array(each) for name, each in values.items()})
+        return cls(segments, {name: np.array(each) for name, each in values.items()})
 
     def predicted(self, name: str, data: FitSamples) -> FloatArray:
-        """Forces (N, dof) of a candidate, of each stretch by the fit without it."""
-        values = self.values[name][self.stretches]
+        """Forces (N, dof) of a candidate, of each segment by the fit without it."""
+        values = self.values[name][self.segments]
         return np.asarray((data.regressor @ values[:, :, None])[:, :, 0])
 
 
-def stretches_of(data: FitSamples, recordings: Sequence[Recording]) -> IntArray:
-    """The stretch (N,) of each sample: whole logs, or equal parts of the time that motors move."""
+def segments_of(data: FitSamples, recordings: Sequence[Recording]) -> IntArray:
+    """The segment (N,) of each sample: whole logs, or equal parts of the time that motors move."""
     if len(recordings) > 1:
         return np.asarray(data.runs % FOLDS)
     moving = np.cumsum(data.used.any(axis=1))
@@ -102,29 +102,29 @@ def _states(recordings: Sequence[Recording]) -> FloatArray:
 
 
 def repeated_share(data: FitSamples, recordings: Sequence[Recording]) -> float:
-    """Part of the samples whose states other stretches, or logs, have too.
+    """Part of the samples whose states other segments, or logs, have too.
 
     It is 1 of a motion that repeats itself, and next to 0 of one that does not.
     """
     from scipy.spatial import cKDTree  # slow to import
 
-    states, stretches = _states(recordings), stretches_of(data, recordings)
+    states, segments = _states(recordings), segments_of(data, recordings)
     near = 0
-    for k, kept in enumerate(kept_without(stretches, data, recordings)):
+    for k, kept in enumerate(kept_without(segments, data, recordings)):
         if kept.any():
-            far, _ = cKDTree(states[kept]).query(states[stretches == k])
+            far, _ = cKDTree(states[kept]).query(states[segments == k])
             near += int((far < SAME * np.sqrt(states.shape[1])).sum())
     return near / len(states)
 
 
 def kept_without(
-    stretches: IntArray, data: FitSamples, recordings: Sequence[Recording]
+    segments: IntArray, data: FitSamples, recordings: Sequence[Recording]
 ) -> Iterator[BoolArray]:
-    """For each stretch the samples (N,) that are beyond the filter's reach of it."""
+    """For each segment the samples (N,) that are beyond the filter's reach of it."""
     time = np.concatenate([run.motion.time for run in recordings])
     gaps = [PERIODS / run.cutoff if run.cutoff else 0.0 for run in recordings]
-    for k in range(int(stretches.max()) + 1):
-        kept = stretches != k
+    for k in range(int(segments.max()) + 1):
+        kept = segments != k
         if len(recordings) == 1:
             first, last = time[~kept][[0, -1]]
             kept &= (time < first - gaps[0]) | (time > last + gaps[0])

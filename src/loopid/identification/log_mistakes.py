@@ -33,7 +33,7 @@ from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.robot import Robot
 from loopid.workers import one_blas_thread
 
-# Between the neighbours of the best size so many are tried, so many times; then so many steps of
+# Between the neighbours of the best size this many are tried, this often; then these steps of
 # Newton's method follow.
 TRIED, ZOOMS, STEPS = 7, 2, 2
 CLOSELY = 6  # mistakes of positions that are looked at closely

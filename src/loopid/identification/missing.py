@@ -6,7 +6,7 @@ through its gear; lengths of the robot file may be off. Each is a few columns be
 fit. What they explain of the residuals is tested by F, with errors that are autocorrelated, and by
 Bonferroni over all that is tried. Motors are alike, so that a law is tested for all of them, too.
 What is likely is tested again, with what all columns take up of the errors added back to these.
-A clear force that saves errors on stretches left out, or moves estimates by more than they are
+A clear force that saves errors on segments left out, or moves estimates by more than they are
 known to, is named; it is not added. Intervals hold the bias that it makes.
 """
 
@@ -29,7 +29,7 @@ from loopid.identification.correlation import (
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.force_models import ForceModel
 from loopid.identification.jackknife import Jackknife
-from loopid.identification.leaving_out import stretches_of
+from loopid.identification.leaving_out import segments_of
 from loopid.identification.lengths import length_forces
 from loopid.identification.result import Fit
 from loopid.logs.recording import Recording
@@ -38,7 +38,7 @@ from loopid.workers import one_blas_thread
 
 CHANCE = 0.01  # that any force is called clear in data where none is missing
 ONE_OF_ALL = 0.05  # chance of a motor's own force, from which on what is clear of all is its, too
-HELPS = 0.9  # of squared errors on stretches left out that may be left with a force that helps
+HELPS = 0.9  # of squared errors on segments left out that may be left with a force that helps
 MOVES = 2.0  # standard errors of an estimate that a force moves it by at least to be named
 ROWS = 20  # samples of a motor for each column, at least
 MOST_WAVES, STEEPEST = 30, 120.0  # over the range of a motor; and in 2 π rad or metres
@@ -64,7 +64,7 @@ class MissingForce:
     chance : float
         Probability of as clear a one where none is missing.
     left : float
-        Of the motor's squared error on stretches left out, the part that is left with it.
+        Of the motor's squared error on segments left out, the part that is left with it.
     bias : FloatArray
         (n,), what it does to the estimates.
     moved : float
@@ -94,7 +94,7 @@ class MissingForce:
 
     @property
     def effect(self) -> str:
-        """What it does, in words: to errors on stretches left out, or to estimates."""
+        """What it does, in words: to errors on segments left out, or to estimates."""
         if self.left < HELPS:
             return f"errors left out would be {100 * (1 - np.sqrt(self.left)):.0f} % smaller"
         return f"moves estimates by up to {self.moved:.2g} of their standard errors"
@@ -251,7 +251,7 @@ def _wrong_length(
     every = slice(None, None, step)
     own = [np.flatnonzero(samples.runs == k)[every] for k in range(len(recordings))]
     rows = np.concatenate(own)
-    of_samples = "regressor", "force", "used", "stretches", "runs", "regions"
+    of_samples = "regressor", "force", "used", "segments", "runs", "regions"
     chosen = {name: getattr(samples, name)[rows] for name in of_samples}
     # They count as much as all, beside the prior.
     result = replace(fit.result, weights=np.sqrt(step) * fit.result.weights)
@@ -409,22 +409,22 @@ class _Test:
 
 
 class _LeftOut(NamedTuple):
-    """Errors of a fit on stretches that are left out of it."""
+    """Errors of a fit on segments that are left out of it."""
 
     fit: WorkingFit
-    stretches: np.ndarray
+    segments: np.ndarray
     squares: FloatArray  # (dof,)
 
     @classmethod
     def of(cls, fit: WorkingFit, recordings: Sequence[Recording]) -> _LeftOut:
-        stretches = stretches_of(fit.samples, recordings)
-        return cls(fit, stretches, _squares(fit, stretches))
+        segments = segments_of(fit.samples, recordings)
+        return cls(fit, segments, _squares(fit, segments))
 
     def ratio(self, columns: FloatArray) -> float:
         """Squared error of the motors of columns (N, dof, k) with these, over that without."""
         own = np.where(columns.any(axis=(0, 2)), self.fit.result.weights, 0.0) ** 2
         before = float(own @ self.squares)
-        after = float(own @ _squares(_beside(self.fit, columns), self.stretches))
+        after = float(own @ _squares(_beside(self.fit, columns), self.segments))
         return after / before if before > 0 else 1.0
 
 

@@ -30,7 +30,7 @@ class MistakeKind(NamedTuple):
     """A kind of mistake: what is scaled or moved, or exchanged where it has no sizes."""
 
     fields: tuple[str, ...]  # of what is undone
-    motors: int  # it is of so many; 0 for all
+    motors: int  # it is of this many; 0 for all
     call: Callable[[_Mistaken], Called]
     sizes: tuple[float, ...] = ()  # that are tried first, evenly spread
     signs: tuple[float, ...] = (1.0,)

@@ -56,9 +56,9 @@ class ModelChoice:
         Of these forces, beside gravity and friction, and its standard error: above 0.5 the factor
         may as well be zero.
     errors : mapping
-        By model (dof,): errors on stretches left out, in parts of each motor's force. Bodies near
+        By model (dof,): errors on segments left out, in parts of each motor's force. Bodies near
         the robot file and friction of the motors, in the full model also their rotors, were fitted
-        to the other stretches.
+        to the other segments.
     """
 
     model: str
@@ -108,7 +108,7 @@ class ModelChoice:
         gravity, full = (
             _percent(float(np.nanmax(self.errors[each], initial=0.0))) for each in MODELS
         )
-        why = f"errors on stretches left out are at most {gravity}, and {full} with the full model"
+        why = f"errors on segments left out are at most {gravity}, and {full} with the full model"
         why = f"{share}, and the log shows it; {why}" if self.shown else why
         return Finding("warning", "inertia is missing in the gravity model", why, USE_FULL)
 
@@ -122,7 +122,7 @@ def choose_model(robot: Robot, recordings: Sequence[Recording]) -> ModelChoice:
     """Choose the model that recordings need.
 
     The full one, unless the recordings do not distinguish the file's inertia from none, or have
-    clearly less than half of it, and fitted inertia of bodies and rotors predicts stretches left
+    clearly less than half of it, and fitted inertia of bodies and rotors predicts segments left
     out no better. Errors count as alike
     within blocks of time, and as independent between them (sandwich covariance).
 
@@ -241,7 +241,7 @@ class _Fit:
         return nearest_to_file(problem, self.file, freedom, self.rows)
 
     def left_out(self, recordings: Sequence[Recording]) -> FloatArray:
-        """Forces (N, dof) of each stretch, predicted by fits to the others."""
+        """Forces (N, dof) of each segment, predicted by fits to the others."""
         refits = {"": lambda part: self.weighed(part)[0]}
         return LeftOut.of(self.samples, recordings, refits).predicted("", self.samples)
 

@@ -33,7 +33,7 @@ class FitOptions:
         the others, and keep the robot file's values there; or ``"error"``.
     fraction : float, optional
         Of the samples of each recording in which a motor moves, between 0 and 1: the first ones
-        are fitted, the rest judges. By default all are fitted, and each stretch is judged by fits
+        are fitted, the rest judges. By default all are fitted, and each segment is judged by fits
         to the others.
     undo_delay : bool
         Whether a clear delay between forces and motion is undone in the logs (``find_delay``).

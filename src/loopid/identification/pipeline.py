@@ -125,7 +125,7 @@ def identify(
         A path, a table with columns by name (of pandas or Polars, a dictionary of arrays), a
         ``Log``, a ``Recording``; or a list of these.
     validation : optional
-        Judge on these data. By default all data are fitted, and each stretch is judged by fits to
+        Judge on these data. By default all data are fitted, and each segment is judged by fits to
         the others (``FitOptions.fraction``).
     friction : optional
         Data of an experiment of their own that the joint terms are identified from first; without

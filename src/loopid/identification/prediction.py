@@ -124,7 +124,7 @@ def _predicted(fit: Fit, model: ForceModel, recording: Recording) -> Prediction:
     return Prediction(recording, samples.predicted(fit.values), reach)
 
 
-# Stretches of time whose errors count as independent of each other: few, hence long, as errors
+# Segments of time whose errors count as independent of each other: few, hence long, as errors
 # are autocorrelated over seconds.
 BATCHES = 8
 INTERVAL = 1.96  # standard deviations of a normal 95 % interval
@@ -281,7 +281,7 @@ def error_ratio(
     -------
     ratio : tuple of float
         The geometric mean over the motors with samples, and its standard error by the jackknife
-        over stretches of time [Efron1982].
+        over segments of time [Efron1982].
     motors : FloatArray
         (dof,), of each; NaN without samples.
     """

@@ -139,8 +139,8 @@ class FitSamples:
         (N, dof) in N or N m.
     used : BoolArray
         (N, dof), which forces take part; by default all.
-    stretches : IntArray
-        (N,), number of the gap-free, evenly sampled stretch of each sample; by default one.
+    segments : IntArray
+        (N,), number of the gap-free, evenly sampled segment of each sample; by default one.
     runs : IntArray
         (N,), number of the recording of each sample; one until samples are ``combined``.
     regions : IntArray
@@ -166,7 +166,7 @@ class FitSamples:
     regressor: FloatArray
     force: FloatArray
     used: BoolArray
-    stretches: IntArray
+    segments: IntArray
     runs: IntArray
     regions: IntArray
     least_errors: FloatArray
@@ -182,7 +182,7 @@ class FitSamples:
         force: FloatArray,
         *,
         used: BoolArray | None = None,
-        stretches: IntArray | None = None,
+        segments: IntArray | None = None,
         least_errors: FloatArray | None = None,
     ) -> FitSamples:
         """Check shapes and values, and fill in the defaults.
@@ -199,12 +199,12 @@ class FitSamples:
             raise DataError("there are no samples to fit")
         tau = _shaped(finite(force, "force"), "force", W.shape[:2])
         mask = rectangular(np.ones(tau.shape, dtype=bool) if used is None else used, "used")
-        numbers = np.zeros(len(tau), dtype=np.int64) if stretches is None else stretches
-        parts = rectangular(numbers, "stretches")
+        numbers = np.zeros(len(tau), dtype=np.int64) if segments is None else segments
+        parts = rectangular(numbers, "segments")
         least = np.zeros(dof) if least_errors is None else finite(least_errors, "least errors")
         if mask.dtype != bool or parts.dtype.kind not in "iu":
             raise DataError(
-                "used must be booleans and stretches whole numbers, not "
+                "used must be booleans and segments whole numbers, not "
                 f"{mask.dtype} and {parts.dtype}"
             )
         if (least < 0).any():
@@ -215,7 +215,7 @@ class FitSamples:
             W,
             tau,
             _shaped(mask, "used", tau.shape),
-            _shaped(parts, "stretches", tau.shape[:1]).astype(np.int64, copy=False),
+            _shaped(parts, "segments", tau.shape[:1]).astype(np.int64, copy=False),
             runs=np.zeros(len(tau), dtype=np.int64),
             regions=np.zeros(len(tau), dtype=np.int64),
             least_errors=_shaped(least, "least errors", (dof,)),
@@ -242,8 +242,8 @@ class FitSamples:
 
     @cached_property
     def pieces(self) -> tuple[slice, ...]:
-        """Rows of each stretch."""
-        bounds = 1 + np.flatnonzero(np.diff(self.stretches))
+        """Rows of each segment."""
+        bounds = 1 + np.flatnonzero(np.diff(self.segments))
         return tuple(slice(*pair) for pair in pairwise([0, *bounds.tolist(), len(self)]))
 
     def predicted(self, values: FloatArray) -> FloatArray:
@@ -326,7 +326,7 @@ class FitSamples:
 
     @classmethod
     def combined(cls, parts: Sequence[FitSamples]) -> FitSamples:
-        """All samples of several logs, whose stretches stay apart."""
+        """All samples of several logs, whose segments stay apart."""
         if not parts:
             raise DataError("there are no samples to combine")
         first = parts[0]
@@ -349,7 +349,7 @@ class FitSamples:
             regressor=np.concatenate([part.regressor for part in parts]),
             force=np.concatenate([part.force for part in parts]),
             used=np.concatenate([part.used for part in parts]),
-            stretches=numbered([part.stretches for part in parts]),
+            segments=numbered([part.segments for part in parts]),
             runs=runs,
             regions=numbered(regions) if any(each.any() for each in regions) else 0 * runs,
             least_errors=np.max([part.least_errors for part in parts], axis=0),

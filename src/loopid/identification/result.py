@@ -710,7 +710,7 @@ def of_all(found: Fit, parameters: ParameterSet, columns: IntArray, others: Floa
 def with_errors(fit: Fit, moved: FloatArray, known: float) -> Fit:
     """A fit with further errors: values move by columns (n, k) times numbers of unit variance.
 
-    Their size is known to so many degrees of freedom, which add up as in [Welch1947].
+    Their size is known to this many degrees of freedom, which add up as in [Welch1947].
     """
     added, own = (moved**2).sum(axis=1), np.diag(fit.covariance)
     with np.errstate(divide="ignore", invalid="ignore"):

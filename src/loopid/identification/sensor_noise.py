@@ -14,7 +14,7 @@ import numpy as np
 from loopid.arguments import FloatArray
 from loopid.logs.recording import Recording
 
-LEAST_SAMPLES = 256  # of a stretch: some 30 frequencies in each band
+LEAST_SAMPLES = 256  # of a segment: some 30 frequencies in each band
 BANDS = 0.25, 0.5, 0.75, 1.0  # of the Nyquist frequency
 # Part of the power in the middle band that the upper one has at least of white noise, and in the
 # lower band: there some of the motion may be left, and jumps of friction fall by more.

@@ -1,7 +1,7 @@
 """Errors of a candidate on data that it was not fitted to, where they are worst.
 
 One number over all data hides where a model is wrong. A motion that repeats itself judges a fit by
-the states that it was fitted to. So errors are looked at by stretches or logs, by regions of states
+the states that it was fitted to. So errors are looked at by segments or logs, by regions of states
 that were left out, at low speed, and at standstill, where friction may be anything up to breakaway.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.identification.force_models import ForceModel
 from loopid.identification.friction import friction_columns, friction_curve
-from loopid.identification.leaving_out import stretches_of
+from loopid.identification.leaving_out import segments_of
 from loopid.identification.prediction import Candidate
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit
@@ -37,7 +37,7 @@ class UnseenErrors:
     ----------
     whole : FloatArray
     part : FloatArray
-        On the worst stretch, or log where there are several.
+        On the worst segment, or log where there are several.
     regions : FloatArray
         On regions of states that were left out.
     slow, standstill : FloatArray
@@ -65,8 +65,8 @@ class UnseenErrors:
         """Of a candidate on samples of recordings."""
         error, used = new.force - candidate.predicted, new.used
         rates = np.abs(np.concatenate([run.motion.velocities for run in recordings]))
-        stretches = stretches_of(new, recordings)
-        parts = [used & (stretches == k)[:, None] for k in range(int(stretches.max()) + 1)]
+        segments = segments_of(new, recordings)
+        parts = [used & (segments == k)[:, None] for k in range(int(segments.max()) + 1)]
         if len(recordings) > 1:
             parts = [used & (new.runs == k)[:, None] for k in range(len(recordings))]
         slow = [

@@ -50,7 +50,7 @@ class Verdict:
         Mean squared error of the recommended fit on new data over that of the robot file with
         fitted joint terms, the geometric mean over the motors, and its standard error.
     judged : str
-        On what: ``"stretches"`` that were left out one by one, ``"logs"`` left out, or
+        On what: ``"segments"`` that were left out one by one, ``"logs"`` left out, or
         ``"validation"`` data.
     band : float or None
         In Hz, below which forces were fitted and judged; None without a filter.
@@ -89,7 +89,7 @@ class Verdict:
         significant = count - len(insignificant(found.fit))
         mistake = next(iter(found.mistakes), None)
         excite, improvement = _improvement(found)
-        left_out = "logs" if len(found.training) > 1 else "stretches"
+        left_out = "logs" if len(found.training) > 1 else "segments"
         return cls(
             NOT_FIT if mistake else _use(found, error),
             found.new.actuators[worst],
@@ -145,7 +145,7 @@ class Verdict:
 
 # What judged, in words.
 JUDGED = {
-    "stretches": "on stretches left out of the fit",
+    "segments": "on segments left out of the fit",
     "logs": "on logs left out of the fit",
     "validation": "on new data",
     "regions": "on states left out of the fit",

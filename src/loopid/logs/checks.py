@@ -23,7 +23,7 @@ OTHER_ANGLES = {"pi/180 (deg to rad)": np.pi / 180, "0.001 (mrad to rad)": 1e-3}
 SHORTEST_STEP, LONGEST_STEP = 1e-5, 0.2
 # Parts of a joint's range that positions may be outside its limits: without a word, and at all.
 OUTSIDE, FAR_OUTSIDE = 1e-3, 1.0
-GLITCH = 100.0  # forces so many times their 99th percentile are none
+GLITCH = 100.0  # forces this many times their 99th percentile are none
 # Measured rates and changes of the position: relative difference (root mean square) that passes
 # without a word, and ratio, or its inverse, from which on the rates are something else.
 APART, GAIN = 0.1, 1.25

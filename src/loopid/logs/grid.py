@@ -1,7 +1,7 @@
 """Streams of a log, values at time stamps, and all of them on one even grid.
 
 The grid follows the stream of the positions at the median rate of its stamps. A gap in any stream
-ends a stretch of the grid. Between the stamps of a stream its values are interpolated linearly:
+ends a segment of the grid. Between the stamps of a stream its values are interpolated linearly:
 they are off by at most h²/8 times their second derivative by time, h between stamps.
 """
 
@@ -29,7 +29,7 @@ BAD_ROWS = 0.1  # part of the rows that may be left out
 # late do so in one row of a hundred; a clock that is too coarse in most.
 REPEATED_STAMPS = 0.02
 GAP = 5.0  # median steps: a longer one between time stamps is a gap
-LEAST_ROWS = 4  # of a stream, and of a stretch without gaps: shorter ones are none
+LEAST_ROWS = 4  # of a stream, and of a segment without gaps: shorter ones are none
 # Part of a step by which samples may be off an even grid, and are taken as they are.
 EVEN = 0.01
 MOST_NAMED = 5  # rows in a message
@@ -79,7 +79,7 @@ class Stream:
         return LogError(f"{self.source}: {said}", source=self.source, **facts)
 
     def earlier(self, delay: float) -> Stream:
-        """The stream with stamps that are so many s too late put right."""
+        """The stream with stamps that are this many s too late put right."""
         return replace(self, stamps=self.stamps - round(1e9 * delay)) if delay else self
 
     def without(self, bad: BoolArray, reason: str, most: float = BAD_ROWS) -> Stream:
@@ -223,14 +223,14 @@ class Aligned(NamedTuple):
 
     time: FloatArray  # (N,) in s from the first stamp of the first stream
     signals: dict[str, FloatArray]  # by quantity (N, m), one column a motor, or a component
-    stretches: IntArray  # (N,)
+    segments: IntArray  # (N,)
     dropped: tuple[Dropped, ...]
 
 
 def align(streams: Sequence[Stream], joints: tuple[str, ...]) -> Aligned:
     """Put streams on the grid of the first; a LogError when they do not overlap.
 
-    A step of more than ``GAP`` median steps starts a new stretch.
+    A step of more than ``GAP`` median steps starts a new segment.
     """
     zero = int(streams[0].stamps[0])
     # Differences of whole nanoseconds are exact, however long ago the epoch.
@@ -252,7 +252,7 @@ def align(streams: Sequence[Stream], joints: tuple[str, ...]) -> Aligned:
             tolerance=GAP,
         )
     time = np.concatenate(grids)
-    stretches = np.repeat(np.arange(len(grids)), [len(grid) for grid in grids])
+    segments = np.repeat(np.arange(len(grids)), [len(grid) for grid in grids])
     columns: dict[str, tuple[str, ...]] = {}
     for channel in (channel for stream in streams for channel in stream.channels):
         name, own = channel.quantity, columns.get(channel.quantity, ())
@@ -267,7 +267,7 @@ def align(streams: Sequence[Stream], joints: tuple[str, ...]) -> Aligned:
             ends = np.interp(numbers[[0, -1]], stream.rows, stamps)
             dropped.append(Dropped(reason, len(numbers), *ends.tolist()))
     dropped += _outside(times[0], grids, step)
-    return Aligned(time, tables, stretches, tuple(dropped))
+    return Aligned(time, tables, segments, tuple(dropped))
 
 
 def _grids(time: FloatArray, spans: FloatArray, step: float) -> Iterator[FloatArray]:
@@ -305,7 +305,7 @@ def _overlaps(spans: FloatArray, others: FloatArray) -> FloatArray:
 
 
 def _outside(time: FloatArray, grids: Sequence[FloatArray], step: float) -> Iterable[Dropped]:
-    """Stamps before, between and after the stretches."""
+    """Stamps before, between and after the segments."""
     edges = [-np.inf, *(float(edge) for grid in grids for edge in grid[[0, -1]]), np.inf]
     for k, (last, following) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
         start, end = np.searchsorted(time, last, "right"), np.searchsorted(time, following)
@@ -319,17 +319,17 @@ def _outside(time: FloatArray, grids: Sequence[FloatArray], step: float) -> Iter
 def on_even_grid(
     name: str, joints: tuple[str, ...], time: FloatArray, signals: dict[str, FloatArray]
 ) -> tuple[FloatArray, dict[str, FloatArray], IntArray, tuple[Dropped, ...]]:
-    """Times, signals and stretches, as they are where the steps are even between gaps."""
+    """Times, signals and segments, as they are where the steps are even between gaps."""
     steps = np.diff(time)
     median = float(np.median(steps)) if len(steps) else 0.0
-    stretches = np.cumsum(np.append(False, steps > GAP * median))
-    parts = np.split(time, np.flatnonzero(np.diff(stretches)) + 1)
+    segments = np.cumsum(np.append(False, steps > GAP * median))
+    parts = np.split(time, np.flatnonzero(np.diff(segments)) + 1)
     off = (np.abs(part - np.linspace(part[0], part[-1], len(part))).max() for part in parts)
     if max(off) <= EVEN * median and (steps > 0).all():
-        return time, signals, stretches, ()
+        return time, signals, segments, ()
     stream = with_increasing_stamps(stream_of(name, joints, time, signals))
     aligned = align([stream], joints)
-    return aligned.time + time[0], aligned.signals, aligned.stretches, aligned.dropped
+    return aligned.time + time[0], aligned.signals, aligned.segments, aligned.dropped
 
 
 # ---- poses --------------------------------------------------------------------------------------

@@ -100,7 +100,7 @@ class ExternalWrench:
 
 @record(kw_only=True, checked=True)
 class Log(Tabular):
-    """Positions and forces of the motors over time, in stretches without gaps.
+    """Positions and forces of the motors over time, in segments without gaps.
 
     Made by ``read_log``, ``Log.from_arrays`` or ``Log.from_frame``.
 
@@ -110,11 +110,11 @@ class Log(Tabular):
     joints : tuple of str
         The m actuated joints, in the order of the columns.
     time : FloatArray
-        (N,) in s, increasing, even within each stretch.
+        (N,) in s, increasing, even within each segment.
     position, force : FloatArray
         (N, m) in m or rad, and N or N m.
-    stretches : IntArray
-        (N,), number of the gap-free stretch that a sample belongs to, ascending from 0.
+    segments : IntArray
+        (N,), number of the gap-free segment that a sample belongs to, ascending from 0.
     velocity, acceleration : FloatArray or None
         (N, m) in units of the positions and s, where they were measured.
     saturation : FloatArray or None
@@ -152,7 +152,7 @@ class Log(Tabular):
     time: FloatArray
     position: FloatArray
     force: FloatArray
-    stretches: IntArray
+    segments: IntArray
     velocity: FloatArray | None = None
     acceleration: FloatArray | None = None
     saturation: FloatArray | None = None
@@ -168,12 +168,12 @@ class Log(Tabular):
         if not self.joints:
             raise DataError("joints must name the motors of a log", argument="joints")
         time = _row(self.time)
-        numbers = rectangular(self.stretches, "stretches")
+        numbers = rectangular(self.segments, "segments")
         whole = numbers.shape == time.shape and numbers.dtype.kind in "iu"
         if not whole or (np.diff(numbers) < 0).any():
-            raise DataError(f"stretches must be {len(time)} whole numbers that ascend")
+            raise DataError(f"segments must be {len(time)} whole numbers that ascend")
         object.__setattr__(self, "time", time)
-        object.__setattr__(self, "stretches", numbers.astype(np.int64, copy=False))
+        object.__setattr__(self, "segments", numbers.astype(np.int64, copy=False))
         for name in QUANTITIES:
             if name in ("position", "force") or getattr(self, name) is not None:
                 values = samples(getattr(self, name), len(self.joints), name, len(time))
@@ -202,7 +202,7 @@ class Log(Tabular):
         velocity: ArrayLike | None = None,
         acceleration: ArrayLike | None = None,
         units: Mapping[str, str | Mapping[str, str]] | None = None,
-        stretches: ArrayLike | None = None,
+        segments: ArrayLike | None = None,
         saturation: ArrayLike | None = None,
         idle_speed: float | None = None,
         wrenches: Sequence[ExternalWrench] = (),
@@ -224,7 +224,7 @@ class Log(Tabular):
         units : mapping, optional
             From "time", "position", "force", "velocity" or "acceleration" to a unit such as
             "ms", "deg" or "kN", or to one a joint; by default s, m or rad, N or N m.
-        stretches : array, optional
+        segments : array, optional
             (N,), ascending numbers of the parts without gaps, each with even steps. By default a
             step of more than five median steps is a gap, and uneven samples are interpolated
             linearly on an even grid, as ``read_log`` does.
@@ -250,7 +250,7 @@ class Log(Tabular):
         >>> time = np.arange(0, 2, 0.01)
         >>> loopid.Log.from_arrays(time, 57.3 * np.sin(time), np.cos(time), ["crank_joint"],
         ...     units={"position": "deg"}, name="swing")
-        <Log 'swing': 200 samples of crank_joint over 1.99 s in 1 stretch>
+        <Log 'swing': 200 samples of crank_joint over 1.99 s in 1 segment>
         """
         joints, units = (joints,) if isinstance(joints, str) else tuple(joints), units or {}
         for quantity in units:
@@ -281,14 +281,14 @@ class Log(Tabular):
             for joint, own in (free or {}).items()
         }
         dropped: tuple[Dropped, ...] = ()
-        if stretches is None:
-            at, signals, stretches, dropped = on_even_grid(name, joints, at, signals)
+        if segments is None:
+            at, signals, segments, dropped = on_even_grid(name, joints, at, signals)
         return cls(
             name=name,
             joints=joints,
             time=at,
             **_by_field(signals, wrenches),
-            stretches=np.asarray(stretches),
+            segments=np.asarray(segments),
             saturation=None if saturation is None else np.asarray(saturation),
             idle_speed=idle_speed,
             dropped=dropped,
@@ -332,7 +332,7 @@ class Log(Tabular):
         >>> time = np.arange(0, 2, 0.01)
         >>> columns = {"time": time, "crank_joint": np.sin(time), "crank_joint.force": np.cos(time)}
         >>> loopid.Log.from_frame(polars.DataFrame(columns), ["crank_joint"])
-        <Log 'frame': 200 samples of crank_joint over 1.99 s in 1 stretch>
+        <Log 'frame': 200 samples of crank_joint over 1.99 s in 1 segment>
         """
         from loopid.logs.mapping import LogMapping  # arrays need no models of files
 
@@ -371,7 +371,7 @@ class Log(Tabular):
             joints=joints,
             time=aligned.time,
             **_by_field(aligned.signals, wrenches),
-            stretches=aligned.stretches,
+            segments=aligned.segments,
             saturation=saturation,
             idle_speed=mapping.idle_speed,
             dropped=aligned.dropped,
@@ -396,17 +396,17 @@ class Log(Tabular):
         count = len(self.parts())
         return (
             f"<Log {self.name!r}: {len(self)} samples of {', '.join(self.joints)} over "
-            f"{self.time[-1] - self.time[0]:.2f} s in {count} stretch{'es' if count > 1 else ''}>"
+            f"{self.time[-1] - self.time[0]:.2f} s in {count} segment{'es' if count > 1 else ''}>"
         )
 
     def select(self, good: BoolArray, *dropped: Dropped) -> Log:
-        """The samples that a mask (N,) keeps; those that it leaves out divide stretches."""
+        """The samples that a mask (N,) keeps; those that it leaves out divide segments."""
         kept: dict[str, Any] = {
             name: values[good]
             for name in ("time", *QUANTITIES)
             if (values := getattr(self, name)) is not None
         }
-        kept["stretches"] = renumbered(self.stretches, good)
+        kept["segments"] = renumbered(self.segments, good)
         kept["wrenches"] = tuple(replace(one, values=one.values[good]) for one in self.wrenches)
         kept["free"] = {joint: values[good] for joint, values in self.free.items()}
         return replace(self, **kept, dropped=(*self.dropped, *dropped))
@@ -423,14 +423,14 @@ class Log(Tabular):
         Returns
         -------
         Log
-            At the same times, but for those at the ends of stretches whose forces are not known.
+            At the same times, but for those at the ends of segments whose forces are not known.
 
         Raises
         ------
         OptionError
             When a joint is not of the log.
         DataError
-            When no stretch is longer than the delay.
+            When no segment is longer than the delay.
 
         Examples
         --------
@@ -451,38 +451,38 @@ class Log(Tabular):
                 force[part, k], there = _moved(self.force[part, k], shifts[k] * self.rate(part))
                 known[part] &= there
         if not known.any():
-            raise DataError(f"{self.name}: no stretch is longer than the delay", argument="delay")
+            raise DataError(f"{self.name}: no segment is longer than the delay", argument="delay")
         if known.all():
             return replace(self, force=force)
         lost = Dropped.at("no force at the corrected time", self.time[~known])
         return replace(self, force=force).select(known, lost)
 
     def parts(self) -> list[slice]:
-        """The samples of each stretch, in order."""
-        changes = np.flatnonzero(np.diff(self.stretches)) + 1
+        """The samples of each segment, in order."""
+        changes = np.flatnonzero(np.diff(self.segments)) + 1
         return [slice(a, b) for a, b in pairwise([0, *changes.tolist(), len(self)])]
 
     def by_part(
         self, function: Callable[[FloatArray, float], FloatArray], values: FloatArray
     ) -> FloatArray:
-        """What a function makes of signals (N, ...) of each stretch, and of its rate."""
+        """What a function makes of signals (N, ...) of each segment, and of its rate."""
         return np.concatenate([function(values[part], self.rate(part)) for part in self.parts()])
 
     def rate(self, part: slice) -> float:
-        """Samples per second of a stretch; 0 for a single sample."""
+        """Samples per second of a segment; 0 for a single sample."""
         time = self.time[part]
         return (len(time) - 1) / float(time[-1] - time[0]) if len(time) > 1 else 0.0
 
 
-def renumbered(stretches: IntArray, good: BoolArray) -> IntArray:
-    """Numbers from 0 (K,) of the stretches (N,) that samples which are left out divide further."""
-    new = np.append(True, np.diff(stretches) > 0) | np.append(True, ~good[:-1])
-    # A stretch begins with the first good sample after a change: a bad one begins none.
+def renumbered(segments: IntArray, good: BoolArray) -> IntArray:
+    """Numbers from 0 (K,) of the segments (N,) that samples which are left out divide further."""
+    new = np.append(True, np.diff(segments) > 0) | np.append(True, ~good[:-1])
+    # A segment begins with the first good sample after a change: a bad one begins none.
     return np.asarray(np.cumsum(new & good)[good] - 1, dtype=np.int64)
 
 
 def _moved(values: FloatArray, steps: float) -> tuple[FloatArray, BoolArray]:
-    """Values (N,) from so many steps later, and which there are."""
+    """Values (N,) from this many steps later, and which there are."""
     from scipy.interpolate import make_interp_spline  # slow to import
 
     count, at = len(values), np.arange(len(values)) + steps

@@ -265,7 +265,7 @@ class LogMapping(Section):
     def with_gains(
         self, gains: Mapping[str, float], scales: Sequence[Mapping[str, float]]
     ) -> LogMapping:
-        """The mapping by which forces are so many times as large.
+        """The mapping by which forces are this many times as large.
 
         Parameters
         ----------

@@ -42,18 +42,18 @@ from loopid.robot.robot import Robot
 
 LEAST_SAMPLES = 3  # what it takes to differentiate
 BLOCK = 8192  # samples assembled together: fewer repeat the coarse steps, more take memory
-# Where more of the samples do not close, exchanged columns are tried in so many of them, and given
+# Where more of the samples do not close, exchanged columns are tried in some of them, and given
 # up where less than this part of the way between two can be gone at a time.
 MANY_OPEN, TRIED, SHORTEST_STEP = 0.01, 60, 0.1
 NO_SHARE = 1e-9  # of a motor's largest share: round-off, the motor does not act there
-# A frozen motor goes on by so many times its fastest way in a sample; or it stops so many times as
+# A frozen motor goes on by a multiple of its fastest way in a sample, or stops this many times as
 # fast as it ever changes its speed, while another goes through this part of its range.
 JUMP, ABRUPT, MOVED = 2.0, 3.0, 0.05
 ENCODER_STEPS = 20  # tell a speed
 # Redundant motors may be off by this part of a rad or of the robot's length, or of their range:
 # joints have play, and lengths are not exact.
 OFF = 0.01
-# Clipped forces are equal, to this relative accuracy, so many times as often as any other size from
+# Clipped forces are equal, to this relative accuracy, far more often than any other size from
 # this part of the largest on: a coarse converter has few sizes.
 EQUAL, PILE, NEARLY = 1e-6, 4, 0.5
 
@@ -95,7 +95,7 @@ def prepare(
     OptionError
         When the robot has other motors than the log, or they do not determine its pose.
     LogError
-        When no stretch is long enough, or no force can be used; of a log made in Python, for all
+        When no segment is long enough, or no force can be used; of a log made in Python, for all
         that ``read_log`` refuses.
     AssemblyError
         When most samples do not close the loops.
@@ -133,7 +133,7 @@ def prepare(
     told = measured_motion(robot, log, signals)
     measured = JointCoordinates(robot, robot.measured).read(told.configurations[rows])
     found = assemble_samples(robot, log, measured, rows, masks, known=known, progress=progress)
-    stretches, rows = renumbered(log.stretches[rows], found.good), rows[found.good]
+    segments, rows = renumbered(log.segments[rows], found.good), rows[found.good]
     compare_encoders(robot, log, told.configurations[rows], found.configurations)
     saturated = near_saturation(log, limits, lowpass, masks)[rows]
     idle = standing(robot, log, signals.velocity, rows, lowpass, masks)
@@ -158,7 +158,7 @@ def prepare(
         motion=motion,
         force=force,
         used=used,
-        stretches=stretches,
+        segments=segments,
         dropped=(
             *log.dropped,
             *ends,
@@ -260,7 +260,7 @@ def without_frozen(log: Log, masks: MaskOptions) -> Log:
 
 
 def _frozen(positions: FloatArray, k: int, masks: MaskOptions) -> BoolArray:
-    """Samples (N,) of a stretch (N, m) in which motor k rests without slowing down before."""
+    """Samples (N,) of a segment (N, m) in which motor k rests without slowing down before."""
     position, flags = positions[:, k], np.zeros(len(positions), dtype=bool)
     steps = np.abs(np.diff(position))
     bounds = np.flatnonzero(np.diff(np.r_[0, (steps == 0).view(np.int8), 0]))
@@ -269,7 +269,7 @@ def _frozen(positions: FloatArray, k: int, masks: MaskOptions) -> BoolArray:
         return flags
     way = steps[steps > 0]
     fastest, least = float(np.percentile(way, 99)), float(way.min())
-    # How much further it goes from each sample in so many than it came, and the most of that.
+    # How much further it goes from each sample in this many than it came, and the most of that.
     count = int(np.ceil(ENCODER_STEPS * least / fastest))
     change = np.zeros(len(position) + 2 * count)  # from sample i in row i + count
     ahead, behind = position[2 * count :], position[: -2 * count]
@@ -300,17 +300,17 @@ class Signals(NamedTuple):
 
 
 def long_enough(log: Log, lowpass: LowPass | None) -> Log:
-    """The log without stretches that are too short to filter and differentiate."""
+    """The log without segments that are too short to filter and differentiate."""
     good, short = np.ones(len(log), dtype=bool), []
     for part in log.parts():
         least = 0 if lowpass is None else lowpass.least_samples(log.rate(part))
         if part.stop - part.start < max(least, LEAST_SAMPLES):
-            short.append(Dropped.at("stretch too short to filter", log.time[part]))
+            short.append(Dropped.at("segment too short to filter", log.time[part]))
             good[part] = False
     if not good.any():
         longest = max(one.count for one in short)
         raise LogError(
-            f"{log.name}: all stretches without gaps are too short to filter, the longest has "
+            f"{log.name}: all segments without gaps are too short to filter, the longest has "
             f"{longest} samples",
             source=log.name,
             longest=longest,
@@ -319,7 +319,7 @@ def long_enough(log: Log, lowpass: LowPass | None) -> Log:
 
 
 def filter_log(log: Log, lowpass: LowPass | None) -> Signals:
-    """Filter each stretch without delay, and differentiate what was not measured."""
+    """Filter each segment without delay, and differentiate what was not measured."""
     kept = partial(log.by_part, lowpass.apply) if lowpass else np.asarray
     position = kept(log.position)
     velocity, acceleration = log.velocity, log.acceleration
@@ -340,7 +340,7 @@ def kept_rows(
         reach, step = reach_of(lowpass, rate), options.step_of(lowpass, rate)
         if reach:
             end = np.append(time[:reach], time[-reach:])
-            ends.append(Dropped.at("end of a stretch", end))
+            ends.append(Dropped.at("end of a segment", end))
         rows.append(np.arange(part.start + reach, part.stop - reach, step))
     return np.concatenate(rows), ends
 
@@ -629,7 +629,7 @@ def near_saturation(
 
 
 def _within_reach(flags: BoolArray, reach: int) -> BoolArray:
-    """Samples (N, m) at most so many steps from one with a flag."""
+    """Samples (N, m) at most this many steps from one with a flag."""
     before = np.concatenate([np.zeros((1, flags.shape[1]), np.int64), np.cumsum(flags, axis=0)])
     first = np.arange(len(flags)) - reach
     last = np.minimum(first + 2 * reach + 1, len(flags))
@@ -664,11 +664,11 @@ def on_independent(
 
 # ---- the band of the motion, and a cut-off before anything is fitted ----------------------------
 
-# The band ends where this part of the power of the velocities is left in so many times its width:
+# The band ends where this part of the power of the velocities is left in this many times its width:
 # noise, whatever its colour, has little power near the motion, and much far above. Slow motions
 # that start and stop quickly have no end with a hundredth left.
 LEFT, WIDTHS = 0.02, 5.0
-# A cut-off before anything is fitted: so many bands, and samples a period of it, at least.
+# A cut-off before anything is fitted: this many bands, and samples a period of it, at least.
 PROVISIONAL, LEAST_PERIOD = 6.0, 5.0
 # Samples that determine a band; of fewer, the cut-off is this part of the rate.
 LEAST_COUNT, SHORT_CUTOFF = 64, 0.05

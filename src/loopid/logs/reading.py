@@ -59,7 +59,7 @@ def read_log(
     Returns
     -------
     Log
-        Evenly sampled in stretches without gaps, at the rate of the positions.
+        Evenly sampled in segments without gaps, at the rate of the positions.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def read_log(
     >>> from loopid.loading import bundled_directory
     >>> robot = loopid.load("five_bar")
     >>> loopid.read_log(bundled_directory() / "logs" / "five_bar.csv", robot)
-    <Log 'five_bar': 2241 samples of left_crank_joint, right_crank_joint over 22.40 s in 1 stretch>
+    <Log 'five_bar': 2241 samples of left_crank_joint, right_crank_joint over 22.40 s in 1 segment>
     """
     mapping = _mapping(mapping)
     require_known_motion(robot, mapping.free)

@@ -31,8 +31,8 @@ from loopid.parameters import html_table
 from loopid.records import Tabular, columns_of, record
 from loopid.robot.robot import Robot
 
-# A low-pass filter of second order leaves 1 % of what a single sample or the end of a stretch does
-# to a signal after so many periods of its cut-off.
+# A low-pass filter of second order leaves 1 % of what a single sample or the end of a segment does
+# to a signal after this many periods of its cut-off.
 REACH = 1.0
 RATE_ROUNDING = 1e-3  # relative error of measured rates
 FINEST = 1e-6  # step of an encoder, relative to the range of its positions, that counts as none
@@ -52,7 +52,7 @@ class FilterOptions:
     decimate : bool
         Whether to keep only as many samples as the cut-off calls for:
     oversampling : float
-        at least so many a period of the cut-off.
+        at least this many a period of the cut-off.
 
     Examples
     --------
@@ -76,7 +76,7 @@ class FilterOptions:
         return LowPass(suggested if isinstance(self.cutoff, str) else self.cutoff, self.order)
 
     def step_of(self, lowpass: LowPass | None, rate: float) -> int:
-        """Which samples at a rate are kept: one of so many."""
+        """Which samples at a rate are kept: one of this many."""
         if lowpass is None or not self.decimate:
             return 1
         # A rate a little short of a whole number of times is meant to be it.
@@ -126,8 +126,8 @@ class RateHistory:
 
     joints: tuple[str, ...]
     velocity: FloatArray  # (M, m) in m/s or rad/s
-    parts: tuple[slice, ...]  # rows of each stretch
-    rates: tuple[float, ...]  # samples per second of each stretch
+    parts: tuple[slice, ...]  # rows of each segment
+    rates: tuple[float, ...]  # samples per second of each segment
     lowpass: LowPass
     rows: IntArray  # (N,), which of the M samples were kept
     # Which were assembled (K,), and their motion; a part of a recording has those of all
@@ -141,7 +141,7 @@ class RateHistory:
         return self.of_motion(robot, lambda motion: motion.velocities[:, index])
 
     def ways(self, rate: FloatArray) -> list[FloatArray]:
-        """Positions along each stretch at a rate (M,), from wherever they start."""
+        """Positions along each segment at a rate (M,), from wherever they start."""
         parts = zip(self.parts, self.rates, strict=True)
         return [np.cumsum(rate[part]) / frequency for part, frequency in parts]
 
@@ -156,8 +156,8 @@ class RateHistory:
 
     def lowpassed(self, signal: FloatArray) -> FloatArray:
         """A signal (M,) filtered, at the samples (N,) that were kept."""
-        stretches = zip(self.parts, self.rates, strict=True)
-        filtered = [self.lowpass.apply(signal[part], rate) for part, rate in stretches]
+        segments = zip(self.parts, self.rates, strict=True)
+        filtered = [self.lowpass.apply(signal[part], rate) for part, rate in segments]
         return np.concatenate(filtered)[self.rows]
 
 
@@ -176,8 +176,8 @@ class Recording(Tabular):
         (N, dof) in N or N m, of the motors and of measured wrenches of the surroundings.
     used : BoolArray
         (N, dof), false where the force of an actuator says nothing: it stands, or is saturated.
-    stretches : IntArray
-        (N,), number of the gap-free stretch that a sample belongs to, ascending.
+    segments : IntArray
+        (N,), number of the gap-free segment that a sample belongs to, ascending.
     dropped : tuple of Dropped
         What was left out on the way here.
     cutoff : float or None
@@ -199,7 +199,7 @@ class Recording(Tabular):
     motion: JointMotion
     force: FloatArray
     used: BoolArray
-    stretches: IntArray
+    segments: IntArray
     dropped: tuple[Dropped, ...] = ()
     cutoff: float | None = None
     history: RateHistory | None = None
@@ -215,11 +215,11 @@ class Recording(Tabular):
         if self.external is not None:
             external = samples(self.external, dof, "external", count)
             object.__setattr__(self, "external", external)
-        if np.shape(self.used) != force.shape or np.shape(self.stretches) != (count,):
-            raise DataError(f"used must have shape {force.shape} and stretches ({count},)")
+        if np.shape(self.used) != force.shape or np.shape(self.segments) != (count,):
+            raise DataError(f"used must have shape {force.shape} and segments ({count},)")
         object.__setattr__(self, "force", force)
         object.__setattr__(self, "used", np.asarray(self.used, np.bool_))
-        object.__setattr__(self, "stretches", np.asarray(self.stretches, np.int64))
+        object.__setattr__(self, "segments", np.asarray(self.segments, np.int64))
 
     @classmethod
     def of_motion(
@@ -227,8 +227,8 @@ class Recording(Tabular):
     ) -> Recording:
         """A recording of known motion and force, as from a simulation, with nothing left out."""
         count, dof = len(motion.time), len(actuators)
-        used, stretches = np.ones((count, dof), dtype=bool), np.zeros(count, dtype=np.int64)
-        return cls(name, tuple(actuators), motion, force, used, stretches)
+        used, segments = np.ones((count, dof), dtype=bool), np.zeros(count, dtype=np.int64)
+        return cls(name, tuple(actuators), motion, force, used, segments)
 
     def __len__(self) -> int:
         return len(self.motion.time)
@@ -247,12 +247,12 @@ class Recording(Tabular):
         )
 
     def ways(self, joint: str) -> list[FloatArray]:
-        """Positions of a motor along each stretch of the log, from wherever they start."""
+        """Positions of a motor along each segment of the log, from wherever they start."""
         history = self.history
         if history is not None and joint in history.joints:
             return history.ways(history.velocity[:, history.joints.index(joint)])
         rate, time = self.motion.velocities[:, self.actuators.index(joint)], self.motion.time
-        ends = np.flatnonzero(np.diff(self.stretches))
+        ends = np.flatnonzero(np.diff(self.segments))
         return [
             np.cumsum(np.append(0.0, steps)) for steps in np.split(rate[1:] * np.diff(time), ends)
         ]
@@ -347,7 +347,7 @@ class Recording(Tabular):
     def select(self, rows: BoolArray | slice) -> Recording:
         """Some of the samples, by a mask (N,) or as a slice, in order."""
         chosen: dict[str, Any] = {
-            name: getattr(self, name)[rows] for name in ("force", "used", "stretches")
+            name: getattr(self, name)[rows] for name in ("force", "used", "segments")
         }
         if self.external is not None:
             chosen["external"] = self.external[rows]

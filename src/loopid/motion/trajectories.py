@@ -93,7 +93,7 @@ class Curve(ABC):
         """The same curve, from its end to its start."""
 
     def detour(self, time: FloatArray, seconds: float) -> FloatArray:
-        """Position off the start, rate and acceleration (3, N, c) at times (N,) of so many s."""
+        """Position off the start, rate and acceleration (3, N, c) at times (N,) of this many s."""
         return self.functions(len(self.shape), time, seconds) @ self.shape
 
     def __post_init__(self) -> None:

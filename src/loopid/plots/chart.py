@@ -1,6 +1,6 @@
 """Charts: said once, drawn as SVG on a page, which a script zooms, and alone for papers.
 
-Marks are paths in a plain square whose sides the page stretches as wide as it is; the width of
+Marks are paths in a plain square whose sides the page segments as wide as it is; the width of
 lines stays. Long lines are thinned to the least and the largest of each step of time.
 """
 
@@ -218,7 +218,7 @@ class Panel:
         return 80 if self.small else 230 if self.equal else 140
 
     def drawing(self, wide: float) -> Iterable[HtmlElement]:
-        """The panel for papers, so many px wide."""
+        """The panel for papers, this many px wide."""
         across, high = self.limits()
         title = ": ".join(filter(None, (self.motor, self.title)))
         yield _text(0, LINE - 3, short_name(title, int(LONGEST * wide / COLUMN)))
@@ -243,7 +243,7 @@ class Panel:
             yield _text(_place(x, across, width), down, text, "sign middle")
 
     def _ticks(self, across: Ends, high: Ends, count: int = TICKS) -> tuple[Ticks, Ticks]:
-        """About so many numbers along x, and along y or names of rows, with their places."""
+        """About this many numbers along x, and along y or names of rows, with their places."""
         if self.equal:
             return [], []
         x_ticks = ticks(*across, log="x" in self.log, count=count)
@@ -354,7 +354,7 @@ class Chart:
     columns : int
         Of panels beside each other.
     lanes : int
-        So many panels stay below each other, and have one x axis.
+        This many panels stay below each other, and have one x axis.
     zoom : str
         Charts with the same text have one axis of time, along which the page zooms.
     """
@@ -465,7 +465,7 @@ def _short_or_whole(short: str, whole: str) -> HtmlElement | str:
 
 
 def in_parts(count: int, table: Callable[[range], HtmlElement]) -> list[HtmlElement]:
-    """So many rows of a table; those beyond ``MOST_ROWS`` unfold."""
+    """Rows of a table; those beyond ``MOST_ROWS`` unfold."""
     found, left = [table(range(min(count, MOST_ROWS)))], count - MOST_ROWS
     if left > 0:
         title = f"{left} more {'row' if left == 1 else 'rows'}"

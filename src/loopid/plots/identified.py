@@ -315,7 +315,7 @@ def used_chart(robot: Robot, recordings: Mapping[str, Sequence[Recording]]) -> C
             labels = tuple(numbered(robot, name) for name in run.actuators)
             parts = tuple(f"{100 * part:.0f} %" for part in run.used.mean(axis=0))
             panels.append(Panel(run.name, tuple(marks), labels=labels, columns={"used": parts}))
-    caption = "Gaps: the motor stands still or is saturated, or a stretch begins or ends."
+    caption = "Gaps: the motor stands still or is saturated, or a segment begins or ends."
     return Chart("used", caption, "time (s)", tuple(panels))
 
 

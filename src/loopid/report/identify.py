@@ -92,7 +92,7 @@ def _under(found: Identification) -> str:
     if found.cutoff is not None:
         said.append(f"filtered at {found.cutoff.chosen:.3g} Hz")
     judged = (
-        "judged on other data" if found.validation else "each stretch judged by fits to the others"
+        "judged on other data" if found.validation else "each segment judged by fits to the others"
     )
     return "; ".join([*said, judged])
 

@@ -133,8 +133,8 @@ def _wrong(robot: Robot, found: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield text, "lock what does not move, and write what moves with a loop into 'closures'"
     for closure in found["closures"]:  # even a flat loop needs two
         if closure["rank"] < LEAST_RANK < closure["rows"]:
-            felt = f"{closure['rank']} of its {closure['rows']} rows ({closure['type']})"
-            text = f"the loop hardly depends on closure {closure['name']}, {felt}"
+            sensed = f"{closure['rank']} of its {closure['rows']} rows ({closure['type']})"
+            text = f"the loop hardly depends on closure {closure['name']}, {sensed}"
             yield text, "look at its frames, its axes and its type"
     yield from ((f"no solid body is like {text}", "") for text in found["inertia_defects"])
     yield from ((text, "") for text in found["odd_masses"])
@@ -282,7 +282,7 @@ def _closures_table(title: str, closures: Sequence[dict[str, Any]]) -> Table:
 
 
 def _summary(record: dict[str, Any], most: int | None = None) -> dict[str, str]:
-    """What is found at the reference, with so many names of a list; empty where none is."""
+    """What is found at the reference, with this many names of a list; empty where none is."""
 
     def listed(names: Sequence[str], between: str = ", ") -> str:
         more = [f"... ({len(names)} in all)"] if most is not None and len(names) > most else []
