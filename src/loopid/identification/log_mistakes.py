@@ -132,12 +132,13 @@ def suspicions(
         if not model.present:
             return nothing
         found, undone = model.weighed(model.recorded), list[_Find]()
-        if _moved_by_hand(model, found):  # the forces are not those that move the robot
-            return replace(nothing, mistakes=(BY_HAND, *held))
         mistakes = list[Finding]()
         while True:
             finds = _finds(model, found, assembled=False)
             clear = _clear(model, finds, found, undone)
+            # Forces that do not move the robot: what else they say is of no use.
+            if not undone and _moved_by_hand(model, found, clear):
+                return replace(nothing, mistakes=(BY_HAND, *held))
             if model.strange(clear[0].after if clear else found, model.present):
                 finds += _finds(model, found, assembled=True)
                 clear = _clear(model, finds, found, undone)
@@ -377,15 +378,20 @@ def _untold(model: Evidence, found: Explanation) -> Finding | None:
     )
 
 
-def _moved_by_hand(model: Evidence, found: Explanation) -> bool:
-    """Whether forces are clearly without inertia, and no motor works against friction."""
+def _moved_by_hand(model: Evidence, found: Explanation, clear: Sequence[_Find]) -> bool:
+    """Whether forces are clearly without inertia, and no motor works against friction.
+
+    Another time axis makes inertia small, too; other mistakes must be less likely.
+    """
     still = found.undone._replace(time=(0.0,) * len(found.undone.time))
     (plain,) = model.explained([still])
     friction = model.friction_evidence(plain)[list(model.present)]
     if plain.evidence - found.evidence < EVIDENCE or friction.max() > EVIDENCE + log(len(friction)):
         return False
     gained = model.beside_rivals(plain).evidence - model.beside_rivals(found).evidence
-    return gained >= EVIDENCE and model.explains(plain, model.present, SHAPE, whole=False)
+    others = (find.evidence - found.evidence for find in clear if find.kind != "factor")
+    clearly = gained >= max([EVIDENCE, *others])
+    return clearly and model.explains(plain, model.present, SHAPE, whole=False)
 
 
 def _turned(model: Evidence, found: Explanation, clear: Sequence[_Find]) -> Finding | None:
