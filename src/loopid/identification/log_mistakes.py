@@ -40,9 +40,8 @@ CLOSELY = 6  # mistakes of positions that are looked at closely
 INTERVAL = 1.96  # standard deviations
 ROUNDS = 3  # mistakes one after the other
 # Logarithm of the ratio of evidences, less that of the number of motors whose mistake it may be,
-# from which on one of two is right: one in twenty. Any of all kinds could be suspected by chance.
+# from which on one of two is right: one in twenty.
 EVIDENCE = 3.0
-SUSPECTED = EVIDENCE + log(len(KINDS))
 # Part of the forces, less friction, that may be left of a motor once its mistake is undone: a robot
 # file that explains no shape tells no mistake. Less of a factor that nobody has a cause for: a
 # missing force has any.
@@ -329,7 +328,7 @@ def _clear(
         shape = SHAPE if _caused(find) else FACTOR_SHAPE
         worth = find.worth(found)
         worth &= model.explains(find.after, find.motors, shape, whole=find.kind == "sign")
-        if worth and not again and find.evidence - found.evidence >= SUSPECTED:
+        if worth and not again and find.evidence - found.evidence >= EVIDENCE:
             clear.append(find)
     if not clear:
         return []
@@ -344,7 +343,7 @@ def _clear(
         )
         for find in likely
     ]
-    clear = [find for find in beside if find.evidence - found.evidence >= SUSPECTED]
+    clear = [find for find in beside if find.evidence - found.evidence >= EVIDENCE]
     return sorted(clear, key=lambda find: -find.evidence)
 
 
