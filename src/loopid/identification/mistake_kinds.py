@@ -136,7 +136,7 @@ def _force(one: _Mistaken) -> Called:
     do, what = one.scale("force_scale", one.scales), f"the force of {one.listed}"
     if one.cause is None:
         title = f"{what} is scaled by {one.factor:g}"
-        return Called(title, one.sized, f"look why, or {do}")
+        return Called(title, one.sized, f"check its unit, or {do}")
     return Called(f"{what} {_caused(one.cause, 'has', 'is')}", one.sized, do)
 
 
@@ -145,7 +145,7 @@ def _position(one: _Mistaken) -> Called:
     what = f"the positions of {one.listed}"
     if one.cause is None or not one.cause[1]:
         title = f"{what} are scaled by {one.factor:g}"
-        return Called(title, one.sized, f"look why, or {do}")
+        return Called(title, one.sized, f"check their unit, or {do}")
     return Called(f"{what} {_caused(one.cause, 'have', 'are')}", one.sized, do)
 
 
