@@ -15,9 +15,7 @@ from made_runs import quietly
 NUMBERS = json.loads(Path(__file__).with_name("numbers.json").read_text())
 LOGS = Path(__file__).parents[2] / "urdf" / "logs"
 CUTOFFS = {"five_bar": 7.927646270656544, "3ups_rpu": 1.0741301059001516}  # in Hz
-SAME = 1e-6  # relative
-# Values, in standard errors: accelerations amplify the round-off of filters, by processor.
-NEAR = 1e-3
+SAME = 1e-6  # relative; of values, in standard errors
 
 
 @cache
@@ -30,10 +28,10 @@ def task(name, kind):
 
 def assert_same(fit, expected):
     errors = np.array(expected["standard_errors"])
-    assert (np.abs(fit.values - expected["values"]) <= NEAR * errors).all()
-    np.testing.assert_allclose(fit.standard_errors, errors, rtol=NEAR)
+    assert (np.abs(fit.values - expected["values"]) <= SAME * errors).all()
+    np.testing.assert_allclose(fit.standard_errors, errors, rtol=SAME)
     off = np.abs(fit.intervals()[:, 1] - expected["upper"])
-    assert (off <= 10 * NEAR * errors).all()
+    assert (off <= 10 * SAME * errors).all()
 
 
 @pytest.mark.parametrize("case", NUMBERS)
@@ -52,6 +50,5 @@ def test_fits_of_the_bundled_logs_are_what_they_were(case):
     assert_same(found.fit, expected["consistent"])
     told = found.identifiability
     np.testing.assert_allclose(told.excitation.effects, expected["effects"], rtol=SAME)
-    # Small ones are eigenvalues beside others 10,000 times as large.
-    np.testing.assert_allclose(told.standard_errors, expected["combination_errors"], rtol=NEAR)
-    np.testing.assert_allclose(found.recommended.error_ratio, expected["error_ratio"], rtol=NEAR)
+    np.testing.assert_allclose(told.standard_errors, expected["combination_errors"], rtol=SAME)
+    np.testing.assert_allclose(found.recommended.error_ratio, expected["error_ratio"], rtol=SAME)

@@ -123,8 +123,8 @@ def choose_model(robot: Robot, recordings: Sequence[Recording]) -> ModelChoice:
 
     The full one, unless the recordings do not distinguish the file's inertia from none, or have
     clearly less than half of it, and fitted inertia of bodies and rotors predicts segments left
-    out no better. Errors count as alike
-    within blocks of time, and as independent between them (sandwich covariance).
+    out no better. Errors count as alike within blocks of time, and as independent between them
+    (sandwich covariance).
 
     Parameters
     ----------

@@ -13,6 +13,7 @@ from typing import Annotated
 
 import numpy as np
 from pydantic import Field
+from scipy.fft import next_fast_len
 from scipy.linalg.lapack import dtbtrs
 
 from loopid.arguments import FloatArray, Positive, checked, finite
@@ -77,7 +78,7 @@ class LowPass:
                 f"{padding + 1} at {rate:g} Hz"
             )
         count = len(signal) + 2 * padding
-        size = _quick_length(count)
+        size = next_fast_len(count, real=True)
         gains, line = self._gains(size, rate), np.linspace(0.0, 1.0, count)
         found = np.empty((len(signal), math.prod(signal.shape[1:])))
         for own, kept in zip(signal.reshape(found.shape).T, found.T, strict=True):
@@ -101,12 +102,6 @@ class LowPass:
         below, above = np.array([below, above]) / np.hypot(below, above)
         below, above = below ** (2 * self.order), above ** (2 * self.order)
         return np.asarray(below / (below + above))
-
-
-def _quick_length(least: int) -> int:
-    """A length from the least on whose Fourier transform is quick: few primes, all small."""
-    step = 1 << max(least.bit_length() - 5, 0)
-    return -(-least // step) * step
 
 
 def recursion(numerator: FloatArray, denominator: FloatArray, signal: FloatArray) -> FloatArray:
