@@ -137,6 +137,7 @@ def test_gaps_are_found_or_told(arrays, knee):
     told = np.repeat([0, 1], [100, len(parts[0]) - 100])
     log = Log.from_arrays(*parts, knee.actuated, segments=told)
     np.testing.assert_array_equal(log.segments, told)
+    assert "in 2 segments>" in repr(log)
 
 
 def test_uneven_samples_are_put_on_an_even_grid(arrays, knee):

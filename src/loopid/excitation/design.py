@@ -14,7 +14,7 @@ from loopid.arguments import CHUNK, FloatArray, checked, row_blocks
 from loopid.errors import AccuracyWarning, DataError, DataWarning, OptionError, warn
 from loopid.excitation.criteria import Criteria, Known, OfCombinations, Unknown
 from loopid.excitation.limits import Bounds, MotionLimits
-from loopid.excitation.problem import DesignOptions, Problem, file_forces, follow
+from loopid.excitation.problem import DesignOptions, Problem, forces_by_file, follow
 from loopid.excitation.search import (
     Check,
     DesignProgress,
@@ -340,7 +340,7 @@ def _assumed_noise(problem: Problem, poses: Poses) -> FloatArray:
     motion = follow(robot, x, v, a, near)
     sizes = np.zeros(len(robot.actuated))
     if motion is not None:
-        sizes = np.sqrt((file_forces(robot, motion) ** 2).mean(axis=0))
+        sizes = np.sqrt((forces_by_file(robot, motion) ** 2).mean(axis=0))
     largest = sizes.max()
     known = sizes > NO_FORCE * largest
     return problem.options.noise_share * np.where(known, sizes, largest or 1.0)
@@ -395,7 +395,7 @@ def _run(problem: Problem, X: FloatArray) -> Run:
     for rows in row_blocks(len(motion), CHUNK):
         state = followed.configurations[rows], motion.velocity[rows], motion.acceleration[rows]
         whole = closed_motion(robot, *state)
-        forces = file_forces(robot, whole)
+        forces = forces_by_file(robot, whole)
         parts.append((whole.velocities[:, indices], whole.accelerations[:, indices], forces))
         weighted = problem.rows(whole).reshape(-1, len(factor))
         factor = triangular_factor(np.concatenate([factor, weighted]))

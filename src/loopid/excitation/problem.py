@@ -278,10 +278,10 @@ class Problem:
         """Forces of the motors (N, motors) by the robot file; no columns if none is bounded."""
         if not self.bounds.needs_forces:
             return np.zeros((len(motion.configurations), 0))
-        return file_forces(self.robot, motion, regressor)
+        return forces_by_file(self.robot, motion, regressor)
 
 
-def file_forces(
+def forces_by_file(
     robot: Robot, motion: ClosedMotion, regressor: FloatArray | None = None
 ) -> FloatArray:
     """Forces of the motors (N, motors) by the robot file; a full regressor may be at hand."""

@@ -396,7 +396,7 @@ class Log(Tabular):
         count = len(self.parts())
         return (
             f"<Log {self.name!r}: {len(self)} samples of {', '.join(self.joints)} over "
-            f"{self.time[-1] - self.time[0]:.2f} s in {count} segment{'es' if count > 1 else ''}>"
+            f"{self.time[-1] - self.time[0]:.2f} s in {count} segment{'s' if count > 1 else ''}>"
         )
 
     def select(self, good: BoolArray, *dropped: Dropped) -> Log:
