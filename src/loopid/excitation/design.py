@@ -14,7 +14,7 @@ from loopid.arguments import CHUNK, FloatArray, checked, row_blocks
 from loopid.errors import AccuracyWarning, DataError, DataWarning, OptionError, warn
 from loopid.excitation.criteria import Criteria, Known, OfCombinations, Unknown
 from loopid.excitation.limits import Bounds, MotionLimits
-from loopid.excitation.problem import DesignOptions, Problem, forces_by_file, follow
+from loopid.excitation.problem import DesignOptions, Problem, follow, forces_by_file
 from loopid.excitation.search import (
     Check,
     DesignProgress,

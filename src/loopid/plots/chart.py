@@ -1,6 +1,6 @@
 """Charts: said once, drawn as SVG on a page, which a script zooms, and alone for papers.
 
-Marks are paths in a plain square whose sides the page segments as wide as it is; the width of
+Marks are paths in a plain square whose sides the page makes as wide as it is; the width of
 lines stays. Long lines are thinned to the least and the largest of each step of time.
 """
 
