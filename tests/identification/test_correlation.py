@@ -31,7 +31,7 @@ def segments_of(samples, parts=3):
 def omega_of(result, samples, i):
     """The dense covariance matrix of one actuator's errors."""
     noise = result.noise
-    model = Autoregression(noise.coefficients[i], noise.innovation[i] ** 2)
+    model = Autoregression.of_coefficients(noise.coefficients[i], noise.innovation[i] ** 2)
     longest = max(np.bincount(samples.segments))
     lags = np.append(model.covariances, np.zeros(longest))
     for t in range(model.order + 1, longest):

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from scipy.signal import butter, lfilter, sosfiltfilt
+from scipy.signal import butter, sosfiltfilt
 
 from loopid.errors import DataError, OptionError
 from loopid.motion import LowPass
-from loopid.motion.filtering import differentiate, recursion
+from loopid.motion.filtering import differentiate
 
 RATE = 100.0
 filters = st.builds(LowPass, st.floats(1, 20), st.integers(1, 4))
@@ -29,16 +29,6 @@ def test_scipy_filters_alike(lowpass, signal):
     expected = sosfiltfilt(sections, signal, axis=0, padlen=padding)
     found = lowpass.apply(signal, RATE)
     np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(signal).max())
-
-
-@given(signals, st.integers(1, 6), st.integers(0, 6))
-def test_a_recursion_is_that_of_its_two_polynomials(signal, zeros, poles):
-    numerator = np.linspace(1.0, 0.3, zeros)
-    denominator = np.append(1.0, 0.5 ** np.arange(2, poles + 2))
-    expected = lfilter(numerator, denominator, signal, axis=0)
-    for part in (slice(None), slice(3), slice(0)):
-        found = recursion(numerator, denominator, signal[part])
-        np.testing.assert_allclose(found, expected[part], rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("order", [1, 2, 4])

@@ -10,17 +10,20 @@ Models are fitted by Burg's method [Percival1993], which never predicts across g
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import cached_property
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.linalg.lapack import dtbtrs
 
 from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
 from loopid.identification.result import NoiseModel
-from loopid.motion.filtering import recursion
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
@@ -44,14 +47,14 @@ class Autoregression:
 
     Attributes
     ----------
-    coefficients : FloatArray
-        (p,), c_k.
-    variance : float
-        Of ε.
+    predictors : FloatArray
+        (p + 1, p + 1), row k predicts e_t from k errors before it: 1, then -c_1 to -c_k.
+    variances : FloatArray
+        (p + 1,), of what each leaves.
     """
 
-    coefficients: FloatArray
-    variance: float
+    predictors: FloatArray
+    variances: FloatArray
 
     @classmethod
     def of_covariances(cls, covariances: FloatArray) -> Autoregression:
@@ -60,60 +63,113 @@ class Autoregression:
         No process has covariances that ask for a reflection coefficient of 1 or more; where they
         do, the model ends at that lag with the largest allowed.
         """
-        polynomial, variance = np.ones(1), float(covariances[0])
-        for k in range(1, len(covariances)):
-            asked = -float(polynomial @ covariances[k:0:-1]) / variance
-            reflection = float(np.clip(asked, -LARGEST_REFLECTION, LARGEST_REFLECTION))
-            longer = np.append(polynomial, 0.0)
-            polynomial = longer + reflection * longer[::-1]
-            variance *= 1 - reflection**2
+        predictors, order = np.zeros(2 * covariances.shape), len(covariances) - 1
+        predictors[0, 0], variances = 1.0, [float(covariances[0])]
+        for k in range(1, order + 1):
+            before = predictors[k - 1, :k]
+            asked = -float(before @ covariances[k:0:-1]) / variances[-1]
+            reflection = min(max(asked, -LARGEST_REFLECTION), LARGEST_REFLECTION)
+            predictors[k, :k] = before
+            predictors[k, 1 : k + 1] += reflection * before[::-1]
+            variances.append(variances[-1] * (1 - reflection**2))
             if reflection != asked:
+                order = k
                 break
-        return cls(-polynomial[1:], variance)
+        return cls(predictors[: order + 1, : order + 1], np.array(variances))
+
+    @classmethod
+    def of_coefficients(cls, coefficients: FloatArray, variance: float) -> Autoregression:
+        """The model with coefficients c_k (p,) and the variance of ε, by the same steps back."""
+        order, variances = len(coefficients), [variance]
+        predictors = np.zeros((order + 1, order + 1))
+        predictors[order] = np.append(1.0, -coefficients)
+        for k in range(order, 0, -1):
+            own, reflection = predictors[k], predictors[k, k]
+            part = 1 - reflection**2
+            predictors[k - 1, :k] = (own[:k] - reflection * own[k:0:-1]) / part
+            variances.append(variances[-1] / part)
+        return cls(predictors, np.array(variances[::-1]))
 
     @property
     def order(self) -> int:
         """Number p of coefficients."""
-        return len(self.coefficients)
+        return len(self.variances) - 1
 
-    @cached_property
+    @property
+    def coefficients(self) -> FloatArray:
+        """(p,), c_k."""
+        return -self.predictors[-1, 1:]
+
+    @property
     def polynomial(self) -> FloatArray:
         """(p + 1,), A of A(z) e = ε: 1, then -c_k."""
-        return np.append(1.0, -self.coefficients)
+        return self.predictors[-1]
+
+    @property
+    def variance(self) -> float:
+        """Of ε."""
+        return float(self.variances[-1])
 
     @cached_property
     def covariances(self) -> FloatArray:
         """Autocovariances (p + 1,) at lags 0 to p, by the equations of Yule and Walker."""
-        matrix, lags = np.zeros((self.order + 1, self.order + 1)), np.arange(self.order + 1)
-        for j, a in enumerate(self.polynomial):
-            np.add.at(matrix, (lags, np.abs(lags - j)), a)
-        right = np.append(self.variance, np.zeros(self.order))
-        return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
-
-    def filtered(self, rows: FloatArray, pieces: Pieces) -> FloatArray:
-        """Ω X of rows X (N, m), Ω the covariance of errors, one a row.
-
-        Autocovariances follow the recursion of the process, so a filter N / A with as many
-        coefficients has them as its impulse response: Ω X is X filtered forwards and backwards in
-        time, less γ_0 X, which both count.
-        """
-        numerator = np.convolve(self.polynomial, self.covariances)[: max(self.order, 1)]
-        found = -self.covariances[0] * rows
-        for piece in pieces:
-            found[piece] += recursion(numerator, self.polynomial, rows[piece])
-            found[piece] += recursion(numerator, self.polynomial, rows[piece][::-1])[::-1]
-        return np.asarray(found, dtype=np.float64)
+        found = np.append(self.variances[0], np.zeros(self.order))
+        for k in range(1, self.order + 1):
+            found[k] = -self.predictors[k, 1 : k + 1] @ found[k - 1 :: -1][:k]
+        return found
 
     def sum_variance(self, present: BoolArray, pieces: Pieces) -> float:
         """Variance of the sum of errors over the samples (N,) that are present."""
         ones = np.asarray(present, dtype=np.float64)[:, None]
-        return float(np.vdot(ones, self.filtered(ones, pieces)))
+        return float((ErrorCovariance.of(self, pieces).half(ones) ** 2).sum())
 
     def effective_samples(self, present: BoolArray, pieces: Pieces) -> float:
         """Number of independent samples that would determine the mean error as well."""
         count = float(present.sum())
         spread = self.sum_variance(present, pieces) if self.order else 0.0
         return min(count**2 * float(self.covariances[0]) / spread, count) if spread > 0 else count
+
+
+class ErrorCovariance(NamedTuple):
+    """The covariance Ω = W⁻¹ D W⁻ᵀ of autoregressive errors of N samples, in two factors.
+
+    Row t of W predicts an error from those before it in its piece, as many as the model has, or
+    there are; D holds the variances of what it leaves.
+
+    Attributes
+    ----------
+    bands : FloatArray
+        (p + 1, N), diagonals of W, the main one first.
+    deviations : FloatArray
+        (N,), roots of D.
+    """
+
+    bands: FloatArray
+    deviations: FloatArray
+
+    @classmethod
+    def of(cls, model: Autoregression, pieces: Pieces) -> ErrorCovariance:
+        """Of the errors of evenly sampled pieces, which are independent of each other."""
+        order = np.full(pieces[-1].stop, model.order)
+        for piece in pieces:
+            start = order[piece.start : piece.stop][: model.order]
+            start[:] = np.arange(len(start))
+        bands = np.zeros((model.order + 1, len(order)), order="F")
+        for k in range(model.order + 1):
+            bands[k, : len(order) - k] = model.predictors[order[k:], k]
+        return cls(bands, np.sqrt(model.variances)[order])
+
+    def half(self, rows: FloatArray) -> FloatArray:
+        """D^½ W⁻ᵀ X of rows X (N, m), whose product with itself is XᵀΩX."""
+        return self.deviations[:, None] * self._solved(rows, "T")
+
+    def whole(self, half: FloatArray) -> FloatArray:
+        """Ω X of its half (N, m)."""
+        return self._solved(self.deviations[:, None] * half, "N")
+
+    def _solved(self, rows: FloatArray, turned: str) -> FloatArray:
+        found, _ = dtbtrs(self.bands, rows, uplo="L", diag="U", trans=turned)
+        return np.asarray(found)
 
 
 def mean_of_series(
@@ -149,24 +205,23 @@ def burg_covariances(errors: FloatArray, runs: IntArray) -> FloatArray:
     products, rows = _window_products(errors, runs, LARGEST_ORDER)
     observed = float(products[0, 0, 0] / rows[0])
     white = WHITE * observed
-    polynomial, covariances = np.zeros((2, LARGEST_ORDER + 1))
-    polynomial[0], criteria = 1.0, [0.0]
+    products += white * rows[:, None, None] * np.eye(len(rows))
+    # Of e_t to e_{t-k}: e_t less its forward prediction, e_{t-k} less its backward one.
+    both, covariances = np.zeros((2, LARGEST_ORDER + 1)), np.zeros(LARGEST_ORDER + 1)
+    both[:, 0], criteria = 1.0, [0.0]
     covariances[0] = variance = observed + white
     for k in range(1, LARGEST_ORDER + 1):
         if rows[k] < PAIRS * k or not observed > 0:
             break
-        window, past = products[k, : k + 1, : k + 1], polynomial[1:k]
-        # Of e_t to e_{t-k}: e_t less its forward prediction, e_{t-k} less its backward one.
-        ahead = polynomial[: k + 1]
-        behind = ahead[::-1]
-        common = ahead @ window @ behind + rows[k] * white * (past @ past[::-1])
-        energy = ahead @ window @ ahead + behind @ window @ behind
-        energy += 2 * rows[k] * white * (ahead @ ahead)
-        reflection = -2 * float(common / energy)
-        covariances[k] = -reflection * variance - past @ covariances[k - 1 : 0 : -1]
-        polynomial[: k + 1] = ahead + reflection * behind
+        ahead = both[0, : k + 1]
+        both[1, : k + 1] = ahead[::-1]
+        own = both[:, : k + 1]
+        (forward, common), (_, backward) = (own @ products[k, : k + 1, : k + 1] @ own.T).tolist()
+        reflection = -2 * common / (forward + backward)
+        covariances[k] = -reflection * variance - ahead[1:k] @ covariances[k - 1 : 0 : -1]
+        ahead += reflection * own[1]
         variance *= 1 - reflection**2
-        criteria.append(rows[0] * np.log(variance / covariances[0]) + k * np.log(rows[0]))
+        criteria.append(rows[0] * math.log(variance / covariances[0]) + k * math.log(rows[0]))
     best = int(np.argmin(criteria))
     return np.asarray(covariances[: best + 1] / (1 + WHITE))
 
@@ -181,8 +236,10 @@ def _window_products(errors: FloatArray, runs: IntArray, order: int) -> tuple[Fl
     products, counts = np.zeros((width, width, width)), np.zeros(width, dtype=np.int64)
     series = np.pad(np.where(runs > 0, errors, 0.0), (order, 0))
     windows, reach = sliding_window_view(series, width)[:, ::-1], np.minimum(runs, width)
-    for length in np.unique(reach[reach > 0]):
-        inside = windows[reach == length, :length]
+    by_length = np.argsort(reach.astype(np.int8), kind="stable")
+    windows, bounds = windows[by_length], np.searchsorted(reach[by_length], np.arange(1, width + 2))
+    for length, rows in enumerate(pairwise(bounds.tolist()), start=1):
+        inside = windows[slice(*rows), :length]
         products[length - 1, :length, :length] = inside.T @ inside
         counts[length - 1] = len(inside)
     return np.cumsum(products[::-1], axis=0)[::-1], np.cumsum(counts[::-1])[::-1]
@@ -295,16 +352,21 @@ class ErrorModel:
     ) -> None:
         shares, turn = np.linalg.eigh(columns.T @ columns)
         self._turn = turn[:, (shares > ROUND_OFF) | (shares == shares[-1])]
-        self._columns, self._used, self._pieces = columns @ self._turn, used, pieces
         self._observed = burg_covariances(residual, run_lengths(used, pieces))
         self._observed[0] = max(self._observed[0], least**2)
-        apart = [_apart(pieces, k) for k in range(len(self._observed))]
-        x = self._columns
-        self._grams = np.array(
-            [sum((x[a].T @ x[b] for a, b in rows), np.zeros(2 * x.shape[1:])) for rows in apart]
+        # Rows of zeros end each piece, so that rows k apart are of one piece, or one is zero.
+        lags, count = len(self._observed), len(used) + len(pieces) * len(self._observed)
+        self._pieces = tuple(
+            slice(p.start + k * lags, p.stop + (k + 1) * lags) for k, p in enumerate(pieces)
         )
+        rows = np.concatenate([np.arange(p.start, p.stop - lags) for p in self._pieces])
+        self._used = np.zeros(count, dtype=bool)
+        self._columns = x = np.zeros((count, self._turn.shape[1]), order="F")
+        self._used[rows], x[rows] = used, columns @ self._turn
+        self._grams = np.array([x[: count - k].T @ x[k:] for k in range(lags)])
         # How many pairs of used samples are so far apart.
-        self._pairs = np.array([sum((used[a] & used[b]).sum() for a, b in rows) for rows in apart])
+        pairs = [(self._used[: count - k] & self._used[k:]).sum() for k in range(lags)]
+        self._pairs = np.array(pairs)
         self.samples = int(self._pairs[0])
         freedom = max(self.samples - float(np.trace(self._grams[0])), 1.0)
         start = Autoregression.of_covariances(self._observed * self.samples / freedom)
@@ -347,22 +409,14 @@ class ErrorModel:
 
         ``_shared`` is Σ_t u_t (Ω x)_t · (x_{t+k} + x_{t-k}), u_t = 1 where a sample is used.
         """
-        self.model, X = model, self._columns
-        turned = model.filtered(X, self._pieces)
-        self.sums = self._turn @ (X.T @ turned) @ self._turn.T
+        self.model, omega = model, ErrorCovariance.of(model, self._pieces)
+        half = omega.half(self._columns)
+        self.sums = self._turn @ (half.T @ half) @ self._turn.T
+        turned = omega.whole(half)
         turned *= self._used[:, None]
+        # Columns one below the other: rows of zeros end them, too.
+        u, x = turned.ravel(order="F"), self._columns.ravel(order="F")
+        count = len(x)
         self._shared = np.array(
-            [
-                sum(
-                    float(np.vdot(turned[a], X[b]) + np.vdot(turned[b], X[a]))
-                    for a, b in _apart(self._pieces, k)
-                )
-                for k in range(model.order + 1)
-            ]
+            [u[: count - k] @ x[k:] + u[k:] @ x[: count - k] for k in range(model.order + 1)]
         )
-
-
-def _apart(pieces: Pieces, k: int) -> list[tuple[slice, slice]]:
-    """Rows of each piece that have others k later, and these."""
-    long = [piece for piece in pieces if piece.stop - piece.start > k]
-    return [(slice(p.start, p.stop - k), slice(p.start + k, p.stop)) for p in long]

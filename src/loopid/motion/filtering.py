@@ -14,7 +14,6 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 from scipy.fft import next_fast_len
-from scipy.linalg.lapack import dtbtrs
 
 from loopid.arguments import FloatArray, Positive, checked, finite
 from loopid.errors import DataError, OptionError
@@ -102,23 +101,6 @@ class LowPass:
         below, above = np.array([below, above]) / np.hypot(below, above)
         below, above = below ** (2 * self.order), above ** (2 * self.order)
         return np.asarray(below / (below + above))
-
-
-def recursion(numerator: FloatArray, denominator: FloatArray, signal: FloatArray) -> FloatArray:
-    """Signals (N, m) filtered from rest: A(z) y = B(z) x, with A(z) = 1 + a_1 z⁻¹ + ...
-
-    A is a banded triangular matrix: LAPACK solves for y row by row. ``scipy.signal`` would take
-    longer to import than logs take to filter.
-    """
-    right = numerator[0] * signal
-    for k, factor in enumerate(numerator[1:], 1):
-        right[k:] += factor * signal[:-k]
-    if not right.size:
-        return np.asarray(right)
-    bands = np.empty((len(denominator), len(signal)), order="F")
-    bands[:] = denominator[:, None]
-    found, _ = dtbtrs(bands, np.asfortranarray(right), uplo="L", diag="U", overwrite_b=True)
-    return np.ascontiguousarray(found)
 
 
 @checked
