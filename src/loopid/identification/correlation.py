@@ -18,12 +18,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 from scipy.linalg.lapack import dtbtrs
 
 from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
 from loopid.identification.result import NoiseModel
+from loopid.motion.filtering import fast_length
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
@@ -47,14 +49,17 @@ class Autoregression:
 
     Attributes
     ----------
-    predictors : FloatArray
-        (p + 1, p + 1), row k predicts e_t from k errors before it: 1, then -c_1 to -c_k.
-    variances : FloatArray
-        (p + 1,), of what each leaves.
+    coefficients : FloatArray
+        (p,), c_k.
+    variance : float
+        Of ε.
+    covariances : FloatArray
+        (p + 1,), of e at lags 0 to p.
     """
 
-    predictors: FloatArray
-    variances: FloatArray
+    coefficients: FloatArray
+    variance: float
+    covariances: FloatArray
 
     @classmethod
     def of_covariances(cls, covariances: FloatArray) -> Autoregression:
@@ -63,65 +68,52 @@ class Autoregression:
         No process has covariances that ask for a reflection coefficient of 1 or more; where they
         do, the model ends at that lag with the largest allowed.
         """
-        predictors, order = np.zeros(2 * covariances.shape), len(covariances) - 1
-        predictors[0, 0], variances = 1.0, [float(covariances[0])]
-        for k in range(1, order + 1):
-            before = predictors[k - 1, :k]
-            asked = -float(before @ covariances[k:0:-1]) / variances[-1]
+        polynomial, variance = np.append(1.0, np.zeros(len(covariances) - 1)), float(covariances[0])
+        for k in range(1, len(covariances)):
+            asked = -float(polynomial[:k] @ covariances[k:0:-1]) / variance
             reflection = min(max(asked, -LARGEST_REFLECTION), LARGEST_REFLECTION)
-            predictors[k, :k] = before
-            predictors[k, 1 : k + 1] += reflection * before[::-1]
-            variances.append(variances[-1] * (1 - reflection**2))
+            polynomial[1 : k + 1] += reflection * polynomial[:k][::-1]
             if reflection != asked:
-                order = k
+                covariances = np.append(covariances[:k], covariances[k])
+                covariances[k] += (asked - reflection) * variance
+                polynomial = polynomial[: k + 1]
+            variance *= 1 - reflection**2
+            if reflection != asked:
                 break
-        return cls(predictors[: order + 1, : order + 1], np.array(variances))
+        return cls(-polynomial[1:], variance, covariances)
 
     @classmethod
     def of_coefficients(cls, coefficients: FloatArray, variance: float) -> Autoregression:
-        """The model with coefficients c_k (p,) and the variance of ε, by the same steps back."""
-        order, variances = len(coefficients), [variance]
-        predictors = np.zeros((order + 1, order + 1))
-        predictors[order] = np.append(1.0, -coefficients)
-        for k in range(order, 0, -1):
-            own, reflection = predictors[k], predictors[k, k]
-            part = 1 - reflection**2
-            predictors[k - 1, :k] = (own[:k] - reflection * own[k:0:-1]) / part
-            variances.append(variances[-1] / part)
-        return cls(predictors, np.array(variances[::-1]))
+        """The model with coefficients c_k (p,), by the equations of Yule and Walker."""
+        lags = np.arange(len(coefficients) + 1)
+        matrix = np.zeros((len(lags), len(lags)))
+        for j, a in enumerate(np.append(1.0, -coefficients)):
+            np.add.at(matrix, (lags, np.abs(lags - j)), a)
+        covariances = np.linalg.solve(matrix, np.where(lags == 0, variance, 0.0))
+        return cls(coefficients, variance, np.asarray(covariances, dtype=np.float64))
 
     @property
     def order(self) -> int:
         """Number p of coefficients."""
-        return len(self.variances) - 1
-
-    @property
-    def coefficients(self) -> FloatArray:
-        """(p,), c_k."""
-        return -self.predictors[-1, 1:]
-
-    @property
-    def polynomial(self) -> FloatArray:
-        """(p + 1,), A of A(z) e = ε: 1, then -c_k."""
-        return self.predictors[-1]
-
-    @property
-    def variance(self) -> float:
-        """Of ε."""
-        return float(self.variances[-1])
+        return len(self.coefficients)
 
     @cached_property
-    def covariances(self) -> FloatArray:
-        """Autocovariances (p + 1,) at lags 0 to p, by the equations of Yule and Walker."""
-        found = np.append(self.variances[0], np.zeros(self.order))
-        for k in range(1, self.order + 1):
-            found[k] = -self.predictors[k, 1 : k + 1] @ found[k - 1 :: -1][:k]
-        return found
+    def polynomial(self) -> FloatArray:
+        """(p + 1,), A of A(z) e = ε: 1, then -c_k."""
+        return np.append(1.0, -self.coefficients)
+
+    def lags(self, count: int) -> FloatArray:
+        """Autocovariances (count,) from lag 0 on: they follow the recursion of the process."""
+        bands = np.repeat(self.polynomial[:, None], count, axis=1)
+        start = np.convolve(self.polynomial, self.covariances)[: min(self.order + 1, count)]
+        right = np.append(start, np.zeros(count - len(start)))
+        found, _ = dtbtrs(bands, right[:, None], uplo="L", diag="U")
+        return np.asarray(found[:, 0])
 
     def sum_variance(self, present: BoolArray, pieces: Pieces) -> float:
         """Variance of the sum of errors over the samples (N,) that are present."""
-        ones = np.asarray(present, dtype=np.float64)[:, None]
-        return float((ErrorCovariance.of(self, pieces).half(ones) ** 2).sum())
+        ones = np.asarray(present, dtype=np.float64)[None]
+        return float(np.vdot(ones, Spectra.of(ones, pieces).turned(self)))
 
     def effective_samples(self, present: BoolArray, pieces: Pieces) -> float:
         """Number of independent samples that would determine the mean error as well."""
@@ -130,46 +122,32 @@ class Autoregression:
         return min(count**2 * float(self.covariances[0]) / spread, count) if spread > 0 else count
 
 
-class ErrorCovariance(NamedTuple):
-    """The covariance Ω = W⁻¹ D W⁻ᵀ of autoregressive errors of N samples, in two factors.
+class Spectra(NamedTuple):
+    """Spectra of m signals (m, N), each of whose pieces is followed by as many zeros.
 
-    Row t of W predicts an error from those before it in its piece, as many as the model has, or
-    there are; D holds the variances of what it leaves.
-
-    Attributes
-    ----------
-    bands : FloatArray
-        (p + 1, N), diagonals of W, the main one first.
-    deviations : FloatArray
-        (N,), roots of D.
+    Ω X of a stationary process is then a product of spectra [Golub2013, 4.8]: made once, those
+    of X serve any model.
     """
 
-    bands: FloatArray
-    deviations: FloatArray
+    pieces: Pieces
+    each: tuple[NDArray[np.complex128], ...]
 
     @classmethod
-    def of(cls, model: Autoregression, pieces: Pieces) -> ErrorCovariance:
-        """Of the errors of evenly sampled pieces, which are independent of each other."""
-        order = np.full(pieces[-1].stop, model.order)
-        for piece in pieces:
-            start = order[piece.start : piece.stop][: model.order]
-            start[:] = np.arange(len(start))
-        bands = np.zeros((model.order + 1, len(order)), order="F")
-        for k in range(model.order + 1):
-            bands[k, : len(order) - k] = model.predictors[order[k:], k]
-        return cls(bands, np.sqrt(model.variances)[order])
+    def of(cls, signals: FloatArray, pieces: Pieces) -> Spectra:
+        """Of signals (m, N)."""
+        parts = ((signals[:, piece], piece.stop - piece.start) for piece in pieces)
+        return cls(pieces, tuple(np.fft.rfft(own, fast_length(2 * count)) for own, count in parts))
 
-    def half(self, rows: FloatArray) -> FloatArray:
-        """D^½ W⁻ᵀ X of rows X (N, m), whose product with itself is XᵀΩX."""
-        return self.deviations[:, None] * self._solved(rows, "T")
-
-    def whole(self, half: FloatArray) -> FloatArray:
-        """Ω X of its half (N, m)."""
-        return self._solved(self.deviations[:, None] * half, "N")
-
-    def _solved(self, rows: FloatArray, turned: str) -> FloatArray:
-        found, _ = dtbtrs(self.bands, rows, uplo="L", diag="U", trans=turned)
-        return np.asarray(found)
+    def turned(self, model: Autoregression) -> FloatArray:
+        """X Ω (m, N), with Ω the covariance of errors, independent from piece to piece."""
+        found = []
+        longest = model.lags(max(piece.stop - piece.start for piece in self.pieces))
+        for piece, own in zip(self.pieces, self.each, strict=True):
+            count = piece.stop - piece.start
+            size, lags = fast_length(2 * count), longest[:count]
+            even = np.concatenate([lags, np.zeros(size + 1 - 2 * count), lags[:0:-1]])
+            found.append(np.fft.irfft(own * np.fft.rfft(even).real, size)[:, :count])
+        return np.concatenate(found, axis=1)
 
 
 def mean_of_series(
@@ -354,16 +332,17 @@ class ErrorModel:
         self._turn = turn[:, (shares > ROUND_OFF) | (shares == shares[-1])]
         self._observed = burg_covariances(residual, run_lengths(used, pieces))
         self._observed[0] = max(self._observed[0], least**2)
-        # Rows of zeros end each piece, so that rows k apart are of one piece, or one is zero.
+        # Zeros end each piece, so that samples k apart are of one piece, or one is zero.
         lags, count = len(self._observed), len(used) + len(pieces) * len(self._observed)
         self._pieces = tuple(
             slice(p.start + k * lags, p.stop + (k + 1) * lags) for k, p in enumerate(pieces)
         )
         rows = np.concatenate([np.arange(p.start, p.stop - lags) for p in self._pieces])
         self._used = np.zeros(count, dtype=bool)
-        self._columns = x = np.zeros((count, self._turn.shape[1]), order="F")
-        self._used[rows], x[rows] = used, columns @ self._turn
-        self._grams = np.array([x[: count - k].T @ x[k:] for k in range(lags)])
+        self._columns = x = np.zeros((self._turn.shape[1], count))
+        self._used[rows], x[:, rows] = used, (columns @ self._turn).T
+        self._spectra = Spectra.of(x, self._pieces)
+        self._grams = np.array([x[:, : count - k] @ x[:, k:].T for k in range(lags)])
         # How many pairs of used samples are so far apart.
         pairs = [(self._used[: count - k] & self._used[k:]).sum() for k in range(lags)]
         self._pairs = np.array(pairs)
@@ -409,13 +388,10 @@ class ErrorModel:
 
         ``_shared`` is Σ_t u_t (Ω x)_t · (x_{t+k} + x_{t-k}), u_t = 1 where a sample is used.
         """
-        self.model, omega = model, ErrorCovariance.of(model, self._pieces)
-        half = omega.half(self._columns)
-        self.sums = self._turn @ (half.T @ half) @ self._turn.T
-        turned = omega.whole(half)
-        turned *= self._used[:, None]
-        # Columns one below the other: rows of zeros end them, too.
-        u, x = turned.ravel(order="F"), self._columns.ravel(order="F")
+        self.model, turned = model, self._spectra.turned(model)
+        self.sums = self._turn @ (self._columns @ turned.T) @ self._turn.T
+        # Columns one after the other: zeros end them, too.
+        u, x = (turned * self._used).ravel(), self._columns.ravel()
         count = len(x)
         self._shared = np.array(
             [u[: count - k] @ x[k:] + u[k:] @ x[: count - k] for k in range(model.order + 1)]

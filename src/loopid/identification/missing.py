@@ -22,7 +22,7 @@ from loopid.arguments import FloatArray
 from loopid.findings import Finding
 from loopid.identification.correlation import (
     Autoregression,
-    ErrorCovariance,
+    Spectra,
     burg_covariances,
     run_lengths,
     within_runs,
@@ -363,10 +363,9 @@ class _Test:
         for i in own:
             models[i] = Autoregression.of_covariances(burg_covariances(left[:, i], self.runs[i]))
         V = sum(
-            half.T @ half
+            Spectra.of(beside[:, i].T, pieces).turned(model) @ beside[:, i]
             for i, model in enumerate(models)
             if model.variance > 0
-            for half in [ErrorCovariance.of(model, pieces).half(beside[:, i])]
         )
         if self.prior is not None:
             moved = self.prior @ turned

@@ -75,7 +75,7 @@ class LowPass:
                 f"{padding + 1} at {rate:g} Hz"
             )
         count = len(signal) + 2 * padding
-        size = _fast_length(count)
+        size = fast_length(count)
         gains, line = self._gains(size, rate), np.linspace(0.0, 1.0, count)
         own = np.ascontiguousarray(signal.reshape(len(signal), -1).T)
         # Continued by its own mirror image about each end, in time and in value.
@@ -98,7 +98,7 @@ class LowPass:
             return np.asarray(1.0 / (1.0 + np.square(bent) ** self.order))
 
 
-def _fast_length(count: int) -> int:
+def fast_length(count: int) -> int:
     """The least length from a count on that is a product of twos, threes and fives, for FFTs."""
     least, fives = 2 * count, 1
     while fives < least:
