@@ -255,7 +255,7 @@ def _eliminations(
         if len(columns) == 1:
             return
         response = np.linalg.inv(T) @ Q.T @ R
-        errors = np.sqrt(np.einsum("ij,jk,ik->i", response, full.result.covariance, response))
+        errors = np.sqrt(((response @ full.result.covariance) * response).sum(axis=1))
         deviations = relative_deviation(errors, (values - reference)[columns])
         worst = int(np.argmax(deviations))
         dropped, relative = labels[columns.pop(worst)], float(deviations[worst])
