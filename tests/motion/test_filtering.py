@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
+from scipy.fft import next_fast_len
 from scipy.signal import butter, sosfiltfilt
 
 from loopid.errors import DataError, OptionError
 from loopid.motion import LowPass
-from loopid.motion.filtering import differentiate
+from loopid.motion.filtering import differentiate, fast_length
 
 RATE = 100.0
 filters = st.builds(LowPass, st.floats(1, 20), st.integers(1, 4))
@@ -29,6 +30,17 @@ def test_scipy_filters_alike(lowpass, signal):
     expected = sosfiltfilt(sections, signal, axis=0, padlen=padding)
     found = lowpass.apply(signal, RATE)
     np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(signal).max())
+
+
+@given(st.integers(1, 10**7))
+def test_lengths_of_transforms_are_those_of_scipy(count):
+    assert fast_length(count) == next_fast_len(count, real=True)
+
+
+@given(filters, signals)
+def test_columns_are_filtered_alike_alone_or_together(lowpass, signal):
+    alone = [lowpass.apply(column, RATE) for column in signal.T]
+    np.testing.assert_array_equal(lowpass.apply(signal, RATE), np.stack(alone, axis=1))
 
 
 @pytest.mark.parametrize("order", [1, 2, 4])
