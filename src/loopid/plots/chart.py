@@ -444,6 +444,29 @@ class Chart:
         return str(tostring(figure, encoding="unicode"))
 
 
+def forest(
+    title: str,
+    values: FloatArray,
+    right: float,
+    words: tuple[str, str, str] = ("", "differs", "as expected"),
+    **rows: Any,
+) -> Panel:
+    """Values with the ends of their intervals (n, 3), filled where these do not hold one value.
+
+    ``words`` name that one, what differs from it, and what agrees; ``rows`` are labels and columns.
+    """
+    middle, low, high = values.T
+    place, known = np.arange(float(len(values))), np.isfinite(values).all(axis=1)
+    alike = (low <= right) & (high >= right) | ~known
+    marks = (
+        Mark.upright(words[0], right),
+        Mark("95 % interval", low[known], place[known], "fit", "span", high[known]),
+        Mark(words[1], middle[~alike], place[~alike], "fit", "disc"),
+        Mark(words[2], middle[alike], place[alike], "fit", "ring"),
+    )
+    return Panel(title, marks, **rows)
+
+
 def _text(x: float, y: float, text: str, look: str = "") -> HtmlElement:
     return E.text({"x": f"{x:.1f}", "y": f"{y:.1f}", "class": look}, text)
 

@@ -11,8 +11,8 @@ from loopid.arguments import BoolArray, FloatArray, checked, spread_rows
 from loopid.errors import OptionError
 from loopid.identification.prediction import Prediction
 from loopid.identification.result import Estimate, Fit
-from loopid.numbers import number
-from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel
+from loopid.numbers import interval, number, with_error
+from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel, forest
 from loopid.plots.structure import force_unit
 from loopid.regressors.joint_laws import grouped
 from loopid.robot.robot import Robot
@@ -26,6 +26,24 @@ def of_motor(robot: Robot, name: str, worst: str = "") -> dict[str, Any]:
     """What a panel says of a motor: name, number, and whether it is the worst."""
     number = robot.independent.index(name) + 1
     return {"motor": name, "number": number, "worst": name == worst}
+
+
+def motors_panel(
+    robot: Robot,
+    title: str,
+    values: Mapping[str, Sequence[float]],
+    right: float,
+    words: tuple[str, str, str] = ("", "differs", "as expected"),
+) -> Panel:
+    """Values of motors with the ends of their intervals, which NaN says are undetermined."""
+    numbers = [*values.values()]
+    columns = {
+        "value": tuple(with_error(x, (high - low) / 2)[0] for x, low, high in numbers),
+        "95 % interval": tuple(interval(low, high) for _, low, high in numbers),
+    }
+    labels = tuple(numbered(robot, name) for name in values)
+    found = np.array(numbers).reshape(-1, 3)
+    return forest(title, found, right, words, labels=labels, columns=columns)
 
 
 def numbered(robot: Robot, name: str) -> str:

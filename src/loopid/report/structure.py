@@ -44,16 +44,25 @@ def check_report(robot: Robot) -> Report:
     found = check_record(robot)
     joints, *tables = check_tables(found)
     signs = list(_wrong(robot, found))
-    wrong = [_finding(text, do) for text, do in signs]
+    # What comes before the first comma or colon is the title.
+    titled = [(*re.split("[,:] ", f"{text}, ", maxsplit=1), do) for text, do in signs]
+    wrong = [Finding("warning", title, why.removesuffix(", "), do) for title, why, do in titled]
     closes = f"The robot closes its loops to {found['closure_residual']:.1e} m"
     first = "".join(f"{text}{f': {do}' * bool(do)}" for text, do in signs[:1])
     more = f", and {len(wrong) - 1} more below" if len(wrong) > 1 else ""
-    assumed = "" if found["motors_known"] else ", if all joints have motors"
+    ready = f"for identification{'' if found['motors_known'] else ', if all joints have motors'}"
     verdict = (
         (f"Look at this first: {first}{more}. " if wrong else "")
         + f"{closes if found['closures'] else 'The robot has no loops'}, has {_freedoms(found)} "
         f"and a singularity measure of {found['singularity_measure']:.3g} (1 is best)"
-        + ("." if wrong else f": ready for identification{assumed}.")
+        + ("." if wrong else f": ready {ready}.")
+    )
+    freedoms, of_motors = _freedoms(found).split(" ", 1)
+    figures = (
+        Figure(freedoms, of_motors),
+        Figure(f"{found['closure_rank']}", "rows of closures count", f"of {found['closure_rows']}"),
+        Figure(f"{found['closure_residual']:.0e}", "largest residual of a loop", "m"),
+        Figure(f"{found['singularity_measure']:.3g}", "singularity measure, 1 is best"),
     )
     return Report(
         name="check",
@@ -70,23 +79,8 @@ def check_report(robot: Robot) -> Report:
         card=Card(
             tone="rough" if wrong else "good",
             word="Look first" if wrong else "Ready",
-            use=f"{counted(len(wrong), 'warning')} below"
-            if wrong
-            else f"for identification{assumed}",
-            figures=(
-                Figure(
-                    str(found["degrees_of_freedom"]),
-                    "degrees of freedom",
-                    f"for {counted(len(found['actuated']), 'motor')}",
-                ),
-                Figure(
-                    str(found["closure_rank"]),
-                    "rows of the closures count",
-                    f"of {found['closure_rows']}",
-                ),
-                Figure(f"{found['closure_residual']:.0e}", "largest residual of a loop", "m"),
-                Figure(f"{found['singularity_measure']:.3g}", "singularity measure, 1 is best"),
-            ),
+            use=f"{counted(len(wrong), 'warning')} below" if wrong else ready,
+            figures=figures,
             next=wrong[0].do if wrong else "find what forces determine.",
         ),
     )
@@ -95,12 +89,6 @@ def check_report(robot: Robot) -> Report:
 def _freedoms(found: dict[str, Any]) -> str:
     freedoms, motors = found["degrees_of_freedom"], len(found["actuated"])
     return f"{counted(freedoms, 'degree')} of freedom for {counted(motors, 'motor')}"
-
-
-def _finding(text: str, do: str) -> Finding:
-    """What comes before the first comma or colon is the title."""
-    title, *why = re.split("[,:] ", text, maxsplit=1)
-    return Finding("warning", title, "".join(why), do)
 
 
 def _wrong(robot: Robot, found: dict[str, Any]) -> Iterator[tuple[str, str]]:
@@ -256,13 +244,13 @@ def check_tables(record: dict[str, Any]) -> list[Table]:
         "meets the drawn pose": lambda mode: "yes" if mode["meets_drawn_pose"] else "no",
         ">parallel pairs": "parallel_pairs",
     }
-    left_out_title = "in the file, not in the model of rigid bodies"
+    of_file, left_out_title = record["in_file_not_in_model"], "in the file, not in the model"
     modes_title = "assembly modes of the drawn pose; the first is used"
     tables = [
         table_of("joints (m, rad)", joints, record["joints"]),
         _closures_table("closures", record["closures"]),
         facts("at the reference", {n: text or "none" for n, text in _summary(record).items()}),
-        table_of(left_out_title, left_out, record["in_file_not_in_model"]),
+        table_of(left_out_title, left_out, of_file),
         table_of(modes_title, modes, record["assembly_modes"]),
     ]
     tables = [table for table in tables if table.row_count]
@@ -342,6 +330,14 @@ def base_report(
     )
     search, sure = found["search"], not found["rank_bounds"] and not found["doubtful"]
     best: Tone = "good" if search["certified"] else "rough"
+    proven = "proven best" if search["certified"] else "not proven"
+    figures = (
+        Figure(f"{found['rank']}", "combinations", f"of {found['standard_parameters']} parameters"),
+        Figure(f"{found['rank_gap'] or math.inf:.1e}", "gap of singular values"),
+        Figure(_conditions(found).split(", ")[0], "cond(V22), 1 is best"),
+        Figure(f"{search['candidates']:.3g}", "choices that were searched"),
+    )
+    tried = (search_chart([base.search]), groups_table(search)) if search["subgroups"] else ()
     return Report(
         name="base",
         title=f"{robot.name}, {model} model",
@@ -350,36 +346,22 @@ def base_report(
         brief=[_first_parameters(found), *([facts("", account)] if account else [])],
         sections=lambda: [
             Section("Base parameters", (parameters,)),
-            *_subgroup_sections(base, search),
+            *([Section("Subgroup search", tried)] if tried else []),
             Section("How sure they are", tuple(others)),
         ],
         pictures=lambda: (robot_chart(robot),),
         card=Card(
             tone=best if sure else "rough",
-            word="Proven best" if search["certified"] else "Not proven",
+            word=proven.capitalize(),
             use=certificate(search).removeprefix("proven best, "),
             chips=(
                 ("good" if sure else "rough", f"Rank: {'clear' if sure else 'not clear'}"),
-                (best, f"Choice: {'proven best' if search['certified'] else 'not proven'}"),
+                (best, f"Choice: {proven}"),
             ),
-            figures=(
-                Figure(
-                    str(found["rank"]),
-                    "identifiable combinations",
-                    f"of {found['standard_parameters']} parameters",
-                ),
-                Figure(f"{found['rank_gap'] or math.inf:.1e}", "gap of singular values"),
-                Figure(_conditions(found).split(", ")[0], "cond(V22), 1 is best"),
-                Figure(f"{search['candidates']:.3g}", "choices that were searched"),
-            ),
+            figures=figures,
             next="design a motion that excites them.",
         ),
     )
-
-
-def _subgroup_sections(base: BaseParameters, search: dict[str, Any]) -> Iterator[Section]:
-    if search["subgroups"]:
-        yield Section("Subgroup search", (search_chart([base.search]), groups_table(search)))
 
 
 def base_record(
@@ -545,13 +527,9 @@ def motions_report(
         f"least singularity measure is {min(m['singularity'] for m in motions):.3g}"
         + (f"; {wrong[0]['name']}: {wrong[0]['problems'][0]}." if wrong else ".")
     )
-    return Report(
-        name="motions",
-        title=f"{robot}: motions",
-        verdict=verdict,
-        record=found,
-        brief=[motions_table(found)],
-    )
+    table = motions_table(found)
+    title = f"{robot}: motions"
+    return Report(name="motions", title=title, verdict=verdict, record=found, brief=[table])
 
 
 def motions_record(
@@ -562,16 +540,15 @@ def motions_record(
     for name, review in reviews.items():
         limited = [r for r in review.ranges if math.isfinite(r.clearance)]
         nearest = min(limited, key=lambda r: r.clearance, default=None)
-        motions.append(
-            {
-                "name": name,
-                "seconds": seconds[name],
-                "ranges": {r.joint: [r.lowest, r.highest] for r in review.ranges},
-                "nearest_limit": None if nearest is None else nearest.joint,
-                "clearance": None if nearest is None else nearest.clearance,
-                **json_fields(review, "singularity", "singular_time", "speeds", "problems"),
-            }
-        )
+        found = {
+            "name": name,
+            "seconds": seconds[name],
+            "ranges": {r.joint: [r.lowest, r.highest] for r in review.ranges},
+            "nearest_limit": nearest and nearest.joint,
+            "clearance": nearest and nearest.clearance,
+        }
+        checked = "singularity", "singular_time", "speeds", "problems"
+        motions.append(found | json_fields(review, *checked))
     return {"mechanism": robot, "motions": motions}
 
 
