@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from loopid.robot.robot import Robot
 
 ROOM = 1.06  # times the largest error, that an axis shows
 RUNS = "fit", "file", "other", "weak", "measured", "faint"  # looks of fits beside each other
+BESIDE = 3  # fits that a panel has room for
 ZOOM = "Drag along time to zoom in, double-click to see all again."
 
 
@@ -142,23 +143,35 @@ def alone(fit: Fit) -> list[Estimate]:
 
 
 @checked
-def comparison_chart(fits: Mapping[str, Fit]) -> Chart:
-    """Values of fits with 95 % intervals, each less their mean, by the name of their run."""
-    names = {each.expression: each.name for fit in fits.values() for each in alone(fit)}
-    x, s = np.full((2, len(names), len(fits)), np.nan)
+def comparison_chart(fits: Mapping[str, Fit], *, clear: Collection[str] = ()) -> Chart:
+    """Values of fits by the name of their run with 95 % intervals, each less their mean.
+
+    Of more than three fits three have a panel. Clear are expressions that are said to differ.
+    """
+    known = {each.expression: each for fit in fits.values() for each in alone(fit)}
+    x, s = np.full((2, len(known), len(fits)), np.nan)
     for k, fit in enumerate(fits.values()):
-        rows = [[*names].index(each.expression) for each in alone(fit)]
+        rows = [[*known].index(each.expression) for each in alone(fit)]
         x[rows, k] = [each.value for each in alone(fit)]
         s[rows, k] = [each.standard_error for each in alone(fit)]
     size = np.nanmax(s, axis=1, keepdims=True)
     size = np.where(size > 0, size, np.nanmax(np.abs(x), axis=1, keepdims=True))
-    middle = (x - np.nanmean(x, axis=1, keepdims=True)) / np.where(size > 0, size, 1.0)
-    reach, marks = 1.96 * s / np.where(size > 0, size, 1.0), list[Mark]()
-    for k, name in enumerate(fits):
-        place = np.arange(float(len(names))) + 0.6 * ((k + 0.5) / len(fits) - 0.5)
-        look, at = RUNS[k % len(RUNS)], middle[:, k]
-        marks += [Mark("", at - reach[:, k], place, look, "span", at + reach[:, k])]
-        marks += [Mark(name, at, place, look, ("disc", "box", "ring")[k % 3])]
-    title = "Less the mean, in the largest standard error"
-    panel = Panel(title, tuple(marks), labels=tuple(names.values()))
-    return Chart("parameters", "Values of each fit with 95 % intervals.", "", (panel,))
+    size = np.where(size > 0, size, 1.0)
+    middle, reach = (x - np.nanmean(x, axis=1, keepdims=True)) / size, 1.96 * s / size
+    labels = tuple(f"{each.name}{' *' * (text in clear)}" for text, each in known.items())
+    names, panels, title = [*fits], list[Panel](), "Parameters; * clearly different"
+    for first in range(0, len(fits), BESIDE):
+        marks, columns = list[Mark](), dict[str, tuple[str, ...]]()
+        for k, name in enumerate(names[first : first + BESIDE], start=first):
+            place = np.arange(float(len(known))) + 0.6 * ((k - first + 0.5) / BESIDE - 0.5)
+            look, at = RUNS[k % len(RUNS)], middle[:, k]
+            marks += [Mark("", at - reach[:, k], place, look, "span", at + reach[:, k])]
+            marks += [Mark(name, at, place, look, ("disc", "box", "ring")[k % 3])]
+            pairs = (with_error(*pair) for pair in zip(x[:, k], s[:, k], strict=True))
+            columns[name] = tuple(" ± ".join(pair).removesuffix(" ± -") for pair in pairs)
+        columns["unit"] = tuple(each.unit for each in known.values())
+        panels.append(Panel(title, tuple(marks), labels=labels, columns=columns))
+    caption = (
+        "Values of each fit with 95 % intervals, less their mean, in the largest standard error."
+    )
+    return Chart("parameters", caption, "", tuple(panels))
