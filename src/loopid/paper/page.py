@@ -5,8 +5,7 @@ In every table here, ± is half the width of a 95 % interval.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -96,39 +95,34 @@ def _card(found: PaperReproduction) -> Card:
     """The result: what is as in the paper, and what is proven beyond it."""
     rows, actual, fits = found.base.rows, found.actual, _fitting(found.simulated)
     search, subgroup = found.base.base.search, found.base.subgroups["gap"]
-    same, fitting = len(rows) - rows.count(None), fits.count("yes")
-    worst, proof = _worst_errors(actual), "proven" if search.certified else "not proven"
+    same, fitting, worst = len(rows) - rows.count(None), fits.count("yes"), _worst_errors(actual)
+    proof, sure = (
+        ("proven", "all base parameters, and with proof")
+        if search.certified
+        else ("not proven", "base parameters")
+    )
+    least = f"least cond(V22), {proof} for all {search.candidates / 1e6:.1f} million choices, "
+    tried = f"by the paper's subgroups, {subgroup.evaluated:,} combinations tried"
+    others = f"largest rms error on new data; by the robot file {worst['robot file']:.3g} N"
+    figures = (
+        Figure(f"{same}", "base parameters as in Table II", f"of {len(rows)}"),
+        Figure(f"{search.condition_number:.4f}", f"{least}in {_time(search.seconds)}"),
+        Figure(f"{subgroup.condition_number:.4f}", tried),
+        Figure(f"{worst['CAD as prior']:.3g} N", others),
+    )
     alike: Tone = "good" if same == len(rows) else "bad"
+    table_iv: Tone = "good" if fitting > len(fits) / 2 else "rough"
+    stand_in: tuple[Tone, str] = ("rough", "Table V: stand-in robot")
     return Card(
         tone=alike,
         word="Reproduced" if alike == "good" else "Not reproduced",
-        use="all base parameters, and with proof" if search.certified else "base parameters",
+        use=sure,
         chips=(
             (alike, f"Table II: {same} of {len(rows)} rows"),
-            (
-                "good" if fitting > len(fits) / 2 else "rough",
-                f"Table IV: {fitting} of {len(fits)} values fit",
-            ),
-            ("rough", "Table V: stand-in robot")
-            if actual.is_stand_in
-            else ("good", "Table V: logs"),
+            (table_iv, f"Table IV: {fitting} of {len(fits)} values fit"),
+            stand_in if actual.is_stand_in else ("good", "Table V: logs"),
         ),
-        figures=(
-            Figure(f"{same}", "base parameters as in Table II", f"of {len(rows)}"),
-            Figure(
-                f"{search.condition_number:.4f}",
-                f"least cond(V22), {proof} for all {search.candidates / 1e6:.1f} million choices, "
-                f"in {_time(search.seconds)}",
-            ),
-            Figure(
-                f"{subgroup.condition_number:.4f}",
-                f"by the paper's subgroups, {subgroup.evaluated:,} combinations tried",
-            ),
-            Figure(
-                f"{worst['CAD as prior']:.3g} N",
-                f"largest rms error on new data; by the robot file {worst['robot file']:.3g} N",
-            ),
-        ),
+        figures=figures,
     )
 
 
@@ -154,39 +148,47 @@ def story_table(found: PaperReproduction) -> Table:
     worst, fits = _worst_errors(actual), _fitting(found.simulated)
     true = "" if actual.truth is None else f", true {actual.truth[0]:.2f}"
     by_symbols, by_pinocchio = symbolic.symbolic_seconds, symbolic.pinocchio_seconds
-    steps = {
-        "robot": (
-            f"{nv} joints, {len(robot.closures)} closures, {dof} motors; Table I to {off:.0e}"
+    source = "a simulated stand-in" if actual.is_stand_in else ", ".join(actual.sources)
+    speed = f"{1e6 * by_symbols:.0f} µs a pose, Pinocchio {1e6 * by_pinocchio:.0f} µs"
+    found_anew = f"{len(rows) - rows.count(None)} of the {len(rows)} rows of Table II"
+    steps = (
+        (
+            "robot",
+            f"{nv} joints, {len(robot.closures)} closures, {dof} motors; Table I to {off:.0e}",
         ),
-        "regressor": f"Y of the open tree by Pinocchio, {nv} x {count} gravity columns a pose",
-        "projection": (
+        ("regressor", f"Y of the open tree by Pinocchio, {nv} x {count} gravity columns a pose"),
+        (
+            "projection",
             f"K = GᵀY, {dof} x {count}; {len(structure.columns)} columns have an effect, rank "
-            f"{structure.rank} (gap {structure.rank_gap:.0e})"
+            f"{structure.rank} (gap {structure.rank_gap:.0e})",
         ),
-        "symbolic model": (
+        (
+            "symbolic model",
             f"SymPy's K differs by {symbolic.difference:.0e} at {symbolic.poses} random closed "
-            f"poses; {1e6 * by_symbols:.0f} µs a pose, Pinocchio {1e6 * by_pinocchio:.0f} µs"
+            f"poses; {speed}",
         ),
-        "subgroup search": f"{_reached(gap)}; as printed: {_reached(printed)}",
-        "exact search": (
+        ("subgroup search", f"{_reached(gap)}; as printed: {_reached(printed)}"),
+        (
+            "exact search",
             f"cond(V22) {search.condition_number:.4f}, {proof} of {search.candidates:,}, "
-            f"{_time(search.seconds)}"
+            f"{_time(search.seconds)}",
         ),
-        "base parameters": (
-            f"{len(rows) - rows.count(None)} of the {len(rows)} rows of Table II; by subgroups "
-            f"{comparison.subgroup_rows['gap']}, signs aside"
+        (
+            "base parameters",
+            f"{found_anew}; by subgroups {comparison.subgroup_rows['gap']}, signs aside",
         ),
-        "simulated values": f"{fits.count('yes')} of {len(fits)} of Table IV fit, ±12 N of noise",
-        "identified values": (
-            f"platform and stems {_reach(actual.informed, 0)} kg{true}, from "
-            + ("a simulated stand-in" if actual.is_stand_in else ", ".join(actual.sources))
+        ("simulated values", f"{fits.count('yes')} of {len(fits)} of Table IV fit, ±12 N of noise"),
+        (
+            "identified values",
+            f"platform and stems {_reach(actual.informed, 0)} kg{true}, from {source}",
         ),
-        "errors on new data": (
+        (
+            "errors on new data",
             f"{worst['CAD as prior']:.3g} N rms at most; by the robot file "
-            f"{worst['robot file']:.3g} N"
+            f"{worst['robot file']:.3g} N",
         ),
-    }
-    return plain_table("", ("", ""), steps.items())
+    )
+    return plain_table("", ("", ""), steps)
 
 
 def _reached(search: SearchResult) -> str:
@@ -198,17 +200,6 @@ def _sections(found: PaperReproduction, subgroups: dict[str, Any]) -> tuple[Sect
     """Results with their figures, then all other tables; docs/paper.md explains them."""
     comparison, simulated, actual = found.base, found.simulated, found.actual
     symbolic, account = found.symbolic, subgroups["gap"]["subgroups"]
-    inertial, _ = share_charts(found.shares)
-    tables = (
-        *(groups_table(each, _groups_title(each)) for each in subgroups.values()),
-        geometry_table(found.geometry),
-        shares_table(found.shares),
-        simulated_table(simulated),
-        fifteen_table(simulated),
-        conditions_table(simulated),
-        steps_table(found.two_steps),
-        actual_table(actual),
-    )
     return (
         Section(
             "What was searched",
@@ -245,24 +236,31 @@ def _sections(found: PaperReproduction, subgroups: dict[str, Any]) -> tuple[Sect
         ),
         Section(
             "What the forces are made of",
-            (inertial,),
+            share_charts(found.shares)[:1],
             lead="All forces are simulated with the robot file, along trajectories of our own.",
             short="Forces",
         ),
-        Section("All other tables", tables, folded=True, short="Tables"),
+        Section("All other tables", tuple(_tables(found, subgroups)), folded=True, short="Tables"),
     )
 
 
-def _groups_title(search: dict[str, Any]) -> str:
-    account = search["subgroups"]
-    facts = subgroup_facts(search)
-    return f"subgroup search, {account['rule']}: {facts['subgroups']}"
-
-
-def geometry_table(geometry: dict[str, float]) -> Table:
-    """Table I, measured on the model."""
-    rows = ((name, f"{value:g}", f"{geometry[name]:.6g}") for name, value in TABLE_I.items())
-    return plain_table("Table I: geometry (m, degrees)", ("", ">paper", ">model"), rows)
+def _tables(found: PaperReproduction, subgroups: dict[str, Any]) -> Iterator[Table]:
+    """Subgroups, geometry, forces, all parameters in simulation, conditions, and two steps."""
+    for search in subgroups.values():
+        rule, groups = search["subgroups"]["rule"], subgroup_facts(search)["subgroups"]
+        yield groups_table(search, f"subgroup search, {rule}: {groups}")
+    table_i = ((name, f"{x:g}", f"{found.geometry[name]:.6g}") for name, x in TABLE_I.items())
+    yield plain_table("Table I: geometry (m, degrees)", ("", ">paper", ">model"), table_i)
+    greatest = ((name, *(f"{x:.3g}" for x in v)) for name, v in found.shares.greatest.items())
+    limbs = [f">limb {k + 1}" for k in range(found.shares.gravity.shape[1])]
+    yield plain_table("greatest forces over all nine trajectories (N)", ("", *limbs), greatest)
+    yield _fifteen_table(found.simulated)
+    conditions = [("paper (not named)", *(f"{CONDITION_NUMBERS[n]:g}" for n in (15, 8)))]
+    for name, both in found.simulated.condition_numbers.items():
+        conditions.append(("all nine" if name == "all" else name, *(f"{x:.4g}" for x in both)))
+    columns = "trajectory", ">15 parameters", ">first 8"
+    yield plain_table("condition number of W_1, by trajectory", columns, conditions)
+    yield _steps_table(found.two_steps)
 
 
 def base_table(comparison: BaseComparison) -> Table:
@@ -341,27 +339,6 @@ def search_table(comparison: BaseComparison) -> Table:
     return table
 
 
-def shares_table(shares: ForceShares) -> Table:
-    """Greatest forces over the nine trajectories."""
-    rows = ((name, *(f"{x:.3g}" for x in values)) for name, values in shares.greatest.items())
-    limbs = [f">limb {k + 1}" for k in range(shares.gravity.shape[1])]
-    return plain_table("greatest forces over all nine trajectories (N)", ("", *limbs), rows)
-
-
-def simulated_table(simulated: SimulatedFit) -> Table:
-    """Table IV: eight parameters, what truncation predicts, and whether the paper's value fits."""
-    rows = []
-    for k, (printed, fits) in enumerate(zip(TABLE_IV, _fitting(simulated), strict=True)):
-        low, high = simulated.expected_range[k]
-        value, single = _reach(simulated.eight, k, ".3f", ".3f"), f"{low:.2f} to {high:.2f}"
-        rows.append((k + 1, f"{printed:.2f}", value, f"{simulated.expected[k]:.3f}", single, fits))
-    columns = (">row", ">paper", ">loopid ± 95 %", ">expected", ">single trajectories", "fits")
-    title = "Table IV: eight base parameters, simulated (rows of Table II; kg, kg m)"
-    table = plain_table(title, columns, rows)
-    table.caption = "fits: the paper's value, for all nine trajectories (yes) or one alone (single)"
-    return table
-
-
 def _fitting(simulated: SimulatedFit) -> list[str]:
     """Whether the paper's values of Table IV fit: yes, single (one trajectory alone), no."""
     return [
@@ -380,16 +357,7 @@ def _paper_fits(printed: float, expected: float, error: float, single: tuple[flo
     return "single" if inside else "no"
 
 
-def conditions_table(simulated: SimulatedFit) -> Table:
-    """Condition numbers of W_1."""
-    rows = [("paper (not named)", *(f"{CONDITION_NUMBERS[n]:g}" for n in (15, 8)))]
-    for name, (all_, first) in simulated.condition_numbers.items():
-        rows.append(("all nine" if name == "all" else name, f"{all_:.4g}", f"{first:.4g}"))
-    columns = "trajectory", ">15 parameters", ">first 8"
-    return plain_table("condition number of W_1, by trajectory", columns, rows)
-
-
-def steps_table(steps: TwoSteps) -> Table:
+def _steps_table(steps: TwoSteps) -> Table:
     """Friction first and gravity second, beside all at once."""
     rows = []
     for k, parameter in enumerate(steps.together.parameters):
@@ -401,7 +369,7 @@ def steps_table(steps: TwoSteps) -> Table:
     return plain_table(title, columns, rows)
 
 
-def fifteen_table(simulated: SimulatedFit) -> Table:
+def _fifteen_table(simulated: SimulatedFit) -> Table:
     """All fifteen from the same forces, and figure 4 in numbers."""
     rows = []
     for k, terms in enumerate(TABLE_II):
@@ -414,26 +382,6 @@ def fifteen_table(simulated: SimulatedFit) -> Table:
     table = plain_table(title, (*columns, ">explained (%)"), rows)
     table.caption = "alone: root mean square of the forces that a parameter makes"
     return table
-
-
-def actual_table(actual: ActualFit) -> Table:
-    """Table V: eight and fifteen parameters from logs, the latter also with CAD as prior."""
-    source = "a simulated stand-in" if actual.is_stand_in else ", ".join(actual.sources)
-    title = f"Table V: base parameters from {source} (rows of Table II; kg, kg m)"
-    columns = (">row", ">CAD", ">paper", ">eight", ">fifteen ± 95 %", ">CAD as prior ± 95 %")
-    rows = (
-        (
-            k + 1,
-            f"{cad:.3f}",
-            f"{TABLE_V[k]:.2f}" if k in EIGHT else "",
-            f"{actual.eight.values[k]:.3g}" if k in EIGHT else "",
-            _reach(actual.fifteen, k),
-            _reach(actual.informed, k),
-            *([] if actual.truth is None else [f"{actual.truth[k]:.3f}"]),
-        )
-        for k, cad in enumerate(actual.cad)
-    )
-    return plain_table(title, (*columns, *([">true"] if actual.is_stand_in else [])), rows)
 
 
 def _reach(result: Fit, k: int, value: str = ".3g", reach: str = ".2g") -> str:
@@ -493,20 +441,26 @@ def simulated_chart(simulated: SimulatedFit) -> Chart:
         *_interval_marks("loopid ± 95 %", simulated.eight, truth, place, "fit"),
         Mark("paper", np.array(TABLE_IV) - truth, place, "file", "box"),
     )
-    panel = Panel("Less the true value (kg, kg m)", marks, **_rows(EIGHT))
-    caption = "Table IV: eight base parameters fitted to simulated forces, less their true values."
-    return Chart("table_4", caption, "", (panel,))
-
-
-def _rows(numbers: Iterable[int]) -> dict[str, Any]:
-    """Rows of Table II, short and whole."""
-    wholes = {k: paper_expression(TABLE_II[k]) for k in numbers}
-    parts = {k: re.split(r" (?=[+-] )", text) for k, text in wholes.items()}
-    labels = (
-        f"{k + 1}: {first}{f' + {len(others)} more' if others else ''}"
-        for k, (first, *others) in parts.items()
+    columns = {
+        "loopid ± 95 %": [_reach(simulated.eight, k, ".3f", ".3f") for k in range(len(place))],
+        "paper": [f"{printed:.2f}" for printed in TABLE_IV],
+        "expected": [f"{x:.3f}" for x in simulated.expected],
+        "single trajectories": [f"{a:.2f} to {b:.2f}" for a, b in simulated.expected_range],
+        "fits": _fitting(simulated),
+    }
+    title = "Table IV: eight base parameters less the true value (kg, kg m)"
+    caption = (
+        "Fitted to simulated forces. Fits: the paper's value, for all nine trajectories (yes) or "
+        "one alone (single)."
     )
-    return {"labels": tuple(labels), "wholes": tuple(wholes.values())}
+    return Chart("table_4", caption, "", (Panel(title, marks, **_rows(EIGHT, columns)),))
+
+
+def _rows(numbers: Iterable[int], columns: Mapping[str, Iterable[str]]) -> dict[str, Any]:
+    """Rows of Table II, which unfold, with columns."""
+    wholes = {f"row {k + 1}": paper_expression(TABLE_II[k]) for k in numbers}
+    texts = {name: tuple(column) for name, column in columns.items()}
+    return {"labels": tuple(wholes), "wholes": tuple(wholes.values()), "columns": texts}
 
 
 def _interval_marks(
@@ -534,7 +488,6 @@ def errors_chart(actual: ActualFit) -> Chart:
 
 def actual_chart(actual: ActualFit) -> Chart:
     """Table V less the true values, or those of the robot file."""
-    known = actual.truth is not None
     middle = actual.cad if actual.truth is None else actual.truth
     place = np.arange(float(len(middle)))
     marks = (
@@ -542,10 +495,21 @@ def actual_chart(actual: ActualFit) -> Chart:
         *_interval_marks("CAD as prior ± 95 %", actual.informed, middle, place + 0.15, "fit"),
         Mark("robot file", actual.cad - middle, place, "file", "box"),
     )
-    what = "true value" if known else "robot file"
-    panel = Panel(f"Less the {what} (kg, kg m)", marks, **_rows(range(len(TABLE_II))))
-    caption = f"Table V: base parameters from logs, less the {what}."
-    return Chart("table_5", caption, "", (panel,))
+    rows, empty = range(len(place)), [""] * (len(place) - len(EIGHT))
+    columns = {
+        "CAD as prior ± 95 %": [_reach(actual.informed, k) for k in rows],
+        "fifteen ± 95 %": [_reach(actual.fifteen, k) for k in rows],
+        "eight": [*(f"{x:.3g}" for x in actual.eight.values[: len(EIGHT)]), *empty],
+        "CAD": [f"{cad:.3f}" for cad in actual.cad],
+        "paper": [*(f"{x:.2f}" for x in TABLE_V), *empty],
+    }
+    if actual.truth is not None:
+        columns["true"] = [f"{x:.3f}" for x in actual.truth]
+    what = "robot file" if actual.truth is None else "true value"
+    source = "a simulated stand-in" if actual.is_stand_in else ", ".join(actual.sources)
+    title = f"Table V: base parameters from {source} less the {what} (kg, kg m)"
+    panel = Panel(title, marks, **_rows(rows, columns))
+    return Chart("table_5", "Fitted to the first 60 % of each log.", "", (panel,))
 
 
 def influence_chart(simulated: SimulatedFit) -> Chart:

@@ -37,6 +37,7 @@ STEPS = 250
 MOST_DOTS = 1500
 MOST_GROUPS, MOST_ROWS = 6, 40  # motors, and rows of a table, that are seen at first
 WIDE, HIGH = 10_000, 1_000  # of the square that marks are drawn in
+FEW, TEXTS = 4, 44  # columns with their full width, and the width of more, in rem
 ROW = 100  # height of a row of a table with pictures
 MARGIN = 0.04  # of an axis beyond the marks, on either side
 ROOM = 0.08  # about a robot, in parts of it, for the signs at its ends
@@ -335,8 +336,10 @@ class Panel:
             texts = (E.td({"class": "number"}, column[k]) for column in self.columns.values())
             body.append(E.tr(name, E.td({"class": "picture"}, svg), *texts))
         head = E.thead(E.tr(named, E.th({"class": "scale"}, scale), *heads))
-        wide = " wide" if self.columns else ""
-        return E.table({"class": f"forest{wide}"}, head, body)
+        table = E.table({"class": f"forest{' wide' * bool(self.columns)}"}, head, body)
+        if len(self.columns) > FEW:
+            table.set("style", f"--Value:{TEXTS / len(self.columns):.3g}rem")
+        return table
 
 
 @record
