@@ -31,8 +31,8 @@ from loopid.paper.reproduction import (
 from loopid.paper.structure import EXHAUSTIVE, TABLE_I, TABLE_II, TIMES, BaseComparison, Transfer
 from loopid.plots.chart import Chart, Mark, Panel
 from loopid.plots.structure import robot_chart, search_chart
-from loopid.report.look import json_fields, json_value, plain_table
-from loopid.report.page import Card, Figure, Report, Section, Tone
+from loopid.report.look import json_fields, plain_table
+from loopid.report.page import Card, Figure, Part, Report, Section, Tone
 from loopid.report.searches import groups_table, search_record, subgroup_facts
 from loopid.report.structure import base_record
 
@@ -47,7 +47,7 @@ SYMBOLIC = "poses", "columns", "difference", "symbolic_seconds", "pinocchio_seco
 
 def paper_report(found: PaperReproduction) -> Report:
     """All tables and figures: what was found first, then how."""
-    simulated, actual = found.simulated, found.actual
+    simulated, actual, rows = found.simulated, found.actual, found.base.rows
     fits = {
         **{"simulated_fifteen": simulated.fifteen, "simulated_eight": simulated.eight},
         **{"robot_eight": actual.eight, "robot_fifteen": actual.fifteen},
@@ -56,22 +56,27 @@ def paper_report(found: PaperReproduction) -> Report:
     labels = found.base.base.structure.parameters.labels
     subgroups = {n: search_record(s, labels) for n, s in found.base.subgroups.items()}
     sections = _sections(found, subgroups)
+    search, subgroup = found.base.base.search, found.base.subgroups["gap"]
+    reached = f"cond(V22) {subgroup.condition_number:.4f}" if subgroup.found else "nothing"
     return Report(
         name="paper",
         title="The 3UPS+RPU knee-rehabilitation robot, reproduced",
-        verdict=_verdict(found),
+        verdict=(
+            f"{len(rows) - rows.count(None)} of the {len(rows)} rows of the paper's Table II are "
+            f"found anew. Its subgroup search finds {reached}, exact search "
+            f"{search.condition_number:.4f}: {_proof(search)} of {search.candidates:,} choices."
+        ),
         card=_card(found),
         pictures=lambda: (robot_chart(found.base.robot), share_charts(found.shares)[1]),
         under="Base parameters, their search, and identification; simulated where no log is given",
         record={
-            "geometry": found.geometry,
+            **json_fields(found, "geometry"),
             "base": base_record(found.base.robot, "gravity", found.base.base),
-            "rows": list(found.base.rows),
             "subgroups": subgroups,
-            "subgroup_rows": found.base.subgroup_rows,
+            **json_fields(found.base, "rows", "subgroup_rows"),
             "symbolic": json_fields(found.symbolic, *SYMBOLIC),
             "fits": {n: json_fields(fit, "values", "standard_errors") for n, fit in fits.items()},
-            "influence": json_value(simulated.influence),
+            **json_fields(simulated, "influence"),
             "stand_in": actual.is_stand_in,
         },
         brief=[story_table(found)],
@@ -79,16 +84,8 @@ def paper_report(found: PaperReproduction) -> Report:
     )
 
 
-def _verdict(found: PaperReproduction) -> str:
-    search, rows = found.base.base.search, found.base.rows
-    subgroup, count = found.base.subgroups["gap"], len(rows) - rows.count(None)
-    reached = f"cond(V22) {subgroup.condition_number:.4f}" if subgroup.found else "nothing"
-    proof = "proven best" if search.certified else "not proven best"
-    return (
-        f"{count} of the {len(rows)} rows of the paper's Table II are found anew. Its subgroup "
-        f"search finds {reached}, exact search {search.condition_number:.4f}: {proof} of "
-        f"{search.candidates:,} choices."
-    )
+def _proof(search: SearchResult) -> str:
+    return "proven best" if search.certified else "not proven best"
 
 
 def _card(found: PaperReproduction) -> Card:
@@ -96,33 +93,28 @@ def _card(found: PaperReproduction) -> Card:
     rows, actual, fits = found.base.rows, found.actual, _fitting(found.simulated)
     search, subgroup = found.base.base.search, found.base.subgroups["gap"]
     same, fitting, worst = len(rows) - rows.count(None), fits.count("yes"), _worst_errors(actual)
-    proof, sure = (
-        ("proven", "all base parameters, and with proof")
-        if search.certified
-        else ("not proven", "base parameters")
-    )
-    least = f"least cond(V22), {proof} for all {search.candidates / 1e6:.1f} million choices, "
+    choices = f"all {search.candidates / 1e6:.1f} million choices, in {_time(search.seconds)}"
+    least = f"least cond(V22), {_proof(search).removesuffix(' best')} for {choices}"
     tried = f"by the paper's subgroups, {subgroup.evaluated:,} combinations tried"
     others = f"largest rms error on new data; by the robot file {worst['robot file']:.3g} N"
-    figures = (
-        Figure(f"{same}", "base parameters as in Table II", f"of {len(rows)}"),
-        Figure(f"{search.condition_number:.4f}", f"{least}in {_time(search.seconds)}"),
-        Figure(f"{subgroup.condition_number:.4f}", tried),
-        Figure(f"{worst['CAD as prior']:.3g} N", others),
-    )
     alike: Tone = "good" if same == len(rows) else "bad"
     table_iv: Tone = "good" if fitting > len(fits) / 2 else "rough"
-    stand_in: tuple[Tone, str] = ("rough", "Table V: stand-in robot")
+    table_v: Tone = "rough" if actual.is_stand_in else "good"
     return Card(
         tone=alike,
         word="Reproduced" if alike == "good" else "Not reproduced",
-        use=sure,
+        use=f"all base parameters{', and with proof' * search.certified}",
         chips=(
             (alike, f"Table II: {same} of {len(rows)} rows"),
             (table_iv, f"Table IV: {fitting} of {len(fits)} values fit"),
-            stand_in if actual.is_stand_in else ("good", "Table V: logs"),
+            (table_v, f"Table V: {'stand-in robot' if actual.is_stand_in else 'logs'}"),
         ),
-        figures=figures,
+        figures=(
+            Figure(f"{same}", "base parameters as in Table II", f"of {len(rows)}"),
+            Figure(f"{search.condition_number:.4f}", least),
+            Figure(f"{subgroup.condition_number:.4f}", tried),
+            Figure(f"{worst['CAD as prior']:.3g} N", others),
+        ),
     )
 
 
@@ -138,57 +130,37 @@ def _worst_errors(actual: ActualFit) -> dict[str, float]:
 def story_table(found: PaperReproduction) -> Table:
     """The main job in a screen: a line a step, each with its figure."""
     comparison, symbolic, actual = found.base, found.symbolic, found.actual
-    robot, base = comparison.robot, comparison.base
-    structure, search = base.structure, base.search
+    robot, base, rows = comparison.robot, comparison.base, comparison.rows
+    structure, search, loops = base.structure, base.search, len(robot.closures)
     nv, dof, count = robot.model.nv, len(robot.independent), len(base.parameters)
     off = max(abs(found.geometry[name] - value) for name, value in TABLE_I.items())
-    proof = "proven best" if search.certified else "not proven best"
     gap, printed = comparison.subgroups["gap"], comparison.subgroups["pseudocode"]
-    rows = comparison.rows
     worst, fits = _worst_errors(actual), _fitting(found.simulated)
     true = "" if actual.truth is None else f", true {actual.truth[0]:.2f}"
-    by_symbols, by_pinocchio = symbolic.symbolic_seconds, symbolic.pinocchio_seconds
-    source = "a simulated stand-in" if actual.is_stand_in else ", ".join(actual.sources)
-    speed = f"{1e6 * by_symbols:.0f} µs a pose, Pinocchio {1e6 * by_pinocchio:.0f} µs"
-    found_anew = f"{len(rows) - rows.count(None)} of the {len(rows)} rows of Table II"
-    steps = (
-        (
-            "robot",
-            f"{nv} joints, {len(robot.closures)} closures, {dof} motors; Table I to {off:.0e}",
-        ),
-        ("regressor", f"Y of the open tree by Pinocchio, {nv} x {count} gravity columns a pose"),
-        (
-            "projection",
-            f"K = GᵀY, {dof} x {count}; {len(structure.columns)} columns have an effect, rank "
-            f"{structure.rank} (gap {structure.rank_gap:.0e})",
-        ),
-        (
-            "symbolic model",
-            f"SymPy's K differs by {symbolic.difference:.0e} at {symbolic.poses} random closed "
-            f"poses; {speed}",
-        ),
-        ("subgroup search", f"{_reached(gap)}; as printed: {_reached(printed)}"),
-        (
-            "exact search",
-            f"cond(V22) {search.condition_number:.4f}, {proof} of {search.candidates:,}, "
-            f"{_time(search.seconds)}",
-        ),
-        (
-            "base parameters",
-            f"{found_anew}; by subgroups {comparison.subgroup_rows['gap']}, signs aside",
-        ),
-        ("simulated values", f"{fits.count('yes')} of {len(fits)} of Table IV fit, ±12 N of noise"),
-        (
-            "identified values",
-            f"platform and stems {_reach(actual.informed, 0)} kg{true}, from {source}",
-        ),
-        (
-            "errors on new data",
-            f"{worst['CAD as prior']:.3g} N rms at most; by the robot file "
-            f"{worst['robot file']:.3g} N",
-        ),
-    )
-    return plain_table("", ("", ""), steps)
+    by_symbols, by_pinocchio = 1e6 * symbolic.symbolic_seconds, 1e6 * symbolic.pinocchio_seconds
+    steps = {
+        "robot": f"{nv} joints, {loops} closures, {dof} motors; Table I to {off:.0e}",
+        "regressor": f"Y of the open tree by Pinocchio, {nv} x {count} gravity columns a pose",
+        "projection": f"K = GᵀY, {dof} x {count}; {len(structure.columns)} columns have an effect, "
+        f"rank {structure.rank} (gap {structure.rank_gap:.0e})",
+        "symbolic model": f"SymPy's K differs by {symbolic.difference:.0e} at {symbolic.poses} "
+        f"random closed poses; {by_symbols:.0f} µs a pose, Pinocchio {by_pinocchio:.0f} µs",
+        "subgroup search": f"{_reached(gap)}; as printed: {_reached(printed)}",
+        "exact search": f"cond(V22) {search.condition_number:.4f}, {_proof(search)} of "
+        f"{search.candidates:,}, {_time(search.seconds)}",
+        "base parameters": f"{len(rows) - rows.count(None)} of the {len(rows)} rows of Table II; "
+        f"by subgroups {comparison.subgroup_rows['gap']}, signs aside",
+        "simulated values": f"{fits.count('yes')} of {len(fits)} of Table IV fit, ±12 N of noise",
+        "identified values": f"platform and stems {_reach(actual.informed, 0)} kg{true}, from "
+        f"{_source(actual)}",
+        "errors on new data": f"{worst['CAD as prior']:.3g} N rms at most; by the robot file "
+        f"{worst['robot file']:.3g} N",
+    }
+    return plain_table("", ("", ""), steps.items())
+
+
+def _source(actual: ActualFit) -> str:
+    return "a simulated stand-in" if actual.is_stand_in else ", ".join(actual.sources)
 
 
 def _reached(search: SearchResult) -> str:
@@ -198,49 +170,45 @@ def _reached(search: SearchResult) -> str:
 
 def _sections(found: PaperReproduction, subgroups: dict[str, Any]) -> tuple[Section, ...]:
     """Results with their figures, then all other tables; docs/paper.md explains them."""
-    comparison, simulated, actual = found.base, found.simulated, found.actual
-    symbolic, account = found.symbolic, subgroups["gap"]["subgroups"]
-    return (
-        Section(
-            "What was searched",
-            (search_chart(list(comparison.subgroups.values())), search_table(comparison)),
-            lead=f"Groups have {account['groups'][0]['tried']:,} combinations; exact search proves "
-            "that no choice is better.",
-            short="Search",
+    base, simulated, actual, symbolic = found.base, found.simulated, found.actual, found.symbolic
+    tried = subgroups["gap"]["subgroups"]["groups"][0]["tried"]
+    alike = (
+        f"SymPy's K_G and Pinocchio's agree to {symbolic.difference:.1e} of the largest entry in "
+        f"all {symbolic.columns} columns, at {symbolic.poses} random closed poses."
+    )
+    said: dict[str, tuple[str, str, Iterable[Part]]] = {  # titles, short ones, leads, and parts
+        "What was searched": (
+            "Search",
+            f"Groups have {tried:,} combinations; exact search proves that no choice is better.",
+            (search_chart(list(base.subgroups.values())), search_table(base)),
         ),
-        Section("Base parameters, paper and loopid", (base_table(comparison),), short="Table II"),
-        Section(
-            "How many parameters matter",
+        "Base parameters, paper and loopid": ("Table II", "", (base_table(base),)),
+        "How many parameters matter": (
+            "How many",
+            "A ratio of norms, no accuracy: it need not grow, and forces can differ at 100 %.",
             (influence_chart(simulated),),
-            lead="A ratio of norms, no accuracy: it need not grow, and forces can differ at 100 %.",
-            short="How many",
         ),
-        Section(
-            "Identification in simulation",
+        "Identification in simulation": (
+            "Simulation",
+            "Eight parameters are biased by the seven that are left out.",
             (simulated_chart(simulated),),
-            lead="Eight parameters are biased by the seven that are left out.",
-            short="Simulation",
         ),
-        Section(
-            "Identification from logs",
+        "Identification from logs": (
+            "Logs",
+            STAND_IN if actual.is_stand_in else "The first 60 % of each log are fitted.",
             (errors_chart(actual), actual_chart(actual), *actual_charts(actual)),
-            lead=STAND_IN if actual.is_stand_in else "The first 60 % of each log are fitted.",
-            short="Logs",
         ),
-        Section(
-            "The symbolic model",
-            (transfer_table(comparison, symbolic.transfers),),
-            lead=f"SymPy's K_G and Pinocchio's agree to {symbolic.difference:.1e} of the largest "
-            f"entry in all {symbolic.columns} columns, at {symbolic.poses} random closed poses.",
-            short="Symbolic",
-        ),
-        Section(
-            "What the forces are made of",
+        "The symbolic model": ("Symbolic", alike, (transfer_table(base, symbolic.transfers),)),
+        "What the forces are made of": (
+            "Forces",
+            "All forces are simulated with the robot file, along trajectories of our own.",
             share_charts(found.shares)[:1],
-            lead="All forces are simulated with the robot file, along trajectories of our own.",
-            short="Forces",
         ),
-        Section("All other tables", tuple(_tables(found, subgroups)), folded=True, short="Tables"),
+        "All other tables": ("Tables", "", _tables(found, subgroups)),
+    }
+    return tuple(
+        Section(title, tuple(parts), short == "Tables", lead, short)
+        for title, (short, lead, parts) in said.items()
     )
 
 
@@ -305,9 +273,9 @@ def transfer_table(comparison: BaseComparison, transfers: Sequence[Transfer]) ->
 def search_table(comparison: BaseComparison) -> Table:
     """All searches beside the paper's."""
     search, structure = comparison.base.search, comparison.base.structure
-    proof = "no"
-    if search.certified:
-        proof = "yes" + ("" if search.ties is None else f", one of {search.ties:,}")
+    alike = "" if search.ties is None else f", one of {search.ties:,}"
+    nodes = f"{search.nodes:,} nodes of a tree, {search.evaluated:,} combinations"
+    least, time = f"{search.condition_number:.4f}", _time(search.seconds)
     rows = [
         (
             f"subgroups, {each.subgroups.rule}",
@@ -319,17 +287,9 @@ def search_table(comparison: BaseComparison) -> Table:
         for each in comparison.subgroups.values()
         if each.subgroups is not None
     ]
-    rows += [
-        (
-            "exact",
-            f"{search.nodes:,} nodes of a tree, {search.evaluated:,} combinations",
-            f"{search.condition_number:.4f}",
-            proof,
-            _time(search.seconds),
-        ),
-        ("all combinations", *EXHAUSTIVE),
-        *(("paper: " + name, *cells) for name, cells in TIMES.items()),
-    ]
+    rows.append(("exact", nodes, least, f"yes{alike}" if search.certified else "no", time))
+    rows.append(("all combinations", *EXHAUSTIVE))
+    rows += [("paper: " + name, *cells) for name, cells in TIMES.items()]
     table = plain_table("the searches", ("", "tried", ">least cond(V22)", "proven", "time"), rows)
     table.caption = (
         f"{len(structure.columns)} of {len(comparison.base.parameters)} parameters have an effect, "
@@ -341,20 +301,12 @@ def search_table(comparison: BaseComparison) -> Table:
 
 def _fitting(simulated: SimulatedFit) -> list[str]:
     """Whether the paper's values of Table IV fit: yes, single (one trajectory alone), no."""
-    return [
-        _paper_fits(printed, simulated.expected[k], error, tuple(simulated.expected_range[k]))
-        for k, (printed, error) in enumerate(
-            zip(TABLE_IV, simulated.eight.standard_errors[list(EIGHT)], strict=True)
-        )
-    ]
-
-
-def _paper_fits(printed: float, expected: float, error: float, single: tuple[float, float]) -> str:
+    printed, error = np.array(TABLE_IV), FITS * simulated.eight.standard_errors[list(EIGHT)]
+    low, high = simulated.expected_range.T
     # Half of the last printed digit belongs to the paper's value.
-    if abs(printed - expected) <= FITS * error + 0.005:
-        return "yes"
-    inside = single[0] - FITS * error <= printed <= single[1] + FITS * error
-    return "single" if inside else "no"
+    fit = np.abs(printed - simulated.expected) <= error + 0.005
+    single = (low - error <= printed) & (printed <= high + error)
+    return [str(text) for text in np.where(fit, "yes", np.where(single, "single", "no"))]
 
 
 def _steps_table(steps: TwoSteps) -> Table:
@@ -506,8 +458,7 @@ def actual_chart(actual: ActualFit) -> Chart:
     if actual.truth is not None:
         columns["true"] = [f"{x:.3f}" for x in actual.truth]
     what = "robot file" if actual.truth is None else "true value"
-    source = "a simulated stand-in" if actual.is_stand_in else ", ".join(actual.sources)
-    title = f"Table V: base parameters from {source} less the {what} (kg, kg m)"
+    title = f"Table V: base parameters from {_source(actual)} less the {what} (kg, kg m)"
     panel = Panel(title, marks, **_rows(rows, columns))
     return Chart("table_5", "Fitted to the first 60 % of each log.", "", (panel,))
 

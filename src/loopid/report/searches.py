@@ -7,7 +7,6 @@ from typing import Any
 
 from rich.table import Table
 
-from loopid.base_parameters.account import SubgroupAccount, TriedGroup
 from loopid.base_parameters.choice import SearchResult
 from loopid.report.look import json_fields, number, table_of
 
@@ -24,30 +23,22 @@ GROUP = "valid", "deficient", "least", "share"
 
 def search_record(search: SearchResult, labels: Sequence[str]) -> dict[str, Any]:
     """A search ready for JSON, with the labels of the columns that have an effect."""
-    account = search.subgroups
-    found = None if account is None else _account_record(account, labels)
+    account, found = search.subgroups, None
+    if account is not None:
+        found = json_fields(account, *ACCOUNT) | {
+            "found_in": None if account.found_in is None else account.found_in + 1,
+            "groups": [
+                {
+                    "rows": [labels[row] for row in group.rows],
+                    "tried": len(group),
+                    **json_fields(group, *GROUP),
+                    "removed": None if group.removed is None else labels[group.removed],
+                    "added": None if group.added is None else labels[group.added],
+                }
+                for group in account.groups
+            ],
+        }
     return {**json_fields(search, *SEARCH), "subgroups": found}
-
-
-def _account_record(account: SubgroupAccount, labels: Sequence[str]) -> dict[str, Any]:
-    return {
-        **json_fields(account, *ACCOUNT),
-        "found_in": None if account.found_in is None else account.found_in + 1,
-        "groups": [_group_record(group, labels) for group in account.groups],
-    }
-
-
-def _group_record(group: TriedGroup, labels: Sequence[str]) -> dict[str, Any]:
-    def name(row: int | None) -> str | None:
-        return None if row is None else labels[row]
-
-    return {
-        "rows": [labels[row] for row in group.rows],
-        "tried": len(group),
-        **json_fields(group, *GROUP),
-        "removed": name(group.removed),
-        "added": name(group.added),
-    }
 
 
 def subgroup_facts(search: dict[str, Any]) -> dict[str, str]:

@@ -21,7 +21,7 @@ from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.projection import NEAR_SINGULARITY, Factorisation, singularity_measure
 from loopid.loading.checks import inertia_defects, odd_masses, unequal_links
 from loopid.plots.structure import robot_chart, search_chart
-from loopid.regressors.file_forces import FileForce, file_forces
+from loopid.regressors.file_forces import file_forces
 from loopid.regressors.joint_terms import OF_FILE
 from loopid.report.look import facts, json_fields, json_value, plain_table, table_of
 from loopid.report.page import Card, Figure, Report, Section, Tone
@@ -130,81 +130,69 @@ def _wrong(robot: Robot, found: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 def check_record(robot: Robot) -> dict[str, Any]:
     """All findings about a robot at its reference, ready for JSON."""
-    found = mobility(robot)
+    found, compared = mobility(robot), compare_modes(robot)
     measure = float(singularity_measure(robot, robot.reference[None])[0])
-    return {
-        "mechanism": robot.name,
-        "joints": [_joint(robot, name) for name in robot.joints],
-        "bodies": list(robot.links),
-        "closures": list(_closures(robot)),
-        "closure_rows": found.rows,
-        "closure_rank": found.rank,
-        "rank_gap": json_value(found.rank_gap),
-        "least_singular_value": found.least,
-        "redundant_rows": found.rows - found.rank,
-        "coordinates": robot.model.nv,
-        **json_fields(found, "degrees_of_freedom", "generic_degrees_of_freedom"),
-        "singular_reference": found.singular,
-        **json_fields(robot, "actuated", "passive", "independent"),
-        "undetermined": list(robot.free),
-        "motors_known": robot.motors_known,
-        "held_motors": list(found.held),
-        "undeclared_loops": [*map(str, robot.undeclared)],
-        "redundant_actuation": list(robot.redundant),
-        "closure_residual": found.residual,
-        "singularity_measure": measure,
-        "near_singularity": measure < NEAR_SINGULARITY,
-        "characteristic_length": robot.length,
-        "identical": {group.name: list(group.links) for group in robot.identical},
-        "unequal_links": list(unequal_links(robot)),
-        "odd_masses": list(odd_masses(robot)),
-        "inertia_defects": [str(defect) for defect in inertia_defects(robot)],
-        "assembly_modes": list(_modes(robot)),
-        "in_file_not_in_model": [_file_force(force) for force in file_forces(robot)],
-    }
-
-
-def _file_force(force: FileForce) -> dict[str, Any]:
-    return {
-        "what": force.what,
-        "joint": force.joint or None,
-        "term": force.kind or None,
-        "value": json_value(force.value),
-        "unit": force.unit or None,
-        "relative_size": json_value(force.size),
-        "included_by": f'terms="{OF_FILE}"' if force.kind else None,
-    }
+    modes = zip(compared.modes, compared.ranks, strict=True)
+    record: dict[str, Any] = json_value(
+        {
+            "mechanism": robot.name,
+            "joints": [_joint(robot, name) for name in robot.joints],
+            "bodies": robot.links,
+            "closures": list(_closures(robot)),
+            "closure_rows": found.rows,
+            "closure_rank": found.rank,
+            "rank_gap": found.rank_gap,
+            "least_singular_value": found.least,
+            "redundant_rows": found.rows - found.rank,
+            "coordinates": robot.model.nv,
+            **json_fields(found, "degrees_of_freedom", "generic_degrees_of_freedom"),
+            "singular_reference": found.singular,
+            **json_fields(robot, "actuated", "passive", "independent", "motors_known"),
+            "undetermined": robot.free,
+            "held_motors": found.held,
+            "undeclared_loops": [*map(str, robot.undeclared)],
+            "redundant_actuation": robot.redundant,
+            "closure_residual": found.residual,
+            "singularity_measure": measure,
+            "near_singularity": measure < NEAR_SINGULARITY,
+            "characteristic_length": robot.length,
+            "identical": {group.name: group.links for group in robot.identical},
+            "unequal_links": list(unequal_links(robot)),
+            "odd_masses": list(odd_masses(robot)),
+            "inertia_defects": [*map(str, inertia_defects(robot))],
+            "assembly_modes": [  # that the drawn pose leaves a choice of; the first one is used
+                {
+                    **{"mode": k, "used": k == 1, "rank": rank, "distance": mode.distance},
+                    **{"meets_drawn_pose": mode.continues, "parallel_pairs": mode.parallel},
+                    "reference": robot.reference_values(mode.reference),
+                }
+                for k, (mode, rank) in enumerate(modes, start=1)
+            ],
+            "in_file_not_in_model": [
+                {
+                    **{"what": force.what, "value": force.value, "relative_size": force.size},
+                    **{"joint": force.joint or None, "term": force.kind or None},
+                    **{"unit": force.unit or None},
+                    "included_by": f'terms="{OF_FILE}"' if force.kind else None,
+                }
+                for force in file_forces(robot)
+            ],
+        }
+    )
+    return record
 
 
 def _joint(robot: Robot, name: str) -> dict[str, Any]:
     joint, reference = robot.joint(name), robot.reference_values(robot.reference)[name]
-    limits = [json_value(end) for end in robot.limits(name)] if joint.nv == 1 else [None] * 2
+    lower, upper = robot.limits(name) if joint.nv == 1 else (None, None)
     kind = KINDS.get(joint.shortname().removeprefix("JointModel"), "other")
     if joint.nv == 1:
         kind = "prismatic" if joint.idx_v in robot.prismatic else "revolute"
     return {
-        "name": name,
-        "type": kind,
-        "actuated": name in robot.actuated,
+        **{"name": name, "type": kind, "actuated": name in robot.actuated},
         "reference": reference if isinstance(reference, list) else [reference],
-        "lower": limits[0],
-        "upper": limits[1],
+        **{"lower": lower, "upper": upper},
     }
-
-
-def _modes(robot: Robot) -> Iterator[dict[str, Any]]:
-    """Assembly modes that the drawn pose leaves a choice of; the first one is used."""
-    compared = compare_modes(robot)
-    for k, (mode, rank) in enumerate(zip(compared.modes, compared.ranks, strict=True), start=1):
-        yield {
-            "mode": k,
-            "used": k == 1,
-            "rank": rank,
-            "distance": mode.distance,
-            "meets_drawn_pose": mode.continues,
-            "parallel_pairs": mode.parallel,
-            "reference": robot.reference_values(mode.reference),
-        }
 
 
 def _closures(robot: Robot) -> Iterator[dict[str, Any]]:
@@ -214,11 +202,9 @@ def _closures(robot: Robot) -> Iterator[dict[str, Any]]:
     for closure in closures:
         rows, ties = slice(first, first + closure.rows), isinstance(closure, JointCoupling)
         yield {
-            "name": closure.name,
+            **{"name": closure.name, "type": closure.kind, "rows": closure.rows},
             "frames": [] if ties else [closure.frame_a, closure.frame_b],
-            "joints": list(closure.joints) if ties else [],
-            "type": closure.kind,
-            "rows": closure.rows,
+            "joints": closure.joints if ties else [],
             "rank": int(Factorisation.of(jacobian[:, rows]).rank[0]),
             "residual": float(np.abs(residual[:, rows]).max()),
         }
@@ -388,12 +374,13 @@ def base_record(
 
 def _choice(base: BaseParameters) -> dict[str, Any]:
     """Rank, search and parameters."""
+    doubtful = "singular_value", "rounding", "source"
     return {
         "nonzero_parameters": len(base.structure.columns),
         **json_fields(base.structure, "rank", "rank_gap", "rank_bounds"),
         "doubtful": [
             {"expression": expression(one.terms), "terms": dict(one.terms)}
-            | json_fields(one, "singular_value", "rounding", "source")
+            | json_fields(one, *doubtful)
             for one in base.doubtful
         ],
         **json_fields(base, "condition_number", "nullspace_condition_number"),
@@ -459,11 +446,12 @@ def _conditions(record: dict[str, Any]) -> str:
 
 
 def _findings(record: dict[str, Any]) -> dict[str, str]:
-    search = record["search"]
+    search, alone = record["search"], record["motors_alone"]
     nodes = f", {search['nodes']:,} nodes of the search tree" if search["nodes"] else ""
-    effect = f"{record['nonzero_parameters']} of {record['standard_parameters']}"
     rows = {
-        "parameters with an effect": effect,
+        "parameters with an effect": (
+            f"{record['nonzero_parameters']} of {record['standard_parameters']}"
+        ),
         "base parameters": f"{record['rank']} ({_gap(record)})",
         "combinations": f"{search['candidates']:,}",
         "search": f"{search['name']}, criterion {search['criterion']}",
@@ -473,14 +461,14 @@ def _findings(record: dict[str, Any]) -> dict[str, str]:
         "looked at one by one": f"{search['evaluated']:,}{nodes}",
         "time": f"{1e3 * search['seconds']:.3g} ms",
     }
-    if alone := record["motors_alone"]:
+    if record["undetermined"]:
         free = ", ".join(record["undetermined"])
-        rows["sensed by the motors alone"] = (
-            f"{alone['rank']} base parameters ({_gap(alone)}), without the rows '= 0' of {free}; "
-            f"{certificate(alone['search'])}"
-        )
-    elif record["undetermined"]:
         rows["sensed by the motors alone"] = "no parameter: only rows '= 0' have an effect"
+        if alone:
+            rows["sensed by the motors alone"] = (
+                f"{alone['rank']} base parameters ({_gap(alone)}), without the rows '= 0' of "
+                f"{free}; {certificate(alone['search'])}"
+            )
     return rows
 
 
