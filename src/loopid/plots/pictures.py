@@ -75,18 +75,6 @@ def forces_chart(
         (N, dof), the forces that the robot file predicts.
     worst : str
         The motor that is marked.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> robot = loopid.load("five_bar")
-    >>> log = loopid.read_log(robot.path.parent / "logs" / "five_bar.csv", robot)
-    >>> recording = loopid.prepare(robot, log)
-    >>> found = loopid.identify(loopid.force_model(robot, "full"), [recording])
-    >>> prediction = found.fit.predict(recording)
-    >>> chart = loopid.plots.forces_chart(robot, prediction, motors=["left_crank_joint"])
-    >>> [panel.title for panel in chart.panels]
-    ['measured force (N m)', 'left by this fit (N m), rms 0.0098']
     """
     run, panels = found.recording, list[Panel]()
     time = run.motion.time

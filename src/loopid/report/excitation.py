@@ -28,54 +28,46 @@ FOUND = (
 
 def excitation_report(found: ExcitationDesign) -> Report:
     """A designed motion: its information, and its limits."""
-    model, before = found.force_model, found.before.standard_errors
-    known = np.isfinite(before)
-    broken = [check.name for check in found.checks if check.violations]
-    kept = f"breaks {', '.join(broken)}" if broken else "breaks no limit"
+    model, before, after = found.force_model, found.before.standard_errors, found.standard_errors
+    known, told, count = np.isfinite(before), int(np.isfinite(after).sum()), len(after)
+    broken = ", ".join(check.name for check in found.checks if check.violations)
+    seconds, condition = f"{found.motion.duration:g} s", f"{found.criteria.condition_number:.3g}"
     change = ""
     if known.any():
-        share = np.median((found.standard_errors / before)[known])
+        share = np.median((after / before)[known])
         earlier = "with the logs alone" if found.after_logs else "by the first motion tried"
         change = f", with standard errors {share:.2g} times those {earlier} (median)"
     verdict = (
-        f"A motion of {found.motion.duration:g} s {kept} and determines "
-        f"{np.isfinite(found.standard_errors).sum()} of {len(found.parameters)} parameters"
-        f"{change}; the condition number is {found.criteria.condition_number:.3g}"
+        f"A motion of {seconds} breaks {broken or 'no limit'} and determines {told} of {count} "
+        f"parameters{change}; the condition number is {condition}"
         + ("." if found.converged else ", which more evaluations may improve.")
     )
+    chart, steps = errors_chart(found), "run motion.csv on the robot, and identify from its log."
     return Report(
         name="excitation",
         title=f"{model.robot.name}, {model.model} model, excitation",
         verdict=verdict,
         record=excitation_record(found),
-        brief=[panel_table(errors_chart(found).panels[0])],
-        card=_card(found, broken),
+        brief=[panel_table(chart.panels[0])],
+        card=Card(
+            tone="bad" if broken else "good" if told == count else "rough",
+            word="Breaks limits" if broken else "Keeps all limits",
+            use=broken or f"in a motion of {seconds}",
+            figures=(
+                Figure(str(told), "parameters determined", f"of {count}"),
+                Figure(condition, "condition number"),
+                Figure(f"{found.min_singularity_measure:.3g}", "least singularity measure"),
+                Figure(str(found.violations), "violations on the fine grid"),
+            ),
+            next="give the motion more room: a limit is broken." if broken else steps,
+        ),
         pictures=lambda: (robot_chart(model.robot),),
         sections=lambda: [
             Section("Motion", (motion_chart(found),), lead=_search(found)),
-            Section("Expected accuracy", (errors_chart(found), _noise(found))),
+            Section("Expected accuracy", (chart, _noise(found))),
             Section("What it keeps", (_checks(found),)),
         ],
         results=lambda: {"motion.csv": motion_table(found), "motion.yaml": motion_file(found)},
-    )
-
-
-def _card(found: ExcitationDesign, broken: list[str]) -> Card:
-    """What the motion determines, and whether it keeps its limits."""
-    count, told = len(found.parameters), int(np.isfinite(found.standard_errors).sum())
-    return Card(
-        tone="bad" if broken else "good" if told == count else "rough",
-        word="Breaks limits" if broken else "Keeps all limits",
-        use=", ".join(broken) if broken else f"in a motion of {found.motion.duration:g} s",
-        figures=(
-            Figure(str(told), "parameters determined", f"of {count}"),
-            Figure(f"{found.criteria.condition_number:.3g}", "condition number"),
-            Figure(f"{found.min_singularity_measure:.3g}", "least singularity measure"),
-            Figure(str(found.violations), "violations on the fine grid"),
-        ),
-        next="give the motion more room: a limit is broken."
-        if broken
-        else "run motion.csv on the robot, and identify from its log.",
     )
 
 
@@ -109,15 +101,12 @@ def _search(found: ExcitationDesign) -> str:
 
 def _noise(found: ExcitationDesign) -> Table:
     robot, sizes = found.force_model.robot, np.sqrt((found.forces**2).mean(axis=0))
-    named = zip(robot.actuated, found.noise, sizes, strict=True)
     rows = (
         (
-            name,
-            f"{noise:.3g}",
-            force_unit(robot, name),
+            *(name, f"{noise:.3g}", force_unit(robot, name)),
             f"{100 * noise / size:.3g} %" if size else "",
         )
-        for name, noise, size in named
+        for name, noise, size in zip(robot.actuated, found.noise, sizes, strict=True)
     )
     title = f"noise that they assume, independent at {found.options.rate:g} Hz"
     return plain_table(title, ("force of", ">± std", "unit", ">of its root mean square"), rows)
@@ -144,18 +133,10 @@ def motion_file(found: ExcitationDesign) -> str:
     for waypoint in found.waypoints:
         steps.append(_step(names, here, waypoint))
         here = waypoint.position
-    duration, goal = len(found.motion) - 1, found.options.criterion
-    content = {
-        "coordinates": list(names),
-        "rate": float(duration / found.motion.duration),
-        "motions": {
-            NAME: {
-                "description": f"excites the {found.force_model.model} model, {goal}",
-                "start": _pose(names, found.start),
-                "steps": steps,
-            }
-        },
-    }
+    said = f"excites the {found.force_model.model} model, {found.options.criterion}"
+    motion = {"description": said, "start": _pose(names, found.start), "steps": steps}
+    rate = float((len(found.motion) - 1) / found.motion.duration)
+    content = {"coordinates": list(names), "rate": rate, "motions": {NAME: motion}}
     text = io.StringIO()
     yaml_writer().dump(content, text)
     return text.getvalue()
@@ -168,11 +149,8 @@ def _pose(names: tuple[str, ...], values: FloatArray) -> dict[str, float]:
 def _step(names: tuple[str, ...], here: FloatArray, waypoint: Waypoint) -> dict[str, Any]:
     curve, seconds = waypoint.curve, float(waypoint.seconds)
     if isinstance(curve, FourierCurve):
-        sine, cosine = np.split(curve.shape, 2)
-        terms = {
-            name: {"sine": sine[:, k].tolist(), "cosine": cosine[:, k].tolist()}
-            for k, name in enumerate(names)
-        }
+        both = zip(names, *(part.T.tolist() for part in np.split(curve.shape, 2)), strict=True)
+        terms = {name: {"sine": sine, "cosine": cosine} for name, sine, cosine in both}
         return {"fourier": terms, "seconds": seconds}
     if (waypoint.position == here).all():
         return {"hold": seconds}

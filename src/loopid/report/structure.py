@@ -69,7 +69,10 @@ def check_report(robot: Robot) -> Report:
         title=robot.name,
         verdict=verdict,
         record=found,
-        brief=[_closures_table("", found["closures"][:SOME]), facts("", _few(found))],
+        brief=[
+            _closures_table("", found["closures"][:SOME]),
+            facts("", {n: text for n, text in _summary(found, FEW).items() if text}),
+        ],
         sections=lambda: [
             Section("Closures and mobility", tuple(tables), short="Mobility"),
             Section("Joints", (joints,)),
@@ -262,6 +265,7 @@ def _summary(record: dict[str, Any], most: int | None = None) -> dict[str, str]:
         more = [f"... ({len(names)} in all)"] if most is not None and len(names) > most else []
         return between.join([*names[:most], *more])
 
+    forces, modes = len(record["in_file_not_in_model"]), len(record["assembly_modes"])
     rank = f"{record['closure_rank']} of {record['closure_rows']} rows"
     rank += f", {record['redundant_rows']} redundant" if record["redundant_rows"] else ""
     freedom = f"{record['degrees_of_freedom']}"
@@ -283,19 +287,9 @@ def _summary(record: dict[str, Any], most: int | None = None) -> dict[str, str]:
         "not identical in the file": listed(record["unequal_links"], "; "),
         "odd masses": listed(record["odd_masses"], "; "),
         "physically inconsistent": listed(record["inertia_defects"], "; "),
+        "in the file, not in the model": f"{forces} forces or gears" if forces else "",
+        "assembly modes": f"{modes}, of which the first is used" if modes else "",
     }
-
-
-def _few(record: dict[str, Any]) -> dict[str, str]:
-    """The summary for the terminal, and what else the page has tables of."""
-    forces, modes = record["in_file_not_in_model"], record["assembly_modes"]
-    said = {
-        "further closures": str(max(len(record["closures"]) - SOME, 0) or ""),
-        **_summary(record, FEW),
-        "in the file, not in the model": f"{len(forces)} forces or gears" if forces else "",
-        "assembly modes": f"{len(modes)}, of which the first is used" if modes else "",
-    }
-    return {name: text for name, text in said.items() if text}
 
 
 def base_report(
