@@ -195,7 +195,7 @@ def _masses_chart(robot: Robot, motors: MotorMasses, mass: float, span: FloatArr
 def _by_motor(found: MotorMasses | GainFit, values: FloatArray) -> dict[str, list[float]]:
     """Values with the ends of their intervals, and NaN where they are undetermined."""
     numbers = np.column_stack([values, found.intervals()]).tolist()
-    unknown = {name: [np.nan] * 3 for name in found.untold}
+    unknown = {name: [np.nan] * 3 for name in found.undetermined}
     return dict(zip(found.actuators, numbers, strict=True)) | unknown
 
 
@@ -238,7 +238,7 @@ def _payload_record(found: PayloadFit) -> dict[str, Any]:
         "standard_parameters": json_value(found.standard_parameters),
         "motors": None
         if motors is None
-        else json_fields(motors, "actuators", "values", "chance", "untold")
+        else json_fields(motors, "actuators", "values", "chance", "undetermined")
         | {"intervals_95_percent": json_value(motors.intervals())},
     }
 
@@ -250,16 +250,16 @@ def gains_report(robot: Robot, found: GainFit) -> Report:
     title = "True force over logged force: multiply force_scale of the mapping by it"
     panel = motors_panel(robot, title, _by_motor(found, found.gains), 1.0)
     chart = Chart("gains", "A gain of 1 says that the log is right.", "", (panel,))
-    untold = f"; undetermined: {', '.join(found.untold)}" if found.untold else ""
+    unknown = f"; undetermined: {', '.join(found.undetermined)}" if found.undetermined else ""
     span = f"{found.gains.min():.3g} to {found.gains.max():.3g}"
     return Report(
         name="gains",
         title="Gains of the drives",
         verdict=(
             f"True forces are {span} times the logged ones, clearly not 1 for {off} of {len(ends)} "
-            f"motors{untold}."
+            f"motors{unknown}."
         ),
-        record=json_fields(found, "actuators", "gains", "untold")
+        record=json_fields(found, "actuators", "gains", "undetermined")
         | {"intervals_95_percent": json_value(ends)},
         brief=[panel_table(panel)],
         pictures=lambda: (robot_chart(robot),),

@@ -169,12 +169,15 @@ FORMS: dict[str, dict[Any, Any]] = {
         **{"intervals_95_percent": [[Real]], "mass": Real, "centre": ([Real], None)},
         "centre_intervals_95_percent": ([[Real]], None),
         "motors": (
-            of(MotorMasses, "actuators", "values", "untold")
+            of(MotorMasses, "actuators", "values", "undetermined")
             | {"chance": float, "intervals_95_percent": [[Real]]},
             None,
         ),
     },
-    "gains": {**of(GainFit, "actuators", "gains", "untold"), "intervals_95_percent": [[Real]]},
+    "gains": {
+        **of(GainFit, "actuators", "gains", "undetermined"),
+        "intervals_95_percent": [[Real]],
+    },
     "comparison": {
         "runs": [{"name robot model": str, "estimator": Text, "rms": ([Real], None)}],
         "parameters": [
