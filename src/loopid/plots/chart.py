@@ -331,7 +331,7 @@ class Panel:
             svg = self._svg(across, (k + 0.5, k - 0.5), within, (places, []), (WIDE, ROW))
             name = E.td(
                 {"class": "name"},
-                _short_or_whole(self.labels[k], self.wholes[k] if self.wholes else ""),
+                short_or_whole(self.labels[k], self.wholes[k] if self.wholes else ""),
             )
             texts = (E.td({"class": "number"}, column[k]) for column in self.columns.values())
             body.append(E.tr(name, E.td({"class": "picture"}, svg), *texts))
@@ -483,7 +483,7 @@ def _within(mark: Mark, row: int) -> Mark:
     return Mark(mark.name, mark.x[own], mark.y[own], mark.look, mark.kind, to)
 
 
-def _short_or_whole(short: str, whole: str) -> HtmlElement | str:
+def short_or_whole(short: str, whole: str) -> HtmlElement | str:
     """A name that unfolds to what it is short for, if it is."""
     if whole in ("", short):
         return short
@@ -594,6 +594,8 @@ def ticks(low: float, high: float, *, log: bool = False, count: int = TICKS) -> 
     step *= next(k for k in (1, 2, 5, 10) if (high - low) / (k * step) <= count + 1)
     step = max(round(step), 1) if log else step
     places = [k * step for k in range(math.ceil(low / step), math.floor(high / step) + 1)]
+    if len(places) < 2 and count < TICKS:
+        return ticks(low, high, log=log, count=count + 1)
     return [(at, _power(at) if log else f"{round(at, 12) + 0.0:.6g}") for at in places]
 
 

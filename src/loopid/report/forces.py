@@ -119,7 +119,7 @@ def _prediction_table(robot: Robot, found: Prediction) -> Table:
 
 def payload_report(robot: Robot, found: PayloadFit) -> Report:
     """A body that was carried."""
-    told, motors, ends = _payload_record(found), found.motors, found.intervals()
+    told, motors, ends = _payload_record(found), _determined(found), found.intervals()
     sure = sum(low > 0 or high < 0 for low, high in ends)
     verdict, clear = "The forces determine no mass of the payload alone", f"{sure} of {len(ends)}"
     rows = [
@@ -161,9 +161,14 @@ def payload_report(robot: Robot, found: PayloadFit) -> Report:
     )
 
 
+def _determined(found: PayloadFit) -> MotorMasses | None:
+    """The mass by each motor, where any determines it."""
+    return found.motors if found.motors is not None and found.motors.actuators else None
+
+
 def _payload_card(found: PayloadFit, mass: str, between: str) -> Card:
     """The mass, and whether the motors agree on it."""
-    motors, chips = found.motors, list[tuple[Tone, str]]()
+    motors, chips = _determined(found), list[tuple[Tone, str]]()
     figures = [
         Figure(_of_width(x, own), f"centre of mass along {axis}", "m")
         for axis, x, own in _centre(found)

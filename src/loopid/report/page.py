@@ -15,6 +15,7 @@ from dataclasses import field
 from functools import cached_property
 from importlib.metadata import version
 from importlib.resources import files
+from textwrap import shorten
 from typing import Any, Literal
 
 from lxml.html import HtmlElement, tostring
@@ -22,7 +23,7 @@ from rich.table import Table
 
 from loopid.errors import counted
 from loopid.findings import Finding, most_important_first
-from loopid.plots.chart import Chart, E, Panel, in_parts, unfolding
+from loopid.plots.chart import Chart, E, Panel, in_parts, short_or_whole, unfolding
 from loopid.records import record
 from loopid.report.look import json_text, json_value, plain_table, rounded
 
@@ -34,6 +35,8 @@ Tone = Literal["good", "rough", "bad", "info"]
 MARKS = {"good": "✓ ", "rough": "≈ ", "bad": "✗ ", "info": ""}  # no status by colour alone
 TONES: dict[str, Tone] = {"mistake": "bad", "warning": "rough", "note": "info"}  # of findings
 SIGNS = {"mistake": "✗ ", "warning": "! ", "note": ""}
+COMMAND = ": loopid "  # after what it does
+TWO_LINES = 200  # letters of a finding that are seen at first
 DECADES = 3  # of a gauge, which ends at 100 %
 
 
@@ -172,8 +175,11 @@ def findings_html(findings: Sequence[Finding], checks: Sequence[tuple[bool, str]
     passed.set("class", "checks")
     for each in findings:
         title, kind = _sentence(each.title), f"{SIGNS[each.severity]}{each.severity.capitalize()}"
-        said = [E.p({"class": "why"}, _sentence(each.why))] if each.why else []
-        said += [E.p(E.b("Do: "), each.do)] if each.do else []
+        why, (do, *command) = _sentence(each.why), each.do.split(COMMAND)
+        brief = short_or_whole(shorten(why, TWO_LINES, placeholder=" ..."), why)
+        said = [E.div({"class": "why"}, brief)] if why else []
+        said += [E.p(E.b("Do: "), do)] if do else []
+        said += [unfolding("Show the command", E.pre(f"loopid {text}")) for text in command]
         if each.severity == "note":
             notes.append(unfolding(title, *said))
         else:

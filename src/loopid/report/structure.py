@@ -57,6 +57,9 @@ def check_report(robot: Robot) -> Report:
         f"and a singularity measure of {found['singularity_measure']:.3g} (1 is best)"
         + ("." if wrong else f": ready {ready}.")
     )
+    further = str(max(len(found["closures"]) - SOME, 0) or "")
+    few = {"further closures": further, **_summary(found, FEW)}
+    few = {name: text for name, text in few.items() if text}
     freedoms, of_motors = _freedoms(found).split(" ", 1)
     figures = (
         Figure(freedoms, of_motors),
@@ -69,10 +72,7 @@ def check_report(robot: Robot) -> Report:
         title=robot.name,
         verdict=verdict,
         record=found,
-        brief=[
-            _closures_table("", found["closures"][:SOME]),
-            facts("", {n: text for n, text in _summary(found, FEW).items() if text}),
-        ],
+        brief=[_closures_table("", found["closures"][:SOME]), facts("", few)],
         sections=lambda: [
             Section("Closures and mobility", tuple(tables), short="Mobility"),
             Section("Joints", (joints,)),
