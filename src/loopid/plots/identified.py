@@ -179,7 +179,8 @@ def parameters_chart(found: Identification) -> Chart:
     bodies, base = model.body_columns, model.base
     sizes = body_sizes(model.robot, model.model)
     sizes = np.linalg.norm(base.matrix[bodies][:, : len(sizes)] * sizes, axis=1)
-    estimates = [fit.estimates[j] for j in bodies]
+    known = fit.estimates
+    estimates = [known[j] for j in bodies]
     prior = model.prior[bodies]
     ends = np.column_stack([fit.values, fit.intervals()])[bodies]
     panel = _from_file(
