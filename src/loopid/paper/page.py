@@ -33,8 +33,7 @@ from loopid.plots.chart import Chart, Mark, Panel
 from loopid.plots.structure import robot_chart, search_chart
 from loopid.report.look import json_fields, plain_table
 from loopid.report.page import Card, Figure, Part, Report, Section, Tone
-from loopid.report.searches import groups_table, search_record, subgroup_facts
-from loopid.report.structure import base_record
+from loopid.report.structure import base_record, groups_table, search_record, subgroup_facts
 
 FITS = 3.0  # standard errors within which a value of the paper fits
 

@@ -142,54 +142,24 @@ class Mark:
 
 @record
 class Panel:
-    """Marks on one pair of axes.
+    """Marks on one pair of axes, or a table with a picture in each row."""
 
-    Attributes
-    ----------
-    title : str
-        With the unit of y.
-    marks : tuple of Mark
-    x_limits, y_limits : tuple of float or None
-        By default where the marks are.
-    labels : tuple of str
-        Instead of numbers at y = 0, 1, ... from above: the rows of a table with a picture.
-    columns : dict of tuple of str
-        More columns of that table, by their heads.
-    groups : tuple of str
-        Of each row, said where it changes.
-    wholes : tuple of str
-        What the labels are short for, where they are.
-    log : str
-        Which axes are logarithmic: a part of ``"xy"``.
-    small : bool
-        Whether it is half as high.
-    equal : bool
-        Whether a length is the same along x and y; then the page shows no axes.
-    motor : str
-        Whose it is; the first of its lanes says it.
-    number : int
-        Of the motor on the page.
-    worst : bool
-        Whether it is the motor with the largest error.
-    note : str
-        Numbers, below the panel.
-    """
-
-    title: str
+    title: str  # with the unit of y
     marks: tuple[Mark, ...]
-    x_limits: tuple[float, float] | None = None
+    x_limits: tuple[float, float] | None = None  # by default where the marks are
     y_limits: tuple[float, float] | None = None
+    # Rows of a table, in place of numbers at y = 0, 1, ... from above; more columns by their heads.
     labels: tuple[str, ...] = ()
     columns: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    groups: tuple[str, ...] = ()
-    wholes: tuple[str, ...] = ()
-    log: str = ""
-    small: bool = False
-    equal: bool = False
-    motor: str = ""
-    number: int = 0
-    worst: bool = False
-    note: str = ""
+    groups: tuple[str, ...] = ()  # of each row, said where it changes
+    wholes: tuple[str, ...] = ()  # what labels are short for, where they are
+    log: str = ""  # which axes are logarithmic: a part of "xy"
+    small: bool = False  # half as high
+    equal: bool = False  # a length is the same both ways; then the page shows no axes
+    motor: str = ""  # whose it is; the first of its lanes says it
+    number: int = 0  # of the motor on the page
+    worst: bool = False  # the motor with the largest error
+    note: str = ""  # numbers, below the panel
 
     def limits(self) -> tuple[Ends, Ends]:
         """Ends of both axes, logarithms where they are."""
@@ -344,31 +314,15 @@ class Panel:
 
 @record
 class Chart:
-    """Panels below or beside each other.
+    """Panels below or beside each other."""
 
-    Attributes
-    ----------
-    name : str
-        Of its files.
-    caption : str
-    x_label : str
-        Of the last panel.
-    panels : tuple of Panel
-    columns : int
-        Of panels beside each other.
-    lanes : int
-        This many panels stay below each other, and have one x axis.
-    zoom : str
-        Charts with the same text have one axis of time, along which the page zooms.
-    """
-
-    name: str
+    name: str  # of its files
     caption: str
-    x_label: str
+    x_label: str  # below the last panel
     panels: tuple[Panel, ...]
-    columns: int = 1
-    lanes: int = 1
-    zoom: str = ""
+    columns: int = 1  # of panels beside each other
+    lanes: int = 1  # this many panels stay below each other, and have one x axis
+    zoom: str = ""  # charts with the same text are zoomed together along time
 
     def html(self) -> HtmlElement:
         """A figure of a page."""

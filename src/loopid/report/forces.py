@@ -86,19 +86,18 @@ def _errors(predictions: Sequence[Prediction]) -> Iterator[tuple[float, str, str
 
 
 def _prediction_record(found: Prediction) -> dict[str, Any]:
-    parts = {"moving": found.moving, "standing_or_saturated": found.standing}
-    return {
-        "name": found.recording.name,
-        "actuators": list(found.recording.actuators),
-        **{
-            part: json_fields(quality, "samples") | {"rms": json_value(quality.residual_rms)}
-            for part, quality in parts.items()
-        },
-        "relative_errors": json_value(found.relative_errors),
-        "in_95_percent_band": json_value(found.inside),
-        "dropped": [str(dropped) for dropped in found.recording.dropped],
-        "wrenches": list(found.recording.wrenches),
-    }
+    rest = found.standing
+    record: dict[str, Any] = json_value(
+        {
+            **json_fields(found.recording, "name", "actuators", "wrenches"),
+            "moving": {"samples": found.moving.samples, "rms": found.moving.residual_rms},
+            "standing_or_saturated": {"samples": rest.samples, "rms": rest.residual_rms},
+            "relative_errors": found.relative_errors,
+            "in_95_percent_band": found.inside,
+            "dropped": [str(dropped) for dropped in found.recording.dropped],
+        }
+    )
+    return record
 
 
 def _prediction_table(robot: Robot, found: Prediction) -> Table:
@@ -230,22 +229,24 @@ def _payload_record(found: PayloadFit) -> dict[str, Any]:
         mass, (centre, spread) = found.mass, found.centre()
     except RankError:
         mass = centre = spread = None  # type: ignore[assignment]
-    motors = found.motors
-    return {
-        "link": found.link,
-        "parameters": list(found.base.expressions),
-        "units": [parameter.unit for parameter in found.parameters],
-        "values": json_value(found.values),
-        "intervals_95_percent": json_value(found.intervals()),
-        "mass": mass,
-        "centre": json_value(centre),
-        "centre_intervals_95_percent": json_value(spread),
-        "standard_parameters": json_value(found.standard_parameters),
-        "motors": None
-        if motors is None
-        else json_fields(motors, "actuators", "values", "chance", "undetermined")
-        | {"intervals_95_percent": json_value(motors.intervals())},
-    }
+    motors, known = found.motors, dict[str, Any]()
+    if motors is not None:
+        known = json_fields(motors, "actuators", "values", "chance", "undetermined")
+        known["intervals_95_percent"] = motors.intervals()
+    record: dict[str, Any] = json_value(
+        {
+            "link": found.link,
+            "parameters": found.base.expressions,
+            "units": [parameter.unit for parameter in found.parameters],
+            **json_fields(found, "values", "standard_parameters"),
+            "intervals_95_percent": found.intervals(),
+            "mass": mass,
+            "centre": centre,
+            "centre_intervals_95_percent": spread,
+            "motors": known or None,
+        }
+    )
+    return record
 
 
 def gains_report(robot: Robot, found: GainFit) -> Report:

@@ -45,26 +45,13 @@ Part = str | Table | Chart | HtmlElement
 
 @record
 class Section:
-    """A title, and what stands below it.
-
-    Attributes
-    ----------
-    title : str
-    parts : tuple
-        Paragraphs (str), tables (``rich.table.Table``), charts (``Chart``) and elements.
-    folded : bool
-        Whether only the titles of its tables are seen at first.
-    lead : str
-        What it says, in a sentence.
-    short : str
-        Its name in the page's bar, by default the title.
-    """
+    """A title, and what stands below it."""
 
     title: str
-    parts: tuple[Part, ...]
-    folded: bool = False
-    lead: str = ""
-    short: str = ""
+    parts: tuple[Part, ...]  # paragraphs, tables, charts and elements
+    folded: bool = False  # only the titles of its tables are seen at first
+    lead: str = ""  # what it says, in a sentence
+    short: str = ""  # its name in the page's bar, by default the title
 
     @property
     def anchor(self) -> str:
@@ -211,20 +198,6 @@ def _reproducing(command: str) -> Section:
 class Page:
     """One file of HTML.
 
-    Attributes
-    ----------
-    title : str
-    sections : tuple of Section
-    under : str
-        What it is of, below the title.
-    card : Card or None
-    pictures : tuple of Chart
-        Beside the card, and below both.
-    findings : HtmlElement or None
-        Before the sections.
-    data : dict or None
-        Numbers that programs read from the page's element ``data``, there to six digits.
-
     Examples
     --------
     >>> from loopid.report import Page, Section
@@ -235,11 +208,11 @@ class Page:
 
     title: str
     sections: tuple[Section, ...]
-    under: str = ""
+    under: str = ""  # what it is of, below the title
     card: Card | None = None
-    pictures: tuple[Chart, ...] = ()
-    findings: HtmlElement | None = None
-    data: dict[str, Any] | None = None
+    pictures: tuple[Chart, ...] = ()  # beside the card, and below both
+    findings: HtmlElement | None = None  # before the sections
+    data: dict[str, Any] | None = None  # its element "data" has it to six digits, for programs
 
     def html(self) -> str:
         """The page as text."""

@@ -35,7 +35,7 @@ from loopid.motion.joints import MotionReview
 from loopid.report.excitation import CRITERIA, FOUND
 from loopid.report.identify import ROBOT, USES
 from loopid.report.page import VERSION
-from loopid.report.searches import ACCOUNT, GROUP, SEARCH
+from loopid.report.structure import ACCOUNT, GROUP, SEARCH
 
 
 def of(cls: Any, *names: str) -> dict[str, Any]:
