@@ -85,33 +85,20 @@ E = ElementMaker(typemap=_TEXTS, makeelement=html_parser.makeelement)
 
 @record
 class Mark:
-    """Something drawn in a panel.
+    """Something drawn in a panel; marks of one name have one entry in the legend.
 
-    Attributes
-    ----------
-    name : str
-        In the legend; several marks of one name have one entry, and none without a name.
-    x, y : FloatArray
-        (N,); a line breaks where one is NaN.
-    look : str
-        A key of ``LOOKS``.
-    kind : str
-        ``"line"``; ``"dots"``, many, or one by one ``"disc"``, ``"ring"``, ``"box"``; ``"band"``
-        between y and ``to``; ``"span"`` from x to ``to`` at y; ``"upright"`` at x over all y;
-        ``"shade"`` between x and ``to``; a key of ``SIGNS``.
-    to : FloatArray or None
-        (N,).
-    texts : tuple of str
-        (N,), in signs.
+    A kind is ``"line"``, which breaks where a value is NaN; ``"dots"``, many, or one by one
+    ``"disc"``, ``"ring"``, ``"box"``; ``"band"`` between y and ``to``; ``"span"`` from x to ``to``
+    at y; ``"upright"`` at x over all y; ``"shade"`` between x and ``to``; a key of ``SIGNS``.
     """
 
-    name: str
-    x: FloatArray
+    name: str  # none without an entry
+    x: FloatArray  # (N,), as y and ``to`` are
     y: FloatArray
-    look: str = "fit"
+    look: str = "fit"  # a key of ``LOOKS``
     kind: str = "line"
     to: FloatArray | None = None
-    texts: tuple[str, ...] = ()
+    texts: tuple[str, ...] = ()  # (N,), in signs
 
     @classmethod
     def upright(cls, name: str, *x: float, look: str = "faint") -> Mark:
@@ -550,8 +537,6 @@ def ticks(low: float, high: float, *, log: bool = False, count: int = TICKS) -> 
     places = [k * step for k in range(math.ceil(low / step), math.floor(high / step) + 1)]
     if len(places) < 2 and count < TICKS:
         return ticks(low, high, log=log, count=count + 1)
-    return [(at, _power(at) if log else f"{round(at, 12) + 0.0:.6g}") for at in places]
-
-
-def _power(at: float) -> str:
-    return f"{10**at:g}" if abs(at) <= PLAIN else f"1e{at:.0f}"
+    if not log:
+        return [(at, f"{round(at, 12) + 0.0:.6g}") for at in places]
+    return [(at, f"{10**at:g}" if abs(at) <= PLAIN else f"1e{at:.0f}") for at in places]

@@ -73,8 +73,14 @@ def model_errors_chart(found: Identification, *, worst: str = "") -> Chart:
             at = shares[:, k].max(keepdims=True)
             marks.append(Mark("where it is worst", at, np.full(1, 2.0), "fit", "ring"))
             labels.append(WHERE[names[int(shares[:, k].argmax())]].strip())
+        change = 100 * (float(ratios[k]) - 1)
+        beside = f"{abs(change):.0f} % {'below' if change < 0 else 'above'} the file's"
+        if not abs(change) >= 1:
+            beside = "as by the file"
+        elif change >= 200:
+            beside = f"{ratios[k]:.2g} times the file's"
         size = " ± ".join(with_error(float(rms[k]), float(spreads[k])))
-        note = f"{size} {force_unit(robot, motor)}, {_beside(float(ratios[k]))}"
+        note = f"{size} {force_unit(robot, motor)}, {beside}"
         said = of_motor(robot, motor, worst) | {"labels": tuple(labels), "note": note}
         panels.append(Panel("", tuple(marks), x_limits=(0.0, most), **said))
     caption = (
@@ -82,16 +88,6 @@ def model_errors_chart(found: Identification, *, worst: str = "") -> Chart:
         "one scale. The robot file stands with fitted joint terms."
     )
     return _by_motor("errors", caption, "% of the motor's force", panels)
-
-
-def _beside(ratio: float) -> str:
-    """An error beside that of the robot file."""
-    change = 100 * (ratio - 1)
-    if not abs(change) >= 1:
-        return "as by the file"
-    if ratio >= 3:
-        return f"{ratio:.2g} times the file's"
-    return f"{abs(change):.0f} % {'below' if change < 0 else 'above'} the file's"
 
 
 def _by_motor(name: str, caption: str, x_label: str, panels: Sequence[Panel]) -> Chart:

@@ -78,7 +78,7 @@ def forces_chart(
     """
     run, panels = found.recording, list[Panel]()
     time = run.motion.time
-    predictions = {"fit": ("this fit", found.predicted)}
+    predictions, some = {"fit": ("this fit", found.predicted)}, spread_rows(len(run), MOST_DOTS)
     if file is not None:
         predictions = {"file": ("the robot file", file), **predictions}
     for motor in run.actuators if motors is None else motors:
@@ -100,20 +100,14 @@ def forces_chart(
             line = Mark(f"measured less {by}", time, left[look], look)
             zero = Mark("", time[[0, -1]], np.zeros(2), "faint")
             title = f"left by {by} ({unit}), rms {number(rms, 2)}"
-            marks = (shade, zero, *_band(found, k, look), line)
-            panels.append(Panel(title, marks, y_limits=(-most, most), small=True))
+            marks = [shade, zero, line]
+            if found.reach is not None and look == "fit":
+                half = found.reach[some, k]
+                marks.insert(2, Mark("95 % of new forces", time[some], -half, look, "band", half))
+            panels.append(Panel(title, tuple(marks), y_limits=(-most, most), small=True))
     caption = f"Of {run.name}. Lanes of errors have one scale a motor. {ZOOM}"
     many, lanes = len(panels) > 1 + len(predictions), 1 + len(predictions)
     return Chart(name, caption, "time (s)", tuple(panels), 2 if many else 1, lanes, run.name)
-
-
-def _band(found: Prediction, motor: int, look: str) -> list[Mark]:
-    """Where 95 % of new forces are left by the fit; none by other predictions."""
-    if found.reach is None or look != "fit":
-        return []
-    some = spread_rows(len(found.recording), MOST_DOTS)
-    time, half = found.recording.motion.time[some], found.reach[some, motor]
-    return [Mark("95 % of new forces", time, -half, look, "band", half)]
 
 
 def _spans(time: FloatArray, chosen: BoolArray) -> Any:

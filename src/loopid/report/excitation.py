@@ -42,6 +42,19 @@ def excitation_report(found: ExcitationDesign) -> Report:
         f"parameters{change}; the condition number is {condition}"
         + ("." if found.converged else ", which more evaluations may improve.")
     )
+    search = (
+        f"Criterion {found.options.criterion}: log det {found.criteria.log_det:.4g} (D), trace of "
+        f"the inverse {found.criteria.trace:.4g} (A), least eigenvalue "
+        f"{found.criteria.least_eigenvalue:.4g} (E), by {found.solver} in {found.evaluations} "
+        f"evaluations, {found.seconds:.1f} s."
+    )
+    columns = {
+        **{"": "name", ">least": "lowest", ">most": "highest", ">from": "lower", ">to": "upper"},
+        **{"unit": "unit", ">broken": "violations"},
+    }
+    kept = table_of(
+        "check list, on a grid ten times finer than the design's", columns, found.checks
+    )
     chart, steps = errors_chart(found), "run motion.csv on the robot, and identify from its log."
     return Report(
         name="excitation",
@@ -63,9 +76,9 @@ def excitation_report(found: ExcitationDesign) -> Report:
         ),
         pictures=lambda: (robot_chart(model.robot),),
         sections=lambda: [
-            Section("Motion", (motion_chart(found),), lead=_search(found)),
+            Section("Motion", (motion_chart(found),), lead=search),
             Section("Expected accuracy", (chart, _noise(found))),
-            Section("What it keeps", (_checks(found),)),
+            Section("What it keeps", (kept,)),
         ],
         results=lambda: {"motion.csv": motion_table(found), "motion.yaml": motion_file(found)},
     )
@@ -89,16 +102,6 @@ def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
     }
 
 
-def _search(found: ExcitationDesign) -> str:
-    """How the motion was found, and how much information it has."""
-    known = found.criteria
-    return (
-        f"Criterion {found.options.criterion}: log det {known.log_det:.4g} (D), trace of the "
-        f"inverse {known.trace:.4g} (A), least eigenvalue {known.least_eigenvalue:.4g} (E), by "
-        f"{found.solver} in {found.evaluations} evaluations, {found.seconds:.1f} s."
-    )
-
-
 def _noise(found: ExcitationDesign) -> Table:
     robot, sizes = found.force_model.robot, np.sqrt((found.forces**2).mean(axis=0))
     rows = (
@@ -110,15 +113,6 @@ def _noise(found: ExcitationDesign) -> Table:
     )
     title = f"noise that they assume, independent at {found.options.rate:g} Hz"
     return plain_table(title, ("force of", ">± std", "unit", ">of its root mean square"), rows)
-
-
-def _checks(found: ExcitationDesign) -> Table:
-    columns = {
-        **{"": "name", ">least": "lowest", ">most": "highest", ">from": "lower", ">to": "upper"},
-        **{"unit": "unit", ">broken": "violations"},
-    }
-    title = "check list, on a grid ten times finer than the design's"
-    return table_of(title, columns, found.checks)
 
 
 def motion_table(found: ExcitationDesign) -> str:

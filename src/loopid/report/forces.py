@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import PurePath
 from typing import Any
@@ -27,7 +27,15 @@ from loopid.robot.robot import Robot
 
 def prediction_report(robot: Robot, predictions: Sequence[Prediction]) -> Report:
     """Forces of logs beside those of a fit."""
-    worst, motor, log = max(_errors(predictions), default=(np.nan, "", ""))
+    errors = (
+        (part, name, found.recording.name)
+        for found in predictions
+        for part, name in zip(
+            found.relative_errors.tolist(), found.recording.actuators, strict=True
+        )
+        if np.isfinite(part)
+    )
+    worst, motor, log = max(errors, default=(np.nan, "", ""))
     grade = "Good" if worst <= GOOD else "Rough" if worst <= ROUGH else "Bad"
     tones: dict[str, Tone] = {"Good": "good", "Rough": "rough", "Bad": "bad"}
     samples = sum(int(found.moving.samples.sum()) for found in predictions)
@@ -77,14 +85,6 @@ def prediction_report(robot: Robot, predictions: Sequence[Prediction]) -> Report
     )
 
 
-def _errors(predictions: Sequence[Prediction]) -> Iterator[tuple[float, str, str]]:
-    """Errors in parts of the force where it moves, with motor and recording."""
-    for found in predictions:
-        for motor, part in zip(found.recording.actuators, found.relative_errors, strict=True):
-            if np.isfinite(part):
-                yield float(part), motor, found.recording.name
-
-
 def _prediction_record(found: Prediction) -> dict[str, Any]:
     rest = found.standing
     record: dict[str, Any] = json_value(
@@ -119,6 +119,7 @@ def _prediction_table(robot: Robot, found: Prediction) -> Table:
 def payload_report(robot: Robot, found: PayloadFit) -> Report:
     """A body that was carried."""
     told, motors, ends = _payload_record(found), _determined(found), found.intervals()
+    apart = None if motors is None else motors.disagreement
     sure = sum(low > 0 or high < 0 for low, high in ends)
     verdict, clear = "The forces determine no mass of the payload alone", f"{sure} of {len(ends)}"
     rows = [
@@ -133,10 +134,8 @@ def payload_report(robot: Robot, found: PayloadFit) -> Report:
         mass, between = _of_width(told["mass"], span), interval(*span).replace("...", "to")
         said = [f"{axis} {_of_width(x, own)}" for axis, x, own in _centre(found)]
         centre = f"at {', '.join(said)} m in the link's frame" if said else "undetermined"
-        verdict = (
-            f"The payload weighs {mass} kg (95 %: {between}){_motors_said(found)}, its centre is "
-            f"{centre}"
-        )
+        differ = "" if apart is None else f", on which motors disagree ({_span(motors)} kg)"
+        verdict = f"The payload weighs {mass} kg (95 %: {between}){differ}, its centre is {centre}"
         rows += [
             (f"centre of mass, {axis}", f"{number(x)} m", interval(*own))
             for axis, x, own in _centre(found)
@@ -151,7 +150,7 @@ def payload_report(robot: Robot, found: PayloadFit) -> Report:
         record=told,
         brief=[table, *(panel_table(chart.panels[0]) for chart in charts)],
         card=card,
-        findings=() if motors is None or motors.disagreement is None else (motors.disagreement,),
+        findings=() if apart is None else (apart,),
         pictures=lambda: (robot_chart(robot),),
         sections=lambda: [
             *(Section("Mass by each motor", (chart,), short="Motors") for chart in charts),
@@ -175,8 +174,7 @@ def _payload_card(found: PayloadFit, mass: str, between: str) -> Card:
     apart = None if motors is None else motors.disagreement
     if motors is not None:
         chips.append(("rough", "Motors disagree") if apart else ("good", "Motors agree"))
-        span = f"{motors.values.min():.3g} to {motors.values.max():.3g}"
-        figures.append(Figure(span, "mass by each motor alone", "kg"))
+        figures.append(Figure(_span(motors), "mass by each motor alone", "kg"))
     return Card(
         tone="rough" if apart else "good",
         word=f"{mass} kg",
@@ -185,6 +183,10 @@ def _payload_card(found: PayloadFit, mass: str, between: str) -> Card:
         figures=tuple(figures),
         next=f"{apart.do}." if apart else "",
     )
+
+
+def _span(motors: MotorMasses | None) -> str:
+    return "" if motors is None else f"{motors.values.min():.3g} to {motors.values.max():.3g}"
 
 
 def _masses_chart(robot: Robot, motors: MotorMasses, mass: float, span: FloatArray) -> Chart:
@@ -206,14 +208,6 @@ def _by_motor(found: MotorMasses | GainFit, values: FloatArray) -> dict[str, lis
 def _of_width(value: float, ends: FloatArray) -> str:
     """A value to two digits of half the width of its interval."""
     return with_error(value, float(ends[1] - ends[0]) / 2)[0]
-
-
-def _motors_said(found: PayloadFit) -> str:
-    """On what motors disagree, if they do."""
-    motors = found.motors
-    if motors is None or not motors.disagreement:
-        return ""
-    return f", on which motors disagree ({motors.values.min():.3g} to {motors.values.max():.3g} kg)"
 
 
 def _centre(found: PayloadFit) -> list[tuple[str, float, FloatArray]]:

@@ -146,7 +146,13 @@ def _sections(found: Identification, worst: str) -> Iterator[Section]:
     log = [charts.used_chart(robot, used), charts.gains_chart(robot, found.suspicions)]
     log += [] if found.delay is None else [charts.delays_chart(robot, found.delay)]
     checks: list[Part] = [each for each in log if each.panels]
-    checks += [table] if (table := _dropped_table(found)).row_count else []
+    dropped = [
+        (run.name, d.reason, d.count, f"{d.first:.2f}", f"{d.last:.2f}")
+        for run in found.training
+        for d in run.dropped
+    ]
+    columns = "recording", "reason", ">samples", ">from (s)", ">to (s)"
+    checks += [plain_table("left out", columns, dropped)] if dropped else []
     yield Section("Checks of the log", tuple(checks), folded=True, short="Log")
     model: list[Part] = [] if found.cutoff is None else [charts.filter_chart(found.cutoff)]
     model.append(_candidates_table(found))
@@ -343,14 +349,3 @@ def _grade(each: Candidate, found: Identification) -> str:
     said = "better" if each.beats_baseline else "worse" if each.loses_to_baseline else "not clear"
     said = "" if each is found.baseline else said
     return f"{said} (recommended)".strip() if each is found.recommended else said
-
-
-def _dropped_table(found: Identification) -> Table:
-    """What of the recordings was left out."""
-    rows = (
-        (recording.name, d.reason, d.count, f"{d.first:.2f}", f"{d.last:.2f}")
-        for recording in found.training
-        for d in recording.dropped
-    )
-    columns = "recording", "reason", ">samples", ">from (s)", ">to (s)"
-    return plain_table("left out", columns, rows)

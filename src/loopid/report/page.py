@@ -185,15 +185,6 @@ def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:] if text.split(" ")[0].strip(",:").isalpha() else text
 
 
-def _reproducing(command: str) -> Section:
-    """The command line, if there was one, and versions of the libraries that decide the numbers."""
-    told = {name: version(name) for name in LIBRARIES} | {"Python": platform.python_version()}
-    used = ", ".join(f"{name} {which}" for name, which in told.items())
-    said = f"{used}; {platform.system()} {platform.machine()}"
-    parts: list[Part] = [E.pre(command)] if command else []
-    return Section("To reproduce this run", (*parts, said), short="Reproduce")
-
-
 @record
 class Page:
     """One file of HTML.
@@ -301,13 +292,17 @@ class Report:
 
     def page(self, command: str = "") -> Page:
         """The page, with the command line that reproduces it."""
-        told = self.findings or self.checks
-        findings = findings_html(self.findings, self.checks) if told else None
+        findings = None
+        if self.findings or self.checks:
+            findings = findings_html(self.findings, self.checks)
         data = {key: value for key, value in self.data.items() if key not in self.beside}
-        sections = (*self.sections(), _reproducing(command))
-        return Page(
-            self.title, sections, self.under, self.card, tuple(self.pictures()), findings, data
-        )
+        told = {name: version(name) for name in LIBRARIES} | {"Python": platform.python_version()}
+        used = ", ".join(f"{name} {which}" for name, which in told.items())
+        parts: list[Part] = [E.pre(command)] if command else []
+        parts.append(f"{used}; {platform.system()} {platform.machine()}")
+        run = Section("To reproduce this run", tuple(parts), short="Reproduce")
+        sections, pictures = (*self.sections(), run), tuple(self.pictures())
+        return Page(self.title, sections, self.under, self.card, pictures, findings, data)
 
     def files(self, command: str = "", *, figures: bool = False) -> dict[str, bytes | str]:
         """Page, record, results, and figures for papers if required, by file name."""
