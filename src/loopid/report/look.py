@@ -95,6 +95,11 @@ def folded(table: Table, console: Console) -> Table:
     return plain_table("", [*names, "", *names], both)
 
 
+def facts(title: str, entries: Mapping[str, object]) -> Table:
+    """A table of names and what is said of them."""
+    return plain_table(title, ("", ""), entries.items())
+
+
 def table_of(title: str, columns: Mapping[str, Any], things: Iterable[Any]) -> Table:
     """A row a thing, with columns as of ``plain_table``.
 

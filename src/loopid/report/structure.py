@@ -24,7 +24,7 @@ from loopid.numbers import number
 from loopid.plots.structure import robot_chart, search_chart
 from loopid.regressors.file_forces import file_forces
 from loopid.regressors.joint_terms import OF_FILE
-from loopid.report.look import json_fields, json_value, plain_table, table_of
+from loopid.report.look import facts, json_fields, json_value, plain_table, table_of
 from loopid.report.page import Card, Figure, Report, Section, Tone
 from loopid.robot.closures import JointCoupling
 from loopid.robot.robot import Robot, shortened
@@ -81,10 +81,7 @@ def check_report(robot: Robot) -> Report:
         title=robot.name,
         verdict=verdict,
         record=found,
-        brief=[
-            _closures_table("", found["closures"][:SOME]),
-            plain_table("", ("", ""), few.items()),
-        ],
+        brief=[_closures_table("", found["closures"][:SOME]), facts("", few)],
         sections=lambda: [
             Section("Closures and mobility", tuple(tables), short="Mobility"),
             Section("Joints", (joints,)),
@@ -246,14 +243,11 @@ def check_tables(record: dict[str, Any]) -> list[Table]:
         ">parallel pairs": "parallel_pairs",
     }
     of_file, left_out_title = record["in_file_not_in_model"], "in the file, not in the model"
-    said, modes_title = (
-        _summary(record).items(),
-        "assembly modes of the drawn pose; the first is used",
-    )
+    modes_title = "assembly modes of the drawn pose; the first is used"
     tables = [
         table_of("joints (m, rad)", joints, record["joints"]),
         _closures_table("closures", record["closures"]),
-        plain_table("at the reference", ("", ""), ((n, text or "none") for n, text in said)),
+        facts("at the reference", {n: text or "none" for n, text in _summary(record).items()}),
         table_of(left_out_title, left_out, of_file),
         table_of(modes_title, modes, record["assembly_modes"]),
     ]
@@ -338,10 +332,7 @@ def base_report(
         title=f"{robot.name}, {model} model",
         verdict=verdict,
         record=found,
-        brief=[
-            _first_parameters(found),
-            *([plain_table("", ("", ""), account.items())] if account else []),
-        ],
+        brief=[_first_parameters(found), *([facts("", account)] if account else [])],
         sections=lambda: [
             Section("Base parameters", (parameters,)),
             *([Section("Subgroup search", tried)] if tried else []),
@@ -420,7 +411,7 @@ def base_tables(record: dict[str, Any]) -> list[Table]:
         }
         title = "doubtful combinations, which do not count"
         tables.append(table_of(title, columns, record["doubtful"]))
-    return [*tables, plain_table("findings", ("", ""), _findings(record).items())]
+    return [*tables, facts("findings", _findings(record))]
 
 
 def _parameters(title: str, choice: dict[str, Any]) -> Table:
