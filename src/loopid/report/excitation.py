@@ -52,9 +52,7 @@ def excitation_report(found: ExcitationDesign) -> Report:
         **{"": "name", ">least": "lowest", ">most": "highest", ">from": "lower", ">to": "upper"},
         **{"unit": "unit", ">broken": "violations"},
     }
-    kept = table_of(
-        "check list, on a grid ten times finer than the design's", columns, found.checks
-    )
+    kept = table_of("limits, on a ten times finer grid", columns, found.checks)
     chart, steps = errors_chart(found), "run motion.csv on the robot, and identify from its log."
     return Report(
         name="excitation",
