@@ -210,8 +210,7 @@ def payload(
     logged = [*runs["unloaded"], *runs["loaded"]]
     fitted = force_model(robot, chosen_model(robot, model, logged), terms)
     if known_mass is None:
-        found = identify_payload(fitted, link, **runs, estimator=estimator)
-        report = payload_report(robot, found)
+        report = payload_report(robot, identify_payload(fitted, link, **runs, estimator=estimator))
     else:
         load = KnownLoad(known_mass, None if centre is None else numbers(centre, "--centre", 3))
         gains = drive_gains(fitted, link, load, **runs, estimator=estimator)
