@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import io
 from typing import Any
 
 import numpy as np
 from rich.table import Table
 
-from loopid.arguments import FloatArray
 from loopid.excitation.design import ExcitationDesign
 from loopid.files import csv_text
-from loopid.motion.trajectories import FourierCurve, Waypoint
+from loopid.motion.files import motion_text
 from loopid.plots.excitation import errors_chart, motion_chart
 from loopid.plots.structure import force_unit, robot_chart
 from loopid.report.look import json_fields, json_value, plain_table, table_of
 from loopid.report.page import Card, Figure, Report, Section, panel_table
-from loopid.yaml_files import yaml_writer
 
 NAME = "excitation"  # of the motion in its file
 CRITERIA = "condition_number", "log_det", "trace", "least_eigenvalue"
@@ -78,8 +75,20 @@ def excitation_report(found: ExcitationDesign) -> Report:
             Section("Expected accuracy", (chart, _noise(found))),
             Section("What it keeps", (kept,)),
         ],
-        results=lambda: {"motion.csv": motion_table(found), "motion.yaml": motion_file(found)},
+        results=lambda: _motion_files(found),
     )
+
+
+def _motion_files(found: ExcitationDesign) -> dict[str, bytes | str]:
+    """Position, velocity and acceleration of every motor over time, and the steps."""
+    table, motion = found.motors._table(), found.motion
+    said = f"excites the {found.force_model.model} model, {found.options.criterion}"
+    rate = float((len(motion) - 1) / motion.duration)
+    steps = motion_text(NAME, said, motion.names, rate, found.start, found.waypoints)
+    return {
+        "motion.csv": csv_text([*table], *table.values(), digits=12),
+        "motion.yaml": steps,
+    }
 
 
 def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
@@ -111,39 +120,3 @@ def _noise(found: ExcitationDesign) -> Table:
     )
     title = f"noise that they assume, independent at {found.options.rate:g} Hz"
     return plain_table(title, ("force of", ">± std", "unit", ">of its root mean square"), rows)
-
-
-def motion_table(found: ExcitationDesign) -> str:
-    """Position, velocity and acceleration of every motor over time, as CSV."""
-    table = found.motors._table()
-    return csv_text([*table], *table.values(), digits=12)
-
-
-def motion_file(found: ExcitationDesign) -> str:
-    """The motion file that ``read_motion_program`` reads."""
-    names, here, steps = found.motion.names, found.start, list[dict[str, Any]]()
-    for waypoint in found.waypoints:
-        steps.append(_step(names, here, waypoint))
-        here = waypoint.position
-    said = f"excites the {found.force_model.model} model, {found.options.criterion}"
-    motion = {"description": said, "start": _pose(names, found.start), "steps": steps}
-    rate = float((len(found.motion) - 1) / found.motion.duration)
-    content = {"coordinates": list(names), "rate": rate, "motions": {NAME: motion}}
-    text = io.StringIO()
-    yaml_writer().dump(content, text)
-    return text.getvalue()
-
-
-def _pose(names: tuple[str, ...], values: FloatArray) -> dict[str, float]:
-    return dict(zip(names, values.tolist(), strict=True))
-
-
-def _step(names: tuple[str, ...], here: FloatArray, waypoint: Waypoint) -> dict[str, Any]:
-    curve, seconds = waypoint.curve, float(waypoint.seconds)
-    if isinstance(curve, FourierCurve):
-        both = zip(names, *(part.T.tolist() for part in np.split(curve.shape, 2)), strict=True)
-        terms = {name: {"sine": sine, "cosine": cosine} for name, sine, cosine in both}
-        return {"fourier": terms, "seconds": seconds}
-    if (waypoint.position == here).all():
-        return {"hold": seconds}
-    return {"to": _pose(names, waypoint.position), "seconds": seconds}
