@@ -72,7 +72,7 @@ def run(folder):
         loopid.identification.identifiability(model, [recording]),
         loopid.simulate(robot, motion, loopid.motion.Noise(gaussian=0.1)),
         loopid.motion.review_motion(robot, motion),
-        *found.suspicions,
+        *found.log_faults,
         loopid.design_motion(model, options=options),
         loopid.identification.fit(samples),
         *(loopid.base_parameters.ExactSearch(), loopid.MotionLimits(speeds={"all": 1.0}), options),

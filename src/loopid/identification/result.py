@@ -136,7 +136,7 @@ class FileDeviation(OfArrays):
         return list(zip(self.bodies, self.own.tolist(), strict=True))
 
     @property
-    def suspicion(self) -> str:
+    def fault(self) -> str:
         """What a deviation at its bound says: a sentence, empty where none is."""
         if self.common < LARGEST_OFF and not self.far:
             return ""
