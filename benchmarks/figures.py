@@ -71,7 +71,7 @@ def main() -> None:
     for command in dict.fromkeys(name.partition(":")[0] for name in TABLES):
         if command.split()[0] in sys.argv[1:]:
             stored[command] = measured(command)
-    STORED.write_text(json.dumps(stored, indent=1, ensure_ascii=False) + "\n")
+            STORED.write_text(json.dumps(stored, indent=1, ensure_ascii=False) + "\n")
     PAGE.write_text(with_tables(PAGE.read_text(), stored))
 
 
