@@ -47,7 +47,7 @@ TABLES = {
         **{"Python, µs": "{µs in Python:2}", "difference": "{largest difference:1}"},
     },
 }
-MARKED = re.compile(r"(<!-- ([\w. -]+: \w+) -->\n)((?:\|.*\n)*)")
+MARKED = re.compile(r"(<!-- ([\w. -]+: \w+) -->\n\n)((?:\|.*\n)*)")
 
 
 class Figure(float):
