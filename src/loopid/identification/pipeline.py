@@ -37,7 +37,7 @@ from loopid.identification.information import (
 )
 from loopid.identification.jackknife import Jackknife
 from loopid.identification.leaving_out import LeftOut
-from loopid.identification.log_mistakes import suspicions_by_log
+from loopid.identification.log_mistakes import log_faults_by_log
 from loopid.identification.missing import MissingForce, missing_forces, with_missing
 from loopid.identification.model_choice import ModelChoice, choose_model
 from loopid.identification.options import FitOptions
@@ -175,7 +175,7 @@ def identify(
         n_jobs=options.n_jobs,
     )
     runs = *training, *judging, *friction
-    suspected = suspicions_by_log(own, runs, force_model.joint_terms)
+    suspected = log_faults_by_log(own, runs, force_model.joint_terms)
     mistakes = [found for one in suspected for found in one.mistakes]
     for each in mistakes:
         each.warn()  # before what a wrong log may end in
@@ -244,7 +244,7 @@ def identify(
         *(force_model, *parts, data, new, excited, judged, options),
         cutoff=cutoff,
         delay=delay,
-        suspicions=suspected,
+        log_faults=suspected,
         missing=missing,
         choice=choice,
     )
