@@ -143,7 +143,7 @@ def _sections(found: Identification, worst: str) -> Iterator[Section]:
             "What the log does not identify", (_unidentified_table(found),), short="Not identified"
         )
     used = {"fitted": found.training, "new data, not fitted": found.validation}
-    log = [charts.used_chart(robot, used), charts.gains_chart(robot, found.suspicions)]
+    log = [charts.used_chart(robot, used), charts.gains_chart(robot, found.log_faults)]
     log += [] if found.delay is None else [charts.delays_chart(robot, found.delay)]
     checks: list[Part] = [each for each in log if each.panels]
     dropped = [
@@ -238,7 +238,7 @@ def identification_record(found: Identification, judged: Verdict | None = None) 
             | json_fields(judged, *USES)
             | {"ratio": root(*judged.ratio)},
             "errors": [_errors(found, k) for k in range(len(model.robot.independent))],
-            **json_fields(found, "prior_deviation", "cutoff", "delay", "suspicions"),
+            **json_fields(found, "prior_deviation", "cutoff", "delay", "log_faults"),
             "joint_terms": {} if terms is None else dict(terms.of_joints),
             "identifiability": {
                 **json_fields(told, "structural_rank", "rank"),
