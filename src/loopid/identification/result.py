@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from loopid.arguments import FloatArray, IntArray, checked, finite, frozen
+from loopid.arguments import FloatArray, IntArray, checked, finite, frozen, variances
 from loopid.errors import DataError, OptionError
 from loopid.identification.problem import FitProblem
+from loopid.numbers import number
 from loopid.parameters import ParameterSet, html_table
 from loopid.records import Tabular, record
 from loopid.registry import fit_exports
@@ -118,11 +119,11 @@ class FileDeviation(OfArrays):
     def sentence(self) -> str:
         """How far the file is trusted; at a bound that is no finding of the data."""
         bound = not LEAST_OFF < self.common < LARGEST_OFF
-        off = (f"{name} {100 * own:.2g} %" for name, own in self.rows if own > self.common)
+        off = (f"{name} {number(100 * own, 2)} %" for name, own in self.rows if own > self.common)
         also = ", ".join(off)
         return (
             f"the given bodies {'are assumed' if bound else 'count as'} right to "
-            f"{100 * self.common:.2g} %{f', but {also}' if also else ''}"
+            f"{number(100 * self.common, 2)} %{f', but {also}' if also else ''}"
         )
 
     @property
@@ -136,7 +137,7 @@ class FileDeviation(OfArrays):
         return list(zip(self.bodies, self.own.tolist(), strict=True))
 
     @property
-    def suspicion(self) -> str:
+    def fault(self) -> str:
         """What a deviation at its bound says: a sentence, empty where none is."""
         if self.common < LARGEST_OFF and not self.far:
             return ""
@@ -455,8 +456,8 @@ class Fit(OfArrays, Tabular):
         known, values = self.uncertainty, self.standard_parameters
         if known is None or values is None:
             return {}
-        variance = known.beside + ((known.gain @ self.covariance) * known.gain).sum(axis=1)
-        errors = np.sqrt(np.maximum(variance, 0.0))
+        variance = known.beside + variances(known.gain, self.covariance)
+        errors = np.sqrt(variance)
         freedom = np.minimum(known.degrees_of_freedom, self.degrees_of_freedom.min())
         reach = stdtrit(freedom, 0.975) * errors
         determined = variance < (1 - DETERMINED) * known.file
