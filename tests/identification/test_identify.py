@@ -28,6 +28,8 @@ from loopid.logs import Recording
 from loopid.motion import Noise
 from made_runs import changed, friction, modelled, quietly, record, stand, wander
 
+pytestmark = pytest.mark.usefixtures("nothing_suspected")
+
 DRAWS = 10
 REFUSE = FitOptions(unidentifiable="error")
 

@@ -29,8 +29,13 @@ from loopid.kinematics.measured import platform_motion
 
 COUNT = 5
 # Redundant rows, couplings, joints without end, balls that spin, redundant motors, floating bases.
-ROBOTS = (*LINKAGES, "3ups_rpu", "6ups", "delta", "endless", "flying")
-FITTED = few_of(loopid.bundled_robots(), "3ups_rpu", "five_bar", "delta", "6ups")
+ROBOTS = few_of(
+    (*LINKAGES, "3ups_rpu", "6ups", "delta", "endless", "flying"),
+    *("6d loop", "distance loop", "cable loop", "prismatic slider-crank", "bennett", "ball rssr"),
+    *("cross rssr", "redundant five-bar", "rack and pinion", "cam", "differential"),
+    *("3ups_rpu", "delta", "endless", "flying"),
+)
+FITTED = few_of(loopid.bundled_robots(), "3ups_rpu", "five_bar")
 
 
 def close(found, expected, tolerance, scale=None):
