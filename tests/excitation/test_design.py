@@ -13,7 +13,7 @@ from loopid.identification.fitting import quiet_fit
 from loopid.kinematics import closed_motion
 from loopid.logs import Log
 
-QUICK = DesignOptions(starts=1, evaluations=10, solver="slsqp", rate=20.0)
+QUICK = DesignOptions(starts=1, evaluations=6, size=3, solver="slsqp", rate=20.0)
 FINE = replace(QUICK, rate=100.0)
 
 
