@@ -25,6 +25,7 @@ from closure_robots import X, Y, Z, body, files, frame, joint, urdf
 from linkages import LINKAGES
 from loopid import bundled_robots, identify, random_configurations, read_log
 from loopid.errors import ModelWarning
+from loopid.identification import delay
 from loopid.identification.log_mistakes import Suspicions
 from loopid.paper.reproduction import reproduce_paper
 from made_runs import friction, logged, quietly, wander
@@ -60,6 +61,19 @@ def nothing_suspected():
     with pytest.MonkeyPatch.context() as patch:
         pipeline = import_module("loopid.identification.pipeline")
         patch.setattr(pipeline, "suspicions_by_log", unsuspected)
+        yield
+
+
+@pytest.fixture(scope="module")
+def no_delay_sought():
+    """Forces count as measured with the positions: to find their delay takes most of the rest."""
+    pipeline = import_module("loopid.identification.pipeline")
+
+    def in_time(*arguments, **options):
+        return delay.in_time(*arguments, **options | {"undo": False})
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pipeline, "in_time", in_time)
         yield
 
 

@@ -15,7 +15,7 @@ from loopid.logs import Recording
 from loopid.motion import LowPass, Motion, joint_motion, scaled_bodies
 from made_runs import quietly, record, unchecked, wander
 
-pytestmark = pytest.mark.usefixtures("nothing_suspected")
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "no_delay_sought")
 
 LEFT, RIGHT = "left_crank_joint", "right_crank_joint"
 

@@ -111,7 +111,7 @@ def content(links, joints):
     return found, set(inertials), masses
 
 
-@pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.validate)])
+@pytest.mark.parametrize("every", [8, pytest.param(1, marks=pytest.mark.validate)])
 def test_both_readers_see_what_is_in_the_files(urdf_folder, robot_data, shared, every):
     folders = (urdf_folder, robot_data, shared / "models")
     files = sorted(file for folder in folders for file in folder.rglob("*.urdf"))

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 import loopid
 from bank_robots import few_of
-from linkages import LINKAGES
+from linkages import LINKAGES, ORDINARY
 from loopid import Dynamics, random_configurations
 from loopid.errors import AssemblyError, DataError, MobilityError, OptionError, SingularityError
 from loopid.kinematics import (
@@ -29,12 +29,8 @@ from loopid.kinematics.measured import platform_motion
 
 COUNT = 5
 # Redundant rows, couplings, joints without end, balls that spin, redundant motors, floating bases.
-ROBOTS = few_of(
-    (*LINKAGES, "3ups_rpu", "6ups", "delta", "endless", "flying"),
-    *("6d loop", "distance loop", "cable loop", "prismatic slider-crank", "bennett", "ball rssr"),
-    *("cross rssr", "redundant five-bar", "rack and pinion", "cam", "differential"),
-    *("3ups_rpu", "delta", "endless", "flying"),
-)
+OTHERS = ("3ups_rpu", "delta", "endless", "flying")
+ROBOTS = few_of((*LINKAGES, "6ups", *OTHERS), *ORDINARY, *OTHERS)
 FITTED = few_of(loopid.bundled_robots(), "3ups_rpu", "five_bar")
 
 
