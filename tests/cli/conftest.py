@@ -47,12 +47,13 @@ def run(monkeypatch, capsys):
 
 @pytest.fixture(autouse=True)
 def arm_identified_once(request, monkeypatch, once):
-    """Commands share what the same data of the arm identify, and look for no mistakes in them."""
+    """Commands share what the same data of the arm identify, with no mistakes and no delays."""
     if "arm_files" not in request.fixturenames:
         return
     pipeline = import_module("loopid.identification.pipeline")
+    identify, in_time = pipeline.identify, pipeline.in_time
     monkeypatch.setattr(pipeline, "suspicions_by_log", lambda *_: (Suspicions("run"),))
-    identify = pipeline.identify
+    monkeypatch.setattr(pipeline, "in_time", lambda *a, **o: in_time(*a, **o | {"undo": False}))
 
     def identified(*arguments, **options):
         def found():
