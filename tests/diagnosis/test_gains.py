@@ -75,7 +75,7 @@ def test_gains_without_noise_are_found_to_round_off(arm, load):
 def test_a_motor_that_cannot_tell_is_named(arm):
     model, runs = loopid.force_model(arm, "gravity", "Fc"), recorded(arm, "gravity")
     found = loopid.diagnosis.drive_gains(model, "lower", KnownLoad(MASS), **runs, estimator="ols")
-    assert found.untold == ("pan_joint",)
+    assert found.undetermined == ("pan_joint",)
     assert found.actuators == ("upper_joint", "lower_joint")
     np.testing.assert_allclose(found.gains, GAINS[1:], rtol=1e-6)
 

@@ -102,7 +102,7 @@ def test_motors_with_other_gains_disagree_and_the_interval_holds_it(case):
     with pytest.warns(loopid.errors.DataWarning, match="motors disagree on the mass: "):
         found = loopid.identify_payload(case[1], "platform", unloaded=light, loaded=heavy)
     motors = found.motors
-    assert motors.untold == ()
+    assert motors.undetermined == ()
     low, high = motors.intervals(0.999).T
     assert ((low < 20.0 / gains) & (20.0 / gains < high)).all()
     low, high = found.intervals()[0]

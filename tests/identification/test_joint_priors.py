@@ -60,7 +60,7 @@ def test_a_group_is_as_large_as_its_coefficients_and_another_is_none(waves):
     told = found.term_deviations
     assert told.names == ("left_crank_joint: waves", "right_crank_joint: waves")
     assert told.own[0] == pytest.approx(np.std(truth[own]), rel=0.5)
-    assert told.told[0] > 10
+    assert told.determined[0] > 10
     assert told.own[1] < 0.02
     assert (np.abs(found.values - truth)[own] < 4.5 * found.standard_errors[own]).all()
 

@@ -91,7 +91,7 @@ def test_the_robot_beside_the_sums_has_their_uncertainty(found):
     np.testing.assert_allclose(base.matrix @ known.gain, np.eye(len(base)), atol=1e-6)
     assert list(fit.standard) == list(base.parameters.labels)
     for name in ("left_crank.my", "right_crank_joint.Fv"):
-        assert fit.standard[name].told
+        assert fit.standard[name].determined
         assert fit.standard[name].standard_error == pytest.approx(
             fit[name].standard_error, rel=1e-6
         )
@@ -102,10 +102,10 @@ def test_what_only_the_file_tells_is_said(found):
     robot = found["consistent"].fit.standard
     for name, estimate in robot.items():
         if Parameter.parse(name).kind in ("mz", "Ixz", "Iyz"):
-            assert not estimate.told, name
-    assert not robot["left_crank.Ixx"].told
-    assert not found["robot file"].fit.standard["left_crank.m"].told
-    assert found["robot file"].fit.standard["left_crank_joint.Fc"].told
+            assert not estimate.determined, name
+    assert not robot["left_crank.Ixx"].determined
+    assert not found["robot file"].fit.standard["left_crank.m"].determined
+    assert found["robot file"].fit.standard["left_crank_joint.Fc"].determined
 
 
 def test_a_saved_robot_is_the_same(found, tmp_path):
@@ -113,9 +113,9 @@ def test_a_saved_robot_is_the_same(found, tmp_path):
     again = loopid.load_fit(fit.save(tmp_path / "fit.yaml")).standard
     for name, estimate in fit.standard.items():
         other = again[name]
-        assert (other.value, other.told, other.unit) == (
+        assert (other.value, other.determined, other.unit) == (
             estimate.value,
-            estimate.told,
+            estimate.determined,
             estimate.unit,
         )
         np.testing.assert_allclose(other.interval, estimate.interval, rtol=1e-9)

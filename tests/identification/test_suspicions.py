@@ -245,12 +245,12 @@ MISSED = {"force scales": times(0.5, 1), "zeros": moved(0.3, 1), "time axis": ti
 def test_a_mistake_is_named_or_said_not_to_be_told(runs, what, seconds):
     factor = 2.0 if what == "time axis" else 1.0
     found = runs("five_bar", 1, MISSED[what], factor=factor, seconds=seconds)
-    assert found.mistakes or what in found.untold.title
+    assert found.mistakes or what in found.hidden.title
 
 
 def test_a_log_that_moves_fast_tells_all_and_a_slow_one_no_time_axis(runs):
-    assert runs("five_bar", 0, seconds=8.0).untold is None
-    slow = runs("five_bar", 0, seconds=240.0).untold
+    assert runs("five_bar", 0, seconds=8.0).hidden is None
+    slow = runs("five_bar", 0, seconds=240.0).hidden
     assert slow.severity == "warning"
     assert "time axis" in slow.title
     assert len(slow.brief) <= 2 * 80 - len("warning: ")

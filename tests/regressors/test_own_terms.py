@@ -78,6 +78,17 @@ def test_where_a_law_is_not_finite_is_told(register, load_once):
         loopid.force_model(robot, "gravity", JointTerms(robot.actuated, ("Root",)))
 
 
+def test_a_joint_stays_on_one_side_of_a_gas_spring(load_once):
+    """Nothing else refuses its pole: between two states it is finite at both."""
+    robot = load_once("five_bar")
+    joint = robot.actuated[0]
+    low, high = robot.limits(joint)
+    for outside in (low - 0.1, high + 0.1):
+        loopid.force_model(robot, "gravity", f"Fo; {joint}: Kg@{outside:g}")
+    with pytest.raises(DataError, match=r"the gas spring is infinite at 2.33, between positions"):
+        loopid.force_model(robot, "gravity", f"Fo; {joint}: Kg@{(low + 2 * high) / 3:.3g}")
+
+
 def test_a_spring_with_its_geometry_is_found_and_saved(register, load_once, tmp_path):
     register("Gas", JointTerm("gas spring", ("N", "N"), gas, ("position",)))
     robot = load_once("five_bar")

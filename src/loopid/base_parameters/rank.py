@@ -36,7 +36,7 @@ ROUND_OFF = 1e-14  # of the characteristic length: no number is more accurate af
 CHANGE, DRAWS = 0.02, 8
 # They are tried where the least singular value that is not round-off is below a multiple of the
 # accuracy of the file, over the characteristic length, and below a part of the largest.
-REACH, FARTHEST = 1e3, 1e-2
+REACH, SMALL = 1e3, 1e-2
 # Where the file does not state its accuracy, they are tried where that value is fainter, with
 # lengths presumed to be off by a part of the characteristic length.
 FAINT, PRESUMED = 1e-5, 1e-6
@@ -275,7 +275,7 @@ def _counted(
     accuracy, near = draws.accuracy, REACH * draws.accuracy / observation.length
     if not accuracy and not draws.source:
         accuracy, near = PRESUMED * observation.length, FAINT
-    if not accuracy or least > min(near, FARTHEST):
+    if not accuracy or least > min(near, SMALL):
         return counted, ""
     # A few draws see whether there may be any.
     for count, part in ((2, CHANGE / 10), (DRAWS, CHANGE)):

@@ -281,7 +281,8 @@ def export(
 
     The robot is loaded as it was for the fit, and refused where it is another one.
     """
-    from loopid.identification.saved import load_fit, robot_files
+    from loopid.identification.saved import load_fit
+    from loopid.loading.files import own_files
     from loopid.report.look import json_text
 
     if robot is yaml is c is None:
@@ -290,7 +291,7 @@ def export(
         )
     saved = load_fit(fit, file)
     if yaml is not None:
-        require_other_file(yaml, fit, *robot_files(saved.require_model().robot))
+        require_other_file(yaml, fit, *own_files(saved.robot))
     written = _exported(saved, robot, yaml, c, name=name, overwrite=overwrite, anyway=anyway)
     places = [str(place) for place in written]
     if as_json:

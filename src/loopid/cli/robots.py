@@ -191,13 +191,13 @@ def simulate(
     seed: int = Option(0, help="Seed of the noise and of the bodies."),
 ) -> None:
     """Write the log of a simulated robot, to try identify."""
-    from loopid.identification.saved import robot_files
+    from loopid.loading.files import own_files
     from loopid.motion.files import read_motion_program
     from loopid.motion.simulation import Noise, simulate_log
 
     if out is not None:
         require_name(out, "the log")
-        require_other_file(out, *robot_files(robot), program or "")
+        require_other_file(out, *own_files(robot), program or "")
         require_own_kind(out, LOG_ENDINGS)
     errors = Noise(gaussian=noise, encoder_step=encoder_step)
     planned = read_motion_program(program or robot.name).motion(motion, rate)

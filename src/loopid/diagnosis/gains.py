@@ -109,7 +109,7 @@ class GainFit:
         (m, m).
     degrees_of_freedom : float
         Of the intervals.
-    untold : tuple of str
+    undetermined : tuple of str
         Motors whose gains are undetermined: their forces do not depend on robot and load, or
         hardly.
     """
@@ -118,7 +118,7 @@ class GainFit:
     gains: FloatArray
     covariance: FloatArray
     degrees_of_freedom: float
-    untold: tuple[str, ...] = ()
+    undetermined: tuple[str, ...] = ()
 
     def intervals(self, level: float = 0.95) -> FloatArray:
         """Confidence intervals (m, 2) of the gains.
@@ -160,7 +160,7 @@ class GainFit:
     def __repr__(self) -> str:
         told = zip(self.actuators, self.gains, self.intervals(), strict=True)
         lines = [f"  {n}: {gain:.4f} [{low:.4f} ... {high:.4f}]" for n, gain, (low, high) in told]
-        lines += [f"  {name}: undetermined" for name in self.untold]
+        lines += [f"  {name}: undetermined" for name in self.undetermined]
         return "\n".join(["GainFit, true force over logged force:", *lines[:9]])
 
 
@@ -223,7 +223,7 @@ def drive_gains(
         raise RankError(f"no force of a motor shows what the known {known} on {link} does{advice}")
     s = found.values
     covariance = found.covariance / np.outer(s**2, s**2)
-    return GainFit(found.actuators, 1 / s, covariance, found.degrees_of_freedom, found.untold)
+    return GainFit(found.actuators, 1 / s, covariance, found.degrees_of_freedom, found.undetermined)
 
 
 @record
@@ -237,7 +237,7 @@ class MotorNumbers:
     values, covariance : FloatArray
         (m,) and (m, m).
     degrees_of_freedom : float
-    untold : tuple of str
+    undetermined : tuple of str
         The other motors.
     """
 
@@ -245,7 +245,7 @@ class MotorNumbers:
     values: FloatArray
     covariance: FloatArray
     degrees_of_freedom: float
-    untold: tuple[str, ...]
+    undetermined: tuple[str, ...]
 
 
 def motor_scales(
@@ -273,9 +273,9 @@ def motor_scales(
         if part.max() < WIDEST and np.allclose(last.values[-m:], found, rtol=SETTLED):
             break
         telling[np.flatnonzero(telling)[part.argmax()]] = False  # the least sure one
-    untold = tuple(names[driven & ~telling].tolist())
+    undetermined = tuple(names[driven & ~telling].tolist())
     if not telling.any():
-        return MotorNumbers((), np.zeros(0), np.zeros((0, 0)), 1.0, untold)
+        return MotorNumbers((), np.zeros(0), np.zeros((0, 0)), 1.0, undetermined)
     if (found < 0).any():
         motor = names[telling][found.argmin()]
         raise DataError(
@@ -284,7 +284,7 @@ def motor_scales(
             motor=motor,
         )
     covariance, freedom = last.covariance[-m:, -m:], float(last.degrees_of_freedom.min())
-    return MotorNumbers(tuple(names[telling].tolist()), found, covariance, freedom, untold)
+    return MotorNumbers(tuple(names[telling].tolist()), found, covariance, freedom, undetermined)
 
 
 def _converged(rows: _Rows, telling: BoolArray, estimator: Estimator) -> tuple[FloatArray, Fit]:

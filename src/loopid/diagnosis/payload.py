@@ -369,7 +369,7 @@ def _by_motor(
     found = motor_scales(runs, known, estimator)
     least = ROUND_OFF**2 * np.eye(len(found.values))
     numbers = mass * found.values, mass**2 * (found.covariance + least), found.degrees_of_freedom
-    return MotorMasses(found.actuators, *numbers, found.untold)
+    return MotorMasses(found.actuators, *numbers, found.undetermined)
 
 
 def _with_spread(runs: LoadedRuns, working: WorkingFit, result: Fit, motors: MotorMasses) -> Fit:

@@ -51,7 +51,7 @@ from loopid.identification.jackknife import with_scatter
 from loopid.identification.joint_priors import JointPriors
 from loopid.identification.problem import FitProblem, FitSamples
 from loopid.identification.result import (
-    FARTHEST,
+    LARGEST_OF_BODY,
     LARGEST_OFF,
     LEAST_OFF,
     FileDeviation,
@@ -281,7 +281,7 @@ def _off_the_file(
         variances = 1 + np.exp(2 * logarithm) * sizes**2
         return float((np.log(variances) + squares / variances).sum())
 
-    bounds = np.log(RIGHT), np.log(FARTHEST)
+    bounds = np.log(RIGHT), np.log(LARGEST_OF_BODY)
     s = float(np.exp(minimize_scalar(unlikely, bounds=bounds, method="bounded").x))
     told = (s * sizes) ** 2 / (1 + (s * sizes) ** 2)
     return s * T, NU + float(told.sum())
@@ -335,7 +335,7 @@ def _groups(program: _Program, state: _State, covariance: FloatArray) -> TermDev
         spread = covariance[np.ix_(places[own], places[own])]
         size = np.linalg.slogdet(step.covariance(rows)[:, first + own])[1]
         evidence.append((size + apart @ np.linalg.solve(spread, apart)) / 2)
-    told = terms.of_groups(step.told[first:])
+    told = terms.of_groups(step.determined[first:])
     return TermDeviations(terms.names, state.groups, told, np.array(evidence))
 
 
@@ -443,7 +443,7 @@ class _Step:
         return np.asarray(z + self._root @ _least_distance(G, h))
 
     @property
-    def told(self) -> FloatArray:
+    def determined(self) -> FloatArray:
         """How much of each z the data determine, from 0 to 1."""
         return np.asarray(np.maximum(1.0 - (self._root**2).sum(axis=1), 0.0))
 
@@ -615,10 +615,10 @@ def _most_likely(program: _Program) -> tuple[_State, float]:
     near = NEAR
     for _ in range(ITERATIONS):
         state, step = _minimised(program, state, near)
-        told = step.told
-        gamma, d = _told(program, told), 2 * program.divergences(state)
+        told = step.determined
+        gamma, d = _of_bodies(program, told), 2 * program.divergences(state)
         common = _common(gamma, d)
-        own = np.sqrt((NU * common**2 + d) / (NU + gamma)).clip(max=FARTHEST)
+        own = np.sqrt((NU * common**2 + d) / (NU + gamma)).clip(max=LARGEST_OF_BODY)
         before, steps = steps, _group_steps(program, state, told)
         settled = np.append(own / state.deviations - 1, steps)
         if np.abs(settled).max(initial=0.0) <= SETTLED:
@@ -651,7 +651,7 @@ def _approached(program: _Program, state: _State) -> _State:
     return state
 
 
-def _told(program: _Program, told: FloatArray) -> FloatArray:
+def _of_bodies(program: _Program, told: FloatArray) -> FloatArray:
     """How many of the ten parameters of each body the data determine, (b,), of all z."""
     bodies = told[: WIDTH * len(program.file)]
     return np.asarray(bodies.reshape(-1, WIDTH).sum(axis=1))
@@ -761,8 +761,8 @@ def solid_body(
     """The most likely solid body of estimates x = M π, of which nothing else is known.
 
     Of values (r,) with their covariance (r, r), M (r, 4) or (r, 10), and the pseudo-inertia (4, 4)
-    of a body near it, which may be off by ``FARTHEST`` times itself: π, and the covariance (r, r)
-    of M π.
+    of a body near it, which may be off by ``LARGEST_OF_BODY`` times itself: π, and the covariance
+    (r, r) of M π.
     """
     # Errors that are round-off of such a body count as a little larger, lest they are nothing.
     own = (_vector(guess) @ PARAMETERS)[: matrix.shape[1]]
@@ -779,7 +779,7 @@ def solid_body(
         terms=JointPriors.none(),
     )
     with one_blas_thread():
-        state, step = _minimised(program, program.first(FARTHEST))
+        state, step = _minimised(program, program.first(LARGEST_OF_BODY))
         turned = matrix @ program.changes(state)
         return program.standard(state), step.covariance(turned) @ turned.T
 
@@ -790,11 +790,11 @@ def _freedom(program: _Program, state: _State, told: FloatArray) -> FloatArray:
     spread = step.covariance(told)
     variance = (spread * told).sum(axis=1)
     own = spread[:, : WIDTH * bodies].reshape(len(told), bodies, WIDTH)
-    known = step.told
+    known = step.determined
     parts = [(own**2).sum(axis=2)]
     parts.append(np.stack([terms.of_groups(row**2) for row in spread[:, WIDTH * bodies :]]))
     shares = np.hstack(parts) / np.where(variance > 0, variance, 1.0)[:, None]
-    every = np.append(_told(program, known), terms.of_groups(known[WIDTH * bodies :]))
+    every = np.append(_of_bodies(program, known), terms.of_groups(known[WIDTH * bodies :]))
     squares = (shares**2 / (NU + every)).sum(axis=1)
     return np.asarray(np.divide(1.0, squares, out=np.full(len(told), np.inf), where=squares > 0))
 

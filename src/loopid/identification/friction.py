@@ -228,7 +228,7 @@ def _asked(
     Where these are not clear; one at a time, as two groups may stand for each other.
     """
     evidence = dict(zip(groups.names, groups.evidence.tolist(), strict=True))
-    told = dict(zip(groups.names, groups.told.tolist(), strict=True))
+    told = dict(zip(groups.names, groups.determined.tolist(), strict=True))
     left = dict[str, tuple[str, ...]]()
     for joint, own in kinds.items():
         names = {name: f"{joint}: {name}" for name in dict.fromkeys(map(_group, own))}

@@ -205,7 +205,7 @@ def fit_excited(
     )
 
 
-def told_values(
+def determined_values(
     samples: FitSamples, prior: FloatArray, excitation: Excitation, estimator: Estimator
 ) -> FloatArray:
     """Values (n,) of ``fit_excited`` without uncertainty; the prior where they are undetermined."""

@@ -87,14 +87,14 @@ class Suspicions:
         Of each motor whose gain the log determines, once mistakes of other motors are undone.
     mistakes : tuple of Finding
         The likeliest first: which motors, how sure, and how to undo it.
-    untold : Finding or None
+    hidden : Finding or None
         Mistakes that the log would not show: forces are explained about as well with them.
     """
 
     recording: str
     gains: tuple[MotorGain, ...] = ()
     mistakes: tuple[Finding, ...] = ()
-    untold: Finding | None = None
+    hidden: Finding | None = None
 
 
 @checked
@@ -156,8 +156,8 @@ def suspicions(
     # Friction alone explains the forces of a motor whose gain may as well be 0.
     some = (one for one in gains if np.prod(one.interval) > 0)
     told = tuple(one for one in some if np.ptp(one.interval) < 2 * max(abs(one.gain), 1.0))
-    untold = None if mistakes else _untold(model, found)
-    return Suspicions(recordings[0].name, told, (*mistakes, *held), untold)
+    hidden = None if mistakes else _hidden(model, found)
+    return Suspicions(recordings[0].name, told, (*mistakes, *held), hidden)
 
 
 @checked
@@ -347,11 +347,11 @@ def _clear(
     return sorted(clear, key=lambda find: -find.evidence)
 
 
-def _untold(model: Evidence, found: Explanation) -> Finding | None:
+def _hidden(model: Evidence, found: Explanation) -> Finding | None:
     """Mistakes of a usual size with which the forces are explained about as well, if any."""
     tried = list[Tried]()
     for name, kind in KINDS.items():
-        if kind.untold and not (kind.fields == ("time",) and model.rates_measured):
+        if kind.hidden and not (kind.fields == ("time",) and model.rates_measured):
             every = [(k,) for k in model.present] if kind.motors else [tuple(model.present)]
             tried += [(name, motors, size) for motors in every for size in kind.usual]
     unknown = dict[str, dict[Motors, None]]()
@@ -366,7 +366,7 @@ def _untold(model: Evidence, found: Explanation) -> Finding | None:
     for name, of in unknown.items():
         first = model.names[min(of)[0]] if KINDS[name].motors else ""
         more = f" and {len(of) - 1} more" if len(of) > 1 else ""
-        said.append(f"{KINDS[name].untold} {first}".rstrip() + more)
+        said.append(f"{KINDS[name].hidden} {first}".rstrip() + more)
     return Finding(
         # A log that tells its time axis has all but what little some motors carry.
         "warning" if "factor" in unknown else "note",

@@ -39,7 +39,7 @@ class MistakeKind(NamedTuple):
     least: float = 1.0  # size that is worth a sentence
     # Sizes that mistakes often have, and what a log does not tell that may as well have them.
     usual: tuple[float, ...] = ()
-    untold: str = ""
+    hidden: str = ""
 
     def undone(self, undone: Undone, motors: Motors, size: float) -> Undone:
         """With a mistake of some motors undone, too."""
@@ -210,7 +210,7 @@ KINDS = {
         *(("gain",), 1, _force, GAINS, BOTH, FORCE_CAUSES),
         least=1.25,
         usual=TWICE,
-        untold="force scales of",
+        hidden="force scales of",
     ),
     # Of a motor whose bodies hardly determine its gain, by friction that would give energy.
     "sign": MistakeKind(("gain",), 1, _force, (), (-1.0,), FORCE_CAUSES),
@@ -219,7 +219,7 @@ KINDS = {
         *(("time",), 0, _time, TIMES, (1.0,), TIME_CAUSES),
         least=1.3,
         usual=TWICE,
-        untold="its time axis",
+        hidden="its time axis",
     ),
     "ratio": MistakeKind(("ratio",), 1, _position, RATIOS, BOTH, POSITION_CAUSES, least=1.5),
     # A sign alone, where the size hardly matters.
@@ -228,7 +228,7 @@ KINDS = {
     "zero": MistakeKind(
         *(("zero",), 1, _zero, ZEROS, BOTH, ZERO_CAUSES, 0.02, 0.05),
         usual=(-ZERO_OFF, ZERO_OFF),
-        untold="zeros of",
+        hidden="zeros of",
     ),
     "forces": MistakeKind(("forces", "gain"), 2, _exchanged("forces")),
     "positions": MistakeKind(PLACES, 2, _exchanged("positions")),

@@ -31,9 +31,9 @@ from loopid.identification.identification import ALL, ROBOT_FILE, Identification
 from loopid.identification.information import (
     Excitation,
     Identifiability,
+    determined_values,
     fit_excited,
     identifiability,
-    told_values,
 )
 from loopid.identification.jackknife import Jackknife
 from loopid.identification.leaving_out import LeftOut
@@ -332,7 +332,9 @@ def _refits(
             return fit_all(force_model, part, excited, first=first, options=options).values
         values, columns = np.zeros(len(part.parameters)), force_model.plain_columns
         prior, estimator = force_model.prior[columns], chosen_estimator(options.estimator)
-        values[columns] = told_values(part.select(columns), prior, excited.excitation, estimator)
+        values[columns] = determined_values(
+            part.select(columns), prior, excited.excitation, estimator
+        )
         return values
 
     def solid(part: FitSamples) -> FloatArray:

@@ -103,7 +103,7 @@ class Robustness(OfArrays):
 # Deviations of the robot file as a whole that the data may choose, in parts of its bodies, and the
 # largest of a single one. The least is 0.4: evidence averages ten parameters, and a wrong mass
 # spoils one.
-LEAST_OFF, LARGEST_OFF, FARTHEST = 0.4, 1.0, 3.0
+LEAST_OFF, LARGEST_OFF, LARGEST_OF_BODY = 0.4, 1.0, 3.0
 
 
 @record
@@ -128,7 +128,7 @@ class FileDeviation(OfArrays):
     @property
     def far(self) -> tuple[str, ...]:
         """Bodies that are as far off as they may be."""
-        return tuple(self.bodies[k] for k in np.flatnonzero(self.own >= FARTHEST))
+        return tuple(self.bodies[k] for k in np.flatnonzero(self.own >= LARGEST_OF_BODY))
 
     @property
     def rows(self) -> list[tuple[str, float]]:
@@ -141,7 +141,7 @@ class FileDeviation(OfArrays):
         if self.common < LARGEST_OFF and not self.far:
             return ""
         who = f"bodies {', '.join(self.far)}" if self.far else "the bodies"
-        most = FARTHEST if self.far else LARGEST_OFF
+        most = LARGEST_OF_BODY if self.far else LARGEST_OFF
         return (
             f"{who} would have to be off the robot file by {most:g} times themselves: it is of "
             "another robot (a tool, a payload), or the model lacks a force"
@@ -154,7 +154,7 @@ class TermDeviations(OfArrays):
 
     names: tuple[str, ...]  # of the groups, such as ``"elbow: friction curve"``
     own: FloatArray  # (g,), deviation of each, in the unit of its terms
-    told: FloatArray  # (g,), how many of its terms the data determine
+    determined: FloatArray  # (g,), how many of its terms the data determine
     # (g,), logarithm of how much likelier the data are with the group than without it
     evidence: FloatArray
 
@@ -194,7 +194,7 @@ class Estimate:
         A combination is ``<leading parameter> + 3 more``.
     expression : str
         The whole sum.
-    told : bool
+    determined : bool
         Whether the data determine it; otherwise only the robot file does.
     """
 
@@ -204,7 +204,7 @@ class Estimate:
     unit: str
     name: str
     expression: str = ""
-    told: bool = True
+    determined: bool = True
 
     @property
     def relative_std(self) -> float:
@@ -222,7 +222,7 @@ class Estimate:
 
 
 # Part of the file's variance that the data must take away for a value to count as theirs.
-TOLD = 0.5
+DETERMINED = 0.5
 
 
 @record
@@ -459,11 +459,11 @@ class Fit(OfArrays, Tabular):
         errors = np.sqrt(np.maximum(variance, 0.0))
         freedom = np.minimum(known.degrees_of_freedom, self.degrees_of_freedom.min())
         reach = stdtrit(freedom, 0.975) * errors
-        told = variance < (1 - TOLD) * known.file
-        numbers = (values, errors, values - reach, values + reach, told)
+        determined = variance < (1 - DETERMINED) * known.file
+        numbers = (values, errors, values - reach, values + reach, determined)
         rows = zip(known.parameters, *(each.tolist() for each in numbers), strict=True)
         return {
-            p.label: Estimate(value, error, (low, high), p.unit, p.label, told=of_data)
+            p.label: Estimate(value, error, (low, high), p.unit, p.label, determined=of_data)
             for p, value, error, low, high, of_data in rows
         }
 

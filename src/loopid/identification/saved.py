@@ -15,7 +15,7 @@ from hashlib import sha256
 from importlib.metadata import version
 from itertools import zip_longest
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError
@@ -23,7 +23,7 @@ from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationErr
 from loopid.arguments import LARGEST, FloatArray, Number, checked, finite, frozen
 from loopid.base_parameters.base import BaseParameters, expression
 from loopid.base_parameters.choice import SearchResult
-from loopid.base_parameters.structure import analyse
+from loopid.base_parameters.structure import Structure, analyse
 from loopid.border import refusal
 from loopid.errors import DataError, FileError, OptionError
 from loopid.files import require_other_file, why_no_file, write_file
@@ -42,7 +42,7 @@ from loopid.identification.result import (
 from loopid.kinematics.constraint import constraint_residual
 from loopid.kinematics.sampling import random_configurations
 from loopid.loading.closure import Closure, Coupling
-from loopid.loading.files import bundled_directory, files_of
+from loopid.loading.files import bundled_directory, own_files
 from loopid.loading.robot_files import load
 from loopid.parameters import Parameter, ParameterSet
 from loopid.regressors.joint_terms import JointTerms
@@ -53,6 +53,7 @@ from loopid.yaml_files import LARGE, load_yaml
 
 ENDINGS = (".yaml", ".yml", ".json")
 LARGEST_JSON = 5 * LARGE  # bytes: a line a number
+VERSION: Final = 3  # of the form: another one is refused
 STATES = 3  # of the robot, by which it is known again
 # Relative difference of closures, forces and columns of one robot; of base parameters from those of
 # the standard parameters.
@@ -120,7 +121,7 @@ class _Standard(_Section):
     unit: str
     value: Finite | None = None
     standard_error: Number | None = None
-    told: bool | None = None  # by the data, not by the robot file alone
+    determined: bool | None = None  # by the data, not by the robot file alone
 
 
 class _Base(_Section):
@@ -181,7 +182,7 @@ class FitFile(_Section):
     """What the file of a fit says; ``load_fit`` makes the ``Fit`` of it."""
 
     format: Literal["loopid fit"] = "loopid fit"
-    version: Literal[2] = 2
+    version: Literal[3] = VERSION
     loopid: str
     robot: _Robot  # what the fit is of
     force_model: _Model
@@ -245,6 +246,13 @@ class FitFile(_Section):
         try:
             found, record = cls.model_validate_json(document), json.loads(document)
         except ValidationError as error:
+            for detail in error.errors(include_url=False):
+                if detail["loc"] == ("version",) and detail["type"] == "literal_error":
+                    raise DataError(
+                        f"{path} is a fit in form {detail['input']!r:.60}, and this loopid reads "
+                        f"form {VERSION}: identify the log again and save the fit",
+                        field="version",
+                    ) from error
             raise refusal(error, where=f"{path} is not a saved fit", kind=DataError) from error
         except (TypeError, OverflowError) as error:  # of whole numbers that are none
             raise DataError(f"{path} is not a saved fit: {error}") from error
@@ -289,6 +297,14 @@ class FitFile(_Section):
         )
 
     @property
+    def matrix(self) -> FloatArray:
+        """M (r, p) of Φ_base = M Φ."""
+        labels = self.standard.labels
+        return np.array(
+            [[x.terms.get(label, 0.0) for label in labels] for x in self.base_parameters]
+        )
+
+    @property
     def parameters(self) -> ParameterSet:
         """The r base parameters, each with its sum."""
         found = []
@@ -326,52 +342,33 @@ class FitFile(_Section):
         coefficients. Inertials may differ, as in robot files that were exported.
         """
         difference = next(_differences(self, robot), None)
-        if difference is not None:
-            raise self._refusal(robot, difference)
-        kind, terms = self.force_model.model, self.force_model.joint_terms
-        observation = structural_observation(robot, kind, joint_terms=terms)
-        structure, labels = analyse(observation), self.standard.labels
-        M = np.array([[each.terms.get(x, 0.0) for x in labels] for each in self.base_parameters])
+        if difference is None:
+            kind, terms = self.force_model.model, self.force_model.joint_terms
+            observation = structural_observation(robot, kind, joint_terms=terms)
+            model = ForceModel(robot, kind, terms, self._base(analyse(observation)))
+            difference = next(_other_numbers(self, model, observation.factor), None)
+        if difference is None:
+            return model
+        hashes = _hashes(robot).items()
+        other = [name for name, hashed in hashes if self.robot.files.get(name) != hashed]
+        files = f" ({', '.join(other)}: not the files of the fit)" if other else ""
+        raise DataError(
+            f"this is a fit of {self.robot.name}, not of {robot.source}{files}: {difference}"
+        )
+
+    def _base(self, structure: Structure) -> BaseParameters:
+        """The base parameters of the file, for what a robot lets be known."""
+        labels, M = self.standard.labels, self.matrix
         base = np.array([labels.index(next(iter(each.terms))) for each in self.base_parameters])
         dependent = np.setdiff1d(structure.columns, base)
         chosen = tuple(np.searchsorted(structure.columns, dependent).tolist())
-        found = BaseParameters(
+        return BaseParameters(
             parameters=self.standard,
             structure=structure,
             base=frozen(base, np.int64),
             dependent=frozen(dependent, np.int64),
             regrouping=frozen(M[:, dependent]),
             search=SearchResult("saved", "nullspace", chosen, math.nan, False, 1, 0),
-        )
-        model = ForceModel(robot, kind, terms, found)
-        self._require_forces(self.fit(model))
-        R, sizes = observation.factor, np.linalg.norm(observation.factor, axis=0)
-        errors = np.linalg.norm(R - R[:, base] @ M, axis=0)
-        allowed = SAME_ROBOT * (sizes + sizes[base] @ np.abs(M)) + NO_EFFECT * sizes.max()
-        if (errors > allowed).any():
-            worst = labels[int(np.argmax(errors / allowed))]
-            raise self._refusal(robot, f"{worst} has other coefficients there")
-        return model
-
-    def _require_forces(self, fit: Fit) -> None:
-        """Refuse a fit whose forces are others at the states of the file."""
-        model, at = fit.require_model(), self.check
-        found = _forces(model, fit.values, at.configurations, at.velocities, at.accelerations)
-        apart = np.abs(found - at.forces).max(axis=0)
-        k = int(apart.argmax())
-        if apart[k] > SAME_ROBOT * np.abs(at.forces).max():
-            row = self.force_model.rows[k]
-            terms = model.joint_terms
-            why = " (bodies that load joints count)" if terms is not None and terms.loaded else ""
-            said = f"the force along {row} differs by {apart[k]:.3g} there{why}"
-            raise self._refusal(model.robot, said)
-
-    def _refusal(self, robot: Robot, difference: str) -> DataError:
-        hashes = _hashes(robot).items()
-        other = [name for name, hashed in hashes if self.robot.files.get(name) != hashed]
-        files = f" ({', '.join(other)}: not the files of the fit)" if other else ""
-        return DataError(
-            f"this is a fit of {self.robot.name}, not of {robot.source}{files}: {difference}"
         )
 
 
@@ -440,7 +437,7 @@ def _require_own_bodies(fit: Fit, model: ForceModel) -> None:
 def save(fit: Fit, path: str | Path, *, anyway: bool = False) -> Path:
     """Write a fit; see ``Fit.save``."""
     text = content(fit, path, anyway=anyway)
-    require_other_file(path, *robot_files(fit.robot))
+    require_other_file(path, *own_files(fit.robot))
     write_file(path, text)
     return Path(path)
 
@@ -515,7 +512,7 @@ def _forces(
 
 
 def _differences(file: FitFile, robot: Robot) -> Iterator[str]:
-    """What makes a robot another robot: only the first counts, the next build on it."""
+    """What makes a robot another one, before any model: the next build on the first."""
     kind, terms = file.force_model.model, file.force_model.joint_terms
     known = {*robot.joints, *robot.coordinates}
     missing = set(() if terms is None else terms.joints) - known
@@ -541,6 +538,25 @@ def _differences(file: FitFile, robot: Robot) -> Iterator[str]:
         yield f"closure {robot.row_names[k]} has a residual of {residual[k]:.3g} there"
 
 
+def _other_numbers(file: FitFile, model: ForceModel, R: FloatArray) -> Iterator[str]:
+    """Forces and coefficients of another robot; R is the triangular factor of all columns."""
+    fit, at = file.fit(model), file.check
+    loaded = fit.require_model()
+    found = _forces(loaded, fit.values, at.configurations, at.velocities, at.accelerations)
+    apart = np.abs(found - at.forces).max(axis=0)
+    k = int(apart.argmax())
+    if apart[k] > SAME_ROBOT * np.abs(at.forces).max():
+        terms = model.joint_terms
+        why = " (bodies that load joints count)" if terms is not None and terms.loaded else ""
+        yield f"the force along {file.force_model.rows[k]} differs by {apart[k]:.3g} there{why}"
+    M, own, sizes = file.matrix, model.base.base, np.linalg.norm(R, axis=0)
+    errors = np.linalg.norm(R - R[:, own] @ M, axis=0)
+    allowed = SAME_ROBOT * (sizes + sizes[own] @ np.abs(M)) + NO_EFFECT * sizes.max()
+    if (errors > allowed).any():
+        worst = file.standard.labels[int(np.argmax(errors / allowed))]
+        yield f"{worst} has other coefficients there"
+
+
 def _place(robot: Robot) -> str:
     """Where a robot is loaded from again: a path, or the name of a bundled robot."""
     if robot.path is None:
@@ -552,12 +568,4 @@ def _place(robot: Robot) -> str:
 
 def _hashes(robot: Robot) -> dict[str, str]:
     """SHA-256 of the files of a robot, by name."""
-    return {f.name: sha256(f.read_bytes()).hexdigest() for f in robot_files(robot)}
-
-
-def robot_files(robot: Robot) -> tuple[Path, ...]:
-    """The file that a robot was loaded from, and that of its tree, which may be the same."""
-    if robot.path is None:
-        return ()
-    files = files_of(robot)
-    return files.named, files.tree
+    return {f.name: sha256(f.read_bytes()).hexdigest() for f in own_files(robot)}

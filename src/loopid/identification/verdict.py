@@ -269,7 +269,7 @@ def findings_of(found: Identification) -> tuple[Finding, ...]:
         said.append(UNSETTLED)
     if found.delay is not None and found.delay.clear:
         said.append(found.delay.finding)
-    said += [one.untold for one in found.suspicions if one.untold is not None]
+    said += [one.hidden for one in found.suspicions if one.hidden is not None]
     for broken in found.fit.broken:
         said.append(
             Finding("warning", "the fit is not physical", broken, 'try fewer terms, terms="Fc,Fv"')

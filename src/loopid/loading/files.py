@@ -99,6 +99,14 @@ def files_of(robot: Robot) -> RobotFiles:
     return find_files(robot.path)
 
 
+def own_files(robot: Robot) -> tuple[Path, ...]:
+    """The file that a robot was loaded from, and that of its tree, which may be the same."""
+    if robot.path is None:
+        return ()
+    files = files_of(robot)
+    return files.named, files.tree
+
+
 def find_motion_file(path: str | Path) -> Path:
     """An existing motion file: the path itself, or the bundled one of a robot's name."""
     bundled = sorted(

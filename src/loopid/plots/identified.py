@@ -290,7 +290,7 @@ def masses_chart(found: Identification) -> Chart:
         columns={
             "mass ± std": tuple(map(value_text, masses)),
             "robot file": tuple(map(number, prior.tolist())),
-            "by": tuple("log" if each.told else "file" for each in masses),
+            "by": tuple("log" if each.determined else "file" for each in masses),
         },
     )
     caption = (

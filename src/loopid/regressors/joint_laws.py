@@ -102,6 +102,8 @@ class JointTerm:
         Largest coefficient that there can be.
     prior : PriorGroup, optional
         The group of terms whose size the evidence decides.
+    pole : bool
+        Whether the law is infinite at the position ``at``, so the joint must stay on one side.
 
     Raises
     ------
@@ -132,6 +134,7 @@ class JointTerm:
     positive: bool = False
     most: float | None = None
     prior: PriorGroup | None = None
+    pole: bool = False
 
     def __post_init__(self) -> None:
         for unit in self.units:
@@ -153,8 +156,17 @@ class JointTerm:
         Raises
         ------
         DataError
-            When the law gives something else, or what is not finite.
+            When the law gives something else, or what is not finite; when states are on both
+            sides of its pole.
         """
+        if self.pole and count:
+            low, high = float(np.min(joint.position)), float(np.max(joint.position))
+            if low <= self.at <= high:
+                raise DataError(
+                    f"the {self.name} is infinite at {self.at:g}, between positions "
+                    f"{low:.4g} and {high:.4g} of its joint: give a position outside its limits",
+                    given=self.at,
+                )
         found = np.asarray(self.law(joint, self.at), dtype=np.float64)
         if found.shape not in ((), (count,)):
             raise DataError(
@@ -401,6 +413,7 @@ for _kind, _term in {
         ("N m", "N m rad"),
         lambda joint, at: 1.0 / (joint.position - at),
         ("position",),
+        pole=True,
     ),
 }.items():
     JOINT_TERMS.register(_kind, _term)

@@ -148,7 +148,7 @@ def payload_report(found: PayloadFit) -> Report:
     if (motors := found.motors) is not None:
         by = zip(motors.actuators, motors.values, motors.intervals(), strict=True)
         masses = [(name, _of_width(value, ends), interval(*ends)) for name, value, ends in by]
-        masses += [(name, "undetermined", "-") for name in motors.untold]
+        masses += [(name, "undetermined", "-") for name in motors.undetermined]
         title = "mass by each motor alone, as if its gain were right"
         tables.append(plain_table(title, ("motor", ">kg", ">95 % interval"), masses))
     return Report(
@@ -235,7 +235,7 @@ def _payload_record(found: PayloadFit) -> dict[str, Any]:
         "standard_parameters": json_value(found.standard_parameters),
         "motors": None
         if motors is None
-        else json_fields(motors, "actuators", "values", "chance", "untold")
+        else json_fields(motors, "actuators", "values", "chance", "undetermined")
         | {"intervals_95_percent": json_value(motors.intervals())},
     }
 
@@ -246,17 +246,17 @@ def gains_report(found: GainFit) -> Report:
     off = sum(low > 1 or high < 1 for low, high in ends)
     told = zip(found.actuators, found.gains, ends, strict=True)
     rows = [(name, _of_width(gain, span), interval(*span)) for name, gain, span in told]
-    rows += [(name, "undetermined", "-") for name in found.untold]
+    rows += [(name, "undetermined", "-") for name in found.undetermined]
     title = "true force over logged force: multiply force_scale of the mapping by it"
-    untold = f"; undetermined: {', '.join(found.untold)}" if found.untold else ""
+    undetermined = f"; undetermined: {', '.join(found.undetermined)}" if found.undetermined else ""
     return Report(
         name="gains",
         title="Gains of the drives",
         verdict=(
             f"True forces are {found.gains.min():.3g} to {found.gains.max():.3g} times the logged "
-            f"ones, clearly not 1 for {off} of {len(ends)} motors{untold}."
+            f"ones, clearly not 1 for {off} of {len(ends)} motors{undetermined}."
         ),
-        record=json_fields(found, "actuators", "gains", "untold")
+        record=json_fields(found, "actuators", "gains", "undetermined")
         | {"intervals_95_percent": json_value(ends)},
         brief=[plain_table(title, ("motor", ">gain", ">95 % interval"), rows)],
     )

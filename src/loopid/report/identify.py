@@ -40,7 +40,7 @@ from loopid.report.page import Card, Figure, Part, Report, Section, Tone
 SHOWN = 14
 OPEN = 20  # values of a table that is not folded
 USES = "forces", "single_parameters"
-ROBOT = "name", "value", "standard_error", "interval", "unit", "told"
+ROBOT = "name", "value", "standard_error", "interval", "unit", "determined"
 BESIDE = "fit", "all_parameters", "robot", "identifiability", "expressions"
 TONES: dict[str, Tone] = {"yes": "good", "roughly": "rough", "no": "bad"}  # of uses
 WORDS = {"yes": "Fit", "roughly": "Rough", "no": "Not fit"}
@@ -165,7 +165,7 @@ def _sections(found: Identification, worst: str) -> Iterator[Section]:
     )
     if told.weak or told.unidentifiable:
         yield Section(
-            "What the log does not identify", (_untold_table(found),), short="Not identified"
+            "What the log does not identify", (_unidentified_table(found),), short="Not identified"
         )
     used = {"fitted": found.training, "new data, not fitted": found.validation}
     log = [used_chart(robot, used), gains_chart(robot, found.suspicions)]
@@ -211,7 +211,7 @@ def _changed(found: Identification) -> str:
     return f"{clear} of {len(bodies)} parameters and sums clearly differ from the robot file."
 
 
-def _untold_table(found: Identification) -> Table:
+def _unidentified_table(found: Identification) -> Table:
     """Combinations that the file determines better than the log."""
     told = found.identifiability
     rows = [(each.text, "0", "unknown: as in the file") for each in told.unidentifiable]
@@ -358,7 +358,7 @@ def _robot_table(found: Identification) -> Table:
         ">95 % interval": lambda each: interval(*each.interval),
         ">file": lambda each: number(bodies[each.name]) if each.name in bodies else "-",
         "unit": "unit",
-        "by": lambda each: "log" if each.told else "file",
+        "by": lambda each: "log" if each.determined else "file",
     }
     title = f"robot: {found.recommended.name}"
     return table_of(title, columns, found.fit.standard.values())

@@ -186,12 +186,15 @@ FORMS: dict[str, dict[Any, Any]] = {
         **{"intervals_95_percent": [[Real]], "mass": Real, "centre": ([Real], None)},
         **{"centre_intervals_95_percent": ([[Real]], None), "standard_parameters": [float]},
         "motors": (
-            of(MotorMasses, "actuators", "values", "untold")
+            of(MotorMasses, "actuators", "values", "undetermined")
             | {"chance": float, "intervals_95_percent": [[Real]]},
             None,
         ),
     },
-    "gains": {**of(GainFit, "actuators", "gains", "untold"), "intervals_95_percent": [[Real]]},
+    "gains": {
+        **of(GainFit, "actuators", "gains", "undetermined"),
+        "intervals_95_percent": [[Real]],
+    },
     "comparison": {
         "runs": [
             dict.fromkeys(("name", "robot", "model"), str)
