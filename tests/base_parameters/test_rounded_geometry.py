@@ -144,7 +144,6 @@ def test_a_rounded_delta_has_the_count_of_the_delta(rounded_delta, form, roundin
     assert roundings == pytest.approx([known_to] * len(roundings))
 
 
-@pytest.mark.validate
 def test_near_singular_poses_let_no_rounding_count(tmp_path, shared):
     """A delta that is nowhere far from a singularity: its rank is 12, of 16 that digits make."""
     source = shared / "models" / "gepetto" / "robot_delta"
