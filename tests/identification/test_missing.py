@@ -13,6 +13,7 @@ from loopid.identification.sensor_noise import sensor_noise
 from loopid.kinematics.loop_motion import closed_nearby
 from loopid.logs import Recording
 from loopid.motion import LowPass, Motion, joint_motion, scaled_bodies
+from loopid.parameters import KINDS
 from made_runs import quietly, record, unchecked, wander
 
 pytestmark = pytest.mark.usefixtures("nothing_suspected", "no_delay_sought")
@@ -42,6 +43,11 @@ def run(robot, law=None, seed=0, noise=0.01):
     return Recording.of_motion(motion, force, robot.actuated)
 
 
+def clear(found):
+    """Forces that are clearly missing."""
+    return [each for each in found.missing if each.told == "clear"]
+
+
 LAWS = {
     "waves over its position": lambda t, q, v, a: 0.05 * np.sin(20 * q + 1.0),
     "drifts in time": lambda t, q, v, a: np.sign(v[:, 0]) * (t - 10) / 10 * 0.06,
@@ -54,7 +60,7 @@ LAWS = {
 def test_a_missing_force_is_named_with_its_size_and_what_it_would_save(robot, model, law):
     recording = run(robot, LAWS[law])
     found = quietly(identify, model, [recording])
-    own = [each for each in found.missing if each.motor == LEFT]
+    own = [each for each in clear(found) if each.motor == LEFT]
     assert [each.law for each in own] == [law]
     plain = run(robot)
     added = np.sqrt(((recording.force - plain.force)[:, 0] ** 2).mean())
@@ -72,20 +78,53 @@ def test_a_missing_force_is_named_with_its_size_and_what_it_would_save(robot, mo
 def test_what_advice_prints_takes_the_spring_away(robot):
     recording = run(robot, LAWS["grows with its position"])
     found = quietly(identify, loopid.force_model(robot, "full"), [recording])
-    (finding,) = [each for each in found.findings if "grows with its position" in each.title]
+    finding = next(each for each in found.findings if "grows with its position" in each.title)
     terms = finding.do.split('terms="')[1].split('"')[0]
     again = quietly(identify, loopid.force_model(robot, "full", terms), [recording])
-    assert not again.missing
+    assert not clear(again)
     assert again.fit[f"{LEFT}.Ks"].value == pytest.approx(2.0, rel=0.1)
 
 
 def test_a_spring_that_moves_estimates_and_hardly_any_error_is_named(robot, model):
     spring = run(robot, lambda t, q, v, a: q - q.mean())
-    (own,) = quietly(identify, model, [spring]).missing
+    (own,) = clear(quietly(identify, model, [spring]))
     assert own.law == "grows with its position"
     assert own.left > 0.9
     assert own.moved > 10
     assert "standard errors" in own.effect
+
+
+def off(found, robot):
+    """Errors of the estimates of bodies that are known well, in standard errors."""
+    base, fit = found.force_model.base, found.fit
+    labels = robot.parameters("full").labels
+    known = dict(zip(labels, scaled_bodies(robot, 0.2), strict=True))
+    true = base.values(np.array([known.get(one, 0.0) for one in base.parameters.labels]))
+    bodies = [k for k, each in enumerate(fit.parameters) if each.kind in KINDS]
+    return (np.abs(fit.values - true) / fit.standard_errors)[bodies]
+
+
+def test_intervals_hold_a_spring_that_is_likely_but_not_clear(robot, model):
+    found = quietly(identify, model, [run(robot, lambda t, q, v, a: 0.8 * (q - q.mean()))])
+    assert not clear(found)
+    (spring,) = [each for each in found.missing if each.told == "likely"]
+    assert spring.law == "grows with its position"
+    assert off(found, robot).max() < 2.5
+    plain = found["consistent"].fit.covariance - np.outer(spring.bias, spring.bias)
+    assert (np.sqrt(np.diag(plain)) < found.fit.standard_errors / 10).any()
+
+
+def test_a_spring_that_would_not_show_is_said_with_its_size(robot, model):
+    found = quietly(identify, model, [run(robot)])
+    hidden = [each for each in found.missing if each.told == "hidden"]
+    (one,) = [each for each in found.findings if "a spring of" in each.title]
+    assert one.severity == "note"
+    assert f"{hidden[0].number:.3g} N m/rad" in one.why
+    # One of half that size does not show, and moves an estimate by more than its interval.
+    spring = run(robot, lambda t, q, v, a: hidden[0].number / 2 * (q - q.mean()))
+    again = quietly(identify, model, [spring])
+    assert not [each for each in again.missing if each.told != "hidden"]
+    assert off(again, robot).max() > 3
 
 
 def longer(robot, part):
@@ -109,8 +148,9 @@ def test_a_length_that_is_off_is_named(robot, model):
     motion = true.motion
     there = as_in_the_file(robot, motion)
     found = quietly(identify, model, [Recording.of_motion(there, true.force, robot.actuated)])
-    assert [each.motor for each in found.missing] == [""]
-    assert 0.005 < abs(found.missing[0].number) < 0.04
+    (length,) = clear(found)
+    assert not length.motor
+    assert 0.005 < abs(length.number) < 0.04
     assert any("lengths of the robot file" in each.title for each in found.findings)
     assert "as parameters" not in str(found.verdict)
 
@@ -128,7 +168,7 @@ def test_forces_of_a_length_are_those_of_a_robot_with_that_length(robot, model):
 @pytest.mark.parametrize("seed", few_of(range(3), 0))
 def test_nothing_is_missing_where_nothing_is(robot, model, seed):
     found = quietly(identify, model, [run(robot, seed=seed)])
-    assert not found.missing
+    assert not clear(found)
     assert "as parameters of the robot" in str(found.verdict)
 
 

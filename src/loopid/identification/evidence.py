@@ -54,7 +54,7 @@ MODEL_ERROR = 0.003  # part of the force that errors have at least: no model is 
 CLOSING = 0.9  # part of the samples whose loops must close once a mistake is undone
 # A log is strange from these errors, as a part of the force, or this sum of squared deviations
 # from the robot file on.
-STRANGE, FAR = 0.05, 5.0
+STRANGE, FAR = 0.05, 3.0
 
 
 class Undone(NamedTuple):

@@ -72,7 +72,7 @@ class Identification:
     suspicions : tuple of Suspicions
         What may be wrong with each log.
     missing : tuple of MissingForce
-        Forces that the data clearly have beside the consistent fit.
+        Forces that the data have beside the consistent fit, clearly or likely, and hidden springs.
     choice : ModelChoice or None
         The model that the recordings ask for; None where a full one was given.
     """

@@ -7,7 +7,9 @@ fit. What they explain of the residuals is tested by F, with errors that are aut
 Bonferroni over all that is tried. Motors are alike, so that a law is tested for all of them, too.
 What is likely is tested again, with what all columns take up of the errors added back to these.
 A clear force that saves errors on segments left out, or moves estimates by more than they are
-known to, is named; it is not added. Intervals hold the bias that it makes.
+known to, is named; it is not added. Intervals hold the bias that it makes. A weak spring is hardly
+told from gravity, and moves estimates of bodies far: intervals hold the bias of one that is likely,
+though not clear. How much would not show at all is said; intervals hold without such a spring.
 """
 
 from __future__ import annotations
@@ -36,8 +38,10 @@ from loopid.logs.recording import Recording
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
-CHANCE = 0.01  # that any force is called clear in data where none is missing
+CHANCE = 0.01  # that any force is called clear, or one law likely, in data where none is missing
 ONE_OF_ALL = 0.05  # chance of a motor's own force, from which on what is clear of all is its, too
+HIDDEN = 2.0  # standard errors of a spring's stiffness within which it does not show
+HIDES = 10.0  # standard errors of an estimate that such a one moves it by at least to be named
 HELPS = 0.9  # of squared errors on segments left out that may be left with a force that helps
 MOVES = 2.0  # standard errors of an estimate that a force moves it by at least to be named
 ROWS = 20  # samples of a motor for each column, at least
@@ -63,6 +67,9 @@ class MissingForce:
         The same, in parts of the motor's force.
     chance : float
         Probability of as clear a one where none is missing.
+    told : str
+        ``"clear"``; ``"likely"``, which widens intervals; or ``"hidden"``: this much of it would
+        not show.
     left : float
         Of the motor's squared error on segments left out, the part that is left with it.
     bias : FloatArray
@@ -74,7 +81,7 @@ class MissingForce:
     term : str
         Kind of the joint term that it is; empty where there is none.
     number : float
-        Waves in a turn, or in a metre; 0 for laws without. Of a length the part that is missing.
+        Waves, or stiffness of a spring; 0 for laws without. Of a length the part that is missing.
     unit : str
         Of these.
     """
@@ -88,9 +95,16 @@ class MissingForce:
     bias: FloatArray
     moved: float
     do: str
+    told: str = "clear"
     term: str = ""
     number: float = 0.0
     unit: str = ""
+
+    @property
+    def matters(self) -> bool:
+        """Whether it saves errors, or moves estimates by enough to be named."""
+        saves = self.told == "clear" and self.left < HELPS
+        return saves or self.moved > (HIDES if self.told == "hidden" else MOVES)
 
     @property
     def effect(self) -> str:
@@ -102,14 +116,32 @@ class MissingForce:
 
 def missing_findings(missing: Sequence[MissingForce]) -> tuple[Finding, ...]:
     """Those of one law together, the largest first."""
-    laws = dict[str, list[MissingForce]]()
+    laws = dict[tuple[str, str], list[MissingForce]]()
     for each in sorted(missing, key=lambda each: -each.share):
-        laws.setdefault(each.law, []).append(each)
+        laws.setdefault((each.law, each.told), []).append(each)
     return tuple(_finding(each) for each in laws.values())
 
 
 def _finding(alike: Sequence[MissingForce]) -> Finding:
-    first, *others = alike
+    first = alike[0]
+    do = first.do.replace("{terms}", "; ".join(f"{each.motor}: {each.term}" for each in alike))
+    motors = first.motor + (f" and {len(alike) - 1} more" if len(alike) > 1 else "")
+    number = f", {first.number:.3g} {first.unit}" if first.number else ""
+    if first.told == "hidden":
+        return Finding(
+            "note",
+            f"a spring of {motors} would not show",
+            f"up to {number.lstrip(', ')} may be taken for gravity, which {first.effect}; "
+            "intervals hold without one",
+            do,
+        )
+    if first.told == "likely":
+        return Finding(
+            "note",
+            f"force of {motors} perhaps {first.law}",
+            f"it {first.effect}; intervals allow for it",
+            do,
+        )
     if not first.motor:
         return Finding(
             "warning",
@@ -117,18 +149,15 @@ def _finding(alike: Sequence[MissingForce]) -> Finding:
             f"{100 * first.number:+.2g} % at {first.law} would, or others; {first.effect}",
             first.do,
         )
-    more = f" and {len(others)} more" if others else ""
-    number = f", {first.number:.3g} times {first.unit}" if first.number else ""
     sizes = (
         f"{each.motor} {each.size:.2g} ({100 * each.share:.2g} % of its force, {each.effect})"
         for each in alike
     )
-    terms = "; ".join(f"{each.motor}: {each.term}" for each in alike)
     return Finding(
         "warning",
-        f"force of {first.motor}{more} {first.law}{number}",
+        f"force of {motors} {first.law}{number}",
         "root mean squares in N or N m: " + ", ".join(sizes),
-        first.do.replace("{terms}", terms),
+        do,
     )
 
 
@@ -216,9 +245,10 @@ LAWS = (
 def missing_forces(
     fit: WorkingFit, force_model: ForceModel, recordings: Sequence[Recording]
 ) -> tuple[MissingForce, ...]:
-    """What each motor clearly shows beside a fit of recordings: the likeliest force, if any.
+    """What each motor shows beside a fit of recordings: the likeliest force that is clear, if any.
 
-    Or lengths of the robot file that are off, where that is likelier than any force.
+    Where none is, a spring that is likely, or would not show. Or lengths of the robot file that are
+    off, where that is likelier than any force.
 
     Parameters
     ----------
@@ -229,12 +259,12 @@ def missing_forces(
         return ()
     with one_blas_thread():
         search = _Search(fit, force_model, recordings)
-        found = [each for motor in search.motors if (each := search.of_motor(motor)) is not None]
+        found = [each for motor in search.motors for each in search.of_motor(motor)]
         length = _wrong_length(fit, force_model, recordings, search.families)
-    least = min((each.chance for each in found), default=1.0)
+    least = min((each.chance for each in found if each.told == "clear"), default=1.0)
     if length is not None and length.chance < least:
         found.insert(0, length)
-    return tuple(each for each in found if each.left < HELPS or each.moved > MOVES)
+    return tuple(each for each in found if each.matters)
 
 
 def _wrong_length(
@@ -261,7 +291,7 @@ def _wrong_length(
     test, least, best = _Test(fit), CHANCE, None
     lengths = length_forces(force_model, standard, runs)
     for place, force in lengths.items():
-        chance, x, bias = test.of(force[:, :, None])
+        chance, x, _, bias = test.of(force[:, :, None])
         if families * len(lengths) * chance < least:
             least, best = families * len(lengths) * chance, (place, force, x, bias)
     if best is None:
@@ -277,7 +307,7 @@ def _wrong_length(
 
 def with_missing(fit: Fit, missing: Sequence[MissingForce]) -> Fit:
     """A fit whose intervals hold the bias of forces that are missing."""
-    biases = [np.outer(each.bias, each.bias) for each in missing]
+    biases = [np.outer(each.bias, each.bias) for each in missing if each.told != "hidden"]
     return replace(fit, covariance=sum(biases, fit.covariance)) if biases else fit
 
 
@@ -339,8 +369,8 @@ class _Test:
         self.models = [Autoregression(np.trim_zeros(own, "b"), float(size)) for own, size in rows]
         self.runs = [run_lengths(used, samples.pieces) for used in samples.used.T]
 
-    def of(self, columns: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """Chance, coefficients (k,) and bias (n,) of columns (N, dof, k)."""
+    def of(self, columns: FloatArray) -> tuple[float, FloatArray, FloatArray, FloatArray]:
+        """Chance, coefficients (k,), their errors (k,) and bias (n,) of columns (N, dof, k)."""
         from scipy.special import fdtrc  # slow to import
 
         pieces, n, k = self.fit.samples.pieces, len(self.inverse), columns.shape[2]
@@ -350,7 +380,7 @@ class _Test:
         squares = np.einsum("nij,nik->jk", c, c, optimize=True)
         G, sizes = squares - turned.T @ turned, np.sqrt(np.diag(squares))
         if not (sizes > 0).all() or np.linalg.eigvalsh(G / np.outer(sizes, sizes))[0] < DEPENDENT:
-            return 1.0, np.zeros(k), np.zeros(n)
+            return 1.0, np.zeros(k), np.zeros(k), np.zeros(n)
         s = np.einsum("nik,ni->k", c, self.residual[:, own])
         beside = -(self.columns @ turned)  # (N, dof, k)
         beside[:, own] += c
@@ -372,8 +402,9 @@ class _Test:
         F = float(s @ told[:, 0]) / k
         # A force is hardly larger than the whole one.
         force = np.sum((self.fit.samples.force[:, own] * self.scale[:, own]) ** 2)
-        x = np.linalg.solve(G @ told[:, 1:] + np.diag(sizes**2) / force, G @ told[:, 0])
-        return float(fdtrc(k, max(freedom, 1.0), F)), x, self.inverse @ -(turned @ x)
+        covariance = np.linalg.inv(G @ told[:, 1:] + np.diag(sizes**2) / force)
+        x, errors = covariance @ G @ told[:, 0], np.sqrt(np.diag(covariance))
+        return float(fdtrc(k, max(freedom, 1.0), F)), x, errors, self.inverse @ -(turned @ x)
 
     def confirmed(self, columns: FloatArray) -> float:
         """The chance once more, by errors without what all columns take up of them.
@@ -398,14 +429,19 @@ class _Test:
         do: str,
         **known: Any,
     ) -> MissingForce:
-        """What is clear, of a force (N, dof) that it makes."""
-        errors, own = self.fit.result.standard_errors, self.used & force.any(axis=0)
+        """What there is, or may be, of a force (N, dof) that it makes."""
+        own = self.used & force.any(axis=0)
         whole = np.sqrt((self.fit.samples.force[own] ** 2).mean())
         size = float(np.sqrt((force[own] ** 2).mean()))
-        moved = np.abs(bias) / np.where(errors > 0, errors, np.inf)
         share = size / float(whole) if whole > 0 else np.inf
-        most = float(moved.max())
-        return MissingForce(motor, law, size, share, chance, left, bias, most, do, **known)
+        return MissingForce(
+            *(motor, law, size, share, chance, left, bias, self.moved(bias), do), **known
+        )
+
+    def moved(self, bias: FloatArray) -> float:
+        """The most that a bias (n,) is in standard errors of the estimates."""
+        errors = self.fit.result.standard_errors
+        return float((np.abs(bias) / np.where(errors > 0, errors, np.inf)).max())
 
 
 class _LeftOut(NamedTuple):
@@ -459,6 +495,25 @@ def _squares(fit: WorkingFit, groups: np.ndarray) -> FloatArray:
     return np.asarray((left**2).sum(axis=0))
 
 
+class _Chances(NamedTuple):
+    """That as clear a law of all motors comes by chance: this law, and any that is tried."""
+
+    one: float
+    any: float
+
+
+class _Tried(NamedTuple):
+    """A law of a motor, what it stands for, and what the test says of it."""
+
+    law: _Law
+    number: float
+    tests: int
+    chance: float
+    x: FloatArray
+    errors: FloatArray
+    bias: FloatArray
+
+
 class _Search:
     """All that is tested beside a fit."""
 
@@ -477,6 +532,7 @@ class _Search:
         # Bonferroni: each motor, all of them together, and lengths.
         self.families = len(self.motors) + 2
         self.together = {law.said: self._of_all(law) for law in LAWS}
+        self.likely = {said for said, chances in self.together.items() if chances.one < CHANCE}
 
     def _asked(self, motor: str) -> list[_Law]:
         """Laws that no joint term of a motor has, and that the evidence has not decided about."""
@@ -495,40 +551,65 @@ class _Search:
         columns[:, self.rows[motor]] = own
         return columns
 
-    def _of_all(self, law: _Law) -> float:
-        """Chance of a law of all motors that are tested for it."""
+    def _of_all(self, law: _Law) -> _Chances:
+        """Chances of a law of all motors that are tested for it."""
         asked = [self._columns(motor, law) for motor in self.motors if law in self.laws[motor]]
         if len(asked) < 2:
-            return 1.0
+            return _Chances(1.0, 1.0)
         columns, tests = np.concatenate(asked, axis=2), len(LAWS) * self.families
-        chance = tests * self.test.of(columns)[0]
-        return tests * self.test.confirmed(columns) if chance < CHANCE else chance
+        one = self.test.of(columns)[0]
+        one = self.test.confirmed(columns) if one < CHANCE else one
+        return _Chances(one, tests * one)
 
-    def of_motor(self, motor: str) -> MissingForce | None:
-        """The likeliest force of a motor, if one is clear."""
+    def of_motor(self, motor: str) -> list[MissingForce]:
+        """The likeliest force of a motor, if one is clear; else its springs."""
         used = self.test.used[:, self.rows[motor]]
-        least, best = CHANCE, None
-        for law, number, kinds in self._tried(motor):
-            columns, tests = self._columns(motor, law, number), kinds * self.families
-            if used.sum() < ROWS * columns.shape[2]:
-                continue
-            chance, x, bias = self.test.of(columns)
-            together = self.together.get(law.said, 1.0) if chance < ONE_OF_ALL else 1.0
-            if min(tests * chance, together) < least:
-                least = min(tests * chance, together)
-                best = law, number, tests, together, columns, x, bias
-        if best is None:
-            return None
-        law, number, tests, together, columns, x, bias = best
-        least = min(tests * self.test.confirmed(columns), together)
-        if least >= CHANCE:
-            return None
+        tried = [
+            _Tried(law, number, kinds * self.families, *self.test.of(columns))
+            for law, number, kinds in self._tried(motor)
+            if used.sum() >= ROWS * (columns := self._columns(motor, law, number)).shape[2]
+        ]
+        best = min(tried, key=lambda one: self._chance(one, one.chance), default=None)
+        if best is not None and self._chance(best, best.chance) < CHANCE:
+            chance = self._chance(best, self._confirmed(motor, best))
+            if chance < CHANCE:
+                return [self._missing(motor, best._replace(chance=chance), "clear")]
+        springs = (one for one in tried if one.law.term and one.x.all())
+        return [self._doubtful(motor, one) for one in springs]
+
+    def _doubtful(self, motor: str, one: _Tried) -> MissingForce:
+        """A spring that is not clear: likely, or as much of it as would not show."""
+        likely = one.law.said in self.likely
+        if likely or (one.chance < CHANCE and self._confirmed(motor, one) < CHANCE):
+            return self._missing(motor, one, "likely")
+        times = HIDDEN * one.errors / one.x
+        hidden = one._replace(x=times * one.x, bias=times * one.bias)
+        return self._missing(motor, hidden, "hidden")
+
+    def _confirmed(self, motor: str, one: _Tried) -> float:
+        return self.test.confirmed(self._columns(motor, one.law, one.number))
+
+    def _chance(self, one: _Tried, alone: float) -> float:
+        """Of what is tried for a motor that shows it by some chance: its own, or that of all."""
+        of_all = self.together[one.law.said].any if one.law.said in self.together else 1.0
+        return min(one.tests * alone, of_all if alone < ONE_OF_ALL else 1.0)
+
+    def _missing(self, motor: str, one: _Tried, told: str) -> MissingForce:
         slides = self.force_model.robot.joint(motor).shortname().startswith("JointModelP")
+        law, number = one.law, one.number
+        columns = self._columns(motor, law, number)
+        left = 1.0 if told == "hidden" else self.left.ratio(columns)  # takes as long as a fit
+        unit = "times a metre" if slides else "times a turn"
+        if law.term:
+            number, unit = float(one.x[0]), "N/m" if slides else "N m/rad"
+        elif slides:
+            number /= 2 * np.pi
         return self.test.missing(
-            *(motor, law.said, least, columns @ x, self.left.ratio(columns), bias, law.do),
+            *(motor, law.said, one.chance, columns @ one.x, left, one.bias, law.do),
+            told=told,
             term=law.term,
-            number=number / (2 * np.pi) if slides else number,
-            unit="a metre" if slides else "a turn",
+            number=number,
+            unit=unit,
         )
 
     def _tried(self, motor: str) -> Iterator[tuple[_Law, float, int]]:
