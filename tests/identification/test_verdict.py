@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import loopid
+from bank_robots import few_of
 from loopid import JointTerms, identify
 from loopid.findings import SEVERITIES
 from loopid.identification.unseen import UnseenErrors
@@ -49,7 +50,9 @@ def identified(robot, once):
     return lambda wrong="nothing": once(f"verdict on {wrong}", lambda: found(wrong))
 
 
-@pytest.mark.parametrize("wrong", ["a spring", "gravity", "a sign", "a zero"])
+@pytest.mark.parametrize(
+    "wrong", few_of(["a spring", "gravity", "a sign", "a zero"], "a spring", "gravity", "a zero")
+)
 def test_a_wrong_model_is_never_praised(identified, wrong):
     assert PRAISE not in str(identified(wrong).verdict)
 
@@ -129,7 +132,10 @@ def test_errors_are_looked_at_where_they_are_worst(identified):
     assert (alone.standstill < 0.05).all()
 
 
-@pytest.mark.parametrize("wrong", ["nothing", "a spring", "gravity", "a sign", "a zero"])
+@pytest.mark.parametrize(
+    "wrong",
+    few_of(["nothing", "a spring", "gravity", "a sign", "a zero"], "nothing", "a spring", "a zero"),
+)
 def test_findings_are_two_lines_at_most_the_most_important_first(identified, wrong):
     found = identified(wrong)
     assert found.findings
