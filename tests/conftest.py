@@ -26,7 +26,7 @@ from linkages import LINKAGES
 from loopid import bundled_robots, identify, random_configurations, read_log
 from loopid.errors import ModelWarning
 from loopid.identification import delay
-from loopid.identification.log_mistakes import Suspicions
+from loopid.identification.log_mistakes import LogFaults
 from loopid.paper.reproduction import reproduce_paper
 from made_runs import friction, logged, quietly, wander
 
@@ -55,12 +55,12 @@ def commands_built_once():
 def nothing_suspected():
     """Mistakes are not looked for in logs: that takes most of an identification."""
 
-    def unsuspected(_robot, recordings, _joint_terms=None):
-        return tuple(Suspicions(name) for name in {run.name: run for run in recordings})
+    def faultless(_robot, recordings, _joint_terms=None):
+        return tuple(LogFaults(name) for name in {run.name: run for run in recordings})
 
     with pytest.MonkeyPatch.context() as patch:
         pipeline = import_module("loopid.identification.pipeline")
-        patch.setattr(pipeline, "suspicions_by_log", unsuspected)
+        patch.setattr(pipeline, "log_faults_by_log", faultless)
         yield
 
 

@@ -108,7 +108,7 @@ def test_branched_parallelograms_whose_closures_contradict_each_other(load):
 
 
 def rounded(text, form):
-    """A URDF with numbers of so many digits."""
+    """A URDF with numbers of this many digits."""
 
     def fewer(match):
         return f'{match[1]}="{" ".join(format(float(x), form) for x in match[2].split())}"'
@@ -135,7 +135,7 @@ def rounded_delta(tmp_path):
     ),
 )
 def test_a_rounded_delta_has_the_count_of_the_delta(rounded_delta, form, rounding, known_to):
-    """Of so many decimals or digits; its longest lengths are below 1 m."""
+    """Of this many decimals or digits; its longest lengths are below 1 m."""
     robot = loopid.load(rounded_delta(form), rounding=rounding)
     structure = analyse(structural_observation(robot, "full"))
     assert structure.rank == 34

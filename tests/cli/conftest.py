@@ -15,7 +15,7 @@ import pytest
 import loopid
 from loopid import JointTerms
 from loopid.cli import main
-from loopid.identification.log_mistakes import Suspicions
+from loopid.identification.log_mistakes import LogFaults
 from loopid.report import json_schema
 from made_runs import ARM, FRICTION, logged, wander
 
@@ -52,7 +52,7 @@ def arm_identified_once(request, monkeypatch, once):
         return
     pipeline = import_module("loopid.identification.pipeline")
     identify, in_time = pipeline.identify, pipeline.in_time
-    monkeypatch.setattr(pipeline, "suspicions_by_log", lambda *_: (Suspicions("run"),))
+    monkeypatch.setattr(pipeline, "log_faults_by_log", lambda *_: (LogFaults("run"),))
     monkeypatch.setattr(pipeline, "in_time", lambda *a, **o: in_time(*a, **o | {"undo": False}))
 
     def identified(*arguments, **options):
