@@ -15,6 +15,8 @@ from loopid.motion import scaled_bodies
 from loopid.regressors import force_parts
 from made_runs import quietly, record, wander
 
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "no_delay_sought")
+
 NOISE, REACH = 0.05, (0.6, 0.6)
 
 

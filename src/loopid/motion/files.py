@@ -159,7 +159,7 @@ class RepeatStep(StepDescription):
         inside, found = place.at("steps"), list[Waypoint]()
         for _ in range(self.repeat):
             found += inside.ways(self.steps, found[-1].position if found else here)
-            place.require_few(len(found))
+            place.require_few(max(len(found), self.repeat))  # a round is a way at least
         return found
 
 
