@@ -21,7 +21,7 @@ from loopid.parameters import ParameterSet
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
-ZERO = 10.0  # times the round-off of null vectors: shorter rows are zero
+ZERO = 100.0  # times the round-off of null vectors: shorter rows are zero
 NOISE = 10.0  # times the error of a null vector's row: smaller coefficients are none
 ROUND_OFF = 1e-9  # that inversions leave of zeros, in a null space and in coefficients
 COARSE = 1e-6  # of the last value that counts, of columns of equal length: more is no round-off
