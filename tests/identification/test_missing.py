@@ -152,6 +152,18 @@ def test_a_length_that_is_off_is_named(robot, model):
     assert "as parameters" not in str(found.verdict)
 
 
+def test_intervals_hold_a_length_that_is_off_by_less_than_is_clear(robot, model):
+    true = run(longer(robot, 0.002))
+    there = as_in_the_file(robot, true.motion)
+    found = quietly(identify, model, [Recording.of_motion(there, true.force, robot.actuated)])
+    (length,) = [each for each in found.missing if each.told == "likely"]
+    assert not length.motor
+    assert any("perhaps do not fit" in each.title for each in found.findings)
+    assert off(found, robot).max() < 2.5
+    plain = found["consistent"].fit.covariance - np.outer(length.bias, length.bias)
+    assert (np.sqrt(np.diag(plain)) < found.fit.standard_errors / 2).any()
+
+
 def test_forces_of_a_length_are_those_of_a_robot_with_that_length(robot, model):
     other = longer(robot, 0.001)
     motion = wander(other, 4, 5.0, 20.0, size=(0.5, 0.5))
