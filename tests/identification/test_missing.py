@@ -153,7 +153,7 @@ def test_a_length_that_is_off_is_named(robot, model):
 
 
 def test_intervals_hold_a_length_that_is_off_by_less_than_is_clear(robot, model):
-    true = run(longer(robot, 0.002))
+    true = run(longer(robot, 0.0018))
     there = as_in_the_file(robot, true.motion)
     found = quietly(identify, model, [Recording.of_motion(there, true.force, robot.actuated)])
     (length,) = [each for each in found.missing if each.told == "likely"]

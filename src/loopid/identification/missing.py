@@ -291,12 +291,11 @@ def _wrong_length(
     if not tried:
         return None
     place = min(tried, key=lambda each: tried[each][0])
-    (least, x, bias), force, told = tried[place], lengths[place], "likely"
-    tests = families * len(lengths)
-    if tests * least < CHANCE and (chance := test.confirmed(force[:, :, None])) * tests < CHANCE:
-        least, told = tests * chance, "clear"
-    elif least >= CHANCE:
+    (least, x, bias), force = tried[place], lengths[place]
+    least = len(lengths) * (test.confirmed(force[:, :, None]) if least < CHANCE else least)
+    if least >= CHANCE:
         return None
+    told = "clear" if families * least < CHANCE else "likely"
     left = _LeftOut.of(fit, runs).ratio(force[:, :, None])
     known = "", place, least, force * x, left, bias, MEASURE
     return test.missing(*known, told=told, number=float(x[0]))
