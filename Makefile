@@ -63,7 +63,7 @@ bench: .venv/test peers
 	$(BIN)/python benchmarks/intervals.py --runs 20
 	$(BIN)/python benchmarks/friction.py --runs 16
 	$(BIN)/python benchmarks/delays.py --runs 20
-	$(BIN)/python benchmarks/suspicions.py --runs 20
+	$(BIN)/python benchmarks/log_faults.py --runs 20
 	$(BIN)/python benchmarks/verdicts.py
 	$(BIN)/python benchmarks/estimators.py
 	$(BIN)/python benchmarks/consistency.py

@@ -3,7 +3,7 @@
     python benchmarks/consistency.py [--logs N] [--robot NAME] [--kind KIND] [--json FILE]
 
 Each row is a robot and a kind of error of its file, with bodies, friction and noise drawn anew for
-each simulated log of 20 s at 100 Hz, with encoders of 17 bits: bodies off by so many per cent in
+each simulated log of 20 s at 100 Hz, with encoders of 17 bits: bodies off by this many per cent in
 size, in shape, or one body three times as heavy as in the file, or as light. On another motion, the
 squared error of the forces relative to that of the robot file with fitted joint terms, median and
 worst, of all parameters by least squares, of the consistent fit, and of what is recommended; how
@@ -130,7 +130,7 @@ def symmetric(generator: np.random.Generator, size: float) -> FloatArray:
 
 
 def figures(case: Case, kind: str, logs: int) -> dict[str, Any]:
-    """Figures of so many logs."""
+    """Figures of this many logs."""
     numbers = defaultdict[str, list[Any]](list)
     for seed in range(logs):
         truth = case.truth(kind, seed)

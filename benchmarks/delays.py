@@ -5,10 +5,10 @@
     python benchmarks/delays.py --plants [--runs N] [--robot NAME] [--delay MS ...] [...]
 
 Each row is a robot with bodies that are some 20 % off its file and with friction, and forces that
-are so many ms late: the error of the delay (root mean square, and the part of the logs within 1
+are this many ms late: the error of the delay (root mean square, and the part of the logs within 1
 ms), half of its 95 % interval, how often that covers it, in which part of the logs a delay is
 undone, more than 2 ms are left after that, and how many ms are left at most. A row of 0 ms is of
-clean logs: what is undone there is a false alarm. With ``--slip`` friction builds up over so many
+clean logs: what is undone there is a false alarm. With ``--slip`` friction builds up over this many
 mrad after a reversal (Dahl's law, exactly from sample to sample), 0 for friction that jumps.
 Motions are those of ``intervals.py``, which repeat after 10 s; seeds draw the noise of the forces.
 With ``--fit``, how often intervals of parameters by weighted least squares cover the true values,
@@ -78,7 +78,7 @@ def exact_force(case: Case, slip: float) -> FloatArray:
 
 
 def late_log(case: Case, slip: float, delay: float, seed: int, given: Given) -> Log:
-    """A log whose forces are so many s late."""
+    """A log whose forces are this many s late."""
     rng, exact, robot = np.random.default_rng(seed), case.exact, case.robot
     slides = np.isin(robot.velocity_indices(robot.actuated), robot.prismatic)
     step = np.where(slides, LEAD, 2 * np.pi) / 2**given.bits

@@ -2,8 +2,8 @@
 
     python benchmarks/estimators.py [--runs N] [--robot NAME] [--only CASE] [--recommended]
 
-Each row is an estimator on so many seeded repetitions of errors: how often 95 % intervals cover the
-true value, on average over the parameters and for the worst and best of them; the size of its
+Each row is an estimator on this many seeded repetitions of errors: how often 95 % intervals cover
+the true value, on average over the parameters and for the worst and best of them; the size of its
 errors, the root mean square over the parameters of their standard deviation about the truth, each
 relative to the bound for independent errors without outliers; and the largest mean error, in
 standard deviations of the estimates.

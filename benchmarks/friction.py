@@ -120,7 +120,7 @@ class Friction(Case):
 
 
 def figures(case: Friction, terms: str, bits: int, runs: int) -> dict[str, Any]:
-    """Of so many logs."""
+    """Of this many logs."""
     found = [case.judged(terms, case.log(bits, seed)) for seed in range(runs)]
     names = dict.fromkeys(name for each in found for name in each["covered"])
     every = ([each["covered"].get(name) for each in found] for name in names)

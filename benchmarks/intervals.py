@@ -4,7 +4,7 @@
     python benchmarks/intervals.py --filter [--kind KIND] [--latin] [--panda LOG] [...]
 
 Each row is a robot with bodies that are some 20 % off its file and with friction, on one motion, at
-a sample rate and with encoders of so many bits a turn: the cut-off that the log asks for, how often
+a sample rate and with encoders of some bits a turn: the cut-off that the log asks for, how often
 intervals of all parameters by weighted least squares cover the true values, on average over the
 parameters and for the worst, and the root mean square and the largest mean of errors in standard
 errors: 1 and 0 where all is well. Seeds draw the noise of the forces and the phases of the
@@ -139,7 +139,7 @@ class Case:
 
 
 def coverage(case: Case, bits: int, runs: int) -> dict[str, Any]:
-    """Figures of so many logs."""
+    """Figures of this many logs."""
     covered, errors, cutoffs = [], [], []
     for seed in range(runs):
         recording = loopid.prepare(case.robot, case.log(bits, seed))
@@ -163,7 +163,7 @@ def coverage(case: Case, bits: int, runs: int) -> dict[str, Any]:
 
 
 def filtered(case: Case, bits: int, kind: str, runs: int) -> dict[str, Any]:
-    """Figures of so many logs, with the chosen cut-off beside fixed ones."""
+    """Figures of this many logs, with the chosen cut-off beside fixed ones."""
     new = case.model.regressor(joint_motion(case.robot, case.planned(case.name, "other", 50.0)))
     size = ((new @ case.truth) ** 2).mean(axis=0)
 

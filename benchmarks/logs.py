@@ -113,7 +113,7 @@ def peak_megabytes() -> float:
 
 
 def write_log(mechanism: Robot, count: int, path: Path) -> None:
-    """A log of so many samples: a trajectory over and over, with new noise."""
+    """A log of this many samples: a trajectory over and over, with new noise."""
     names = [f"{joint}.{what}" for what in ("position", "effort") for joint in mechanism.actuated]
     write = WRITERS[path.suffix[1:]]
     write(path, ["time", *names], count, tables(mechanism, count))

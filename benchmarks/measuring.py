@@ -52,7 +52,7 @@ class States:
         return self.nq + 3 * self.nv
 
     def read(self, first: int = 0, count: int | None = None) -> list[np.ndarray]:
-        """Positions, velocities, accelerations and forces of so many samples, by default all."""
+        """Positions, velocities, accelerations and forces of this many samples, by default all."""
         most = self.samples - first
         wanted = self.width * (most if count is None else min(count, most))
         numbers = np.fromfile(self.path, count=wanted, offset=8 * self.width * first)

@@ -6,7 +6,7 @@
 
 For each log bodies are drawn 20 % off the file, friction, a load with a centre and an inertia, and
 gains of the drives of 0.8 to 1.25 (``--right-gains``: 1). Two motions of 20 s are recorded at
-100 Hz by encoders of 17 bits, with white noise of so many parts of each motor's force. Printed are
+100 Hz by encoders of 17 bits, with white noise of a part of each motor's force. Printed are
 
 - how often 95 % intervals of ``drive_gains`` cover the true gains, by the mass of the load alone
   and with its centre, and their usual half width; the part of the motors that tell their gains;

@@ -455,7 +455,7 @@ def exchanged(*names: str) -> Spoil:
 
 
 def shifted(seconds: float) -> Spoil:
-    """Forces so many s late: those that are missing at the start are left out."""
+    """Forces this many s late: those that are missing at the start are left out."""
 
     def spoilt(log: Log) -> Log:
         rows = round(seconds * log.rate(log.parts()[0]))
@@ -466,7 +466,7 @@ def shifted(seconds: float) -> Spoil:
 
 
 def moved(offset: float) -> Spoil:
-    """Zero of the second motor's encoder so many rad off."""
+    """Zero of the second motor's encoder this many rad off."""
 
     def spoilt(log: Log) -> Log:
         position = log.position.copy()

@@ -110,7 +110,7 @@ def row(case: Case, seeds: int) -> dict[str, Any]:
 
 
 def copies(file: Path, count: int, folder: Path) -> Path:
-    """Write a robot so many times beside itself; the path of its file.
+    """Write a robot this many times beside itself; the path of its file.
 
     The copies have nothing in common: together they have as many times the rank.
     """

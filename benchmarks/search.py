@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from itertools import combinations, islice
 from statistics import median
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -65,10 +65,10 @@ def timed_strategies(observation: Observation) -> list[dict[str, Any]]:
     found = {}
     for _ in range(ROUNDS):
         for name, strategy in strategies.items():
-            start = perf_counter()
+            start = process_time()
             # A search that finds nothing is timed as well.
             found[name] = strategy.search(ChoiceProblem(analyse(observation)))
-            times[name].append(perf_counter() - start)
+            times[name].append(process_time() - start)
     return [
         {
             "search": name,
@@ -109,14 +109,14 @@ def exhaustive(observation: Observation, least: float, full: bool) -> dict[str, 
         places = np.argsort(np.random.default_rng(0).random((SAMPLE, n)), axis=1)[:, :count]
         chunks, best, ties = np.split(places, SAMPLE // CHUNK), least, 0
         how = f"extrapolated from {SAMPLE:,}"
-    start = perf_counter()
+    start = process_time()
     for selections in chunks:
         found = promising(vectors, selections, best * (1 + TIED))
         lowest = float(found.min(initial=np.inf))
         ties = ties if lowest > best / (1 + TIED) else 0
         best = min(best, lowest)
         ties += int((found <= best * (1 + TIED)).sum())
-    seconds = perf_counter() - start
+    seconds = process_time() - start
     return {
         "search": "exhaustive",
         "condition_number": best if full else float("nan"),

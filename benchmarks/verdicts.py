@@ -25,7 +25,7 @@ import loopid
 from loopid import read_log
 from loopid.errors import LoopidError
 from loopid.files import csv_text
-from loopid.identification import suspicions
+from loopid.identification import log_faults
 from loopid.logs import Log
 from loopid.robot import Robot
 from loopid.workers import one_blas_thread
@@ -77,7 +77,7 @@ def first_said(robot: Robot, log: Log) -> str:
             file = Path(folder, "run.csv")
             file.write_text(csv_text(["time", *names], log.time, log.position, log.force))
             read = read_log(file, robot)
-        found = suspicions(robot, [loopid.prepare(robot, read)]).mistakes
+        found = log_faults(robot, [loopid.prepare(robot, read)]).mistakes
     except LoopidError as error:
         return f"refused: {error}"
     return next((each.title for each in found if each.severity == "mistake"), "")

@@ -7,13 +7,13 @@ from pathlib import Path
 import loopid
 
 FILE = Path(__file__).with_name("public_api.txt")
-ROOMS = sorted(name for name in loopid.__all__ if hasattr(getattr(loopid, name), "__path__"))
+SUBPACKAGES = sorted(name for name in loopid.__all__ if hasattr(getattr(loopid, name), "__path__"))
 
 
-def names(door):
-    """What a door exports, but rooms."""
-    listed = getattr(door, "__all__", None) or [n for n in dir(door) if not n.startswith("_")]
-    return sorted(n for n in listed if not inspect.ismodule(getattr(door, n)))
+def names(package):
+    """What a package exports, but subpackages."""
+    listed = getattr(package, "__all__", None) or [n for n in dir(package) if not n.startswith("_")]
+    return sorted(n for n in listed if not inspect.ismodule(getattr(package, n)))
 
 
 def described(thing):
@@ -38,7 +38,7 @@ def described(thing):
 def text():
     """One line a name; signatures of those that ``loopid`` itself exports."""
     lines = [f"{name}{described(getattr(loopid, name))}" for name in names(loopid)]
-    for room in ROOMS:
+    for room in SUBPACKAGES:
         lines += [f"{room}.{name}" for name in names(getattr(loopid, room))]
     return "\n".join(lines) + "\n"
 

@@ -1,8 +1,10 @@
 """What README and docs show is run."""
 
+import json
 import re
 import shlex
 from pathlib import Path
+from runpy import run_path
 
 import pytest
 import typer
@@ -65,3 +67,13 @@ def test_source_files_that_are_named_exist(page):
     files = [f"/{f.relative_to(ROOT)}" for part in PARTS for f in (ROOT / part).rglob("*.py")]
     for name in re.findall(r"`([\w/]+\.py)[ `]", page.read_text()):
         assert any(file.endswith(f"/{name}") for file in files), name
+
+
+def test_tables_of_benchmarks_are_those_that_were_measured():
+    """Whoever types a figure there is told."""
+    own = run_path(str(ROOT / "benchmarks" / "figures.py"))
+    page, stored = own["PAGE"].read_text(), json.loads(own["STORED"].read_text())
+    assert {found[2] for found in own["MARKED"].finditer(page)} == own["TABLES"].keys()
+    assert own["with_tables"](page, stored) == page
+    typed = re.sub(r"(?<=\| )\d", "9.", page)
+    assert own["with_tables"](typed, stored) != typed

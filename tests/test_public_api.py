@@ -17,14 +17,14 @@ from loopid.identification import FitSamples, ForceModel
 from loopid.loading.urdf import read_urdf
 from loopid.logs import Recording
 from loopid.motion import JointMotion, Motion
-from public_api import FILE, ROOMS, names, text
+from public_api import FILE, SUBPACKAGES, names, text
 
 FUNCTIONS = [name for name in names(loopid) if inspect.isfunction(getattr(loopid, name))]
 CLASSES = {
-    getattr(getattr(loopid, room), name)
-    for room in ROOMS
-    for name in names(getattr(loopid, room))
-    if inspect.isclass(getattr(getattr(loopid, room), name))
+    getattr(getattr(loopid, package), name)
+    for package in SUBPACKAGES
+    for name in names(getattr(loopid, package))
+    if inspect.isclass(getattr(getattr(loopid, package), name))
 } | {getattr(loopid, name) for name in names(loopid) if inspect.isclass(getattr(loopid, name))}
 # Functions that still have more than three positional arguments, or more than seven in all.
 TOO_MANY = {
@@ -72,7 +72,7 @@ def run(folder):
         loopid.identification.identifiability(model, [recording]),
         loopid.simulate(robot, motion, loopid.motion.Noise(gaussian=0.1)),
         loopid.motion.review_motion(robot, motion),
-        *found.suspicions,
+        *found.log_faults,
         loopid.design_motion(model, options=options),
         loopid.identification.fit(samples),
         *(loopid.base_parameters.ExactSearch(), loopid.MotionLimits(speeds={"all": 1.0}), options),

@@ -90,6 +90,11 @@ def finite(array: ArrayLike, name: str) -> FloatArray:
     return values
 
 
+def variances(rows: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Variances (...) of rows (..., n) times values with a covariance (n, n)."""
+    return np.asarray(np.maximum(((rows @ covariance) * rows).sum(axis=-1), 0.0))
+
+
 def rectangular(array: ArrayLike, name: str) -> NDArray[Any]:
     """The array as it is, of whatever type, refused when its rows differ in length."""
     try:

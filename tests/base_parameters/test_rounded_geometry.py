@@ -107,7 +107,7 @@ def test_branched_parallelograms_whose_closures_contradict_each_other(load):
 
 
 def rounded(text, form):
-    """A URDF with numbers of so many digits."""
+    """A URDF with numbers of this many digits."""
 
     def fewer(match):
         return f'{match[1]}="{" ".join(format(float(x), form) for x in match[2].split())}"'
@@ -131,7 +131,7 @@ def rounded_delta(tmp_path):
     [(".6f", None, 5e-7), (".4f", None, 5e-5), (".4f", 5e-5, 5e-5), (".5g", None, 5e-6)],
 )
 def test_a_rounded_delta_has_the_count_of_the_delta(rounded_delta, form, rounding, known_to):
-    """Of so many decimals or digits; its longest lengths are below 1 m."""
+    """Of this many decimals or digits; its longest lengths are below 1 m."""
     robot = loopid.load(rounded_delta(form), rounding=rounding)
     structure = analyse(structural_observation(robot, "full"))
     assert structure.rank == 34

@@ -13,7 +13,7 @@ import pytest
 import loopid
 from loopid import JointTerms
 from loopid.cli import main
-from loopid.identification.log_mistakes import Suspicions
+from loopid.identification.log_mistakes import LogFaults
 from loopid.report import json_schema
 from made_runs import ARM, FRICTION, logged, wander
 
@@ -48,7 +48,7 @@ def nothing_suspected(request, monkeypatch):
     """Mistakes are looked for in logs of the knee robot, not of the arm, by many commands."""
     if "arm_files" in request.fixturenames:
         module = import_module("loopid.identification.pipeline")
-        monkeypatch.setattr(module, "suspicions_by_log", lambda *_: (Suspicions("run"),))
+        monkeypatch.setattr(module, "log_faults_by_log", lambda *_: (LogFaults("run"),))
 
 
 @pytest.fixture

@@ -270,7 +270,7 @@ def test_a_body_that_is_far_off_does_not_loosen_the_others(knee_case):
     assert found.own[heavy] == found.own.max()
     assert found.own[heavy] > 1.5 * np.median(found.own)
     assert found.common == LEAST_OFF
-    assert not found.suspicion
+    assert not found.fault
 
 
 def test_a_force_that_the_model_lacks_is_suspected(arm_case):
@@ -283,7 +283,7 @@ def test_a_force_that_the_model_lacks_is_suspected(arm_case):
     lacking = replace(samples, parameters=model.parameters, regressor=model.regressor(motion))
     with pytest.warns(ModelWarning, match="lacks a force"):
         found = consistent_fit(model, lacking, noise_of(lacking))
-    assert found.deviation.suspicion
+    assert found.deviation.fault
 
 
 def test_gravity_models_keep_the_inertias_about_the_centres(knee_gravity):

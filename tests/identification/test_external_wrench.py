@@ -7,7 +7,7 @@ import pytest
 
 import loopid
 from loopid import ExternalWrench, Log, identify, random_configurations
-from loopid.identification import suspicions
+from loopid.identification import log_faults
 from loopid.identification.fitting import quiet_fit
 from loopid.kinematics import random_motions
 from loopid.kinematics.projection import singularity_measure
@@ -76,14 +76,14 @@ def test_an_identification_and_a_prediction_with_a_leg(knee, knee_model, carried
 
 def test_no_mistake_of_the_motors_is_suspected_of_a_leg(knee, carried, terms):
     run, wrench = carried[0]
-    assert suspicions(knee, [run.with_wrenches(knee, [wrench])], terms[0]).mistakes == ()
+    assert log_faults(knee, [run.with_wrenches(knee, [wrench])], terms[0]).mistakes == ()
 
 
 def test_the_gain_of_a_motor_is_that_of_its_own_force(knee, carried, terms):
     """Half the force of a motor is told beside a wrench that has its own unit."""
     run, wrench = carried[0]
     force = run.force * np.array([1.0, 0.5, 1.0, 1.0])
-    told = suspicions(knee, [replace(run, force=force).with_wrenches(knee, [wrench])], terms[0])
+    told = log_faults(knee, [replace(run, force=force).with_wrenches(knee, [wrench])], terms[0])
     gains = {gain.joint: gain for gain in told.gains}
     low, high = gains["leg2_stroke"].interval
     assert low < 0.5 < high

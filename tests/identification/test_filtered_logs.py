@@ -68,7 +68,7 @@ def test_a_log_that_stands_has_no_band():
 
 
 def coarse(bits, rate=1000.0, noise=NOISE):
-    """A log of encoders of so many bits, its force model and true values."""
+    """A log of encoders of this many bits, its force model and true values."""
     model, truth, run = simulated("fourier", rate)
     return model, truth, log_of(model, run, 2 * np.pi / 2**bits, noise)
 

@@ -4,16 +4,22 @@ import numpy as np
 import pytest
 
 import loopid
-from loopid import JointTerms, identify, load_fit, read_log
+from loopid import FilterOptions, JointTerms, identify, load_fit, read_log
 from loopid.errors import DataError, OptionError
 from loopid.identification import friction_curve, friction_summary
+from loopid.identification.consistent import error_weights
 from loopid.identification.fitting import quiet_fit
-from loopid.identification.friction import curve_kinds, curve_rates, friction_findings
+from loopid.identification.friction import (
+    curve_kinds,
+    curve_rates,
+    friction_at_rest,
+    friction_findings,
+)
 from loopid.identification.joint_priors import dissipation, joint_parameters
 from loopid.logs import Recording
 from loopid.motion import Noise, scaled_bodies
 from loopid.regressors.joint_laws import JointState, grouped, joint_term
-from made_runs import logged, quietly, record, simulated, wander
+from made_runs import logged, quietly, record, simulated, unchecked, wander
 
 LINE = "Fc=0.1,Fv=0.05"
 LEFT = "left_crank_joint"
@@ -268,3 +274,37 @@ def test_samples_keep_the_columns_that_other_loads_leave(load_once):
     fewer = unloaded.widened(again, [run])
     assert fewer.parameters == unloaded.parameters
     np.testing.assert_array_equal(fewer.regressor, unloaded.widened(plain, [run]).regressor)
+
+
+# Friction at rest.
+
+
+@pytest.fixture(scope="module")
+def fine_log(robot):
+    """A log with plain friction at 200 Hz, and its rates."""
+    terms = JointTerms.with_values(robot, "Fc=0.1,Fv=0.05")
+    motion = wander(robot, 3, 20.0, 200.0, size=(0.4, 0.4))
+    made = simulated(robot, motion, None, standard=scaled_bodies(robot, 0.2), terms=terms)
+    return made, np.gradient(made.position, made.time, axis=0)
+
+
+@pytest.mark.parametrize("less", [-0.5, 0.0, 0.5])
+def test_friction_that_is_less_at_rest_is_no_shape_of_it(robot, fine_log, less):
+    """Beside reversals the filter shows it; more friction at rest is that of a curve."""
+    made, rate = fine_log
+    idle = np.abs(rate) < 0.05 * np.percentile(np.abs(rate), 99, axis=0)
+    force = made.exact_force - less * 0.1 * np.sign(rate) * idle
+    force += 1e-3 * np.random.default_rng(0).normal(size=force.shape)
+    model = loopid.force_model(robot, "full")
+    log = unchecked(made.time, made.position, force, robot.actuated)
+    recording = loopid.prepare(robot, log, filter=FilterOptions(cutoff=4.0))
+    data = model.samples(recording)
+    weights = error_weights(data.problem, quiet_fit(data).noise)
+    columns = friction_at_rest(data, [recording], weights)
+    assert columns.any(axis=0).tolist() == [less > 0] * 2
+    if less > 0:
+        beside, without = (
+            np.array([fit[f"{joint}.Fc"].value for joint in robot.actuated])
+            for fit in (quiet_fit(data), quiet_fit(data.apart_from(columns)))
+        )
+        assert np.abs(without - 0.1).max() < 1e-3 < 2e-3 < np.abs(beside - 0.1).max()

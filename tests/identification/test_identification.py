@@ -30,7 +30,7 @@ def test_an_identification_is_a_value(study):
     again = pickle.loads(pickle.dumps(study))
     assert again == study
     assert hash(again) == hash(study)
-    for part in (study, study.reduction, *study.suspicions, *study.candidates.values()):
+    for part in (study, study.reduction, *study.log_faults, *study.candidates.values()):
         assert len(repr(part).splitlines()) <= 10
         assert part != "something else"
 

@@ -36,7 +36,7 @@ from loopid.kinematics.closing import close_loops
 from loopid.kinematics.projection import null_space, singularity_measure
 from loopid.regressors import structural_observation
 from loopid.robot import CLOSURE_KINDS
-from loopid.robot.closures import ClosureKind, Square
+from loopid.robot.closures import ClosureKind, RightAngle
 
 
 def with_kinds(mechanism, kinds):
@@ -294,7 +294,7 @@ def test_an_unknown_kind_of_closure_is_refused_with_the_valid_ones(knee):
 def test_a_new_kind_of_closure_is_one_entry():
     # A ball that slides along an axis of one frame, and keeps its own axis across it.
     kind = ClosureKind(
-        lambda closure: (*CLOSURE_KINDS["2d"].equations(closure), Square(*closure.axes))
+        lambda closure: (*CLOSURE_KINDS["2d"].equations(closure), RightAngle(*closure.axes))
     )
     CLOSURE_KINDS.register("slot", kind)
     pair, generator = free_pair("slot", AXES["skew"]), np.random.default_rng(4)

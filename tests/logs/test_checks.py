@@ -133,7 +133,7 @@ def test_unordered_times_are_named(read_text, good_text):
 
 
 def repeated(rows, count, new_values):
-    """Rows of which so many are followed by one with the same time."""
+    """Rows of which this many are followed by one with the same time."""
     made = list(rows)
     for k in np.linspace(len(rows) - 10, 10, count).astype(int):
         time, *cells = rows[k].split(",")

@@ -13,7 +13,7 @@ from recorded_logs import write_any
 
 import loopid
 from loopid.errors import FileError, LogError, LoopidError
-from loopid.identification import suspicions
+from loopid.identification import log_faults
 from loopid.logs import LogMapping, read_log
 
 POSITIONS, FORCES = (1, 2, 3, 4), (5, 6, 7, 8)
@@ -136,7 +136,7 @@ class Case:
             errors.append((np.abs(log.position - np.transpose(exact)).max(), strange))
         least = min(errors, default=(np.inf, np.inf))
         if not (least[0] < 2e-5 and least[1] < 0.5 and np.isfinite(recording.force).all()):
-            judged = suspicions(self.robot, [recording])
+            judged = log_faults(self.robot, [recording])
             # Little motion does not tell whether forces are those of the robot.
             assert judged.mistakes or not judged.gains
 

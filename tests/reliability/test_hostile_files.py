@@ -162,7 +162,7 @@ def test_a_robot_of_more_joints_than_memory_holds_is_refused(refused):
 
 
 def black_png(side):
-    """A picture of so many black pixels a side."""
+    """A picture of this many black pixels a side."""
     head = struct.pack(">IIBBBBB", side, side, 1, 0, 0, 0, 0)
     rows = zlib.compress(bytes(side * (side // 8 + 1)), 9)
     chunks = ((b"IHDR", head), (b"IDAT", rows), (b"IEND", b""))

@@ -12,7 +12,7 @@ from loopid.report.compare import comparison_report
 
 @pytest.fixture(scope="module")
 def fits(study):
-    """A fit of all parameters, and the same with two values moved by so many standard errors."""
+    """A fit of all parameters, and the same with two values moved by this many standard errors."""
     found = study
     fit = found["all parameters"].fit
     fit = replace(fit, degrees_of_freedom=np.full(len(fit.values), 1000.0))

@@ -142,7 +142,7 @@ def eight_motors():
 
 
 def longer(study, count):
-    """The study with so many samples, the same over and over."""
+    """The study with this many samples, the same over and over."""
 
     def repeated(array):
         return np.resize(array, (count, *array.shape[1:]))

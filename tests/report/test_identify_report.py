@@ -229,7 +229,7 @@ def test_charts_of_the_log_and_the_model_are_those_of_the_records(study, report)
     assert (good.x[0], good.to[0]) == (cutoff.equally_good[0], cutoff.equally_good[-1])
     assert good.x[0] <= cutoff.chosen <= good.to[0]
     assert all(f"{each:.3g}" in drawn["filter"].caption for each in cutoff.equally_good)
-    gains = [gain.gain for gain in found.suspicions[0].gains]
+    gains = [gain.gain for gain in found.log_faults[0].gains]
     points = [m for m in drawn["gains"].panels[0].marks if m.kind in ("disc", "ring")]
     assert sorted(np.concatenate([m.x for m in points])) == sorted(gains)
     (run,) = found.training
@@ -270,11 +270,11 @@ def test_a_robot_without_friction_has_no_picture_of_it(knee):
 
 def test_a_mistake_is_the_verdict_everywhere_and_gains_are_listed(study):
     found = study
-    (listed,) = identification_record(study)["suspicions"]
+    (listed,) = identification_record(study)["log_faults"]
     assert (listed["recording"], listed["mistakes"]) == ("run", [])
     assert [gain["joint"] for gain in listed["gains"]] == list(found.data.actuators)
     told = Finding("mistake", "the force of leg1_stroke is in mN m", "e^9", "set it to 0.001")
-    suspected = replace(found, suspicions=(replace(found.suspicions[0], mistakes=(told,)),))
+    suspected = replace(found, log_faults=(replace(found.log_faults[0], mistakes=(told,)),))
     report = identification_report(with_answers(suspected, study))
     assert suspected.verdict.excite == ()
     for text in (str(suspected.verdict), report.verdict, suspected._repr_html_()):

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from loopid.cli.shell import Answer
     from loopid.diagnosis.gains import GainFit
     from loopid.identification.identification import Identification
-    from loopid.identification.log_mistakes import Suspicions
+    from loopid.identification.log_mistakes import LogFaults
     from loopid.identification.result import Fit
     from loopid.logs.recording import Recording
     from loopid.report.page import Report
@@ -147,14 +147,14 @@ def predict(
     rows: str | None = ROWS,
 ) -> None:
     """Predict the forces of logs with a saved fit."""
-    from loopid.identification.log_mistakes import suspicions_by_log
+    from loopid.identification.log_mistakes import log_faults_by_log
     from loopid.identification.saved import load_fit
     from loopid.report.forces import prediction_report
 
     answer.require(fit, mapping, *logs)
     saved = load_fit(fit, robot)
     runs = recordings(saved.robot, logs, mapping, cutoff, rows)
-    suspected = suspicions_by_log(saved.robot, runs, saved.require_model().joint_terms)
+    suspected = log_faults_by_log(saved.robot, runs, saved.require_model().joint_terms)
     found = saved.predict(runs)
     command = command_with("export", saved.robot, fit, "--c", "controller", loaded=False)
     answer.show(_vetoed(prediction_report(saved.robot, found), suspected), command)
@@ -194,7 +194,7 @@ def payload(
     from loopid.diagnosis.gains import KnownLoad, drive_gains
     from loopid.diagnosis.payload import identify_payload
     from loopid.identification.force_models import force_model
-    from loopid.identification.log_mistakes import suspicions_by_log
+    from loopid.identification.log_mistakes import log_faults_by_log
     from loopid.identification.model_choice import chosen_model
     from loopid.logs.reading import locked_as_logged
     from loopid.report.forces import gains_report, payload_report
@@ -216,7 +216,7 @@ def payload(
         gains = drive_gains(fitted, link, load, **runs, estimator=estimator)
         _write_gains(write_mapping, gains, logged, mapping)
         report = gains_report(gains)
-    answer.show(_vetoed(report, suspicions_by_log(robot, runs["unloaded"], fitted.joint_terms)))
+    answer.show(_vetoed(report, log_faults_by_log(robot, runs["unloaded"], fitted.joint_terms)))
 
 
 def _require_gains(
@@ -241,7 +241,7 @@ def _write_gains(
         write_file(path, gains.mapping(runs, own).content)
 
 
-def _vetoed(report: Report, suspected: Sequence[Suspicions]) -> Report:
+def _vetoed(report: Report, suspected: Sequence[LogFaults]) -> Report:
     """The report with mistakes in the logs as findings, and the first one as its verdict."""
     found = tuple(each for one in suspected for each in one.mistakes)
     mistake = next((each for each in found if each.severity == "mistake"), None)

@@ -161,7 +161,7 @@ class ControlLoop:
         self.velocity, self.external = np.zeros(robot.dof), np.zeros(robot.dof)
         self._measured, self._rate = self._read(), np.zeros(robot.dof)
         self.signals = Signals(self.position, self.velocity, self.external)
-        self._felt, self._waiting = np.zeros(robot.dof), list[FloatArray]()
+        self._acting, self._waiting = np.zeros(robot.dof), list[FloatArray]()
         self._inertia, self._bias, self._age = np.zeros(0), np.zeros(0), np.inf
         self._load, self._springs = np.zeros(robot.dof), _Springs(robot)
         self._dry = DryFriction(robot)
@@ -219,11 +219,11 @@ class ControlLoop:
         self._rate = kept * self._rate + (1 - kept) * (self._measured - last) / interval
         error = self.random.uniform(-noise.uniform, noise.uniform, self.robot.dof)
         error = error + self.random.normal(scale=noise.gaussian, size=self.robot.dof)
-        return Signals(self._measured, self._rate, self._felt + error)
+        return Signals(self._measured, self._rate, self._acting + error)
 
     def _move(self, force: FloatArray) -> None:
         """Let a force act for an interval."""
-        self._felt = force
+        self._acting = force
         if self._age >= self.options.refresh * (1 - SAME):
             pose = self.robot.pose(self.position)
             self._inertia = self.robot.mass_regressor(pose) @ self.values

@@ -61,8 +61,8 @@ def _written_out(path: Path, arguments: Mapping[str, str]) -> tuple[Element, lis
         for name in packages:
             del sys.modules[name]
     for name in arguments:
-        if name not in given.asked:
-            raise OptionError.unknown("argument of its macros", name, sorted(given.asked))
+        if name not in given.used:
+            raise OptionError.unknown("argument of its macros", name, sorted(given.used))
     # Where in the file it is stands on lines of their own behind each warning.
     warnings = (" ".join(text.split()) for text in heard.getvalue().split("warning: "))
     said = [f"xacro warns: {text}" for text in dict.fromkeys(warnings) if text]
@@ -90,18 +90,18 @@ def _reason(error: BaseException) -> str:
 
 
 class _Arguments(dict[str, Any]):
-    """Arguments that know which of them were asked for."""
+    """Arguments that know which of them were used."""
 
     def __init__(self, arguments: Mapping[str, str]) -> None:
         super().__init__(arguments)
-        self.asked: set[str] = set()
+        self.used: set[str] = set()
 
     def __contains__(self, name: object) -> bool:
-        self.asked.add(str(name))
+        self.used.add(str(name))
         return super().__contains__(name)
 
     def __getitem__(self, name: str) -> Any:
-        self.asked.add(name)
+        self.used.add(name)
         return super().__getitem__(name)
 
 

@@ -25,7 +25,7 @@ from .hysteresis import hysteresis_loop as hysteresis_loop
 from .identification import Identification as Identification, split_recordings as split_recordings
 from .information import Excitation as Excitation, identifiability as identifiability
 from .instrumental import InstrumentalVariables as InstrumentalVariables
-from .log_mistakes import suspicions as suspicions
+from .log_mistakes import log_faults as log_faults
 from .model_choice import choose_model as choose_model
 from .options import FitOptions as FitOptions
 from .pipeline import (

@@ -844,8 +844,8 @@ def warn_of_bodies(force_model: ForceModel, found: Fit) -> None:
             "that have are taken",
             ModelWarning,
         )
-    if found.deviation is not None and (suspicion := found.deviation.suspicion):
+    if found.deviation is not None and (fault := found.deviation.fault):
         kinds = {parameter.kind for parameter in force_model.base.parameters}
         known = "Ia" in kinds or force_model.model == "gravity"
         advice = "" if known else ', such as drive inertia, terms="Fc,Fv,Fo,Ia"'
-        warn(f"{name}: {suspicion}{advice}", ModelWarning)
+        warn(f"{name}: {fault}{advice}", ModelWarning)

@@ -32,7 +32,13 @@ from loopid.identification.consistent import (
 from loopid.identification.correlation import residual_noise
 from loopid.identification.estimator import LEAST_EXCITATION, WorkingFit, excited_solution
 from loopid.identification.force_models import ForceModel
-from loopid.identification.hysteresis import RESOLVED, possible_hysteresis, with_reach
+from loopid.identification.hysteresis import (
+    POSSIBLE,
+    RESOLVED,
+    possible_hysteresis,
+    slip_evidence,
+    with_reach,
+)
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Estimate, Fit, MotorUse, NoiseModel, TermDeviations
 from loopid.logs.recording import Recording
@@ -145,6 +151,36 @@ def friction_kinds(
 
 
 @checked
+def friction_at_rest(
+    data: FitSamples, recordings: Sequence[Recording], weights: FloatArray
+) -> FloatArray:
+    """What the filter spreads of friction at rest (N, dof), of those motors that show it.
+
+    While a motor stands or turns back, its friction is anything up to what moves it. Those samples
+    are left out, but the filter spreads them: friction beside reversals looks smaller than it is,
+    as by a curve. So where the evidence has it without a curve, this is a column of its own.
+
+    Parameters
+    ----------
+    data : FitSamples
+        Of the recordings, of all that motors may need.
+    weights : FloatArray
+        (dof,), one over the deviations of the forces.
+    """
+    columns = np.concatenate([run.at_rest for run in recordings])
+    others = [j for j, each in enumerate(data.parameters) if _group(each.kind) != CURVE.name]
+    beside = columns[:, :, None] * np.eye(columns.shape[1])
+    with one_blas_thread():
+        R = data.select(others).beside("rest", beside).problem.weighted(weights)
+    *own, left = R[len(others) :, len(others) :].T
+    for row, size in enumerate(data.problem.force_rms):
+        smaller = own[row] @ left < 0
+        if not (smaller and slip_evidence(own[row][:, None], left, size) > POSSIBLE):
+            columns[:, row] = 0.0
+    return columns
+
+
+@checked
 def with_friction(
     force_model: ForceModel,
     data: FitSamples,
@@ -186,19 +222,22 @@ def with_friction(
         wide = wide.with_loads(wide.prior, standard)
         data = wide.widened(data, recordings)
         if left == ROUNDS:
+            rest = friction_at_rest(data, recordings, weights)
+        moving = data.apart_from(rest)
+        if left == ROUNDS:
             # What plain terms leave of friction is no error.
             with one_blas_thread():
                 every, rank = excited_solution(
-                    data.problem.weighted(whole.weights), LEAST_EXCITATION
+                    moving.problem.weighted(whole.weights), LEAST_EXCITATION
                 )
-            noise = residual_noise(data, every, rank)
+            noise = residual_noise(moving, every, rank)
         if left and kinds:
             left -= 1
-            standard = consistent_parameters(wide, data, noise)
-            noise = residual_noise(data, wide.base.values(standard), rank)
+            standard = consistent_parameters(wide, moving, noise)
+            noise = residual_noise(moving, wide.base.values(standard), rank)
         else:
             noise = _of_motors(kinds, noise, whole.noise)
-            working = quiet_consistent_fit(wide, data, noise)
+            working = quiet_consistent_fit(wide, moving, noise)
             fit = working.result
             asked = {} if fit.term_deviations is None else _asked(kinds, fit.term_deviations)
             if asked == kinds and honest:
@@ -252,7 +291,7 @@ def less_noise(whole: Fit, data: FitSamples, values: FloatArray) -> NoiseModel:
 
 
 def _group(kind: str) -> str:
-    prior = joint_term(kind).prior
+    prior = None if kind in KINDS else joint_term(kind).prior
     return "" if prior is None else prior.name
 
 

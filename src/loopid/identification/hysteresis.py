@@ -75,9 +75,9 @@ def possible_hysteresis(
 
 
 def slip_evidence(columns: FloatArray, left: FloatArray, size: float) -> float:
-    """Logarithm of how much likelier residuals (r,) are with columns (r, k) of slip than without.
+    """Logarithm of how much likelier residuals (r,) are with columns (r, k) than without.
 
-    At the likeliest deviation of its elements, of errors of unit variance; ``size`` is that of the
+    At the likeliest deviation of their forces, of errors of unit variance; ``size`` is that of the
     motor's force.
     """
     U, values, _ = np.linalg.svd(columns, full_matrices=False)

@@ -19,7 +19,7 @@ from loopid.identification.delay import Delay
 from loopid.identification.force_models import ForceModel
 from loopid.identification.information import Identifiability
 from loopid.identification.leaving_out import repeated_share
-from loopid.identification.log_mistakes import Suspicions
+from loopid.identification.log_mistakes import LogFaults
 from loopid.identification.missing import MissingForce
 from loopid.identification.model_choice import ModelChoice
 from loopid.identification.notes import checks_of, notes_of
@@ -69,7 +69,7 @@ class Identification:
     delay : Delay or None
         Between forces and motion, what is clear of it undone in all recordings; None where it was
         not looked for, and for motions without a log.
-    suspicions : tuple of Suspicions
+    log_faults : tuple of LogFaults
         What may be wrong with each log.
     missing : tuple of MissingForce
         Forces that the data have beside the consistent fit, clearly or likely, and hidden springs.
@@ -88,7 +88,7 @@ class Identification:
     options: FitOptions
     cutoff: CutoffChoice | None = None
     delay: Delay | None = None
-    suspicions: tuple[Suspicions, ...] = ()
+    log_faults: tuple[LogFaults, ...] = ()
     missing: tuple[MissingForce, ...] = ()
     choice: ModelChoice | None = None
 
@@ -180,7 +180,7 @@ class Identification:
     @property
     def mistakes(self) -> tuple[Finding, ...]:
         """Mistakes in the logs: no figure counts before they are mended."""
-        found = (each for one in self.suspicions for each in one.mistakes)
+        found = (each for one in self.log_faults for each in one.mistakes)
         return tuple(each for each in found if each.severity == "mistake")
 
     @cached_property

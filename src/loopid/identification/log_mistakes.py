@@ -77,7 +77,7 @@ class MotorGain:
 
 
 @record
-class Suspicions:
+class LogFaults:
     """What is suspected of a log.
 
     Attributes
@@ -98,9 +98,9 @@ class Suspicions:
 
 
 @checked
-def suspicions(
+def log_faults(
     robot: Robot, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
-) -> Suspicions:
+) -> LogFaults:
     """Look for mistakes in a log that would explain its forces clearly better.
 
     Parameters
@@ -113,12 +113,12 @@ def suspicions(
 
     Returns
     -------
-    Suspicions
+    LogFaults
         Empty where too few samples of each motor can be used.
     """
     log = recordings[0].log
     held = () if log is None else tuple(held_values(log))
-    nothing = Suspicions(recordings[0].name, (), held)
+    nothing = LogFaults(recordings[0].name, (), held)
     if robot.free or not robot.standard_parameters("full").any():
         return nothing  # positions that were not measured, or nothing to compare with
     with one_blas_thread():
@@ -157,18 +157,18 @@ def suspicions(
     some = (one for one in gains if np.prod(one.interval) > 0)
     told = tuple(one for one in some if np.ptp(one.interval) < 2 * max(abs(one.gain), 1.0))
     hidden = None if mistakes else _hidden(model, found)
-    return Suspicions(recordings[0].name, told, (*mistakes, *held), hidden)
+    return LogFaults(recordings[0].name, told, (*mistakes, *held), hidden)
 
 
 @checked
-def suspicions_by_log(
+def log_faults_by_log(
     robot: Robot, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
-) -> tuple[Suspicions, ...]:
-    """``suspicions`` of each log, its parts, which have one name, taken together."""
+) -> tuple[LogFaults, ...]:
+    """``log_faults`` of each log, its parts, which have one name, taken together."""
     logs: dict[str, list[Recording]] = {}
     for recording in recordings:
         logs.setdefault(recording.name, []).append(recording)
-    return tuple(suspicions(robot, parts, joint_terms) for parts in logs.values())
+    return tuple(log_faults(robot, parts, joint_terms) for parts in logs.values())
 
 
 class _Find(NamedTuple):

@@ -37,7 +37,7 @@ from loopid.identification.information import (
 )
 from loopid.identification.jackknife import Jackknife
 from loopid.identification.leaving_out import LeftOut
-from loopid.identification.log_mistakes import suspicions_by_log
+from loopid.identification.log_mistakes import log_faults_by_log
 from loopid.identification.missing import MissingForce, missing_forces, with_missing
 from loopid.identification.model_choice import ModelChoice, choose_model
 from loopid.identification.options import FitOptions
@@ -175,7 +175,7 @@ def identify(
         n_jobs=options.n_jobs,
     )
     runs = *training, *judging, *friction
-    suspected = suspicions_by_log(own, runs, force_model.joint_terms)
+    suspected = log_faults_by_log(own, runs, force_model.joint_terms)
     mistakes = [found for one in suspected for found in one.mistakes]
     for each in mistakes:
         each.warn()  # before what a wrong log may end in
@@ -205,7 +205,10 @@ def identify(
     fits = {ROBOT_FILE: start, ALL: widened(whole, force_model.parameters)}
     if solid is not None:
         fits[CONSISTENT] = with_missing(with_assumed(solid.result, excited), missing)
-    refits = _refits(force_model, fits, excited, first=first, known=known, options=options)
+    own_data = data if solid is None else solid.samples
+    refits = _refits(
+        force_model, fits, excited, own_data, first=first, known=known, options=options
+    )
     left = LeftOut.of(data, training, refits) if left_out else None
     new = data if left_out else samples_of(force_model, judging, n_jobs=options.n_jobs)
     use = motor_use(force_model, data, training)
@@ -241,7 +244,7 @@ def identify(
         *(force_model, *parts, data, new, excited, judged, options),
         cutoff=cutoff,
         delay=delay,
-        suspicions=suspected,
+        log_faults=suspected,
         missing=missing,
         choice=choice,
     )
@@ -313,12 +316,16 @@ def _refits(
     force_model: ForceModel,
     fits: Mapping[str, Fit],
     excited: Identifiability,
+    fitted: FitSamples,
     *,
     first: FitSamples | None,
     known: Fit | None,
     options: FitOptions,
 ) -> dict[str, Callable[[FitSamples], FloatArray]]:
-    """For each candidate, values (n,) from a part of the samples; the errors are those of all."""
+    """For each candidate, values (n,) from a part of the samples; the errors are those of all.
+
+    ``fitted`` are the samples of the consistent one.
+    """
 
     def terms(part: FitSamples) -> FloatArray:
         noise = fits[ROBOT_FILE].noise
@@ -338,6 +345,7 @@ def _refits(
         return values
 
     def solid(part: FitSamples) -> FloatArray:
+        part = replace(fitted, used=part.used)
         if known is None and noise is not None:
             standard = consistent_parameters(force_model, part, noise, like=fits[CONSISTENT])
             return force_model.base.values(standard)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, checked, finite
+from loopid.arguments import BoolArray, FloatArray, checked, finite, variances
 from loopid.errors import DataError
 from loopid.files import csv_text
 from loopid.identification.correlation import mean_of_series
@@ -340,7 +340,5 @@ def prediction_reach(
         raise DataError(
             f"a regressor (N, dof, n) needs a covariance (n, n), not {W.shape} and {C.shape}"
         )
-    variance = np.einsum("nij,jk,nik->ni", W, C, W, optimize=True)
-    if errors is not None:
-        variance = np.maximum(variance, 0.0) + np.nan_to_num(errors) ** 2
-    return np.asarray(INTERVAL * np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)
+    unseen = 0.0 if errors is None else np.nan_to_num(errors) ** 2
+    return np.asarray(INTERVAL * np.sqrt(variances(W, C) + unseen), dtype=np.float64)

@@ -313,6 +313,20 @@ class FitSamples:
         """The same samples with known forces (N, dof) subtracted."""
         return self.with_force(self.force - force)
 
+    def apart_from(self, columns: FloatArray) -> FitSamples:
+        """The same samples without what a column of each motor (N, dof) explains, of any size.
+
+        Least squares of what is left are those beside the columns [FrischWaugh1933].
+        """
+        unit = columns * self.used
+        unit /= np.maximum(np.linalg.norm(unit, axis=0), np.finfo(float).tiny)
+        W, tau = self.regressor, self.force
+        return replace(
+            self,
+            regressor=W - unit[:, :, None] * np.einsum("ti,tik->ik", unit, W),
+            force=tau - unit * (unit * tau).sum(axis=0),
+        )
+
     def with_instruments(self, instruments: FloatArray) -> FitSamples:
         """The same samples with instruments (N, dof, n), which go wherever the samples go.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from loopid.arguments import FloatArray, IntArray, checked, finite, frozen
+from loopid.arguments import FloatArray, IntArray, checked, finite, frozen, variances
 from loopid.errors import DataError, OptionError
 from loopid.identification.problem import FitProblem
 from loopid.parameters import ParameterSet, html_table
@@ -136,7 +136,7 @@ class FileDeviation(OfArrays):
         return list(zip(self.bodies, self.own.tolist(), strict=True))
 
     @property
-    def suspicion(self) -> str:
+    def fault(self) -> str:
         """What a deviation at its bound says: a sentence, empty where none is."""
         if self.common < LARGEST_OFF and not self.far:
             return ""
@@ -455,8 +455,8 @@ class Fit(OfArrays, Tabular):
         known, values = self.uncertainty, self.standard_parameters
         if known is None or values is None:
             return {}
-        variance = known.beside + ((known.gain @ self.covariance) * known.gain).sum(axis=1)
-        errors = np.sqrt(np.maximum(variance, 0.0))
+        variance = known.beside + variances(known.gain, self.covariance)
+        errors = np.sqrt(variance)
         freedom = np.minimum(known.degrees_of_freedom, self.degrees_of_freedom.min())
         reach = stdtrit(freedom, 0.975) * errors
         determined = variance < (1 - DETERMINED) * known.file

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from loopid.arguments import FloatArray, checked, finite
+from loopid.arguments import FloatArray, checked, finite, variances
 from loopid.errors import DataError
 from loopid.identification.correlation import mean_of_series
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator
@@ -255,7 +255,7 @@ def _eliminations(
         if len(columns) == 1:
             return
         response = np.linalg.inv(T) @ Q.T @ R
-        errors = np.sqrt(np.einsum("ij,jk,ik->i", response, full.result.covariance, response))
+        errors = np.sqrt(variances(response, full.result.covariance))
         deviations = relative_deviation(errors, (values - reference)[columns])
         worst = int(np.argmax(deviations))
         dropped, relative = labels[columns.pop(worst)], float(deviations[worst])

@@ -192,7 +192,7 @@ def _use(found: Identification, error: float) -> str:
 def _doubtful(found: Identification) -> bool:
     """Whether anything says that the model is wrong, so that intervals may not hold."""
     deviation = found.fit.deviation
-    far = deviation is not None and bool(deviation.suspicion)
+    far = deviation is not None and bool(deviation.fault)
     doubtful = any(each.told == "clear" for each in found.missing) or far or not found.fit.settled
     model = _of_model(found)
     doubtful = doubtful or (model is not None and model.severity != "note")
@@ -252,16 +252,16 @@ def _improvement(found: Identification) -> tuple[tuple[str, ...], str]:
 
 def findings_of(found: Identification) -> tuple[Finding, ...]:
     """What to know beside the numbers, the most important first."""
-    said = [each for one in found.suspicions for each in one.mistakes]
+    said = [each for one in found.log_faults for each in one.mistakes]
     told, deviation, unexplained = found.identifiability, found.fit.deviation, _unexplained(found)
     said += [each for each in (_better(found), unexplained) if each is not None]
     said += _model_findings(found)
-    if deviation is not None and deviation.suspicion:
+    if deviation is not None and deviation.fault:
         said.append(
             Finding(
                 "warning",
                 "bodies would be far off the robot file",
-                deviation.suspicion,
+                deviation.fault,
                 "look for a tool, a payload or a missing joint term",
             )
         )
@@ -269,7 +269,7 @@ def findings_of(found: Identification) -> tuple[Finding, ...]:
         said.append(UNSETTLED)
     if found.delay is not None and found.delay.clear:
         said.append(found.delay.finding)
-    said += [one.hidden for one in found.suspicions if one.hidden is not None]
+    said += [one.hidden for one in found.log_faults if one.hidden is not None]
     for broken in found.fit.broken:
         said.append(
             Finding("warning", "the fit is not physical", broken, 'try fewer terms, terms="Fc,Fv"')

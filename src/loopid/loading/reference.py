@@ -36,7 +36,7 @@ from loopid.kinematics.rounding import (
     rounding_that_closes,
 )
 from loopid.loading.tree import write_joint
-from loopid.robot.closures import LoopClosure, Point, Slide
+from loopid.robot.closures import LoopClosure, OnAxis, Point
 from loopid.robot.robot import Robot
 
 STARTS = 64  # for joints that the file leaves out, tried together in parts
@@ -348,11 +348,11 @@ def _never_meeting(robot: Robot) -> str:
 def _constant_part(seen: FloatArray, closure: LoopClosure, least: float) -> FloatArray | None:
     """The part (3,) of distances (N, 3) that should vanish and is constant; None if small."""
     part = closure.equations[0]
-    if not isinstance(part, Point | Slide):
+    if not isinstance(part, Point | OnAxis):
         return None
-    asked = part.across.T if isinstance(part, Slide) else np.eye(3)
-    found = seen @ asked.T
+    required = part.across.T if isinstance(part, OnAxis) else np.eye(3)
+    found = seen @ required.T
     _, sizes, directions = np.linalg.svd(found - found.mean(axis=0))
-    still = directions[np.append(sizes, np.zeros(3))[: len(asked)] <= CLOSURE_TOLERANCE]
-    gap = np.asarray(found.mean(axis=0) @ still.T @ still @ asked)
+    still = directions[np.append(sizes, np.zeros(3))[: len(required)] <= CLOSURE_TOLERANCE]
+    gap = np.asarray(found.mean(axis=0) @ still.T @ still @ required)
     return gap if np.linalg.norm(gap) > least else None

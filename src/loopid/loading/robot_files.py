@@ -7,7 +7,7 @@ from inspect import signature
 from pathlib import Path
 from typing import Any, Unpack
 
-from pydantic import with_config
+from pydantic import ConfigDict, with_config
 from typing_extensions import TypedDict
 
 from loopid.arguments import checked
@@ -20,7 +20,7 @@ from loopid.registry import robot_formats
 from loopid.robot.robot import Robot
 
 
-@with_config(extra="forbid")
+@with_config(ConfigDict(extra="forbid"))
 class Reading(TypedDict, total=False):
     """How a file is read; each format takes some of it."""
 

@@ -151,7 +151,8 @@ def prepare(
     history, parts = None, tuple(log.parts())
     if lowpass is not None:
         rates = log.joints, signals.velocity, parts, tuple(map(log.rate, parts))
-        history = RateHistory(*rates, lowpass, rows, (rows, motion))
+        slow = idle_samples(robot, log, signals.velocity, rows, masks)
+        history = RateHistory(*rates, lowpass, slow, rows, (rows, motion))
     recording = Recording(
         name=log.name,
         actuators=robot.independent,
@@ -558,17 +559,27 @@ def standing(
     Friction can be anything while a motor stands, and the filter spreads it. A motor that turns
     back is slow for less long: there friction shows how it builds up.
     """
-    if log.idle_speed is None:
-        speeds = idle_speeds(robot, velocity[rows], masks)
-    else:  # at a speed of zero no motor counts as standing
-        speeds = np.full(len(log.joints), log.idle_speed or -np.inf)
-    idle, cutoff = np.abs(velocity) <= speeds, provisional_cutoff(robot, log)
+    idle, cutoff = idle_samples(robot, log, velocity, rows, masks), provisional_cutoff(robot, log)
     for part in log.parts():
         rate = log.rate(part)
         half = int(masks.standstill * rate / (2 * cutoff))
         long = ~_within_reach(~idle[part], half)  # slow for a whole standstill
         idle[part] |= _within_reach(long, half + reach_of(lowpass, rate))
     return idle[rows]
+
+
+def idle_samples(
+    robot: Robot, log: Log, velocity: FloatArray, rows: IntArray, masks: MaskOptions
+) -> BoolArray:
+    """Where each motor of a log is slow (N, m), as it is in a standstill and where it turns back.
+
+    Rows (K,) show its usual speed.
+    """
+    if log.idle_speed is None:
+        speeds = idle_speeds(robot, velocity[rows], masks)
+    else:  # at a speed of zero no motor counts as standing
+        speeds = np.full(len(log.joints), log.idle_speed or -np.inf)
+    return np.asarray(np.abs(velocity) <= speeds)
 
 
 def idle_speeds(robot: Robot, velocity: FloatArray, masks: MaskOptions) -> FloatArray:

@@ -129,6 +129,7 @@ class RateHistory:
     parts: tuple[slice, ...]  # rows of each segment
     rates: tuple[float, ...]  # samples per second of each segment
     lowpass: LowPass
+    idle: BoolArray  # (M, m), where a motor stands or turns back
     rows: IntArray  # (N,), which of the M samples were kept
     # Which were assembled (K,), and their motion; a part of a recording has those of all
     whole: tuple[IntArray, JointMotion]
@@ -256,6 +257,21 @@ class Recording(Tabular):
         return [
             np.cumsum(np.append(0.0, steps)) for steps in np.split(rate[1:] * np.diff(time), ends)
         ]
+
+    @property
+    def at_rest(self) -> FloatArray:
+        """What the filter spreads of each motor's friction while it stands or turns back (N, dof).
+
+        As a part of its Coulomb friction.
+        """
+        history, found = self.history, np.zeros(self.force.shape)
+        for joint, column in zip(self.actuators, found.T, strict=True):
+            if history is not None and joint in history.joints:
+                own = history.joints.index(joint)
+                column[:] = history.lowpassed(
+                    np.sign(history.velocity[:, own]) * history.idle[:, own]
+                )
+        return found
 
     def step_of(self, joint: str) -> float:
         """Least difference of positions of a motor in the log, in m or rad; 0 where it has none."""

@@ -18,7 +18,7 @@ from loopid.identification.friction import (
 from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
 from loopid.identification.identification import Identification
 from loopid.identification.information import body_sizes
-from loopid.identification.log_mistakes import Suspicions
+from loopid.identification.log_mistakes import LogFaults
 from loopid.identification.prediction import INTERVAL
 from loopid.identification.result import Estimate
 from loopid.identification.unseen import WHERE
@@ -320,10 +320,10 @@ def used_chart(robot: Robot, recordings: Mapping[str, Sequence[Recording]]) -> C
 
 
 @checked
-def gains_chart(robot: Robot, suspicions: Sequence[Suspicions]) -> Chart:
+def gains_chart(robot: Robot, log_faults: Sequence[LogFaults]) -> Chart:
     """Measured forces over expected ones, of each motor with a determined gain; 1 is right."""
     panels = []
-    for each in (each for each in suspicions if each.gains):
+    for each in (each for each in log_faults if each.gains):
         gains = np.array([gain.gain for gain in each.gains])
         ends = np.array([gain.interval for gain in each.gains])
         labels = tuple(numbered(robot, gain.joint) for gain in each.gains)

@@ -32,6 +32,7 @@ from loopid.arguments import (
     frozen,
     samples,
     shaped,
+    variances,
 )
 from loopid.errors import DataError, MobilityError, OptionError, SingularityError
 from loopid.kinematics.assembly import (
@@ -558,8 +559,7 @@ class Dynamics:
 
     def deviation(self, u: FloatArray | Pose, du: FloatArray, ddu: FloatArray) -> FloatArray:
         """Standard deviation (dof,) or (N, dof) of ``inverse`` by the covariance of the values."""
-        K = self.regressor(u, du, ddu)
-        return np.asarray(np.sqrt(np.maximum(((K @ self.covariance) * K).sum(axis=-1), 0.0)))
+        return np.asarray(np.sqrt(variances(self.regressor(u, du, ddu), self.covariance)))
 
     # Forces by values.
 

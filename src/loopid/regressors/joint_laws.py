@@ -156,17 +156,8 @@ class JointTerm:
         Raises
         ------
         DataError
-            When the law gives something else, or what is not finite; when states are on both
-            sides of its pole.
+            When the law gives something else, or what is not finite.
         """
-        if self.pole and count:
-            low, high = float(np.min(joint.position)), float(np.max(joint.position))
-            if low <= self.at <= high:
-                raise DataError(
-                    f"the {self.name} is infinite at {self.at:g}, between positions "
-                    f"{low:.4g} and {high:.4g} of its joint: give a position outside its limits",
-                    given=self.at,
-                )
         found = np.asarray(self.law(joint, self.at), dtype=np.float64)
         if found.shape not in ((), (count,)):
             raise DataError(
@@ -179,6 +170,16 @@ class JointTerm:
             place = ", ".join(f"{n} {np.broadcast_to(state[n], count)[k]:.6g}" for n in self._used)
             raise DataError(f"the law of {self.name} is not finite at {place or 'any state'}")
         return np.broadcast_to(found, count)
+
+    def require_one_side(self, joint: str, positions: FloatArray) -> None:
+        """Refuse positions (N,) of a joint on both sides of the pole, where the law is finite."""
+        if self.pole and len(positions) and positions.min() <= self.at <= positions.max():
+            raise DataError(
+                f"the {self.name} of {joint} is infinite at {self.at:g}, between its positions "
+                f"{positions.min():.4g} and {positions.max():.4g}: give one outside its limits",
+                joint=joint,
+                given=self.at,
+            )
 
     @property
     def _used(self) -> tuple[str, ...]:

@@ -251,6 +251,7 @@ class JointTerms:
             state = state._replace(slips=(slips or {}).get(name))
             for kind in kinds:
                 term = joint_term(kind)
+                term.require_one_side(name, state.position)
                 signal = term.signal(state, len(G))
                 columns.append((G[:, index] * signal[:, None])[..., None])
         return np.concatenate(columns, axis=2)

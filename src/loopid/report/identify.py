@@ -168,7 +168,7 @@ def _sections(found: Identification, worst: str) -> Iterator[Section]:
             "What the log does not identify", (_unidentified_table(found),), short="Not identified"
         )
     used = {"fitted": found.training, "new data, not fitted": found.validation}
-    log = [used_chart(robot, used), gains_chart(robot, found.suspicions)]
+    log = [used_chart(robot, used), gains_chart(robot, found.log_faults)]
     log += [] if found.delay is None else [delays_chart(robot, found.delay)]
     checks: list[Part] = [each for each in log if each.panels]
     checks += [table] if (table := _dropped_table(found)).row_count else []
@@ -275,7 +275,7 @@ def identification_record(found: Identification, judged: Verdict | None = None) 
         "essential_parameters": list(reduction.result.parameters.names),
         "candidates": [_candidate(candidate) for candidate in _candidates(found)],
         "delay": json_value(found.delay),
-        "suspicions": json_value(found.suspicions),
+        "log_faults": json_value(found.log_faults),
         "robot": [json_fields(each, *ROBOT) for each in found.fit.standard.values()],
     }
 

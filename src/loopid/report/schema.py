@@ -28,7 +28,7 @@ from loopid.excitation.search import Check
 from loopid.findings import Finding
 from loopid.identification.cutoff import CutoffChoice
 from loopid.identification.delay import Delay
-from loopid.identification.log_mistakes import Suspicions
+from loopid.identification.log_mistakes import LogFaults
 from loopid.identification.result import Estimate
 from loopid.identification.verdict import Verdict
 from loopid.motion.joints import MotionReview
@@ -161,7 +161,7 @@ FORMS: dict[str, dict[Any, Any]] = {
         ],
         "robot": [of(Estimate, *ROBOT)],
         **{"cutoff": (of(CutoffChoice), None), "delay": (of(Delay), None)},
-        "suspicions": [of(Suspicions)],
+        "log_faults": [of(LogFaults)],
         "joint_terms": {str: [str]},
         "identifiability": {
             **dict.fromkeys(("structural_rank", "rank", "better_than_robot_file"), int),

@@ -110,7 +110,7 @@ class Point(Equations):
         return [a.origin - b.origin]
 
 
-class Slide(Equations):
+class OnAxis(Equations):
     """The origin of b is on the axis through a: r = (R_a k)ᵀ d for two directions k across it."""
 
     count = 2
@@ -184,7 +184,7 @@ class Length(Equations):
         return np.maximum(self.residual(pair), 1e-300)[:, :, None]
 
 
-class Turn(Equations):
+class Orientation(Equations):
     """The axes coincide: r = 2 vec(h), h the unit quaternion of R_aᵀ R_b (rad for small angles).
 
     With w = scalar(h) >= 0, e = vec(h) and ω = R_aᵀ (ω_b - ω_a), dr/dt = (w I - [e]) ω. Unlike the
@@ -214,7 +214,7 @@ class Turn(Equations):
         return [(R[i, j] - R[j, i]) / size for i, j in ((2, 1), (0, 2), (1, 0))]
 
 
-class Square(Equations):
+class RightAngle(Equations):
     """Axes i of frame a and an axis j of frame b are at right angles: r = (R_a i)ᵀ (R_b j)."""
 
     count = 1
@@ -242,7 +242,7 @@ class Square(Equations):
         return pair.rotation_a @ self.axes_a, pair.rotation_b @ self.axis_b
 
 
-class Align(Equations):
+class Parallel(Equations):
     """An axis of frame a and one of frame b point the same way: r = 2 s / (1 + c).
 
     With c the cosine between the axes and s the components of the second one across the first,
@@ -253,7 +253,7 @@ class Align(Equations):
     angular = True
 
     def __init__(self, axis_a: Axis, axis_b: Axis) -> None:
-        self.along, self.across = Square(axis_a, axis_b), Square(across(axis_a), axis_b)
+        self.along, self.across = RightAngle(axis_a, axis_b), RightAngle(across(axis_a), axis_b)
 
     def residual(self, pair: FramePair) -> FloatArray:
         return np.asarray(2.0 * self.across.residual(pair) / self._scale(pair)[:, :, 0])
@@ -354,15 +354,15 @@ CLOSURE_KINDS: Registry[ClosureKind] = Registry("kind of closure", {
         lambda c: (Point(),), ("point", "spherical", "ball"), contact=pin.ContactType.CONTACT_3D
     ),
     "6d": ClosureKind(
-        lambda c: (Point(), Turn()), ("weld", "fixed"), contact=pin.ContactType.CONTACT_6D
+        lambda c: (Point(), Orientation()), ("weld", "fixed"), contact=pin.ContactType.CONTACT_6D
     ),
-    "hinge": ClosureKind(lambda c: (Point(), Align(*c.axes)), ("revolute",), (Z, Z)),
-    "universal": ClosureKind(lambda c: (Point(), Square(*c.axes)), axes=(X, Y)),
+    "hinge": ClosureKind(lambda c: (Point(), Parallel(*c.axes)), ("revolute",), (Z, Z)),
+    "universal": ClosureKind(lambda c: (Point(), RightAngle(*c.axes)), axes=(X, Y)),
     "prismatic": ClosureKind(
-        lambda c: (Slide(c.axes[0]), Turn()), axes=(Z, Z), one_axis=True, same_axes=True
+        lambda c: (OnAxis(c.axes[0]), Orientation()), axes=(Z, Z), one_axis=True, same_axes=True
     ),
-    "cylindrical": ClosureKind(lambda c: (Slide(c.axes[0]), Align(*c.axes)), axes=(Z, Z)),
-    "2d": ClosureKind(lambda c: (Slide(c.axes[0]),), ("planar_point",), (Z, Z), one_axis=True),
+    "cylindrical": ClosureKind(lambda c: (OnAxis(c.axes[0]), Parallel(*c.axes)), axes=(Z, Z)),
+    "2d": ClosureKind(lambda c: (OnAxis(c.axes[0]),), ("planar_point",), (Z, Z), one_axis=True),
     "distance": ClosureKind(lambda c: (Distance(c.length),), ("rod",), has_length=True),
     "cable": ClosureKind(lambda c: (Length(),), ("tendon",), has_joint=True),
 })  # fmt: skip

@@ -14,7 +14,7 @@ from closure_robots import body
 from loopid import JointTerms, read_log
 from loopid.files import csv_text
 from loopid.findings import PAGE
-from loopid.identification import suspicions
+from loopid.identification import log_faults
 from loopid.identification.log_timing import late_by_seconds
 from loopid.kinematics import measured_coordinates
 from loopid.logs import FilterOptions, LogMapping, Recording
@@ -64,7 +64,7 @@ def runs(load_once):
             spoilt(name, seed, spoil, factor, seconds, velocities),
         )
         options = FilterOptions(cutoff=75.0 / seconds / factor)
-        return suspicions(robot, [quietly(loopid.prepare, robot, log, filter=options)])
+        return log_faults(robot, [quietly(loopid.prepare, robot, log, filter=options)])
 
     suspected.log = spoilt
     return suspected
@@ -165,7 +165,7 @@ def test_advice_as_it_is_printed_mends_a_log(runs, load_once, tmp_path, spoil, f
     def suspected(mapping):
         run = quietly(read_log, file, robot, mapping=mapping)
         found = quietly(loopid.prepare, robot, run, filter=options)
-        return suspicions(robot, [found]).mistakes
+        return log_faults(robot, [found]).mistakes
 
     (said,) = suspected(LogMapping())
     key, value = re.search(r"set (\w+): (.+?) in the mapping", said.do).groups()
@@ -199,7 +199,7 @@ def test_a_spring_that_the_model_lacks_is_no_mistake(load_once, stiffness):
     read = simulated(robot, motion, noise, 0, None, terms)
     log = unchecked(read.time, read.position, read.force, robot.actuated)
     run = quietly(loopid.prepare, robot, log, filter=FilterOptions(cutoff=2.5))
-    assert suspicions(robot, [run]).mistakes == ()
+    assert log_faults(robot, [run]).mistakes == ()
 
 
 def test_friction_that_would_give_energy_tells_a_sign(runs):
@@ -281,7 +281,7 @@ def test_forces_without_inertia_and_friction_are_of_a_robot_that_a_hand_moves(
     force = force + friction * np.sign(motion.velocities)
     noise = np.random.default_rng(seed).normal(scale=0.02, size=force.shape)
     run = Recording.of_motion(motion, force + noise, robot.actuated, name="run")
-    (said,) = suspicions(robot, [run]).mistakes
+    (said,) = log_faults(robot, [run]).mistakes
     assert said.title.startswith("the time axis" if friction else "the robot was moved by hand")
 
 
@@ -327,7 +327,7 @@ def test_nothing_is_suspected_of_what_stands_or_is_short(load_once, name):
     short = wander(robot, 3, rate=20.0).select(slice(0, 60))
     for motion in (stand(robot), short):
         run = record(robot, motion, terms, noise=0.01)
-        assert suspicions(robot, [run]).mistakes == ()
+        assert log_faults(robot, [run]).mistakes == ()
 
 
 def test_curves_of_friction_explain_no_mistake(load_once):
@@ -336,13 +336,13 @@ def test_curves_of_friction_explain_no_mistake(load_once):
     motion = wander(robot, 3, rate=100.0)
     run = record(robot, motion, (JointTerms(robot.actuated), np.full(4, 0.3)), noise=0.01)
     kinds = dict.fromkeys(robot.actuated, ("Fc", "Fv", "Fk0~0.05", "Fk~0.1", "Fk~0.5"))
-    assert suspicions(robot, [run], JointTerms.of_kinds(kinds)) == suspicions(
+    assert log_faults(robot, [run], JointTerms.of_kinds(kinds)) == log_faults(
         robot, [run], JointTerms(robot.actuated)
     )
 
 
 def test_nothing_is_suspected_of_the_real_robots(mechanism, real_recording):
-    assert suspicions(mechanism, real_recording.split(0.6)).mistakes == ()
+    assert log_faults(mechanism, real_recording.split(0.6)).mistakes == ()
 
 
 @pytest.mark.validate
@@ -350,7 +350,7 @@ def test_nothing_is_suspected_of_the_real_robots(mechanism, real_recording):
 def test_mistakes_in_logs_of_the_real_robots(mechanism, real_recording, k, factor):
     force = real_recording.force.copy()
     force[:, k] *= factor
-    (said,) = suspicions(mechanism, [replace(real_recording, force=force)]).mistakes
+    (said,) = log_faults(mechanism, [replace(real_recording, force=force)]).mistakes
     assert f"the force of leg{k + 1}_stroke " in said.title
 
 
@@ -403,7 +403,7 @@ def test_a_base_that_is_not_mounted_as_the_file_has_it_is_named(mounted, gravity
 
     def suspected(robot):
         filtered = FilterOptions(cutoff=2.0)
-        return suspicions(robot, [quietly(loopid.prepare, robot, log, filter=filtered)]).mistakes
+        return log_faults(robot, [quietly(loopid.prepare, robot, log, filter=filtered)]).mistakes
 
     (found,) = suspected(drawn)
     assert found.title == "gravity has another direction than in the robot file"

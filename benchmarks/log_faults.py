@@ -1,6 +1,6 @@
-"""False alarms of ``loopid.identification.suspicions``, and mistakes that it finds: a Monte Carlo.
+"""False alarms of ``loopid.identification.log_faults``, and mistakes that it finds: a Monte Carlo.
 
-    python benchmarks/suspicions.py [--runs N] [--seed N] [--robot NAME] [--mistake NAME ...]
+    python benchmarks/log_faults.py [--runs N] [--seed N] [--robot NAME] [--mistake NAME ...]
 
 Each row is a robot with bodies that are some 20 % off its file and with friction, whose logs hold a
 mistake of the second motor, of all or of the time axis, or none: in which part of the logs the
@@ -16,7 +16,7 @@ from typing import Any
 
 import loopid
 from intervals import MOTIONS, Case
-from loopid.identification import find_delay, suspicions
+from loopid.identification import find_delay, log_faults
 from loopid.workers import one_blas_thread
 from plants import MISTAKES
 from tables import show, write_json
@@ -48,7 +48,7 @@ def figures(case: Case, mistake: str, seeds: range) -> dict[str, Any]:
         if words:
             log = MISTAKES[mistake](log)
         recording = loopid.prepare(case.robot, log)
-        said = [found.title for found in suspicions(case.robot, [recording]).mistakes]
+        said = [found.title for found in log_faults(case.robot, [recording]).mistakes]
         if not words:
             delay = find_delay(case.model, [recording])
             said += [delay.sentence] if delay is not None and delay.clear else []
@@ -75,9 +75,9 @@ def main() -> None:
             for mistake in arguments.mistake:
                 with one_blas_thread():
                     rows.append({"robot": name} | figures(case, mistake, seeds))
-    show(f"suspicions of {arguments.runs} logs each", rows)
+    show(f"log_faults of {arguments.runs} logs each", rows)
     if arguments.json:
-        write_json(arguments.json, {"suspicions": rows})
+        write_json(arguments.json, {"log_faults": rows})
 
 
 if __name__ == "__main__":
