@@ -117,7 +117,7 @@ def test_intervals_hold_a_spring_that_is_likely_but_not_clear(robot, model):
 def test_a_spring_that_would_not_show_is_said_with_its_size(robot, model):
     found = quietly(identify, model, [run(robot)])
     hidden = [each for each in found.missing if each.told == "hidden"]
-    (one,) = [each for each in found.findings if "a spring of" in each.title]
+    (one,) = [each for each in found.findings if "may hide a spring" in each.title]
     assert one.severity == "note"
     assert f"{hidden[0].number:.3g} N m/rad" in one.why
     # One of half that size does not show, and moves an estimate by more than its interval.
@@ -161,7 +161,7 @@ def test_intervals_hold_a_length_that_is_off_by_less_than_is_clear(robot, model)
     found = quietly(identify, model, [Recording.of_motion(there, true.force, robot.actuated)])
     (length,) = [each for each in found.missing if each.told == "likely"]
     assert not length.motor
-    assert any("perhaps do not fit" in each.title for each in found.findings)
+    assert any("are perhaps off" in each.title for each in found.findings)
     assert off(found, robot).max() < 2.5
     plain = found["consistent"].fit.covariance - np.outer(length.bias, length.bias)
     assert (np.sqrt(np.diag(plain)) < found.fit.standard_errors / 2).any()

@@ -130,7 +130,7 @@ def _finding(alike: Sequence[MissingForce]) -> Finding:
     if not first.motor:
         return Finding(
             severity,
-            f"lengths of the robot file{perhaps} do not fit the forces",
+            f"lengths of the robot file are{perhaps} off",
             f"{100 * first.number:+.2g} % at {first.law} would, or others; {first.effect}{allowed}",
             first.do,
         )
@@ -140,7 +140,7 @@ def _finding(alike: Sequence[MissingForce]) -> Finding:
     if first.told == "hidden":
         return Finding(
             severity,
-            f"a spring of {motors} would not show",
+            f"{motors} may hide a spring",
             f"up to {number} may be taken for gravity, which {first.effect}; intervals hold "
             "without one",
             do,
