@@ -20,7 +20,7 @@ from tables import show, write_json
 # Runs a command, and says how many modules there are at its end.
 COUNTED = """
 import sys
-from loopid.cli import main
+from loopid.__main__ import main
 try:
     main()
 except SystemExit:

@@ -31,9 +31,14 @@ POSES = 50  # at least half as many rows again as columns with an effect, for ea
 
 
 def few_of(names, *few):
-    """Names as parameters: a few in an ordinary run, all in ``make validate``."""
-    validate = pytest.mark.validate
-    return [pytest.param(name, marks=() if name in few else validate) for name in names]
+    """Names, or tuples of values, as parameters: a few in an ordinary run, all to validate."""
+    return [
+        pytest.param(
+            *(name if isinstance(name, tuple) else (name,)),
+            marks=() if name in few else pytest.mark.validate,
+        )
+        for name in names
+    ]
 
 
 def count(robot, column):

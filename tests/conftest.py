@@ -9,6 +9,8 @@ import re
 import sys
 import warnings
 from functools import cache, wraps
+from hashlib import sha256
+from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 
@@ -23,6 +25,8 @@ from closure_robots import X, Y, Z, body, files, frame, joint, urdf
 from linkages import LINKAGES
 from loopid import bundled_robots, identify, random_configurations, read_log
 from loopid.errors import ModelWarning
+from loopid.identification import delay
+from loopid.identification.log_mistakes import LogFaults
 from loopid.paper.reproduction import reproduce_paper
 from made_runs import friction, logged, quietly, wander
 
@@ -44,6 +48,32 @@ def commands_built_once():
     """Typer builds all commands in every call, which takes longer than some of them."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("typer.main.get_command", cache(typer.main.get_command))
+        yield
+
+
+@pytest.fixture(scope="module")
+def nothing_suspected():
+    """Mistakes are not looked for in logs: that takes most of an identification."""
+
+    def faultless(_robot, recordings, _joint_terms=None):
+        return tuple(LogFaults(name) for name in {run.name: run for run in recordings})
+
+    with pytest.MonkeyPatch.context() as patch:
+        pipeline = import_module("loopid.identification.pipeline")
+        patch.setattr(pipeline, "log_faults_by_log", faultless)
+        yield
+
+
+@pytest.fixture(scope="module")
+def no_delay_sought():
+    """Forces count as measured with the positions: to find their delay takes most of the rest."""
+    pipeline = import_module("loopid.identification.pipeline")
+
+    def in_time(*arguments, **options):
+        return delay.in_time(*arguments, **options | {"undo": False})
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pipeline, "in_time", in_time)
         yield
 
 
@@ -79,9 +109,14 @@ def load_once():
 
 
 @pytest.fixture
-def bundled_once(load_once, monkeypatch):
-    """Examples and pages share the bundled robots that they load."""
+def bundled_once(load_once, once, monkeypatch):
+    """Examples and pages share the bundled robots that they load, and what they identify."""
     names, original = bundled_robots(), loopid.load
+
+    @wraps(identify)
+    def identified(*arguments, **options):
+        key = sha256(pickle.dumps((arguments, options))).hexdigest()
+        return once(f"identified {key}", lambda: identify(*arguments, **options))
 
     @wraps(original)
     def load(file, *arguments, **options):
@@ -89,6 +124,7 @@ def bundled_once(load_once, monkeypatch):
         return load_once(file) if alone else original(file, *arguments, **options)
 
     monkeypatch.setattr(loopid, "load", load)
+    monkeypatch.setattr(loopid, "identify", identified)
 
 
 KNEES = ["3ups_rpu", pytest.param("5p", marks=pytest.mark.validate)]  # of one kind

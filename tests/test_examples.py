@@ -43,6 +43,7 @@ SCRIPTS = [
 NEEDED = {"mujoco_model": "mujoco"}
 
 
+@pytest.mark.usefixtures("nothing_suspected", "no_delay_sought")
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("script", SCRIPTS)
 def test_an_example_prints_what_it_promises(script, request, capsys, monkeypatch, tmp_path):

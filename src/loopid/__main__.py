@@ -1,11 +1,13 @@
 """``loopid`` and ``python -m loopid``: the command line."""
 
+import gc
 import io
 import sys
 
 
 def main() -> None:
     """Run the command line; Ctrl-C ends it with exit code 130 also while it is imported."""
+    gc.set_threshold(50_000)  # imports make many objects and no garbage, which is looked for less
     if sys.stderr is None:  # closed: nobody hears warnings, but libraries write there
         sys.stderr = io.StringIO()
     try:

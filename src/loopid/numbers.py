@@ -9,7 +9,7 @@ def number(value: float | None, digits: int = 4) -> str:
     """A number to some digits, a dash where there is none."""
     if value is None or not math.isfinite(value):
         return "-"
-    plain = 10**digits <= abs(value) < 1e6  # 4500 rather than 4.5e+03
+    plain = 10**digits <= abs(float(f"{value:.{digits}g}")) < 1e6  # 4500 rather than 4.5e+03
     return f"{value:.0f}" if plain else f"{value:.{digits}g}"
 
 

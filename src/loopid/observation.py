@@ -225,7 +225,7 @@ def add_rows(factors: FloatArray, matrix: FloatArray) -> None:
             kept = np.flatnonzero(_touched(matrix[k]) | factors[k].any(axis=0))
             if len(kept) and len(matrix[k]):
                 square = np.ix_(kept, kept)
-                factors[k][square] = _updated(factors[k][square], matrix[k][:, kept])
+                factors[k][square] = updated_factor(factors[k][square], matrix[k][:, kept])
 
 
 def _touched(matrix: FloatArray) -> BoolArray:
@@ -235,7 +235,7 @@ def _touched(matrix: FloatArray) -> BoolArray:
     return touched
 
 
-def _updated(factor: FloatArray, matrix: FloatArray) -> FloatArray:
+def updated_factor(factor: FloatArray, matrix: FloatArray) -> FloatArray:
     """A factor (n, n) updated with the rows of a matrix (m, n)."""
     width, factor = len(factor), np.asfortranarray(factor)
     step, panel = max(ROWS, width), min(max(PANEL, width // PANEL_PART), width)

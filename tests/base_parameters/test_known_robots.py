@@ -9,7 +9,7 @@ import pytest
 
 import loopid
 from bank_doc import table
-from bank_robots import GAP, MODELS, moved
+from bank_robots import GAP, MODELS, few_of, moved
 from loopid import random_configurations
 from loopid.base_parameters import find_base
 from loopid.base_parameters.choice import CRITERIA
@@ -23,6 +23,7 @@ ROWS = table("URDF", "motors", "full", "gravity")
 for each in ROWS:  # a file, and options behind it
     each["URDF"], _, each["options"] = each["URDF"].partition("` `")
 SMALL = 12  # motors of robots whose best choice is proven within a second
+ORDINARY = ("ur5_robot.urdf", "panda.urdf", "solo12.urdf", "talos_full_v2.urdf")
 TALOS = "talos_data/robots/talos_full_v2.urdf"
 FOLLOWERS = 12  # six links of either gripper, moved by the motor of a seventh
 
@@ -38,8 +39,14 @@ def name(row):
     return f"{own} {row['options'].partition(' ')[0]}".strip()
 
 
-EVERY, FEW = (
-    pytest.mark.parametrize("row", rows, ids=name, indirect=True, scope="module")
+def ordinary(row):
+    return row["URDF"].endswith(ORDINARY) and "--free-mimics" not in row["options"]
+
+
+EVERY, SMALL_ONES = (
+    pytest.mark.parametrize(
+        "row", few_of(rows, *filter(ordinary, rows)), ids=name, indirect=True, scope="module"
+    )
     for rows in (ROWS, [row for row in ROWS if int(row["motors"]) <= SMALL])
 )
 
@@ -88,7 +95,7 @@ def test_base_parameters_are_as_many_as_known_and_suffice(row, robot, observatio
     assert found.reconstruction_error(fresh(robot, model)) < 1e-8
 
 
-@FEW
+@SMALL_ONES
 @pytest.mark.parametrize("criterion", CRITERIA)
 @pytest.mark.parametrize("model", MODELS)
 def test_those_of_small_robots_are_certified(row, robot, observations, model, criterion):

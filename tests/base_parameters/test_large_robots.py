@@ -25,7 +25,7 @@ KINDS = {
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("bodies", [12, pytest.param(180, marks=pytest.mark.validate)])
+@pytest.mark.parametrize("bodies", [6, pytest.param(180, marks=pytest.mark.validate)])
 def test_a_large_robot_has_its_known_rank_in_time(kind, bodies, load_files):
     files, ranks = KINDS[kind](bodies)
     start = process_time()

@@ -8,6 +8,7 @@ from choice_problems import BASES, brute_force, parameters, structures
 from hypothesis import given, settings, strategies as st
 
 import loopid
+from bank_robots import few_of
 from loopid.base_parameters import ChoiceProblem, find_base
 from loopid.base_parameters.choice import condition_numbers
 from loopid.base_parameters.structure import base_columns, regrouping_matrix
@@ -100,7 +101,7 @@ def test_a_singular_matrix_has_no_condition_number():
 def test_coefficients_between_columns_of_any_size_rebuild_each_column():
     """Small coefficients of large columns are no zeros: columns are up to 2^40 apart."""
     attacks = pytest.importorskip("attacks", reason="needs python-flint")
-    for seed in range(60):
+    for seed in range(20):
         W, rank = attacks.attack(seed)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", AccuracyWarning)
@@ -112,7 +113,9 @@ def test_coefficients_between_columns_of_any_size_rebuild_each_column():
             assert (errors < 1e-8 * np.linalg.norm(W, axis=0)).all()
 
 
-@pytest.mark.parametrize("name", ["five_bar", "3ups_rpu", "delta", "6ups"])
+@pytest.mark.parametrize(
+    "name", few_of(["five_bar", "3ups_rpu", "delta", "6ups"], "five_bar", "3ups_rpu")
+)
 @pytest.mark.parametrize("model", ["gravity", "full"])
 def test_no_coefficient_is_round_off(name, model):
     """Those of exact files are products of lengths: none is small."""

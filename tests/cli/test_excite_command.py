@@ -7,7 +7,7 @@ import pytest
 import loopid
 from loopid.excitation.design import ExcitationDesign
 
-QUICK = ("--starts", "1", "--evaluations", "5", "--time-limit", "120", "--solver", "slsqp")
+QUICK = ("--starts", "1", "--evaluations", "2", "--time-limit", "120", "--solver", "slsqp")
 KEYS = {
     "criterion",
     "condition_number",
@@ -101,9 +101,9 @@ def test_what_cannot_be_done_is_one_line(run):
 
 def test_what_was_saved_and_assumed_is_said(run, tmp_path):
     """The noise is a hundredth of the forces, and the last line names folder and files."""
-    bare = run("excite", "five_bar", "--duration", "6", *QUICK)
+    bare = run("excite", "five_bar", "--duration", "4", *QUICK)
     assert "Nothing was saved: --out DIR" in bare.out.splitlines()[-1]
-    saved = run("excite", "five_bar", "--duration", "6", *QUICK, "--out", tmp_path)
+    saved = run("excite", "five_bar", "--duration", "4", *QUICK, "--out", tmp_path)
     last = saved.out.splitlines()[-1]
     assert last.startswith(f"Report: {tmp_path}")
     assert "noise that they assume" in (tmp_path / "report.html").read_text()

@@ -11,6 +11,8 @@ from linkages import LINKAGES, five_bar
 from loopid import JointTerms
 from made_runs import logged, wander
 
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "no_delay_sought")
+
 BARS = {"left_joint": 2.0, "right_joint": 1.0}
 
 

@@ -13,8 +13,9 @@ from loopid.identification.fitting import quiet_fit
 from loopid.kinematics import closed_motion
 from loopid.logs import Log
 
-QUICK = DesignOptions(starts=1, evaluations=10, solver="slsqp", rate=20.0)
+QUICK = DesignOptions(starts=1, evaluations=6, solver="slsqp", rate=20.0)
 FINE = replace(QUICK, rate=100.0)
+GOOD = replace(FINE, noise=0.01, evaluations=10)  # enough to gain
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +30,7 @@ def full(five_bar):
 
 @pytest.fixture(scope="module")
 def design(full):
-    return loopid.design_motion(full, options=replace(FINE, noise=0.01))
+    return loopid.design_motion(full, options=GOOD)
 
 
 def test_the_motion_keeps_all_limits_by_an_independent_check(five_bar, design):
@@ -90,7 +91,7 @@ def test_it_is_better_than_where_it_started(design):
 
 
 def test_the_same_seed_gives_the_same_motion(full, design):
-    again = loopid.design_motion(full, options=replace(FINE, noise=0.01))
+    again = loopid.design_motion(full, options=GOOD)
     np.testing.assert_array_equal(again.motion.position, design.motion.position)
 
 
@@ -137,7 +138,7 @@ def test_a_log_and_the_motion_together_tell_what_the_log_does_not(full, one_cran
 
 
 def test_a_payload_alone_is_known_better_than_with_all_others(full, design):
-    found = loopid.design_motion(full, payload="left_coupler", options=replace(FINE, noise=0.01))
+    found = loopid.design_motion(full, payload="left_coupler", options=GOOD)
     assert {name.partition(".")[0] for name in found.parameters.labels} == {"left_coupler"}
     errors = dict(zip(design.parameters.labels, design.standard_errors, strict=True))
     for name, error in zip(found.parameters.labels, found.standard_errors, strict=True):

@@ -1,5 +1,7 @@
 """Autoregressive models, against the dense matrices they stand for."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
@@ -11,6 +13,7 @@ from loopid.identification.correlation import (
     LARGEST_REFLECTION,
     Autoregression,
     ErrorModel,
+    Spectra,
     burg_covariances,
 )
 
@@ -22,7 +25,7 @@ def model_of(reflected, variance=2.0):
     for k in reflected:
         longer = np.append(polynomial, 0.0)
         polynomial = longer + k * longer[::-1]
-    return Autoregression(-polynomial[1:], variance)
+    return Autoregression.of_coefficients(-polynomial[1:], variance)
 
 
 def long_covariances(model, count):
@@ -38,6 +41,25 @@ def test_covariances_are_those_of_the_process(reflected):
     np.testing.assert_allclose(
         model.covariances, long_covariances(model, model.order + 1), rtol=1e-6, atol=1e-8
     )
+
+
+@given(reflections)
+def test_models_of_coefficients_and_of_covariances_are_the_same(reflected):
+    model = model_of(reflected)
+    again = Autoregression.of_covariances(model.covariances)
+    np.testing.assert_allclose(again.coefficients, model.coefficients, rtol=1e-9, atol=1e-9)
+    assert again.variance == pytest.approx(model.variance, rel=1e-9)
+
+
+@given(reflections, st.sampled_from([(60,), (40, 20), (1, 2, 3, 54)]))
+def test_products_of_spectra_are_those_with_the_dense_covariance(reflected, lengths):
+    ends = np.cumsum([0, *lengths])
+    pieces = tuple(slice(*pair) for pair in pairwise(ends.tolist()))
+    model = model_of(reflected)
+    lags = long_covariances(model, 60)
+    dense = block_diag(*(toeplitz(lags[:length]) for length in lengths))
+    found = Spectra.of(np.eye(60), pieces).turned(model)
+    np.testing.assert_allclose(found, dense, atol=1e-6 * lags[0])
 
 
 @given(reflections, st.integers(0, 1000))
@@ -71,7 +93,7 @@ def test_the_order_and_model_are_found():
     truth = np.poly([0.9, 0.6 * np.exp(1j), 0.6 * np.exp(-1j)]).real
     errors = lfilter([1.0], truth, rng.normal(size=21_000))[1000:]
     model = Autoregression.of_covariances(burg_covariances(errors, np.arange(1, 20_001)))
-    expected = long_covariances(Autoregression(-truth[1:], 1.0), 4)
+    expected = long_covariances(Autoregression.of_coefficients(-truth[1:], 1.0), 4)
     np.testing.assert_allclose(model.covariances[:4], expected, rtol=0.1)
     assert model.variance == pytest.approx(1.0, rel=0.06)
     assert model.order < 12

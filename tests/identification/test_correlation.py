@@ -8,6 +8,7 @@ import pytest
 from scipy.linalg import block_diag, toeplitz
 from scipy.signal import butter, sosfiltfilt
 
+from bank_robots import few_of
 from loopid.errors import DataWarning
 from loopid.identification import FitSamples, OrdinaryLeastSquares, WeightedLeastSquares, fit
 from loopid.identification.correlation import Autoregression
@@ -31,7 +32,7 @@ def segments_of(samples, parts=3):
 def omega_of(result, samples, i):
     """The dense covariance matrix of one actuator's errors."""
     noise = result.noise
-    model = Autoregression(noise.coefficients[i], noise.innovation[i] ** 2)
+    model = Autoregression.of_coefficients(noise.coefficients[i], noise.innovation[i] ** 2)
     longest = max(np.bincount(samples.segments))
     lags = np.append(model.covariances, np.zeros(longest))
     for t in range(model.order + 1, longest):
@@ -145,7 +146,7 @@ def test_ordinary_intervals_allow_for_actuators_that_differ(runs):
     assert_coverage(rates)
 
 
-@pytest.mark.parametrize("ratio", [1e2, 1e6])
+@pytest.mark.parametrize("ratio", few_of([1e2, 1e6], 1e6))
 def test_actuators_may_differ_vastly(ratio):
     # The residual of the quiet one is all what the noisy one has bent; the model ends up odd, and
     # must still give intervals.
@@ -170,7 +171,10 @@ def test_intervals_cover_with_white_uniform_errors(runs):
 @runs(15, 120)
 @pytest.mark.parametrize(
     ("kind", "plain_below"),
-    [("0.5", 0.85), ("0.9", 0.5), ("0.98", 0.3), ("0.98 with gaps", 0.3), ("filtered", 0.85)],
+    few_of(
+        [("0.5", 0.85), ("0.9", 0.5), ("0.98", 0.3), ("0.98 with gaps", 0.3), ("filtered", 0.85)],
+        *[("0.98 with gaps", 0.3), ("filtered", 0.85)],
+    ),
 )
 def test_intervals_cover_where_independence_fails(kind, plain_below, runs):
     W, rates, plain = smooth_regressor(samples=1000), [], []
@@ -240,7 +244,10 @@ def test_what_clearly_varies_between_recordings_is_named():
 
 
 @runs(8, 150)
-@pytest.mark.parametrize(("count", "varied"), [(4, 0.0), (4, 0.02), (4, 0.1), (9, 0.0), (9, 0.1)])
+@pytest.mark.parametrize(
+    ("count", "varied"),
+    few_of([(4, 0.0), (4, 0.02), (4, 0.1), (9, 0.0), (9, 0.1)], (4, 0.0), (4, 0.1)),
+)
 def test_intervals_cover_what_varies_between_recordings(count, varied, runs):
     rates, apart = [], []
     for seed in range(runs):

@@ -16,6 +16,8 @@ from loopid.motion import JointMotion, Noise
 from loopid.report import identification_report
 from made_runs import ARM, quietly, record, simulated, wander
 
+pytestmark = pytest.mark.usefixtures("nothing_suspected")
+
 NOISE = 1.0
 
 

@@ -1,5 +1,7 @@
 """Friction that data ask for: a curve of each joint, its asymmetry, and what grows with load."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -20,6 +22,9 @@ from loopid.logs import Recording
 from loopid.motion import Noise, scaled_bodies
 from loopid.regressors.joint_laws import JointState, grouped, joint_term
 from made_runs import logged, quietly, record, simulated, unchecked, wander
+from smooth_data import runs
+
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "no_delay_sought")
 
 LINE = "Fc=0.1,Fv=0.05"
 LEFT = "left_crank_joint"
@@ -46,6 +51,16 @@ def run(robot, motion, values=LINE, law=None, seed=0, noise=0.01):
     plain = record(robot, motion, terms, scaled_bodies(robot, 0.2), noise, seed)
     more = 0.0 if law is None else law(motion.velocities)
     return Recording.of_motion(motion, plain.force + more, robot.actuated)
+
+
+@pytest.fixture(scope="module")
+def identified(robot, model, motion):
+    """What such a recording identifies, computed once."""
+
+    def identify_once(law=None, seed=0, noise=0.01):
+        return quietly(identify, model, [run(robot, motion, law=law, seed=seed, noise=noise)])
+
+    return cache(identify_once)
 
 
 def found_groups(found):
@@ -116,20 +131,20 @@ def stribeck(v):
     return 0.05 * np.exp(-np.abs(v) / 0.1) * np.sign(v)
 
 
-def test_a_curve_is_found_where_it_is_and_nowhere_else(robot, model, motion):
+def test_a_curve_is_found_where_it_is_and_nowhere_else(robot, identified):
     def left(v):
         return stribeck(v) * [1.0, 0.0]
 
     for law, joints in ((None, set()), (left, {LEFT}), (stribeck, {*robot.actuated})):
-        found = quietly(identify, model, [run(robot, motion, law=law)])
+        found = identified(law)
         assert found_groups(found) == {(joint, "friction curve") for joint in joints}
 
 
-@pytest.mark.parametrize("draws", [3, pytest.param(50, marks=pytest.mark.validate)])
-def test_bands_hold_the_true_curve(robot, model, motion, draws):
+@runs(2, 50)
+def test_bands_hold_the_true_curve(robot, identified, runs):
     covered, rates = [], np.geomspace(0.0025, 0.5, 40)
-    for seed in range(draws):
-        found = quietly(identify, model, [run(robot, motion, law=stribeck, seed=seed, noise=0.02)])
+    for seed in range(runs):
+        found = identified(stribeck, seed, 0.02)
         for joint in robot.actuated:
             for v in (rates, -rates):
                 curve = friction_curve(found.fit, joint, v)
@@ -139,12 +154,12 @@ def test_bands_hold_the_true_curve(robot, model, motion, draws):
     assert np.mean(covered) >= 0.9
 
 
-def test_no_shape_is_invented(robot, model, motion):
-    curves = []
-    for seed in range(3):
-        recording = run(robot, motion, seed=seed)
-        found = quietly(identify, model, [recording])
-        plain = quietly(identify, loopid.force_model(robot, "full", "Fc,Fv,Fo,Ia"), [recording])
+@runs(2, 10)
+def test_no_shape_is_invented(robot, motion, identified, runs):
+    curves, line = [], loopid.force_model(robot, "full", "Fc,Fv,Fo,Ia")
+    for seed in range(runs):
+        found = identified(seed=seed)
+        plain = quietly(identify, line, [run(robot, motion, seed=seed)])
         rates = np.geomspace(0.005, 0.5, 20)
         for joint in robot.actuated:
             one, other = (friction_curve(f.fit, joint, rates) for f in (found, plain))
@@ -153,21 +168,21 @@ def test_no_shape_is_invented(robot, model, motion):
     assert np.mean(curves) >= 0.9
 
 
-def test_an_asymmetry_is_found(robot, model, motion):
+def test_an_asymmetry_is_found(identified):
     """Viscous friction by direction; a constant difference is an offset."""
 
     def law(v):
         return 0.1 * np.abs(v) * [1.0, 0.0]
 
-    found = quietly(identify, model, [run(robot, motion, law=law)])
+    found = identified(law)
     assert (LEFT, "friction asymmetry") in found_groups(found)
     v = np.array([0.1, 0.3])
     forward, backward = (friction_curve(found.fit, LEFT, s * v).values for s in (1, -1))
     np.testing.assert_allclose(forward + backward, 0.2 * v, atol=0.012)
 
 
-def test_below_the_slowest_rate_it_stays_and_above_the_fastest_it_is_a_line(robot, model, motion):
-    found = quietly(identify, model, [run(robot, motion, law=stribeck)])
+def test_below_the_slowest_rate_it_stays_and_above_the_fastest_it_is_a_line(identified):
+    found = identified(stribeck)
     slowest, fastest = found.fit.use.of(LEFT)
     names = (p for p in found.fit.parameters if p.link == LEFT and p.kind.startswith("Fk0"))
     (first,) = (joint_term(p.kind).at for p in names)
@@ -208,9 +223,8 @@ def test_load_friction_is_found_and_predicted(robot, model, motion, tmp_path):
     assert (one.moving.residual_rms < 0.01).all()
 
 
-def test_gears_that_lose_no_force_have_no_load_friction(robot, model, motion):
-    found = quietly(identify, model, [run(robot, motion)])
-    assert not any(p.kind == "Ft" for p in found.fit.parameters)
+def test_gears_that_lose_no_force_have_no_load_friction(identified):
+    assert not any(p.kind == "Ft" for p in identified().fit.parameters)
 
 
 def test_logs_with_filtered_steps_are_asked_too(robot, model, tmp_path):

@@ -25,6 +25,8 @@ from loopid.regressors.joint_laws import joint_term
 from loopid.regressors.maxwell_slip import slip_states
 from made_runs import elastic, quietly, simulated, unchecked, wander
 
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "no_delay_sought")
+
 RATE, NOISE, SLIP = 200.0, 0.001, 5e-3
 TERMS = "Fc,Fv,Fh@0.02,Fh@0.002"
 

@@ -28,6 +28,8 @@ from loopid.logs import Recording
 from loopid.motion import Noise
 from made_runs import changed, friction, modelled, quietly, record, stand, wander
 
+pytestmark = pytest.mark.usefixtures("nothing_suspected")
+
 DRAWS = 10
 REFUSE = FitOptions(unidentifiable="error")
 
@@ -422,7 +424,7 @@ def logged(mechanism, real_recording, once):
     def identified():
         terms = JointTerms(mechanism.actuated, ("Fc", "Fv"))
         model = loopid.force_model(mechanism, "gravity", terms)
-        return quietly(identify, model, [real_recording])
+        return quietly(identify, model, [real_recording], options=FitOptions(undo_delay=False))
 
     return once(f"identified {mechanism.name}", identified)
 

@@ -15,6 +15,8 @@ from loopid.motion import scaled_bodies
 from loopid.regressors import force_parts
 from made_runs import quietly, record, wander
 
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "no_delay_sought")
+
 NOISE, REACH = 0.05, (0.6, 0.6)
 
 
@@ -74,7 +76,7 @@ def test_identify_and_studies_of_a_robot_choose(five_bar):
     assert found.force_model.automatic
     share = f"inertia is at most {100 * found.choice.share:.2g} % of them"
     assert share in str(found.verdict)
-    (said,) = [each for each in found.findings if "too slow for inertia" in each.title]
+    (said,) = [each for each in found.findings if "too slow to show inertia" in each.title]
     assert said.severity == "note"
     study = quietly(identify, five_bar, slow, options=FitOptions(terms="Fc"))
     assert study.force_model.model == "gravity"

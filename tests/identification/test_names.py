@@ -14,6 +14,8 @@ from loopid.parameters import Parameter
 from loopid.report.compare import comparison_report
 from loopid.report.look import json_text
 
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "no_delay_sought")
+
 
 @pytest.fixture(scope="module")
 def found():

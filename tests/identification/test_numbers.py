@@ -12,6 +12,8 @@ from loopid import FitOptions, identify, read_log
 from loopid.logs import FilterOptions
 from made_runs import quietly
 
+pytestmark = pytest.mark.usefixtures("nothing_suspected")
+
 NUMBERS = json.loads(Path(__file__).with_name("numbers.json").read_text())
 LOGS = Path(__file__).parents[2] / "urdf" / "logs"
 CUTOFFS = {"five_bar": 7.927646270656544, "3ups_rpu": 1.0741301059001516}  # in Hz

@@ -12,6 +12,8 @@ from loopid.identification import friction_curve
 from loopid.identification.plausibility import absurdities
 from made_runs import quietly
 
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "no_delay_sought")
+
 LEFT = "left_crank_joint"
 
 

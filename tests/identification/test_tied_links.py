@@ -18,6 +18,8 @@ from loopid.observation import Observation
 from loopid.regressors import structural_observation
 from made_runs import changed, modelled, quietly, record, wander
 
+pytestmark = pytest.mark.usefixtures("nothing_suspected")
+
 # Of the 6UPS at rest, as nothing fast is in its motion.
 CASES = {"3rrr": ("full", 0.3), "6ups": ("gravity", 0.04)}
 DRAWS = 25

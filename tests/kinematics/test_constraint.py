@@ -19,8 +19,9 @@ from free_pair import (
 from hypothesis import given, settings, strategies as st
 
 import pinocchio_loops
+from bank_robots import few_of
 from closure_robots import ROWS, in_millimetres
-from linkages import LINKAGES, PLANAR
+from linkages import LINKAGES, ORDINARY, PLANAR
 from loopid import random_configurations
 from loopid.base_parameters import find_base
 from loopid.errors import DataError, OptionError
@@ -115,7 +116,10 @@ COUNTS = {
 SHARED = ("crank_joint", "coupler_joint", "rocker_joint")
 
 
-@pytest.fixture(scope="module", params=[name for name in LINKAGES if "skew" not in name])
+@pytest.fixture(
+    scope="module",
+    params=few_of([name for name in LINKAGES if "skew" not in name], *ORDINARY),
+)
 def robot(request, linkage):
     return linkage(request.param)
 
@@ -164,7 +168,9 @@ def test_a_four_bar_moves_alike_however_its_pin_is_written(kind, linkage):
     np.testing.assert_allclose(same[:, :3], G, atol=1e-9)
 
 
-@pytest.mark.parametrize("kind", [kind for kind in PLANAR if kind != "distance"])
+@pytest.mark.parametrize(
+    "kind", few_of([kind for kind in PLANAR if kind != "distance"], "6d", "universal")
+)
 def test_a_four_bar_has_its_base_parameters_however_its_pin_is_written(kind, linkage):
     # Planar: 4 of each body, less a mass carried by each pivot and one a pin; see mechanisms.md.
     observation = structural_observation(linkage(f"{kind} four-bar"), "full")
@@ -206,7 +212,7 @@ def drawn(mechanism, generator, count):
 @on_the_ground
 @every_axis
 @pytest.mark.parametrize("kind", [*KINDS, "cable"])
-@settings(max_examples=4)
+@settings(max_examples=2)
 @given(seed=seeds)
 def test_derivatives_are_those_of_the_residual(kind, axes, fixed, place, rate, seed):
     generator, pair = np.random.default_rng(seed), free_pair(kind, axes, fixed)

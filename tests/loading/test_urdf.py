@@ -111,7 +111,7 @@ def content(links, joints):
     return found, set(inertials), masses
 
 
-@pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.validate)])
+@pytest.mark.parametrize("every", [8, pytest.param(1, marks=pytest.mark.validate)])
 def test_both_readers_see_what_is_in_the_files(urdf_folder, robot_data, shared, every):
     folders = (urdf_folder, robot_data, shared / "models")
     files = sorted(file for folder in folders for file in folder.rglob("*.urdf"))
@@ -316,14 +316,14 @@ def test_the_whole_family_is_read(outcome):
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")  # of tags that stand twice
-@settings(max_examples=80)
+@settings(max_examples=30)
 @given(text=mutilated(FAMILY) | mutilated(KNEE), floating_base=st.booleans())
 def test_a_mutilated_robot_is_read_or_refused(outcome, text, floating_base):
     outcome(text, floating_base)
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")  # of tags that stand twice
-@settings(max_examples=30)
+@settings(max_examples=12)
 @given(st.integers(0, len(FAMILY)), st.integers(0, 8), st.text(max_size=4))
 def test_a_cut_or_patched_text_is_read_or_refused(outcome, at, length, patch):
     text = FAMILY[:at] + patch + FAMILY[at + length :]

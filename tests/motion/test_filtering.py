@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from scipy.signal import butter, lfilter, sosfiltfilt
+from scipy.fft import next_fast_len
+from scipy.signal import butter, sosfiltfilt
 
 from loopid.errors import DataError, OptionError
 from loopid.motion import LowPass
-from loopid.motion.filtering import differentiate, recursion
+from loopid.motion.filtering import differentiate, fast_length
 
 RATE = 100.0
 filters = st.builds(LowPass, st.floats(1, 20), st.integers(1, 4))
@@ -31,14 +32,15 @@ def test_scipy_filters_alike(lowpass, signal):
     np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(signal).max())
 
 
-@given(signals, st.integers(1, 6), st.integers(0, 6))
-def test_a_recursion_is_that_of_its_two_polynomials(signal, zeros, poles):
-    numerator = np.linspace(1.0, 0.3, zeros)
-    denominator = np.append(1.0, 0.5 ** np.arange(2, poles + 2))
-    expected = lfilter(numerator, denominator, signal, axis=0)
-    for part in (slice(None), slice(3), slice(0)):
-        found = recursion(numerator, denominator, signal[part])
-        np.testing.assert_allclose(found, expected[part], rtol=1e-9, atol=1e-9)
+@given(st.integers(1, 10**7))
+def test_lengths_of_transforms_are_those_of_scipy(count):
+    assert fast_length(count) == next_fast_len(count, real=True)
+
+
+@given(filters, signals)
+def test_columns_are_filtered_alike_alone_or_together(lowpass, signal):
+    alone = [lowpass.apply(column, RATE) for column in signal.T]
+    np.testing.assert_array_equal(lowpass.apply(signal, RATE), np.stack(alone, axis=1))
 
 
 @pytest.mark.parametrize("order", [1, 2, 4])

@@ -141,7 +141,7 @@ FIRST_EIGHT = (
     *("platform.m + ", "leg1_stem.mx", "leg2_stem.mx", "leg3_stem.mx", "leg4_stem.my"),
     *("leg1_stem.mz", "leg2_stem.mz", "leg3_stem.mz"),
 )
-RATE = 4.0
+RATE = 2.0
 
 TURN_2, TURN_3 = np.deg2rad(90), np.deg2rad(45)
 BASE = 0.4 * np.array(

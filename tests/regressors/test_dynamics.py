@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 import loopid
 from bank_robots import few_of
-from linkages import LINKAGES
+from linkages import LINKAGES, ORDINARY
 from loopid import Dynamics, random_configurations
 from loopid.errors import AssemblyError, DataError, MobilityError, OptionError, SingularityError
 from loopid.kinematics import (
@@ -29,8 +29,9 @@ from loopid.kinematics.measured import platform_motion
 
 COUNT = 5
 # Redundant rows, couplings, joints without end, balls that spin, redundant motors, floating bases.
-ROBOTS = (*LINKAGES, "3ups_rpu", "6ups", "delta", "endless", "flying")
-FITTED = few_of(loopid.bundled_robots(), "3ups_rpu", "five_bar", "delta", "6ups")
+OTHERS = ("3ups_rpu", "delta", "endless", "flying")
+ROBOTS = few_of((*LINKAGES, "6ups", *OTHERS), *ORDINARY, *OTHERS)
+FITTED = few_of(loopid.bundled_robots(), "3ups_rpu", "five_bar")
 
 
 def close(found, expected, tolerance, scale=None):

@@ -34,8 +34,8 @@ def test_values_that_differ_clearly_are_named(fits):
     assert f"the largest is 5 ({rows[3]['expression']})" in report.verdict
     assert [row["differs"] for row in rows].index(True) == 3
     (table,) = report.brief
-    marks = [str(cell) for cell in table.columns[-1].cells]
-    assert [k for k, mark in enumerate(marks) if mark] == [3]
+    names = [str(cell) for cell in table.columns[0].cells]
+    assert [k for k, name in enumerate(names) if name.endswith(" *")] == [3]
 
 
 def test_a_parameter_of_one_fit_alone_is_said_so(fits):

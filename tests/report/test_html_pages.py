@@ -19,6 +19,7 @@ from closure_robots import body, urdf
 from loopid.identification import FitSamples
 from loopid.identification.saved import FitFile
 from loopid.logs import Recording
+from loopid.paper.page import paper_report
 from loopid.plots import Chart, Mark, Panel
 from loopid.report import (
     Card,
@@ -26,7 +27,9 @@ from loopid.report import (
     Section,
     base_report,
     check_report,
+    excitation_report,
     identification_report,
+    payload_report,
     prediction_report,
 )
 from loopid.report.compare import comparison_report
@@ -42,7 +45,7 @@ HOSTILE = (
 
 
 @pytest.fixture(scope="module")
-def pages(study, knee):
+def pages(study, knee, request):
     """Pages of all kinds of parts."""
     run = "loopid identify 3ups_rpu run.csv"
     return {
@@ -55,8 +58,28 @@ def pages(study, knee):
         )
         .page(run)
         .html(),
+        "payload": payload_report(knee, quietly(payload, study)).page(run).html(),
+        "excitation": excitation_report(quietly(design, study)).page(run).html(),
+        "paper": paper_report(request.getfixturevalue("paper")).page(run).html(),
         "hostile": hostile(),
     }
+
+
+def payload(study, mass=6.0):
+    """Of what the platform carries in the second of two runs."""
+    model, run = study.force_model, study.training[0].between(0.0, 20.0)
+    motion = run.motion
+    columns = model.standard_regressor(
+        motion.configurations, motion.velocities, motion.accelerations
+    )
+    weight = mass * columns[..., model.base.parameters.labels.index("platform.m")]
+    loaded = Recording.of_motion(motion, run.force + weight, run.actuators)
+    return loopid.identify_payload(model, "platform", unloaded=[run], loaded=[loaded])
+
+
+def design(study):
+    options = loopid.DesignOptions(duration=4.0, starts=1, evaluations=2, solver="slsqp")
+    return loopid.design_motion(study.force_model, options=options)
 
 
 def prediction_of(study):
@@ -83,7 +106,7 @@ def hostile():
     return Page(HOSTILE[2], sections, HOSTILE[0], card, data=data).html()
 
 
-@pytest.mark.parametrize("name", ["identification", "check", "hostile"])
+@pytest.mark.parametrize("name", ["identification", "check", "payload", "hostile"])
 def test_pages_are_valid(pages, name):
     html5lib.HTMLParser(strict=True).parse(pages[name])  # or a ParseError
     page = fromstring(pages[name])
@@ -233,13 +256,15 @@ def proxy():
 CALL = '<body><script>new Image().src = "http://example.invalid/x"</script>'
 
 
-def framed(*pages, widths=(800,)):
+def framed(*pages, widths=(800,), schemes=("light",)):
     """A page with these in frames, as a window of Chromium's is no narrower than 500 pixels."""
     sources = [page.replace("&", "&amp;").replace('"', "&quot;") for page in pages]
     frames = [
-        f"<iframe style='border:0;width:{width}px' srcdoc=\"{source}\"></iframe>"
+        f"<iframe style='border:0;width:{width}px;color-scheme:{scheme}' srcdoc=\"{source}\">"
+        "</iframe>"
         for source in sources
         for width in widths
+        for scheme in schemes
     ]
     return "<!DOCTYPE html><body>" + "".join(frames)
 
@@ -347,26 +372,24 @@ function measure(view) {
 
 onload = () => {
   const views = [...document.querySelectorAll("iframe")].map(frame => frame.contentWindow);
-  const dark = views[0].matchMedia("(prefers-color-scheme: dark)").matches;
-  document.body.dataset.told = JSON.stringify([dark, [...new Set(views.flatMap(measure))]]);
+  document.body.dataset.told = JSON.stringify(views.map(view =>
+    [view.matchMedia("(prefers-color-scheme: dark)").matches, ...new Set(measure(view))]));
 };
 </script>"""
 
 
-@pytest.mark.parametrize("dark", [False, True])
-def test_nothing_on_a_page_is_cut_covered_or_faint(pages, tmp_path, dark):
-    names = "identification", "check", "base", "prediction", "comparison"
-    page = framed(*(pages[name] for name in names), widths=(390, 760, 1300)) + MEASURE
-    scheme = f"--blink-settings=preferredColorScheme={0 if dark else 1}"
-    shown = fromstring(browse(page, tmp_path, scheme, "--dump-dom"))
-    assert json.loads(shown.find("body").get("data-told")) == [dark, []]
+WRONG = """<!DOCTYPE html><style>body { background: #fff; } b { position: absolute; }</style>
+<body><p style="width:2000px;color:#999">faint</p><p class="card"><b>one</b><b>two</b></p>"""
 
 
-def test_what_is_cut_covered_or_faint_is_seen(tmp_path):
-    wrong = """<!DOCTYPE html><style>body { background: #fff; } b { position: absolute; }</style>
-    <body><p style="width:2000px;color:#999">faint</p><p class="card"><b>one</b><b>two</b></p>"""
-    shown = fromstring(browse(framed(wrong, widths=(390,)) + MEASURE, tmp_path, "--dump-dom"))
-    _, found = json.loads(shown.find("body").get("data-told"))
-    assert 'p "faint" has a contrast of 2.85' in found
-    assert 'b "two" covers b "one" at 390' in found
-    assert any(each.startswith("the page is 20") for each in found)
+def test_nothing_on_a_page_is_cut_covered_or_faint(pages, tmp_path):
+    """At three widths, light and dark; what is wrong on another page is seen."""
+    own = [page for name, page in pages.items() if name != "hostile"]
+    shown = framed(*own, WRONG, widths=(390, 760, 1300), schemes=("light", "dark"))
+    shown = fromstring(browse(shown + MEASURE, tmp_path, "--dump-dom"))
+    found = json.loads(shown.find("body").get("data-told"))
+    assert found[: 6 * len(own)] == [[False], [True]] * 3 * len(own)
+    _, *wrong = found[-6]
+    assert 'p "faint" has a contrast of 2.85' in wrong
+    assert 'b "two" covers b "one" at 390' in wrong
+    assert any(each.startswith("the page is 20") for each in wrong)

@@ -68,6 +68,10 @@ def test_numbers_are_plain(value, shown):
     assert number(value) == shown
 
 
+def test_a_number_that_is_rounded_up_is_plain_too():
+    assert [number(x, 2) for x in (9.96, 99.4, 99.96, 0.996)] == ["10", "99", "100", "1"]
+
+
 @pytest.mark.parametrize(
     "name",
     [

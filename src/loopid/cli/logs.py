@@ -210,12 +210,12 @@ def payload(
     logged = [*runs["unloaded"], *runs["loaded"]]
     fitted = force_model(robot, chosen_model(robot, model, logged), terms)
     if known_mass is None:
-        report = payload_report(identify_payload(fitted, link, **runs, estimator=estimator))
+        report = payload_report(robot, identify_payload(fitted, link, **runs, estimator=estimator))
     else:
         load = KnownLoad(known_mass, None if centre is None else numbers(centre, "--centre", 3))
         gains = drive_gains(fitted, link, load, **runs, estimator=estimator)
         _write_gains(write_mapping, gains, logged, mapping)
-        report = gains_report(gains)
+        report = gains_report(robot, gains)
     answer.show(_vetoed(report, log_faults_by_log(robot, runs["unloaded"], fitted.joint_terms)))
 
 

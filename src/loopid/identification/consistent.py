@@ -63,6 +63,7 @@ from loopid.identification.result import (
     with_errors,
 )
 from loopid.inertia import body_defect, nearest_solid, parameters_of, pseudo_inertia, upper_factor
+from loopid.observation import updated_factor
 from loopid.parameters import KINDS
 from loopid.workers import one_blas_thread
 
@@ -381,7 +382,7 @@ PARAMETERS = parameters_of(UNITS)
 
 def _vector(matrices: FloatArray) -> FloatArray:
     """Symmetric matrices (..., 4, 4) by their ten coordinates."""
-    return np.asarray(np.einsum("...ij,kij->...k", matrices, UNITS))
+    return np.asarray(matrices.reshape(*matrices.shape[:-2], 16) @ UNITS.reshape(WIDTH, 16).T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -419,9 +420,10 @@ class _Step:
     def _triangle(self) -> FloatArray:
         """R (q, q + 1) of [J, e; 1, -g]: RᵀR of its first q columns is the Hessian."""
         count = len(self.g)
-        rows = np.vstack([self.J, np.eye(count)])
-        whole = np.column_stack([rows, np.append(self.e, -self.g)])
-        return np.asarray(np.linalg.qr(whole, mode="r")[:count])
+        prior = np.column_stack([np.eye(count), -self.g])
+        return updated_factor(np.pad(prior, ((0, 1), (0, 0))), np.column_stack([self.J, self.e]))[
+            :count
+        ]
 
     @cached_property
     def _root(self) -> FloatArray:

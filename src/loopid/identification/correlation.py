@@ -10,17 +10,22 @@ Models are fitted by Burg's method [Percival1993], which never predicts across g
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import cached_property
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dtbtrs
 
 from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
 from loopid.identification.result import NoiseModel
-from loopid.motion.filtering import recursion
+from loopid.motion.filtering import fast_length
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
@@ -48,10 +53,13 @@ class Autoregression:
         (p,), c_k.
     variance : float
         Of ε.
+    covariances : FloatArray
+        (p + 1,), of e at lags 0 to p.
     """
 
     coefficients: FloatArray
     variance: float
+    covariances: FloatArray
 
     @classmethod
     def of_covariances(cls, covariances: FloatArray) -> Autoregression:
@@ -60,16 +68,29 @@ class Autoregression:
         No process has covariances that ask for a reflection coefficient of 1 or more; where they
         do, the model ends at that lag with the largest allowed.
         """
-        polynomial, variance = np.ones(1), float(covariances[0])
+        polynomial, variance = np.append(1.0, np.zeros(len(covariances) - 1)), float(covariances[0])
         for k in range(1, len(covariances)):
-            asked = -float(polynomial @ covariances[k:0:-1]) / variance
-            reflection = float(np.clip(asked, -LARGEST_REFLECTION, LARGEST_REFLECTION))
-            longer = np.append(polynomial, 0.0)
-            polynomial = longer + reflection * longer[::-1]
+            asked = -float(polynomial[:k] @ covariances[k:0:-1]) / variance
+            reflection = min(max(asked, -LARGEST_REFLECTION), LARGEST_REFLECTION)
+            polynomial[1 : k + 1] += reflection * polynomial[:k][::-1]
+            if reflection != asked:
+                covariances = np.append(covariances[:k], covariances[k])
+                covariances[k] += (asked - reflection) * variance
+                polynomial = polynomial[: k + 1]
             variance *= 1 - reflection**2
             if reflection != asked:
                 break
-        return cls(-polynomial[1:], variance)
+        return cls(-polynomial[1:], variance, covariances)
+
+    @classmethod
+    def of_coefficients(cls, coefficients: FloatArray, variance: float) -> Autoregression:
+        """The model with coefficients c_k (p,), by the equations of Yule and Walker."""
+        lags = np.arange(len(coefficients) + 1)
+        matrix = np.zeros((len(lags), len(lags)))
+        for j, a in enumerate(np.append(1.0, -coefficients)):
+            np.add.at(matrix, (lags, np.abs(lags - j)), a)
+        covariances = np.linalg.solve(matrix, np.where(lags == 0, variance, 0.0))
+        return cls(coefficients, variance, np.asarray(covariances, dtype=np.float64))
 
     @property
     def order(self) -> int:
@@ -81,39 +102,52 @@ class Autoregression:
         """(p + 1,), A of A(z) e = ε: 1, then -c_k."""
         return np.append(1.0, -self.coefficients)
 
-    @cached_property
-    def covariances(self) -> FloatArray:
-        """Autocovariances (p + 1,) at lags 0 to p, by the equations of Yule and Walker."""
-        matrix, lags = np.zeros((self.order + 1, self.order + 1)), np.arange(self.order + 1)
-        for j, a in enumerate(self.polynomial):
-            np.add.at(matrix, (lags, np.abs(lags - j)), a)
-        right = np.append(self.variance, np.zeros(self.order))
-        return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
-
-    def filtered(self, rows: FloatArray, pieces: Pieces) -> FloatArray:
-        """Ω X of rows X (N, m), Ω the covariance of errors, one a row.
-
-        Autocovariances follow the recursion of the process, so a filter N / A with as many
-        coefficients has them as its impulse response: Ω X is X filtered forwards and backwards in
-        time, less γ_0 X, which both count.
-        """
-        numerator = np.convolve(self.polynomial, self.covariances)[: max(self.order, 1)]
-        found = -self.covariances[0] * rows
-        for piece in pieces:
-            found[piece] += recursion(numerator, self.polynomial, rows[piece])
-            found[piece] += recursion(numerator, self.polynomial, rows[piece][::-1])[::-1]
-        return np.asarray(found, dtype=np.float64)
+    def lags(self, count: int) -> FloatArray:
+        """Autocovariances (count,) from lag 0 on: they follow the recursion of the process."""
+        bands = np.repeat(self.polynomial[:, None], count, axis=1)
+        start = np.convolve(self.polynomial, self.covariances)[: min(self.order + 1, count)]
+        right = np.append(start, np.zeros(count - len(start)))
+        found, _ = dtbtrs(bands, right[:, None], uplo="L", diag="U")
+        return np.asarray(found[:, 0])
 
     def sum_variance(self, present: BoolArray, pieces: Pieces) -> float:
         """Variance of the sum of errors over the samples (N,) that are present."""
-        ones = np.asarray(present, dtype=np.float64)[:, None]
-        return float(np.vdot(ones, self.filtered(ones, pieces)))
+        ones = np.asarray(present, dtype=np.float64)[None]
+        return float(np.vdot(ones, Spectra.of(ones, pieces).turned(self)))
 
     def effective_samples(self, present: BoolArray, pieces: Pieces) -> float:
         """Number of independent samples that would determine the mean error as well."""
         count = float(present.sum())
         spread = self.sum_variance(present, pieces) if self.order else 0.0
         return min(count**2 * float(self.covariances[0]) / spread, count) if spread > 0 else count
+
+
+class Spectra(NamedTuple):
+    """Spectra of m signals (m, N), each of whose pieces is followed by as many zeros.
+
+    Ω X of a stationary process is then a product of spectra [Golub2013, 4.8]: made once, those
+    of X serve any model.
+    """
+
+    pieces: Pieces
+    each: tuple[NDArray[np.complex128], ...]
+
+    @classmethod
+    def of(cls, signals: FloatArray, pieces: Pieces) -> Spectra:
+        """Of signals (m, N)."""
+        parts = ((signals[:, piece], piece.stop - piece.start) for piece in pieces)
+        return cls(pieces, tuple(np.fft.rfft(own, fast_length(2 * count)) for own, count in parts))
+
+    def turned(self, model: Autoregression) -> FloatArray:
+        """X Ω (m, N), with Ω the covariance of errors, independent from piece to piece."""
+        found = []
+        longest = model.lags(max(piece.stop - piece.start for piece in self.pieces))
+        for piece, own in zip(self.pieces, self.each, strict=True):
+            count = piece.stop - piece.start
+            size, lags = fast_length(2 * count), longest[:count]
+            even = np.concatenate([lags, np.zeros(size + 1 - 2 * count), lags[:0:-1]])
+            found.append(np.fft.irfft(own * np.fft.rfft(even).real, size)[:, :count])
+        return np.concatenate(found, axis=1)
 
 
 def mean_of_series(
@@ -149,24 +183,23 @@ def burg_covariances(errors: FloatArray, runs: IntArray) -> FloatArray:
     products, rows = _window_products(errors, runs, LARGEST_ORDER)
     observed = float(products[0, 0, 0] / rows[0])
     white = WHITE * observed
-    polynomial, covariances = np.zeros((2, LARGEST_ORDER + 1))
-    polynomial[0], criteria = 1.0, [0.0]
+    products += white * rows[:, None, None] * np.eye(len(rows))
+    # Of e_t to e_{t-k}: e_t less its forward prediction, e_{t-k} less its backward one.
+    both, covariances = np.zeros((2, LARGEST_ORDER + 1)), np.zeros(LARGEST_ORDER + 1)
+    both[:, 0], criteria = 1.0, [0.0]
     covariances[0] = variance = observed + white
     for k in range(1, LARGEST_ORDER + 1):
         if rows[k] < PAIRS * k or not observed > 0:
             break
-        window, past = products[k, : k + 1, : k + 1], polynomial[1:k]
-        # Of e_t to e_{t-k}: e_t less its forward prediction, e_{t-k} less its backward one.
-        ahead = polynomial[: k + 1]
-        behind = ahead[::-1]
-        common = ahead @ window @ behind + rows[k] * white * (past @ past[::-1])
-        energy = ahead @ window @ ahead + behind @ window @ behind
-        energy += 2 * rows[k] * white * (ahead @ ahead)
-        reflection = -2 * float(common / energy)
-        covariances[k] = -reflection * variance - past @ covariances[k - 1 : 0 : -1]
-        polynomial[: k + 1] = ahead + reflection * behind
+        ahead = both[0, : k + 1]
+        both[1, : k + 1] = ahead[::-1]
+        own = both[:, : k + 1]
+        (forward, common), (_, backward) = (own @ products[k, : k + 1, : k + 1] @ own.T).tolist()
+        reflection = -2 * common / (forward + backward)
+        covariances[k] = -reflection * variance - ahead[1:k] @ covariances[k - 1 : 0 : -1]
+        ahead += reflection * own[1]
         variance *= 1 - reflection**2
-        criteria.append(rows[0] * np.log(variance / covariances[0]) + k * np.log(rows[0]))
+        criteria.append(rows[0] * math.log(variance / covariances[0]) + k * math.log(rows[0]))
     best = int(np.argmin(criteria))
     return np.asarray(covariances[: best + 1] / (1 + WHITE))
 
@@ -181,8 +214,10 @@ def _window_products(errors: FloatArray, runs: IntArray, order: int) -> tuple[Fl
     products, counts = np.zeros((width, width, width)), np.zeros(width, dtype=np.int64)
     series = np.pad(np.where(runs > 0, errors, 0.0), (order, 0))
     windows, reach = sliding_window_view(series, width)[:, ::-1], np.minimum(runs, width)
-    for length in np.unique(reach[reach > 0]):
-        inside = windows[reach == length, :length]
+    by_length = np.argsort(reach.astype(np.int8), kind="stable")
+    windows, bounds = windows[by_length], np.searchsorted(reach[by_length], np.arange(1, width + 2))
+    for length, rows in enumerate(pairwise(bounds.tolist()), start=1):
+        inside = windows[slice(*rows), :length]
         products[length - 1, :length, :length] = inside.T @ inside
         counts[length - 1] = len(inside)
     return np.cumsum(products[::-1], axis=0)[::-1], np.cumsum(counts[::-1])[::-1]
@@ -295,16 +330,22 @@ class ErrorModel:
     ) -> None:
         shares, turn = np.linalg.eigh(columns.T @ columns)
         self._turn = turn[:, (shares > ROUND_OFF) | (shares == shares[-1])]
-        self._columns, self._used, self._pieces = columns @ self._turn, used, pieces
         self._observed = burg_covariances(residual, run_lengths(used, pieces))
         self._observed[0] = max(self._observed[0], least**2)
-        apart = [_apart(pieces, k) for k in range(len(self._observed))]
-        x = self._columns
-        self._grams = np.array(
-            [sum((x[a].T @ x[b] for a, b in rows), np.zeros(2 * x.shape[1:])) for rows in apart]
+        # Zeros end each piece, so that samples k apart are of one piece, or one is zero.
+        lags, count = len(self._observed), len(used) + len(pieces) * len(self._observed)
+        self._pieces = tuple(
+            slice(p.start + k * lags, p.stop + (k + 1) * lags) for k, p in enumerate(pieces)
         )
+        rows = np.concatenate([np.arange(p.start, p.stop - lags) for p in self._pieces])
+        self._used = np.zeros(count, dtype=bool)
+        self._columns = x = np.zeros((self._turn.shape[1], count))
+        self._used[rows], x[:, rows] = used, (columns @ self._turn).T
+        self._spectra = Spectra.of(x, self._pieces)
+        self._grams = np.array([x[:, : count - k] @ x[:, k:].T for k in range(lags)])
         # How many pairs of used samples are so far apart.
-        self._pairs = np.array([sum((used[a] & used[b]).sum() for a, b in rows) for rows in apart])
+        pairs = [(self._used[: count - k] & self._used[k:]).sum() for k in range(lags)]
+        self._pairs = np.array(pairs)
         self.samples = int(self._pairs[0])
         freedom = max(self.samples - float(np.trace(self._grams[0])), 1.0)
         start = Autoregression.of_covariances(self._observed * self.samples / freedom)
@@ -347,22 +388,11 @@ class ErrorModel:
 
         ``_shared`` is Σ_t u_t (Ω x)_t · (x_{t+k} + x_{t-k}), u_t = 1 where a sample is used.
         """
-        self.model, X = model, self._columns
-        turned = model.filtered(X, self._pieces)
-        self.sums = self._turn @ (X.T @ turned) @ self._turn.T
-        turned *= self._used[:, None]
+        self.model, turned = model, self._spectra.turned(model)
+        self.sums = self._turn @ (self._columns @ turned.T) @ self._turn.T
+        # Columns one after the other: zeros end them, too.
+        u, x = (turned * self._used).ravel(), self._columns.ravel()
+        count = len(x)
         self._shared = np.array(
-            [
-                sum(
-                    float(np.vdot(turned[a], X[b]) + np.vdot(turned[b], X[a]))
-                    for a, b in _apart(self._pieces, k)
-                )
-                for k in range(model.order + 1)
-            ]
+            [u[: count - k] @ x[k:] + u[k:] @ x[: count - k] for k in range(model.order + 1)]
         )
-
-
-def _apart(pieces: Pieces, k: int) -> list[tuple[slice, slice]]:
-    """Rows of each piece that have others k later, and these."""
-    long = [piece for piece in pieces if piece.stop - piece.start > k]
-    return [(slice(p.start, p.stop - k), slice(p.start + k, p.stop)) for p in long]

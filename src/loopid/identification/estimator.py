@@ -16,6 +16,7 @@ from typing import ClassVar
 
 import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
+from scipy.linalg.lapack import dtrtri
 
 from loopid.arguments import BoolArray, FloatArray
 from loopid.errors import DataError, OptionError, RankError
@@ -265,10 +266,16 @@ def result_of(
 def require_excitation(problem: FitProblem, R: FloatArray) -> None:
     """Refuse a triangular factor (n, n) whose scaled columns are linearly dependent."""
     labels = problem.parameters.labels
-    _, values, right = scaled_svd(R)
     if (silent := _silent(R)).any():
         name = labels[int(silent.argmax())]
         raise RankError(f"the data do not excite {name} at all", parameters=(name,))
+    # Of columns of unit length |R| |R⁻¹|, by Frobenius' norm, is at least the ratio of singular
+    # values: where that is fine, it takes none of them.
+    lengths = np.linalg.norm(R, axis=0)
+    inverse, singular = dtrtri(R / lengths)
+    if not singular and len(R) * np.square(inverse).sum() * LEAST_EXCITATION**2 <= 1:
+        return
+    _, values, right = scaled_svd(R)
     if values[-1] >= LEAST_EXCITATION * values[0]:
         return
     # Round-off turns the single directions where there are several: only their span is named.

@@ -442,7 +442,7 @@ def friction_findings(fit: Fit) -> list[tuple[str, str]]:
 
     said = {
         CURVE.name: (
-            "is curved over its rate",
+            "is curved over rate",
             summary.standstill,
             " ({0.value:+.2g} {0.unit} at standstill)",
         ),

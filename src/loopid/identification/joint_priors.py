@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.linalg.lapack import dtrtrs
 
 from loopid.arguments import FloatArray, IntArray
 from loopid.identification.force_models import ForceModel
@@ -117,7 +118,10 @@ class JointPriors:
 
     def departures(self, values: FloatArray, sizes: FloatArray) -> FloatArray:
         """The u (k,) of values (k,) of the terms."""
-        return np.asarray(np.linalg.solve(self.factor, values - self.start) / self._scales(sizes))
+        if not len(values):  # LAPACK takes none
+            return values
+        apart, _ = dtrtrs(self.factor, values - self.start, lower=1)
+        return np.asarray(apart / self._scales(sizes))
 
     def of_groups(self, numbers: FloatArray) -> FloatArray:
         """Sums (g,) of numbers (k,) over the terms of each group."""

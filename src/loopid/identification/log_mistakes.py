@@ -363,6 +363,7 @@ def _hidden(model: Evidence, found: Explanation) -> Finding | None:
     if not unknown:
         return None
     said = []
+    kinds = [KINDS[name].hidden.removeprefix("its ").removesuffix(" of") for name in unknown]
     for name, of in unknown.items():
         first = model.names[min(of)[0]] if KINDS[name].motors else ""
         more = f" and {len(of) - 1} more" if len(of) > 1 else ""
@@ -370,9 +371,9 @@ def _hidden(model: Evidence, found: Explanation) -> Finding | None:
     return Finding(
         # A log that tells its time axis has all but what little some motors carry.
         "warning" if "factor" in unknown else "note",
-        f"the log does not tell {', '.join(said)}",
-        f"half or twice as much, or zeros that are {ZERO_OFF:g} rad off, would explain the forces "
-        "about as well, by other bodies",
+        f"the log hides {', '.join(kinds)}",
+        f"{', '.join(said)}: half or twice as much, or zeros that are {ZERO_OFF:g} rad off, would "
+        "explain the forces about as well, by other bodies",
         "move faster and further",
     )
 

@@ -24,6 +24,7 @@ from loopid.arguments import FloatArray
 from loopid.findings import Finding
 from loopid.identification.correlation import (
     Autoregression,
+    Spectra,
     burg_covariances,
     run_lengths,
     within_runs,
@@ -366,7 +367,10 @@ class _Test:
         self.prior = None if fit.prior is None else fit.prior[:, :n] @ self.inverse
         sizes = result.noise.innovation * result.weights
         rows = zip(result.noise.coefficients, np.nan_to_num(sizes) ** 2, strict=True)
-        self.models = [Autoregression(np.trim_zeros(own, "b"), float(size)) for own, size in rows]
+        self.models = [
+            Autoregression.of_coefficients(np.trim_zeros(own, "b"), float(size))
+            for own, size in rows
+        ]
         self.runs = [run_lengths(used, samples.pieces) for used in samples.used.T]
 
     def of(self, columns: FloatArray) -> tuple[float, FloatArray, FloatArray, FloatArray]:
@@ -389,7 +393,7 @@ class _Test:
         for i in own:
             models[i] = Autoregression.of_covariances(burg_covariances(left[:, i], self.runs[i]))
         V = sum(
-            beside[:, i].T @ model.filtered(beside[:, i], pieces)
+            Spectra.of(beside[:, i].T, pieces).turned(model) @ beside[:, i]
             for i, model in enumerate(models)
             if model.variance > 0
         )

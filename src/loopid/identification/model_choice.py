@@ -101,7 +101,7 @@ class ModelChoice:
                 "record a motion that its motors make",
             )
         if self.model == "gravity":
-            title = "the motion is too slow for inertia to show"
+            title = "the motion is too slow to show inertia"
             if np.isfinite(self.least_share):
                 share += f", and the log shows {_percent(self.least_share)} or more"
             return Finding("note", title, share)

@@ -13,6 +13,7 @@ import numpy as np
 from loopid.arguments import FloatArray, IntArray, checked, finite, frozen, variances
 from loopid.errors import DataError, OptionError
 from loopid.identification.problem import FitProblem
+from loopid.numbers import number
 from loopid.parameters import ParameterSet, html_table
 from loopid.records import Tabular, record
 from loopid.registry import fit_exports
@@ -118,11 +119,11 @@ class FileDeviation(OfArrays):
     def sentence(self) -> str:
         """How far the file is trusted; at a bound that is no finding of the data."""
         bound = not LEAST_OFF < self.common < LARGEST_OFF
-        off = (f"{name} {100 * own:.2g} %" for name, own in self.rows if own > self.common)
+        off = (f"{name} {number(100 * own, 2)} %" for name, own in self.rows if own > self.common)
         also = ", ".join(off)
         return (
             f"the given bodies {'are assumed' if bound else 'count as'} right to "
-            f"{100 * self.common:.2g} %{f', but {also}' if also else ''}"
+            f"{number(100 * self.common, 2)} %{f', but {also}' if also else ''}"
         )
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +25,7 @@ from loopid.motion.trajectories import (
     point_to_point,
 )
 from loopid.records import record
-from loopid.yaml_files import read_yaml
+from loopid.yaml_files import read_yaml, yaml_writer
 
 # Ways in a motion: nested repeats multiply, and a slip of the pen should not fill the memory.
 MOST_WAYS = 100_000
@@ -158,7 +159,7 @@ class RepeatStep(StepDescription):
         inside, found = place.at("steps"), list[Waypoint]()
         for _ in range(self.repeat):
             found += inside.ways(self.steps, found[-1].position if found else here)
-            place.require_few(len(found))
+            place.require_few(max(len(found), self.repeat))  # a round is a way at least
         return found
 
 
@@ -383,3 +384,35 @@ def _planned(name: str, motion: MotionDescription, place: Place) -> PlannedMotio
     start = place.at("start").pose(motion.start, np.zeros(len(place.coordinates)))
     ways = place.at("steps").ways(motion.steps, start)
     return PlannedMotion(name, motion.description, start, tuple(ways))
+
+
+def motion_text(
+    name: str,
+    description: str,
+    coordinates: tuple[str, ...],
+    rate: float,
+    start: FloatArray,
+    waypoints: Iterable[Waypoint],
+) -> str:
+    """The file of one motion from a start, as ``read_motion_program`` reads it."""
+
+    def pose(values: FloatArray) -> dict[str, float]:
+        return dict(zip(coordinates, values.tolist(), strict=True))
+
+    here, steps, text = start, list[dict[str, Any]](), io.StringIO()
+    for waypoint in waypoints:
+        curve, step = waypoint.curve, dict[str, Any](seconds=float(waypoint.seconds))
+        if isinstance(curve, FourierCurve):
+            parts = (part.T.tolist() for part in np.split(curve.shape, 2))
+            both = zip(coordinates, *parts, strict=True)
+            step = {"fourier": {x: {"sine": s, "cosine": c} for x, s, c in both}} | step
+        elif (waypoint.position == here).all():
+            step = {"hold": step["seconds"]}
+        else:
+            step = {"to": pose(waypoint.position)} | step
+        steps.append(step)
+        here = waypoint.position
+    motion = {"description": description, "start": pose(start), "steps": steps}
+    content = {"coordinates": list(coordinates), "rate": rate, "motions": {name: motion}}
+    yaml_writer().dump(content, text)
+    return text.getvalue()

@@ -8,13 +8,10 @@ same frequencies [Gautier1997].
 
 from __future__ import annotations
 
-import math
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
-from scipy.fft import next_fast_len
-from scipy.linalg.lapack import dtbtrs
 
 from loopid.arguments import FloatArray, Positive, checked, finite
 from loopid.errors import DataError, OptionError
@@ -78,47 +75,39 @@ class LowPass:
                 f"{padding + 1} at {rate:g} Hz"
             )
         count = len(signal) + 2 * padding
-        size = next_fast_len(count, real=True)
+        size = fast_length(count)
         gains, line = self._gains(size, rate), np.linspace(0.0, 1.0, count)
-        found = np.empty((len(signal), math.prod(signal.shape[1:])))
-        for own, kept in zip(signal.reshape(found.shape).T, found.T, strict=True):
-            # Continued by its own mirror image about each end, in time and in value.
-            first, last = own[padding:0:-1], own[-2 : -padding - 2 : -1]
-            longer = np.concatenate([2 * own[0] - first, own, 2 * own[-1] - last])
-            # A line passes the filter; without that between its ends the signal is periodic.
-            straight = longer[0] + (longer[-1] - longer[0]) * line
-            bent = np.fft.irfft(gains * np.fft.rfft(longer - straight, size), size)
-            kept[:] = (bent[:count] + straight)[padding:-padding]
-        return found.reshape(signal.shape)
+        own = np.ascontiguousarray(signal.reshape(len(signal), -1).T)
+        # Continued by its own mirror image about each end, in time and in value.
+        first, last = own[:, padding:0:-1], own[:, -2 : -padding - 2 : -1]
+        ends = 2 * own[:, :1] - first, own, 2 * own[:, -1:] - last
+        longer = np.concatenate(ends, axis=1)
+        # A line passes the filter; without that between its ends the signal is periodic.
+        straight = longer[:, :1] + (longer[:, -1:] - longer[:, :1]) * line
+        bent = np.fft.irfft(gains * np.fft.rfft(longer - straight, size), size)
+        found = (bent[:, :count] + straight)[:, padding:-padding]
+        return np.ascontiguousarray(found.T).reshape(signal.shape)
 
     def _gains(self, size: int, rate: float) -> FloatArray:
         """Of the frequencies of a spectrum, by both passes.
 
         tan(π f) stands for f, as by the bilinear transform [Oppenheim2010, ch. 7].
         """
-        angles, own = np.pi * np.arange(size // 2 + 1) / size, np.pi * self.cutoff / rate
-        below, above = np.cos(angles) * np.sin(own), np.sin(angles) * np.cos(own)
-        # Of sine and cosine one is large enough to be raised to any power.
-        below, above = np.array([below, above]) / np.hypot(below, above)
-        below, above = below ** (2 * self.order), above ** (2 * self.order)
-        return np.asarray(below / (below + above))
+        bent = np.tan(np.pi * np.arange(size // 2 + 1) / size) / np.tan(np.pi * self.cutoff / rate)
+        with np.errstate(over="ignore"):  # nothing is left there
+            return np.asarray(1.0 / (1.0 + np.square(bent) ** self.order))
 
 
-def recursion(numerator: FloatArray, denominator: FloatArray, signal: FloatArray) -> FloatArray:
-    """Signals (N, m) filtered from rest: A(z) y = B(z) x, with A(z) = 1 + a_1 z⁻¹ + ...
-
-    A is a banded triangular matrix: LAPACK solves for y row by row. ``scipy.signal`` would take
-    longer to import than logs take to filter.
-    """
-    right = numerator[0] * signal
-    for k, factor in enumerate(numerator[1:], 1):
-        right[k:] += factor * signal[:-k]
-    if not right.size:
-        return np.asarray(right)
-    bands = np.empty((len(denominator), len(signal)), order="F")
-    bands[:] = denominator[:, None]
-    found, _ = dtbtrs(bands, np.asfortranarray(right), uplo="L", diag="U", overwrite_b=True)
-    return np.ascontiguousarray(found)
+def fast_length(count: int) -> int:
+    """The least length from a count on that is a product of twos, threes and fives, for FFTs."""
+    least, fives = 2 * count, 1
+    while fives < least:
+        odd = fives
+        while odd < least:
+            least = min(least, odd << (-(-count // odd) - 1).bit_length())
+            odd *= 3
+        fives *= 5
+    return least
 
 
 @checked

@@ -5,8 +5,7 @@ In every table here, ± is half the width of a 95 % interval.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -32,10 +31,9 @@ from loopid.paper.reproduction import (
 from loopid.paper.structure import EXHAUSTIVE, TABLE_I, TABLE_II, TIMES, BaseComparison, Transfer
 from loopid.plots.chart import Chart, Mark, Panel
 from loopid.plots.structure import robot_chart, search_chart
-from loopid.report.look import json_fields, json_value, plain_table
-from loopid.report.page import Card, Figure, Report, Section, Tone
-from loopid.report.searches import groups_table, search_record, subgroup_facts
-from loopid.report.structure import base_record
+from loopid.report.look import json_fields, plain_table
+from loopid.report.page import Card, Figure, Part, Report, Section, Tone
+from loopid.report.structure import base_record, groups_table, search_record, subgroup_facts
 
 FITS = 3.0  # standard errors within which a value of the paper fits
 
@@ -48,7 +46,7 @@ SYMBOLIC = "poses", "columns", "difference", "symbolic_seconds", "pinocchio_seco
 
 def paper_report(found: PaperReproduction) -> Report:
     """All tables and figures: what was found first, then how."""
-    simulated, actual = found.simulated, found.actual
+    simulated, actual, rows = found.simulated, found.actual, found.base.rows
     fits = {
         **{"simulated_fifteen": simulated.fifteen, "simulated_eight": simulated.eight},
         **{"robot_eight": actual.eight, "robot_fifteen": actual.fifteen},
@@ -57,22 +55,27 @@ def paper_report(found: PaperReproduction) -> Report:
     labels = found.base.base.structure.parameters.labels
     subgroups = {n: search_record(s, labels) for n, s in found.base.subgroups.items()}
     sections = _sections(found, subgroups)
+    search, subgroup = found.base.base.search, found.base.subgroups["gap"]
+    reached = f"cond(V22) {subgroup.condition_number:.4f}" if subgroup.found else "nothing"
     return Report(
         name="paper",
         title="The 3UPS+RPU knee-rehabilitation robot, reproduced",
-        verdict=_verdict(found),
+        verdict=(
+            f"{len(rows) - rows.count(None)} of the {len(rows)} rows of the paper's Table II are "
+            f"found anew. Its subgroup search finds {reached}, exact search "
+            f"{search.condition_number:.4f}: {_proof(search)} of {search.candidates:,} choices."
+        ),
         card=_card(found),
         pictures=lambda: (robot_chart(found.base.robot), share_charts(found.shares)[1]),
         under="Base parameters, their search, and identification; simulated where no log is given",
         record={
-            "geometry": found.geometry,
+            **json_fields(found, "geometry"),
             "base": base_record(found.base.robot, "gravity", found.base.base),
-            "rows": list(found.base.rows),
             "subgroups": subgroups,
-            "subgroup_rows": found.base.subgroup_rows,
+            **json_fields(found.base, "rows", "subgroup_rows"),
             "symbolic": json_fields(found.symbolic, *SYMBOLIC),
             "fits": {n: json_fields(fit, "values", "standard_errors") for n, fit in fits.items()},
-            "influence": json_value(simulated.influence),
+            **json_fields(simulated, "influence"),
             "stand_in": actual.is_stand_in,
         },
         brief=[story_table(found)],
@@ -80,54 +83,36 @@ def paper_report(found: PaperReproduction) -> Report:
     )
 
 
-def _verdict(found: PaperReproduction) -> str:
-    search, rows = found.base.base.search, found.base.rows
-    subgroup, count = found.base.subgroups["gap"], len(rows) - rows.count(None)
-    reached = f"cond(V22) {subgroup.condition_number:.4f}" if subgroup.found else "nothing"
-    proof = "proven best" if search.certified else "not proven best"
-    return (
-        f"{count} of the {len(rows)} rows of the paper's Table II are found anew. Its subgroup "
-        f"search finds {reached}, exact search {search.condition_number:.4f}: {proof} of "
-        f"{search.candidates:,} choices."
-    )
+def _proof(search: SearchResult) -> str:
+    return "proven best" if search.certified else "not proven best"
 
 
 def _card(found: PaperReproduction) -> Card:
     """The result: what is as in the paper, and what is proven beyond it."""
     rows, actual, fits = found.base.rows, found.actual, _fitting(found.simulated)
     search, subgroup = found.base.base.search, found.base.subgroups["gap"]
-    same, fitting = len(rows) - rows.count(None), fits.count("yes")
-    worst, proof = _worst_errors(actual), "proven" if search.certified else "not proven"
+    same, fitting, worst = len(rows) - rows.count(None), fits.count("yes"), _worst_errors(actual)
+    choices = f"all {search.candidates / 1e6:.1f} million choices, in {_time(search.seconds)}"
+    least = f"least cond(V22), {_proof(search).removesuffix(' best')} for {choices}"
+    tried = f"by the paper's subgroups, {subgroup.evaluated:,} combinations tried"
+    others = f"largest rms error on new data; by the robot file {worst['robot file']:.3g} N"
     alike: Tone = "good" if same == len(rows) else "bad"
+    table_iv: Tone = "good" if fitting > len(fits) / 2 else "rough"
+    table_v: Tone = "rough" if actual.is_stand_in else "good"
     return Card(
         tone=alike,
         word="Reproduced" if alike == "good" else "Not reproduced",
-        use="all base parameters, and with proof" if search.certified else "base parameters",
+        use=f"all base parameters{', and with proof' * search.certified}",
         chips=(
             (alike, f"Table II: {same} of {len(rows)} rows"),
-            (
-                "good" if fitting > len(fits) / 2 else "rough",
-                f"Table IV: {fitting} of {len(fits)} values fit",
-            ),
-            ("rough", "Table V: stand-in robot")
-            if actual.is_stand_in
-            else ("good", "Table V: logs"),
+            (table_iv, f"Table IV: {fitting} of {len(fits)} values fit"),
+            (table_v, f"Table V: {'stand-in robot' if actual.is_stand_in else 'logs'}"),
         ),
         figures=(
             Figure(f"{same}", "base parameters as in Table II", f"of {len(rows)}"),
-            Figure(
-                f"{search.condition_number:.4f}",
-                f"least cond(V22), {proof} for all {search.candidates / 1e6:.1f} million choices, "
-                f"in {_time(search.seconds)}",
-            ),
-            Figure(
-                f"{subgroup.condition_number:.4f}",
-                f"by the paper's subgroups, {subgroup.evaluated:,} combinations tried",
-            ),
-            Figure(
-                f"{worst['CAD as prior']:.3g} N",
-                f"largest rms error on new data; by the robot file {worst['robot file']:.3g} N",
-            ),
+            Figure(f"{search.condition_number:.4f}", least),
+            Figure(f"{subgroup.condition_number:.4f}", tried),
+            Figure(f"{worst['CAD as prior']:.3g} N", others),
         ),
     )
 
@@ -144,49 +129,37 @@ def _worst_errors(actual: ActualFit) -> dict[str, float]:
 def story_table(found: PaperReproduction) -> Table:
     """The main job in a screen: a line a step, each with its figure."""
     comparison, symbolic, actual = found.base, found.symbolic, found.actual
-    robot, base = comparison.robot, comparison.base
-    structure, search = base.structure, base.search
+    robot, base, rows = comparison.robot, comparison.base, comparison.rows
+    structure, search, loops = base.structure, base.search, len(robot.closures)
     nv, dof, count = robot.model.nv, len(robot.independent), len(base.parameters)
     off = max(abs(found.geometry[name] - value) for name, value in TABLE_I.items())
-    proof = "proven best" if search.certified else "not proven best"
     gap, printed = comparison.subgroups["gap"], comparison.subgroups["pseudocode"]
-    rows = comparison.rows
     worst, fits = _worst_errors(actual), _fitting(found.simulated)
     true = "" if actual.truth is None else f", true {actual.truth[0]:.2f}"
-    by_symbols, by_pinocchio = symbolic.symbolic_seconds, symbolic.pinocchio_seconds
+    by_symbols, by_pinocchio = 1e6 * symbolic.symbolic_seconds, 1e6 * symbolic.pinocchio_seconds
     steps = {
-        "robot": (
-            f"{nv} joints, {len(robot.closures)} closures, {dof} motors; Table I to {off:.0e}"
-        ),
+        "robot": f"{nv} joints, {loops} closures, {dof} motors; Table I to {off:.0e}",
         "regressor": f"Y of the open tree by Pinocchio, {nv} x {count} gravity columns a pose",
-        "projection": (
-            f"K = GᵀY, {dof} x {count}; {len(structure.columns)} columns have an effect, rank "
-            f"{structure.rank} (gap {structure.rank_gap:.0e})"
-        ),
-        "symbolic model": (
-            f"SymPy's K differs by {symbolic.difference:.0e} at {symbolic.poses} random closed "
-            f"poses; {1e6 * by_symbols:.0f} µs a pose, Pinocchio {1e6 * by_pinocchio:.0f} µs"
-        ),
+        "projection": f"K = GᵀY, {dof} x {count}; {len(structure.columns)} columns have an effect, "
+        f"rank {structure.rank} (gap {structure.rank_gap:.0e})",
+        "symbolic model": f"SymPy's K differs by {symbolic.difference:.0e} at {symbolic.poses} "
+        f"random closed poses; {by_symbols:.0f} µs a pose, Pinocchio {by_pinocchio:.0f} µs",
         "subgroup search": f"{_reached(gap)}; as printed: {_reached(printed)}",
-        "exact search": (
-            f"cond(V22) {search.condition_number:.4f}, {proof} of {search.candidates:,}, "
-            f"{_time(search.seconds)}"
-        ),
-        "base parameters": (
-            f"{len(rows) - rows.count(None)} of the {len(rows)} rows of Table II; by subgroups "
-            f"{comparison.subgroup_rows['gap']}, signs aside"
-        ),
+        "exact search": f"cond(V22) {search.condition_number:.4f}, {_proof(search)} of "
+        f"{search.candidates:,}, {_time(search.seconds)}",
+        "base parameters": f"{len(rows) - rows.count(None)} of the {len(rows)} rows of Table II; "
+        f"by subgroups {comparison.subgroup_rows['gap']}, signs aside",
         "simulated values": f"{fits.count('yes')} of {len(fits)} of Table IV fit, ±12 N of noise",
-        "identified values": (
-            f"platform and stems {_reach(actual.informed, 0)} kg{true}, from "
-            + ("a simulated stand-in" if actual.is_stand_in else ", ".join(actual.sources))
-        ),
-        "errors on new data": (
-            f"{worst['CAD as prior']:.3g} N rms at most; by the robot file "
-            f"{worst['robot file']:.3g} N"
-        ),
+        "identified values": f"platform and stems {_reach(actual.informed, 0)} kg{true}, from "
+        f"{_source(actual)}",
+        "errors on new data": f"{worst['CAD as prior']:.3g} N rms at most; by the robot file "
+        f"{worst['robot file']:.3g} N",
     }
     return plain_table("", ("", ""), steps.items())
+
+
+def _source(actual: ActualFit) -> str:
+    return "a simulated stand-in" if actual.is_stand_in else ", ".join(actual.sources)
 
 
 def _reached(search: SearchResult) -> str:
@@ -196,73 +169,65 @@ def _reached(search: SearchResult) -> str:
 
 def _sections(found: PaperReproduction, subgroups: dict[str, Any]) -> tuple[Section, ...]:
     """Results with their figures, then all other tables; docs/paper.md explains them."""
-    comparison, simulated, actual = found.base, found.simulated, found.actual
-    symbolic, account = found.symbolic, subgroups["gap"]["subgroups"]
-    inertial, _ = share_charts(found.shares)
-    tables = (
-        *(groups_table(each, _groups_title(each)) for each in subgroups.values()),
-        geometry_table(found.geometry),
-        shares_table(found.shares),
-        simulated_table(simulated),
-        fifteen_table(simulated),
-        conditions_table(simulated),
-        steps_table(found.two_steps),
-        actual_table(actual),
+    base, simulated, actual, symbolic = found.base, found.simulated, found.actual, found.symbolic
+    tried = subgroups["gap"]["subgroups"]["groups"][0]["tried"]
+    alike = (
+        f"SymPy's K_G and Pinocchio's agree to {symbolic.difference:.1e} of the largest entry in "
+        f"all {symbolic.columns} columns, at {symbolic.poses} random closed poses."
     )
-    return (
-        Section(
-            "What was searched",
-            (search_chart(list(comparison.subgroups.values())), search_table(comparison)),
-            lead=f"Groups have {account['groups'][0]['tried']:,} combinations; exact search proves "
-            "that no choice is better.",
-            short="Search",
+    said: dict[str, tuple[str, str, Iterable[Part]]] = {  # titles, short ones, leads, and parts
+        "What was searched": (
+            "Search",
+            f"Groups have {tried:,} combinations; exact search proves that no choice is better.",
+            (search_chart(list(base.subgroups.values())), search_table(base)),
         ),
-        Section("Base parameters, paper and loopid", (base_table(comparison),), short="Table II"),
-        Section(
-            "How many parameters matter",
+        "Base parameters, paper and loopid": ("Table II", "", (base_table(base),)),
+        "How many parameters matter": (
+            "How many",
+            "A ratio of norms, no accuracy: it need not grow, and forces can differ at 100 %.",
             (influence_chart(simulated),),
-            lead="A ratio of norms, no accuracy: it need not grow, and forces can differ at 100 %.",
-            short="How many",
         ),
-        Section(
-            "Identification in simulation",
+        "Identification in simulation": (
+            "Simulation",
+            "Eight parameters are biased by the seven that are left out.",
             (simulated_chart(simulated),),
-            lead="Eight parameters are biased by the seven that are left out.",
-            short="Simulation",
         ),
-        Section(
-            "Identification from logs",
+        "Identification from logs": (
+            "Logs",
+            STAND_IN if actual.is_stand_in else "The first 60 % of each log are fitted.",
             (errors_chart(actual), actual_chart(actual), *actual_charts(actual)),
-            lead=STAND_IN if actual.is_stand_in else "The first 60 % of each log are fitted.",
-            short="Logs",
         ),
-        Section(
-            "The symbolic model",
-            (transfer_table(comparison, symbolic.transfers),),
-            lead=f"SymPy's K_G and Pinocchio's agree to {symbolic.difference:.1e} of the largest "
-            f"entry in all {symbolic.columns} columns, at {symbolic.poses} random closed poses.",
-            short="Symbolic",
+        "The symbolic model": ("Symbolic", alike, (transfer_table(base, symbolic.transfers),)),
+        "What the forces are made of": (
+            "Forces",
+            "All forces are simulated with the robot file, along trajectories of our own.",
+            share_charts(found.shares)[:1],
         ),
-        Section(
-            "What the forces are made of",
-            (inertial,),
-            lead="All forces are simulated with the robot file, along trajectories of our own.",
-            short="Forces",
-        ),
-        Section("All other tables", tables, folded=True, short="Tables"),
+        "All other tables": ("Tables", "", _tables(found, subgroups)),
+    }
+    return tuple(
+        Section(title, tuple(parts), short == "Tables", lead, short)
+        for title, (short, lead, parts) in said.items()
     )
 
 
-def _groups_title(search: dict[str, Any]) -> str:
-    account = search["subgroups"]
-    facts = subgroup_facts(search)
-    return f"subgroup search, {account['rule']}: {facts['subgroups']}"
-
-
-def geometry_table(geometry: dict[str, float]) -> Table:
-    """Table I, measured on the model."""
-    rows = ((name, f"{value:g}", f"{geometry[name]:.6g}") for name, value in TABLE_I.items())
-    return plain_table("Table I: geometry (m, degrees)", ("", ">paper", ">model"), rows)
+def _tables(found: PaperReproduction, subgroups: dict[str, Any]) -> Iterator[Table]:
+    """Subgroups, geometry, forces, all parameters in simulation, conditions, and two steps."""
+    for search in subgroups.values():
+        rule, groups = search["subgroups"]["rule"], subgroup_facts(search)["subgroups"]
+        yield groups_table(search, f"subgroup search, {rule}: {groups}")
+    table_i = ((name, f"{x:g}", f"{found.geometry[name]:.6g}") for name, x in TABLE_I.items())
+    yield plain_table("Table I: geometry (m, degrees)", ("", ">paper", ">model"), table_i)
+    greatest = ((name, *(f"{x:.3g}" for x in v)) for name, v in found.shares.greatest.items())
+    limbs = [f">limb {k + 1}" for k in range(found.shares.gravity.shape[1])]
+    yield plain_table("greatest forces over all nine trajectories (N)", ("", *limbs), greatest)
+    yield _fifteen_table(found.simulated)
+    conditions = [("paper (not named)", *(f"{CONDITION_NUMBERS[n]:g}" for n in (15, 8)))]
+    for name, both in found.simulated.condition_numbers.items():
+        conditions.append(("all nine" if name == "all" else name, *(f"{x:.4g}" for x in both)))
+    columns = "trajectory", ">15 parameters", ">first 8"
+    yield plain_table("condition number of W_1, by trajectory", columns, conditions)
+    yield _steps_table(found.two_steps)
 
 
 def base_table(comparison: BaseComparison) -> Table:
@@ -307,9 +272,9 @@ def transfer_table(comparison: BaseComparison, transfers: Sequence[Transfer]) ->
 def search_table(comparison: BaseComparison) -> Table:
     """All searches beside the paper's."""
     search, structure = comparison.base.search, comparison.base.structure
-    proof = "no"
-    if search.certified:
-        proof = "yes" + ("" if search.ties is None else f", one of {search.ties:,}")
+    alike = "" if search.ties is None else f", one of {search.ties:,}"
+    nodes = f"{search.nodes:,} nodes of a tree, {search.evaluated:,} combinations"
+    least, time = f"{search.condition_number:.4f}", _time(search.seconds)
     rows = [
         (
             f"subgroups, {each.subgroups.rule}",
@@ -321,17 +286,9 @@ def search_table(comparison: BaseComparison) -> Table:
         for each in comparison.subgroups.values()
         if each.subgroups is not None
     ]
-    rows += [
-        (
-            "exact",
-            f"{search.nodes:,} nodes of a tree, {search.evaluated:,} combinations",
-            f"{search.condition_number:.4f}",
-            proof,
-            _time(search.seconds),
-        ),
-        ("all combinations", *EXHAUSTIVE),
-        *(("paper: " + name, *cells) for name, cells in TIMES.items()),
-    ]
+    rows.append(("exact", nodes, least, f"yes{alike}" if search.certified else "no", time))
+    rows.append(("all combinations", *EXHAUSTIVE))
+    rows += [("paper: " + name, *cells) for name, cells in TIMES.items()]
     table = plain_table("the searches", ("", "tried", ">least cond(V22)", "proven", "time"), rows)
     table.caption = (
         f"{len(structure.columns)} of {len(comparison.base.parameters)} parameters have an effect, "
@@ -341,55 +298,17 @@ def search_table(comparison: BaseComparison) -> Table:
     return table
 
 
-def shares_table(shares: ForceShares) -> Table:
-    """Greatest forces over the nine trajectories."""
-    rows = ((name, *(f"{x:.3g}" for x in values)) for name, values in shares.greatest.items())
-    limbs = [f">limb {k + 1}" for k in range(shares.gravity.shape[1])]
-    return plain_table("greatest forces over all nine trajectories (N)", ("", *limbs), rows)
-
-
-def simulated_table(simulated: SimulatedFit) -> Table:
-    """Table IV: eight parameters, what truncation predicts, and whether the paper's value fits."""
-    rows = []
-    for k, (printed, fits) in enumerate(zip(TABLE_IV, _fitting(simulated), strict=True)):
-        low, high = simulated.expected_range[k]
-        value, single = _reach(simulated.eight, k, ".3f", ".3f"), f"{low:.2f} to {high:.2f}"
-        rows.append((k + 1, f"{printed:.2f}", value, f"{simulated.expected[k]:.3f}", single, fits))
-    columns = (">row", ">paper", ">loopid ± 95 %", ">expected", ">single trajectories", "fits")
-    title = "Table IV: eight base parameters, simulated (rows of Table II; kg, kg m)"
-    table = plain_table(title, columns, rows)
-    table.caption = "fits: the paper's value, for all nine trajectories (yes) or one alone (single)"
-    return table
-
-
 def _fitting(simulated: SimulatedFit) -> list[str]:
     """Whether the paper's values of Table IV fit: yes, single (one trajectory alone), no."""
-    return [
-        _paper_fits(printed, simulated.expected[k], error, tuple(simulated.expected_range[k]))
-        for k, (printed, error) in enumerate(
-            zip(TABLE_IV, simulated.eight.standard_errors[list(EIGHT)], strict=True)
-        )
-    ]
-
-
-def _paper_fits(printed: float, expected: float, error: float, single: tuple[float, float]) -> str:
+    printed, error = np.array(TABLE_IV), FITS * simulated.eight.standard_errors[list(EIGHT)]
+    low, high = simulated.expected_range.T
     # Half of the last printed digit belongs to the paper's value.
-    if abs(printed - expected) <= FITS * error + 0.005:
-        return "yes"
-    inside = single[0] - FITS * error <= printed <= single[1] + FITS * error
-    return "single" if inside else "no"
+    fit = np.abs(printed - simulated.expected) <= error + 0.005
+    single = (low - error <= printed) & (printed <= high + error)
+    return [str(text) for text in np.where(fit, "yes", np.where(single, "single", "no"))]
 
 
-def conditions_table(simulated: SimulatedFit) -> Table:
-    """Condition numbers of W_1."""
-    rows = [("paper (not named)", *(f"{CONDITION_NUMBERS[n]:g}" for n in (15, 8)))]
-    for name, (all_, first) in simulated.condition_numbers.items():
-        rows.append(("all nine" if name == "all" else name, f"{all_:.4g}", f"{first:.4g}"))
-    columns = "trajectory", ">15 parameters", ">first 8"
-    return plain_table("condition number of W_1, by trajectory", columns, rows)
-
-
-def steps_table(steps: TwoSteps) -> Table:
+def _steps_table(steps: TwoSteps) -> Table:
     """Friction first and gravity second, beside all at once."""
     rows = []
     for k, parameter in enumerate(steps.together.parameters):
@@ -401,7 +320,7 @@ def steps_table(steps: TwoSteps) -> Table:
     return plain_table(title, columns, rows)
 
 
-def fifteen_table(simulated: SimulatedFit) -> Table:
+def _fifteen_table(simulated: SimulatedFit) -> Table:
     """All fifteen from the same forces, and figure 4 in numbers."""
     rows = []
     for k, terms in enumerate(TABLE_II):
@@ -414,26 +333,6 @@ def fifteen_table(simulated: SimulatedFit) -> Table:
     table = plain_table(title, (*columns, ">explained (%)"), rows)
     table.caption = "alone: root mean square of the forces that a parameter makes"
     return table
-
-
-def actual_table(actual: ActualFit) -> Table:
-    """Table V: eight and fifteen parameters from logs, the latter also with CAD as prior."""
-    source = "a simulated stand-in" if actual.is_stand_in else ", ".join(actual.sources)
-    title = f"Table V: base parameters from {source} (rows of Table II; kg, kg m)"
-    columns = (">row", ">CAD", ">paper", ">eight", ">fifteen ± 95 %", ">CAD as prior ± 95 %")
-    rows = (
-        (
-            k + 1,
-            f"{cad:.3f}",
-            f"{TABLE_V[k]:.2f}" if k in EIGHT else "",
-            f"{actual.eight.values[k]:.3g}" if k in EIGHT else "",
-            _reach(actual.fifteen, k),
-            _reach(actual.informed, k),
-            *([] if actual.truth is None else [f"{actual.truth[k]:.3f}"]),
-        )
-        for k, cad in enumerate(actual.cad)
-    )
-    return plain_table(title, (*columns, *([">true"] if actual.is_stand_in else [])), rows)
 
 
 def _reach(result: Fit, k: int, value: str = ".3g", reach: str = ".2g") -> str:
@@ -493,20 +392,26 @@ def simulated_chart(simulated: SimulatedFit) -> Chart:
         *_interval_marks("loopid ± 95 %", simulated.eight, truth, place, "fit"),
         Mark("paper", np.array(TABLE_IV) - truth, place, "file", "box"),
     )
-    panel = Panel("Less the true value (kg, kg m)", marks, **_rows(EIGHT))
-    caption = "Table IV: eight base parameters fitted to simulated forces, less their true values."
-    return Chart("table_4", caption, "", (panel,))
-
-
-def _rows(numbers: Iterable[int]) -> dict[str, Any]:
-    """Rows of Table II, short and whole."""
-    wholes = {k: paper_expression(TABLE_II[k]) for k in numbers}
-    parts = {k: re.split(r" (?=[+-] )", text) for k, text in wholes.items()}
-    labels = (
-        f"{k + 1}: {first}{f' + {len(others)} more' if others else ''}"
-        for k, (first, *others) in parts.items()
+    columns = {
+        "loopid ± 95 %": [_reach(simulated.eight, k, ".3f", ".3f") for k in range(len(place))],
+        "paper": [f"{printed:.2f}" for printed in TABLE_IV],
+        "expected": [f"{x:.3f}" for x in simulated.expected],
+        "single trajectories": [f"{a:.2f} to {b:.2f}" for a, b in simulated.expected_range],
+        "fits": _fitting(simulated),
+    }
+    title = "Table IV: eight base parameters less the true value (kg, kg m)"
+    caption = (
+        "Fitted to simulated forces. Fits: the paper's value, for all nine trajectories (yes) or "
+        "one alone (single)."
     )
-    return {"labels": tuple(labels), "wholes": tuple(wholes.values())}
+    return Chart("table_4", caption, "", (Panel(title, marks, **_rows(EIGHT, columns)),))
+
+
+def _rows(numbers: Iterable[int], columns: Mapping[str, Iterable[str]]) -> dict[str, Any]:
+    """Rows of Table II, which unfold, with columns."""
+    wholes = {f"row {k + 1}": paper_expression(TABLE_II[k]) for k in numbers}
+    texts = {name: tuple(column) for name, column in columns.items()}
+    return {"labels": tuple(wholes), "wholes": tuple(wholes.values()), "columns": texts}
 
 
 def _interval_marks(
@@ -534,7 +439,6 @@ def errors_chart(actual: ActualFit) -> Chart:
 
 def actual_chart(actual: ActualFit) -> Chart:
     """Table V less the true values, or those of the robot file."""
-    known = actual.truth is not None
     middle = actual.cad if actual.truth is None else actual.truth
     place = np.arange(float(len(middle)))
     marks = (
@@ -542,10 +446,20 @@ def actual_chart(actual: ActualFit) -> Chart:
         *_interval_marks("CAD as prior ± 95 %", actual.informed, middle, place + 0.15, "fit"),
         Mark("robot file", actual.cad - middle, place, "file", "box"),
     )
-    what = "true value" if known else "robot file"
-    panel = Panel(f"Less the {what} (kg, kg m)", marks, **_rows(range(len(TABLE_II))))
-    caption = f"Table V: base parameters from logs, less the {what}."
-    return Chart("table_5", caption, "", (panel,))
+    rows, empty = range(len(place)), [""] * (len(place) - len(EIGHT))
+    columns = {
+        "CAD as prior ± 95 %": [_reach(actual.informed, k) for k in rows],
+        "fifteen ± 95 %": [_reach(actual.fifteen, k) for k in rows],
+        "eight": [*(f"{x:.3g}" for x in actual.eight.values[: len(EIGHT)]), *empty],
+        "CAD": [f"{cad:.3f}" for cad in actual.cad],
+        "paper": [*(f"{x:.2f}" for x in TABLE_V), *empty],
+    }
+    if actual.truth is not None:
+        columns["true"] = [f"{x:.3f}" for x in actual.truth]
+    what = "robot file" if actual.truth is None else "true value"
+    title = f"Table V: base parameters from {_source(actual)} less the {what} (kg, kg m)"
+    panel = Panel(title, marks, **_rows(rows, columns))
+    return Chart("table_5", "Fitted to the first 60 % of each log.", "", (panel,))
 
 
 def influence_chart(simulated: SimulatedFit) -> Chart:

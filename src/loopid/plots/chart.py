@@ -37,6 +37,7 @@ STEPS = 250
 MOST_DOTS = 1500
 MOST_GROUPS, MOST_ROWS = 6, 40  # motors, and rows of a table, that are seen at first
 WIDE, HIGH = 10_000, 1_000  # of the square that marks are drawn in
+FEW, TEXTS = 4, 44  # columns with their full width, and the width of more, in rem
 ROW = 100  # height of a row of a table with pictures
 MARGIN = 0.04  # of an axis beyond the marks, on either side
 ROOM = 0.08  # about a robot, in parts of it, for the signs at its ends
@@ -84,33 +85,20 @@ E = ElementMaker(typemap=_TEXTS, makeelement=html_parser.makeelement)
 
 @record
 class Mark:
-    """Something drawn in a panel.
+    """Something drawn in a panel; marks of one name have one entry in the legend.
 
-    Attributes
-    ----------
-    name : str
-        In the legend; several marks of one name have one entry, and none without a name.
-    x, y : FloatArray
-        (N,); a line breaks where one is NaN.
-    look : str
-        A key of ``LOOKS``.
-    kind : str
-        ``"line"``; ``"dots"``, many, or one by one ``"disc"``, ``"ring"``, ``"box"``; ``"band"``
-        between y and ``to``; ``"span"`` from x to ``to`` at y; ``"upright"`` at x over all y;
-        ``"shade"`` between x and ``to``; a key of ``SIGNS``.
-    to : FloatArray or None
-        (N,).
-    texts : tuple of str
-        (N,), in signs.
+    A kind is ``"line"``, which breaks where a value is NaN; ``"dots"``, many, or one by one
+    ``"disc"``, ``"ring"``, ``"box"``; ``"band"`` between y and ``to``; ``"span"`` from x to ``to``
+    at y; ``"upright"`` at x over all y; ``"shade"`` between x and ``to``; a key of ``SIGNS``.
     """
 
-    name: str
-    x: FloatArray
+    name: str  # none without an entry
+    x: FloatArray  # (N,), as y and ``to`` are
     y: FloatArray
-    look: str = "fit"
+    look: str = "fit"  # a key of ``LOOKS``
     kind: str = "line"
     to: FloatArray | None = None
-    texts: tuple[str, ...] = ()
+    texts: tuple[str, ...] = ()  # (N,), in signs
 
     @classmethod
     def upright(cls, name: str, *x: float, look: str = "faint") -> Mark:
@@ -141,54 +129,24 @@ class Mark:
 
 @record
 class Panel:
-    """Marks on one pair of axes.
+    """Marks on one pair of axes, or a table with a picture in each row."""
 
-    Attributes
-    ----------
-    title : str
-        With the unit of y.
-    marks : tuple of Mark
-    x_limits, y_limits : tuple of float or None
-        By default where the marks are.
-    labels : tuple of str
-        Instead of numbers at y = 0, 1, ... from above: the rows of a table with a picture.
-    columns : dict of tuple of str
-        More columns of that table, by their heads.
-    groups : tuple of str
-        Of each row, said where it changes.
-    wholes : tuple of str
-        What the labels are short for, where they are.
-    log : str
-        Which axes are logarithmic: a part of ``"xy"``.
-    small : bool
-        Whether it is half as high.
-    equal : bool
-        Whether a length is the same along x and y; then the page shows no axes.
-    motor : str
-        Whose it is; the first of its lanes says it.
-    number : int
-        Of the motor on the page.
-    worst : bool
-        Whether it is the motor with the largest error.
-    note : str
-        Numbers, below the panel.
-    """
-
-    title: str
+    title: str  # with the unit of y
     marks: tuple[Mark, ...]
-    x_limits: tuple[float, float] | None = None
+    x_limits: tuple[float, float] | None = None  # by default where the marks are
     y_limits: tuple[float, float] | None = None
+    # Rows of a table, in place of numbers at y = 0, 1, ... from above; more columns by their heads.
     labels: tuple[str, ...] = ()
     columns: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    groups: tuple[str, ...] = ()
-    wholes: tuple[str, ...] = ()
-    log: str = ""
-    small: bool = False
-    equal: bool = False
-    motor: str = ""
-    number: int = 0
-    worst: bool = False
-    note: str = ""
+    groups: tuple[str, ...] = ()  # of each row, said where it changes
+    wholes: tuple[str, ...] = ()  # what labels are short for, where they are
+    log: str = ""  # which axes are logarithmic: a part of "xy"
+    small: bool = False  # half as high
+    equal: bool = False  # a length is the same both ways; then the page shows no axes
+    motor: str = ""  # whose it is; the first of its lanes says it
+    number: int = 0  # of the motor on the page
+    worst: bool = False  # the motor with the largest error
+    note: str = ""  # numbers, below the panel
 
     def limits(self) -> tuple[Ends, Ends]:
         """Ends of both axes, logarithms where they are."""
@@ -330,42 +288,28 @@ class Panel:
             svg = self._svg(across, (k + 0.5, k - 0.5), within, (places, []), (WIDE, ROW))
             name = E.td(
                 {"class": "name"},
-                _short_or_whole(self.labels[k], self.wholes[k] if self.wholes else ""),
+                short_or_whole(self.labels[k], self.wholes[k] if self.wholes else ""),
             )
             texts = (E.td({"class": "number"}, column[k]) for column in self.columns.values())
             body.append(E.tr(name, E.td({"class": "picture"}, svg), *texts))
         head = E.thead(E.tr(named, E.th({"class": "scale"}, scale), *heads))
-        wide = " wide" if self.columns else ""
-        return E.table({"class": f"forest{wide}"}, head, body)
+        table = E.table({"class": f"forest{' wide' * bool(self.columns)}"}, head, body)
+        if len(self.columns) > FEW:
+            table.set("style", f"--Value:{TEXTS / len(self.columns):.3g}rem")
+        return table
 
 
 @record
 class Chart:
-    """Panels below or beside each other.
+    """Panels below or beside each other."""
 
-    Attributes
-    ----------
-    name : str
-        Of its files.
-    caption : str
-    x_label : str
-        Of the last panel.
-    panels : tuple of Panel
-    columns : int
-        Of panels beside each other.
-    lanes : int
-        This many panels stay below each other, and have one x axis.
-    zoom : str
-        Charts with the same text have one axis of time, along which the page zooms.
-    """
-
-    name: str
+    name: str  # of its files
     caption: str
-    x_label: str
+    x_label: str  # below the last panel
     panels: tuple[Panel, ...]
-    columns: int = 1
-    lanes: int = 1
-    zoom: str = ""
+    columns: int = 1  # of panels beside each other
+    lanes: int = 1  # this many panels stay below each other, and have one x axis
+    zoom: str = ""  # charts with the same text are zoomed together along time
 
     def html(self) -> HtmlElement:
         """A figure of a page."""
@@ -444,6 +388,29 @@ class Chart:
         return str(tostring(figure, encoding="unicode"))
 
 
+def forest(
+    title: str,
+    values: FloatArray,
+    right: float,
+    words: tuple[str, str, str] = ("", "differs", "as expected"),
+    **rows: Any,
+) -> Panel:
+    """Values with the ends of their intervals (n, 3), filled where these do not hold one value.
+
+    ``words`` name that one, what differs from it, and what agrees; ``rows`` are labels and columns.
+    """
+    middle, low, high = values.T
+    place, known = np.arange(float(len(values))), np.isfinite(values).all(axis=1)
+    alike = (low <= right) & (high >= right) | ~known
+    marks = (
+        Mark.upright(words[0], right),
+        Mark("95 % interval", low[known], place[known], "fit", "span", high[known]),
+        Mark(words[1], middle[~alike], place[~alike], "fit", "disc"),
+        Mark(words[2], middle[alike], place[alike], "fit", "ring"),
+    )
+    return Panel(title, marks, **rows)
+
+
 def _text(x: float, y: float, text: str, look: str = "") -> HtmlElement:
     return E.text({"x": f"{x:.1f}", "y": f"{y:.1f}", "class": look}, text)
 
@@ -457,7 +424,7 @@ def _within(mark: Mark, row: int) -> Mark:
     return Mark(mark.name, mark.x[own], mark.y[own], mark.look, mark.kind, to)
 
 
-def _short_or_whole(short: str, whole: str) -> HtmlElement | str:
+def short_or_whole(short: str, whole: str) -> HtmlElement | str:
     """A name that unfolds to what it is short for, if it is."""
     if whole in ("", short):
         return short
@@ -568,8 +535,8 @@ def ticks(low: float, high: float, *, log: bool = False, count: int = TICKS) -> 
     step *= next(k for k in (1, 2, 5, 10) if (high - low) / (k * step) <= count + 1)
     step = max(round(step), 1) if log else step
     places = [k * step for k in range(math.ceil(low / step), math.floor(high / step) + 1)]
-    return [(at, _power(at) if log else f"{round(at, 12) + 0.0:.6g}") for at in places]
-
-
-def _power(at: float) -> str:
-    return f"{10**at:g}" if abs(at) <= PLAIN else f"1e{at:.0f}"
+    if len(places) < 2 and count < TICKS:
+        return ticks(low, high, log=log, count=count + 1)
+    if not log:
+        return [(at, f"{round(at, 12) + 0.0:.6g}") for at in places]
+    return [(at, f"{10**at:g}" if abs(at) <= PLAIN else f"1e{at:.0f}") for at in places]

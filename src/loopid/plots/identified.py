@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -26,13 +27,14 @@ from loopid.identification.verdict import GOOD
 from loopid.logs.recording import Recording
 from loopid.numbers import number, with_error
 from loopid.parameters import KINDS, Parameter
-from loopid.plots.chart import Chart, Mark, Panel
-from loopid.plots.pictures import numbered, of_motor
+from loopid.plots.chart import Chart, Mark, Panel, forest
+from loopid.plots.pictures import motors_panel, numbered, of_motor
 from loopid.plots.structure import force_unit
 from loopid.regressors.joint_laws import grouped, joint_term
 from loopid.robot.robot import Robot
 
 MOST, ROOM = 0.95, 1.3  # quantile of the friction's band, and times that, that an axis shows
+ROUND_OFF = 1e-12  # of a value of the file that is 0
 MOST_CHANGE = 200.0  # % from the robot file, at which charts are cut
 CURVE_POINTS = 50  # of a friction curve on either side of standstill
 DOTS = 240  # of the forces that it explains
@@ -57,62 +59,41 @@ def model_errors_chart(found: Identification, *, worst: str = "") -> Chart:
     largest = np.maximum(shares.max(axis=0), np.nan_to_num(parts[1][0]))
     ends = [*(part.sum(axis=0) + part[1] for part in parts), largest]
     most = 1.04 * float(np.nanmax(ends, initial=1e-9))
+    limit = [Mark.upright("limit of fit", 100 * GOOD, look="limit")] * (most > 100 * GOOD)
+    rms, spreads = found.recommended.validation.residual_rms, found.recommended.rms_errors[1]
     ratios = np.sqrt(found.recommended.motor_ratios)
     for k in np.argsort(-largest, kind="stable").tolist():
-        motor, marks, labels = robot.independent[k], list[Mark](), list[str]()
-        if most > 100 * GOOD:
-            marks.append(Mark.upright("limit of fit", 100 * GOOD, look="limit"))
+        motor, marks, labels = robot.independent[k], [*limit], [name for name, *_ in fits]
         for y, ((name, look, kind, _), (error, spread)) in enumerate(zip(fits, parts, strict=True)):
-            at, reach = np.array([error[k]]), INTERVAL * spread[k]
-            interval = "95 % interval" if y else ""
-            marks.append(Mark(interval, at - reach, np.full(1, y), look, "span", at + reach))
-            marks.append(Mark(name, at, np.full(1, y), look, kind))
-            labels.append(name)
+            at, reach, row = error[[k]], INTERVAL * spread[k], np.full(1, float(y))
+            interval = "95 % interval" * (y > 0)
+            marks.append(Mark(interval, at - reach, row, look, "span", at + reach))
+            marks.append(Mark(name, at, row, look, kind))
         if shares[:, k].any():
-            marks.append(
-                Mark(
-                    "where it is worst",
-                    shares[:, k].max(keepdims=True),
-                    np.full(1, 2),
-                    "fit",
-                    "ring",
-                )
-            )
+            at = shares[:, k].max(keepdims=True)
+            marks.append(Mark("where it is worst", at, np.full(1, 2.0), "fit", "ring"))
             labels.append(WHERE[names[int(shares[:, k].argmax())]].strip())
-        rms, errors = found.recommended.validation.residual_rms, found.recommended.rms_errors[1]
-        note = " ± ".join(with_error(float(rms[k]), float(errors[k])))
-        note = f"{note} {force_unit(robot, motor)}, {_beside(float(ratios[k]))}"
-        panels.append(
-            Panel(
-                "",
-                tuple(marks),
-                x_limits=(0.0, most),
-                labels=tuple(labels),
-                note=note,
-                **of_motor(robot, motor, worst),
-            )
-        )
+        change = 100 * (float(ratios[k]) - 1)
+        beside = f"{abs(change):.0f} % {'below' if change < 0 else 'above'} the file's"
+        if not abs(change) >= 1:
+            beside = "as by the file"
+        elif change >= 200:
+            beside = f"{ratios[k]:.2g} times the file's"
+        size = " ± ".join(with_error(float(rms[k]), float(spreads[k])))
+        note = f"{size} {force_unit(robot, motor)}, {beside}"
+        said = of_motor(robot, motor, worst) | {"labels": tuple(labels), "note": note}
+        panels.append(Panel("", tuple(marks), x_limits=(0.0, most), **said))
     caption = (
         "Root mean square of the error on data that were not fitted, in % of the motor's force, on "
         "one scale. The robot file stands with fitted joint terms."
     )
-    beside = _beside_each_other(panels)
-    return Chart("errors", caption, "% of the motor's force", tuple(panels), beside)
+    return _by_motor("errors", caption, "% of the motor's force", panels)
 
 
-def _beside(ratio: float) -> str:
-    """An error beside that of the robot file."""
-    change = 100 * (ratio - 1)
-    if not abs(change) >= 1:
-        return "as by the file"
-    if ratio >= 3:
-        return f"{ratio:.2g} times the file's"
-    return f"{abs(change):.0f} % {'below' if change < 0 else 'above'} the file's"
-
-
-def _beside_each_other(panels: Sequence[Panel]) -> int:
-    """Columns of panels of motors."""
-    return min(len(panels), 2 if len(panels) in (2, 4) else 3) or 1
+def _by_motor(name: str, caption: str, x_label: str, panels: Sequence[Panel]) -> Chart:
+    """A panel a motor, some beside each other."""
+    columns = min(len(panels), 2 if len(panels) in (2, 4) else 3) or 1
+    return Chart(name, caption, x_label, tuple(panels), columns)
 
 
 @checked
@@ -130,21 +111,21 @@ def friction_chart(found: Identification, *, worst: str = "") -> Chart:
         fastest = float(np.abs(rate).max(initial=0.0)) or 1.0
         rates = fastest * np.linspace(-1, 1, 2 * CURVE_POINTS)  # none is 0, where it jumps
         curve = friction_curve(fit, joint, rates, joint_terms=found.force_model.joint_terms)
-        sure = bool(np.isfinite(curve.band).all())
         for half in (slice(CURVE_POINTS), slice(CURVE_POINTS, None)):
-            low, high = curve.band[half].T
-            if sure:
-                marks.append(Mark("95 % interval", rates[half], low, "fit", "band", high))
-            marks.append(Mark("friction", rates[half], curve.values[half], "fit"))
+            marks += _banded(rates[half], curve.values[half], curve.band[half])
         # Next to standstill hardly anything is known: bands there would flatten the rest.
-        most = ROOM * float(np.quantile(np.abs(curve.band), MOST)) if sure else 0.0
-        unit, limits = force_unit(robot, joint), (-most, most) if most else None
-        said = of_motor(robot, joint, worst) | {"note": notes.get(joint, "")}
-        panels.append(Panel(f"friction ({unit})", tuple(marks), y_limits=limits, **said))
+        most = ROOM * float(np.quantile(np.abs(curve.band), MOST))
+        limits = (-most, most) if np.isfinite(most) and most else None
+        said = of_motor(robot, joint, worst) | {"note": notes.get(joint, ""), "y_limits": limits}
+        panels.append(Panel(f"friction ({force_unit(robot, joint)})", tuple(marks), **said))
     caption = "Friction over the rate of each motor, by the recommended fit."
-    return Chart(
-        "friction", caption, "rate (rad/s or m/s)", tuple(panels), _beside_each_other(panels)
-    )
+    return _by_motor("friction", caption, "rate (rad/s or m/s)", panels)
+
+
+def _banded(x: FloatArray, values: FloatArray, band: FloatArray) -> list[Mark]:
+    """Friction, and its interval where that is known."""
+    reach = Mark("95 % interval", x, band[:, 0], "fit", "band", band[:, 1])
+    return [reach] * bool(np.isfinite(band).all()) + [Mark("friction", x, values, "fit")]
 
 
 def _friction_notes(found: Identification) -> dict[str, str]:
@@ -175,21 +156,14 @@ def hysteresis_chart(found: Identification, *, worst: str = "") -> Chart:
     fit, robot, panels = found.fit, found.force_model.robot, list[Panel]()
     for joint in hysteretic_joints(fit):
         loop = hysteresis_loop(fit, joint, joint_terms=found.force_model.joint_terms)
-        low, high = loop.band.T
-        marks = [Mark("friction", 1e3 * loop.displacement, loop.force, "fit")]
-        if np.isfinite(loop.band).all():
-            marks.insert(0, Mark("95 % interval", marks[0].x, low, "fit", "band", high))
-        title, said = (
-            f"friction ({force_unit(robot, joint)})",
-            of_motor(robot, joint, worst),
-        )
-        panels.append(Panel(title, tuple(marks), **said))
+        marks = _banded(1e3 * loop.displacement, loop.force, loop.band)
+        said = of_motor(robot, joint, worst)
+        panels.append(Panel(f"friction ({force_unit(robot, joint)})", tuple(marks), **said))
     caption = (
         "Friction over the displacement of a slow way to and fro, by the recommended fit: what "
         "builds up after each reversal."
     )
-    beside = _beside_each_other(panels)
-    return Chart("hysteresis", caption, "displacement (mm or mrad)", tuple(panels), beside)
+    return _by_motor("hysteresis", caption, "displacement (mm or mrad)", panels)
 
 
 @checked
@@ -201,21 +175,19 @@ def parameters_chart(found: Identification) -> Chart:
     bodies, base = model.body_columns, model.base
     sizes = body_sizes(model.robot, model.model)
     sizes = np.linalg.norm(base.matrix[bodies][:, : len(sizes)] * sizes, axis=1)
-    estimates = [fit.estimates[j] for j in bodies]
+    known = fit.estimates
+    estimates = [known[j] for j in bodies]
     prior = model.prior[bodies]
-    middle = 100 * (fit.values[bodies] - prior) / sizes
-    ends = 100 * (fit.intervals()[bodies] - prior[:, None]) / sizes[:, None]
-    panel = Panel(
+    ends = np.column_stack([fit.values, fit.intervals()])[bodies]
+    panel = _from_file(
         "Bodies, all parameters fitted" if alone else "Bodies",
-        _about(middle, ends, 0.0),
+        100 * (ends - prior[:, None]) / sizes[:, None],
         labels=tuple(each.name for each in estimates),
         wholes=tuple(each.expression for each in estimates),
         groups=tuple(Parameter.parse(fit.parameters.labels[j]).link for j in bodies),
         columns={
             "value ± std": tuple(value_text(each, fit.assumed) for each in estimates),
-            "robot file": tuple(
-                number(x + 0.0) for x in np.where(np.abs(prior) > 1e-12, prior, 0.0)
-            ),
+            "robot file": tuple(number(x if abs(x) > ROUND_OFF else 0.0) for x in prior.tolist()),
         },
     )
     caption = (
@@ -225,23 +197,10 @@ def parameters_chart(found: Identification) -> Chart:
     return Chart("parameters", caption, "change (%)", (panel,))
 
 
-OF_FILE = "robot file", "clearly changed", "agrees with the robot file"
-
-
-def _about(
-    values: FloatArray, ends: FloatArray, right: float, words: tuple[str, str, str] = OF_FILE
-) -> tuple[Mark, ...]:
-    """Values (n,) with intervals (n, 2), filled where these do not hold what would be right."""
-    if words is OF_FILE:
-        values, ends = (np.clip(each, -MOST_CHANGE, MOST_CHANGE) for each in (values, ends))
-    place, known = np.arange(float(len(values))), np.isfinite(ends).all(axis=1)
-    alike = (ends[:, 0] <= right) & (ends[:, 1] >= right) | ~known
-    return (
-        Mark.upright(words[0], right),
-        Mark("95 % interval", ends[known, 0], place[known], "fit", "span", ends[known, 1]),
-        Mark(words[1], values[~alike], place[~alike], "fit", "disc"),
-        Mark(words[2], values[alike], place[alike], "fit", "ring"),
-    )
+def _from_file(title: str, changes: FloatArray, **rows: Any) -> Panel:
+    """Changes from the robot file in %, which are cut."""
+    words = "robot file", "clearly changed", "agrees with the robot file"
+    return forest(title, np.clip(changes, -MOST_CHANGE, MOST_CHANGE), 0.0, words, **rows)
 
 
 @checked
@@ -256,20 +215,20 @@ def joints_chart(found: Identification) -> Chart:
             name += each.name.removeprefix(f"{parameter.link}.{kind}")
             kinds.setdefault((short, each.unit), []).append((name, each))
     panels = []
+    words = "", "differs from zero", "not distinct from zero"
     for (short, unit), all_ in kinds.items():
-        own = [each for _, each in all_]
-        ends = np.array([each.interval for each in own])
+        names, own = zip(*all_, strict=True)
         texts = tuple(value_text(each, fit.assumed).removesuffix(unit) for each in own)
-        words = "", "differs from zero", "not distinct from zero"
-        panels.append(
-            Panel(
-                f"{short[:1].upper()}{short[1:]}{f' ({unit})' * bool(unit)}",
-                _about(np.array([each.value for each in own]), ends, 0.0, words),
-                labels=tuple(name for name, _ in all_),
-                wholes=tuple(each.expression * (each.expression != each.name) for each in own),
-                columns={"value ± std": texts},
-            )
+        panel = forest(
+            f"{short[:1].upper()}{short[1:]}{f' ({unit})' * bool(unit)}",
+            np.array([(each.value, *each.interval) for each in own]),
+            0.0,
+            words,
+            labels=names,
+            wholes=tuple(each.expression * (each.expression != each.name) for each in own),
+            columns={"value ± std": texts},
         )
+        panels.append(panel)
     caption = "Of each kind, all motors on one scale."
     return Chart("joints", caption, "", tuple(panels), min(2, len(panels)) or 1)
 
@@ -282,10 +241,9 @@ def masses_chart(found: Identification) -> Chart:
     masses = [each for each in robot.values() if each.name.endswith(".m") and known.get(each.name)]
     ends = np.array([(each.value, *each.interval) for each in masses]).reshape(-1, 3)
     prior = np.array([known[each.name] for each in masses])
-    changes = 100 * (ends / prior[:, None] - 1)
-    panel = Panel(
+    panel = _from_file(
         "Masses",
-        _about(changes[:, 0], changes[:, 1:], 0.0),
+        100 * (ends / prior[:, None] - 1),
         labels=tuple(each.name.removesuffix(".m") for each in masses),
         columns={
             "mass ± std": tuple(map(value_text, masses)),
@@ -324,12 +282,9 @@ def gains_chart(robot: Robot, log_faults: Sequence[LogFaults]) -> Chart:
     """Measured forces over expected ones, of each motor with a determined gain; 1 is right."""
     panels = []
     for each in (each for each in log_faults if each.gains):
-        gains = np.array([gain.gain for gain in each.gains])
-        ends = np.array([gain.interval for gain in each.gains])
-        labels = tuple(numbered(robot, gain.joint) for gain in each.gains)
-        panels.append(
-            _expected(f"Force over expected force, {each.recording}", gains, ends, 1.0, labels)
-        )
+        known = {gain.joint: (gain.gain, *gain.interval) for gain in each.gains}
+        title = f"Force over expected force, {each.recording}"
+        panels.append(motors_panel(robot, title, known, 1.0))
     caption = "What motors gave, over what bodies and other motors make expected."
     return Chart("gains", caption, "", tuple(panels), min(2, len(panels)) or 1)
 
@@ -337,22 +292,13 @@ def gains_chart(robot: Robot, log_faults: Sequence[LogFaults]) -> Chart:
 @checked
 def delays_chart(robot: Robot, delay: Delay) -> Chart:
     """How late the forces of each motor are."""
-    labels = tuple(numbered(robot, name) for name in delay.joints)
-    values, intervals = 1e3 * delay.each, 1e3 * delay.intervals
-    panel = _expected("Delay of the forces (ms)", values, intervals, 0.0, labels)
+    values = 1e3 * np.column_stack([delay.each, delay.intervals])
+    each = dict(zip(delay.joints, values.tolist(), strict=True))
+    panel = motors_panel(robot, "Delay of the forces (ms)", each, 0.0)
     common, (low, high) = 1e3 * delay.common, (1e3 * end for end in delay.interval)
     told = f"{common:.2g} ms, 95 %: {low:.2g} to {high:.2g}" if high < np.inf else "unknown"
     caption = f"Forces after the positions. All motors together: {told}."
     return Chart("delays", caption, "", (panel,))
-
-
-def _expected(
-    title: str, values: FloatArray, ends: FloatArray, right: float, labels: Sequence[str]
-) -> Panel:
-    """Values of motors with intervals beside the one that is right."""
-    marks = _about(values, ends, right, ("", "differs", "as expected"))
-    texts = {"value": tuple(f"{x:.3g}" for x in values.tolist())}
-    return Panel(title, marks, labels=tuple(labels), columns=texts)
 
 
 @checked
@@ -366,14 +312,14 @@ def filter_chart(found: CutoffChoice) -> Chart:
         Mark("", between, changes, "measured", "disc"),
         Mark.upright("used", found.chosen, look="fit"),
     )
-    said = ", ".join(f"{x:.3g}" for x in good.tolist())
-    several = (
-        f"{said} Hz are equally good, of these the middle one is used" if len(good) > 1 else ""
-    )
+    which = f"They move least around {found.chosen:.3g} Hz"
+    if len(good) > 1:
+        said = ", ".join(f"{x:.3g}" for x in good.tolist())
+        which = f"{said} Hz are equally good, of these the middle one is used"
     caption = (
         "How far predicted forces move between neighbouring cut-offs of the low-pass filter. A low "
         "one loses motion, a high one lets noise of the positions in. "
-        f"{several or f'They move least around {found.chosen:.3g} Hz'}."
+        f"{which}."
     )
     title = "Change of forces, in % of errors"
     return Chart("filter", caption, "cut-off (Hz)", (Panel(title, marks, log="xy"),))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,14 +11,15 @@ from loopid.arguments import BoolArray, FloatArray, checked, spread_rows
 from loopid.errors import OptionError
 from loopid.identification.prediction import Prediction
 from loopid.identification.result import Estimate, Fit
-from loopid.numbers import number
-from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel
+from loopid.numbers import interval, number, with_error
+from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel, forest
 from loopid.plots.structure import force_unit
 from loopid.regressors.joint_laws import grouped
 from loopid.robot.robot import Robot
 
 ROOM = 1.06  # times the largest error, that an axis shows
 RUNS = "fit", "file", "other", "weak", "measured", "faint"  # looks of fits beside each other
+BESIDE = 3  # fits that a panel has room for
 ZOOM = "Drag along time to zoom in, double-click to see all again."
 
 
@@ -26,6 +27,24 @@ def of_motor(robot: Robot, name: str, worst: str = "") -> dict[str, Any]:
     """What a panel says of a motor: name, number, and whether it is the worst."""
     number = robot.independent.index(name) + 1
     return {"motor": name, "number": number, "worst": name == worst}
+
+
+def motors_panel(
+    robot: Robot,
+    title: str,
+    values: Mapping[str, Sequence[float]],
+    right: float,
+    words: tuple[str, str, str] = ("", "differs", "as expected"),
+) -> Panel:
+    """Values of motors with the ends of their intervals, which NaN says are undetermined."""
+    numbers = [*values.values()]
+    columns = {
+        "value": tuple(with_error(x, (high - low) / 2)[0] for x, low, high in numbers),
+        "95 % interval": tuple(interval(low, high) for _, low, high in numbers),
+    }
+    labels = tuple(numbered(robot, name) for name in values)
+    found = np.array(numbers).reshape(-1, 3)
+    return forest(title, found, right, words, labels=labels, columns=columns)
 
 
 def numbered(robot: Robot, name: str) -> str:
@@ -56,22 +75,10 @@ def forces_chart(
         (N, dof), the forces that the robot file predicts.
     worst : str
         The motor that is marked.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> robot = loopid.load("five_bar")
-    >>> log = loopid.read_log(robot.path.parent / "logs" / "five_bar.csv", robot)
-    >>> recording = loopid.prepare(robot, log)
-    >>> found = loopid.identify(loopid.force_model(robot, "full"), [recording])
-    >>> prediction = found.fit.predict(recording)
-    >>> chart = loopid.plots.forces_chart(robot, prediction, motors=["left_crank_joint"])
-    >>> [panel.title for panel in chart.panels]
-    ['measured force (N m)', 'left by this fit (N m), rms 0.0098']
     """
     run, panels = found.recording, list[Panel]()
     time = run.motion.time
-    predictions = {"fit": ("this fit", found.predicted)}
+    predictions, some = {"fit": ("this fit", found.predicted)}, spread_rows(len(run), MOST_DOTS)
     if file is not None:
         predictions = {"file": ("the robot file", file), **predictions}
     for motor in run.actuators if motors is None else motors:
@@ -93,20 +100,14 @@ def forces_chart(
             line = Mark(f"measured less {by}", time, left[look], look)
             zero = Mark("", time[[0, -1]], np.zeros(2), "faint")
             title = f"left by {by} ({unit}), rms {number(rms, 2)}"
-            marks = (shade, zero, *_band(found, k, look), line)
-            panels.append(Panel(title, marks, y_limits=(-most, most), small=True))
+            marks = [shade, zero, line]
+            if found.reach is not None and look == "fit":
+                half = found.reach[some, k]
+                marks.insert(2, Mark("95 % of new forces", time[some], -half, look, "band", half))
+            panels.append(Panel(title, tuple(marks), y_limits=(-most, most), small=True))
     caption = f"Of {run.name}. Lanes of errors have one scale a motor. {ZOOM}"
     many, lanes = len(panels) > 1 + len(predictions), 1 + len(predictions)
     return Chart(name, caption, "time (s)", tuple(panels), 2 if many else 1, lanes, run.name)
-
-
-def _band(found: Prediction, motor: int, look: str) -> list[Mark]:
-    """Where 95 % of new forces are left by the fit; none by other predictions."""
-    if found.reach is None or look != "fit":
-        return []
-    some = spread_rows(len(found.recording), MOST_DOTS)
-    time, half = found.recording.motion.time[some], found.reach[some, motor]
-    return [Mark("95 % of new forces", time, -half, look, "band", half)]
 
 
 def _spans(time: FloatArray, chosen: BoolArray) -> Any:
@@ -124,23 +125,35 @@ def alone(fit: Fit) -> list[Estimate]:
 
 
 @checked
-def comparison_chart(fits: Mapping[str, Fit]) -> Chart:
-    """Values of fits with 95 % intervals, each less their mean, by the name of their run."""
-    names = {each.expression: each.name for fit in fits.values() for each in alone(fit)}
-    x, s = np.full((2, len(names), len(fits)), np.nan)
+def comparison_chart(fits: Mapping[str, Fit], *, clear: Collection[str] = ()) -> Chart:
+    """Values of fits by the name of their run with 95 % intervals, each less their mean.
+
+    Of more than three fits three have a panel. Clear are expressions that are said to differ.
+    """
+    known = {each.expression: each for fit in fits.values() for each in alone(fit)}
+    x, s = np.full((2, len(known), len(fits)), np.nan)
     for k, fit in enumerate(fits.values()):
-        rows = [[*names].index(each.expression) for each in alone(fit)]
+        rows = [[*known].index(each.expression) for each in alone(fit)]
         x[rows, k] = [each.value for each in alone(fit)]
         s[rows, k] = [each.standard_error for each in alone(fit)]
     size = np.nanmax(s, axis=1, keepdims=True)
     size = np.where(size > 0, size, np.nanmax(np.abs(x), axis=1, keepdims=True))
-    middle = (x - np.nanmean(x, axis=1, keepdims=True)) / np.where(size > 0, size, 1.0)
-    reach, marks = 1.96 * s / np.where(size > 0, size, 1.0), list[Mark]()
-    for k, name in enumerate(fits):
-        place = np.arange(float(len(names))) + 0.6 * ((k + 0.5) / len(fits) - 0.5)
-        look, at = RUNS[k % len(RUNS)], middle[:, k]
-        marks += [Mark("", at - reach[:, k], place, look, "span", at + reach[:, k])]
-        marks += [Mark(name, at, place, look, ("disc", "box", "ring")[k % 3])]
-    title = "Less the mean, in the largest standard error"
-    panel = Panel(title, tuple(marks), labels=tuple(names.values()))
-    return Chart("parameters", "Values of each fit with 95 % intervals.", "", (panel,))
+    size = np.where(size > 0, size, 1.0)
+    middle, reach = (x - np.nanmean(x, axis=1, keepdims=True)) / size, 1.96 * s / size
+    labels = tuple(f"{each.name}{' *' * (text in clear)}" for text, each in known.items())
+    names, panels, title = [*fits], list[Panel](), "Parameters; * clearly different"
+    for first in range(0, len(fits), BESIDE):
+        marks, columns = list[Mark](), dict[str, tuple[str, ...]]()
+        for k, name in enumerate(names[first : first + BESIDE], start=first):
+            place = np.arange(float(len(known))) + 0.6 * ((k - first + 0.5) / BESIDE - 0.5)
+            look, at = RUNS[k % len(RUNS)], middle[:, k]
+            marks += [Mark("", at - reach[:, k], place, look, "span", at + reach[:, k])]
+            marks += [Mark(name, at, place, look, ("disc", "box", "ring")[k % 3])]
+            pairs = (with_error(*pair) for pair in zip(x[:, k], s[:, k], strict=True))
+            columns[name] = tuple(" ± ".join(pair).removesuffix(" ± -") for pair in pairs)
+        columns["unit"] = tuple(each.unit for each in known.values())
+        panels.append(Panel(title, tuple(marks), labels=labels, columns=columns))
+    caption = (
+        "Values of each fit with 95 % intervals, less their mean, in the largest standard error."
+    )
+    return Chart("parameters", caption, "", tuple(panels))

@@ -13,13 +13,11 @@ from loopid.diagnosis.agreement import Agreement, compare_fits
 from loopid.errors import DataError, OptionError, counted
 from loopid.identification.result import Fit
 from loopid.identification.saved import FitFile
-from loopid.numbers import with_error
 from loopid.plots.pictures import alone, comparison_chart
-from loopid.report.look import json_value, plain_table, table_of
-from loopid.report.page import Card, Figure, Report, Section
+from loopid.report.look import json_fields, json_value, plain_table, table_of
+from loopid.report.page import Card, Figure, Report, Section, Tone, panel_table
 
 NAMED = 3  # parameters that a cell names
-BESIDE = 3  # fits that a table has room for
 RUN = {
     **{"run": "name", "robot": "robot", "model": "model", "estimator": "estimator"},
     ">RMS errors of the motors' forces": lambda run: (
@@ -43,18 +41,22 @@ def comparison_report(files: dict[str, FitFile]) -> Report:
     record = _record(files, fits, pairs)
     shown = {each.expression for fit in fits.values() for each in alone(fit)}
     rows, names = [row for row in record["parameters"] if row["expression"] in shown], list(fits)
-    tables = [_table(rows, names, k) for k in range(0, len(names), BESIDE)]
+    clear = [row["expression"] for row in rows if row["differs"]]
+    chart, verdict = comparison_chart(fits, clear=clear), _verdict(rows, names, pairs)
     return Report(
         name="comparison",
         title="Fits beside each other",
         under=", ".join(names),
-        verdict=_verdict(rows, names, pairs),
+        verdict=verdict,
         record=record,
-        brief=[*([_pairs_table(pairs)] if len(pairs) > 1 else []), *tables],
-        card=_card(names, pairs, _verdict(rows, names, pairs)),
+        brief=[
+            *([_pairs_table(pairs)] if len(pairs) > 1 else []),
+            *map(panel_table, chart.panels),
+        ],
+        card=_card(names, pairs, verdict),
         sections=lambda: [
+            Section("Parameters", (chart,)),
             Section("Fits", (table_of("", RUN, record["runs"]), _pairs_table(pairs))),
-            Section("Parameters", (comparison_chart(fits), *tables)),
         ],
     )
 
@@ -74,18 +76,15 @@ def _card(names: Sequence[str], pairs: dict[tuple[str, str], Agreement], verdict
     """Whether the fits agree."""
     if not pairs:
         return Card(use=verdict)
-    clear = max((len(found.clear) for found in pairs.values()), default=0)
+    clear = max(len(found.clear) for found in pairs.values())
     apart = max(float(found.apart.max(initial=0.0)) for found in pairs.values())
-    return Card(
-        tone="bad" if clear else "good",
-        word="Differ" if clear else "Agree",
-        use=verdict,
-        figures=(
-            Figure(str(len(names)), "fits"),
-            Figure(str(clear), "parameters differ clearly, at most of two fits"),
-            Figure(f"{apart:.2g}", "largest difference", "standard errors"),
-        ),
+    figures = (
+        Figure(str(len(names)), "fits"),
+        Figure(str(clear), "parameters differ clearly, at most of two fits"),
+        Figure(f"{apart:.2g}", "largest difference", "standard errors"),
     )
+    tone: Tone = "bad" if clear else "good"
+    return Card(tone=tone, word="Differ" if clear else "Agree", use=verdict, figures=figures)
 
 
 def _verdict(
@@ -138,15 +137,11 @@ def _record(
         row["differs"] = any(expression in one.clear for one in pairs.values())
     runs = [
         {
-            "name": name,
-            "robot": file.robot.name,
-            "model": file.force_model.model,
-            "estimator": fits[name].estimator,
-            "rms": json_value(fits[name].quality.residual_rms)
-            if fits[name].quality.samples.any()
-            else None,
+            **{"name": name, "robot": file.robot.name, "model": file.force_model.model},
+            **json_fields(fit, "estimator"),
+            "rms": json_value(fit.quality.residual_rms) if fit.quality.samples.any() else None,
         }
-        for name, file in files.items()
+        for (name, file), fit in zip(files.items(), fits.values(), strict=True)
     ]
     agreements = [
         {"fits": [*pair], "usual": found.usual, "clear": [*found.clear]}
@@ -154,22 +149,3 @@ def _record(
         for pair, found in pairs.items()
     ]
     return {"runs": runs, "parameters": list(known.values()), "agreements": agreements}
-
-
-def _table(rows: Sequence[dict[str, Any]], names: Sequence[str], first: int) -> Table:
-    shown = range(first, min(first + BESIDE, len(names)))
-    columns = [part for k in shown for part in (f">{names[k]}", ">±")]
-    cells = (
-        (
-            row["name"],
-            *(text for k in shown for text in _cells(row["values"][k], row["standard_errors"][k])),
-            row["unit"],
-            "*" if row["differs"] else "",
-        )
-        for row in rows
-    )
-    return plain_table("parameters; * clearly different", ("", *columns, "unit", ""), cells)
-
-
-def _cells(value: float | None, error: float | None) -> tuple[str, str]:
-    return ("-", "-") if value is None else with_error(value, error or 0.0)

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import io
 from typing import Any
 
 import numpy as np
 from rich.table import Table
 
-from loopid.arguments import FloatArray
 from loopid.excitation.design import ExcitationDesign
 from loopid.files import csv_text
-from loopid.motion.trajectories import FourierCurve, Waypoint
+from loopid.motion.files import motion_text
 from loopid.plots.excitation import errors_chart, motion_chart
 from loopid.plots.structure import force_unit, robot_chart
 from loopid.report.look import json_fields, json_value, plain_table, table_of
 from loopid.report.page import Card, Figure, Report, Section, panel_table
-from loopid.yaml_files import yaml_writer
 
 NAME = "excitation"  # of the motion in its file
 CRITERIA = "condition_number", "log_det", "trace", "least_eigenvalue"
@@ -28,55 +25,70 @@ FOUND = (
 
 def excitation_report(found: ExcitationDesign) -> Report:
     """A designed motion: its information, and its limits."""
-    model, before = found.force_model, found.before.standard_errors
-    known = np.isfinite(before)
-    broken = [check.name for check in found.checks if check.violations]
-    kept = f"breaks {', '.join(broken)}" if broken else "breaks no limit"
+    model, before, after = found.force_model, found.before.standard_errors, found.standard_errors
+    known, told, count = np.isfinite(before), int(np.isfinite(after).sum()), len(after)
+    broken = ", ".join(check.name for check in found.checks if check.violations)
+    seconds, condition = f"{found.motion.duration:g} s", f"{found.criteria.condition_number:.3g}"
     change = ""
     if known.any():
-        share = np.median((found.standard_errors / before)[known])
+        share = np.median((after / before)[known])
         earlier = "with the logs alone" if found.after_logs else "by the first motion tried"
         change = f", with standard errors {share:.2g} times those {earlier} (median)"
     verdict = (
-        f"A motion of {found.motion.duration:g} s {kept} and determines "
-        f"{np.isfinite(found.standard_errors).sum()} of {len(found.parameters)} parameters"
-        f"{change}; the condition number is {found.criteria.condition_number:.3g}"
+        f"A motion of {seconds} breaks {broken or 'no limit'} and determines {told} of {count} "
+        f"parameters{change}; the condition number is {condition}"
         + ("." if found.converged else ", which more evaluations may improve.")
     )
+    search = (
+        f"Criterion {found.options.criterion}: log det {found.criteria.log_det:.4g} (D), trace of "
+        f"the inverse {found.criteria.trace:.4g} (A), least eigenvalue "
+        f"{found.criteria.least_eigenvalue:.4g} (E), by {found.solver} in {found.evaluations} "
+        f"evaluations, {found.seconds:.1f} s."
+    )
+    columns = {
+        **{"": "name", ">least": "lowest", ">most": "highest", ">from": "lower", ">to": "upper"},
+        **{"unit": "unit", ">broken": "violations"},
+    }
+    kept = table_of("limits, on a ten times finer grid", columns, found.checks)
+    chart, steps = errors_chart(found), "run motion.csv on the robot, and identify from its log."
     return Report(
         name="excitation",
         title=f"{model.robot.name}, {model.model} model, excitation",
         verdict=verdict,
         record=excitation_record(found),
-        brief=[panel_table(errors_chart(found).panels[0])],
-        card=_card(found, broken),
+        brief=[panel_table(chart.panels[0])],
+        card=Card(
+            tone="bad" if broken else "good" if told == count else "rough",
+            word="Breaks limits" if broken else "Keeps all limits",
+            use=broken or f"in a motion of {seconds}",
+            figures=(
+                Figure(str(told), "parameters determined", f"of {count}"),
+                Figure(condition, "condition number"),
+                Figure(f"{found.min_singularity_measure:.3g}", "least singularity measure"),
+                Figure(str(found.violations), "violations on the fine grid"),
+            ),
+            next="give the motion more room: a limit is broken." if broken else steps,
+        ),
         pictures=lambda: (robot_chart(model.robot),),
         sections=lambda: [
-            Section("Motion", (motion_chart(found),), lead=_search(found)),
-            Section("Expected accuracy", (errors_chart(found), _noise(found))),
-            Section("What it keeps", (_checks(found),)),
+            Section("Motion", (motion_chart(found),), lead=search),
+            Section("Expected accuracy", (chart, _noise(found))),
+            Section("What it keeps", (kept,)),
         ],
-        results=lambda: {"motion.csv": motion_table(found), "motion.yaml": motion_file(found)},
+        results=lambda: _motion_files(found),
     )
 
 
-def _card(found: ExcitationDesign, broken: list[str]) -> Card:
-    """What the motion determines, and whether it keeps its limits."""
-    count, told = len(found.parameters), int(np.isfinite(found.standard_errors).sum())
-    return Card(
-        tone="bad" if broken else "good" if told == count else "rough",
-        word="Breaks limits" if broken else "Keeps all limits",
-        use=", ".join(broken) if broken else f"in a motion of {found.motion.duration:g} s",
-        figures=(
-            Figure(str(told), "parameters determined", f"of {count}"),
-            Figure(f"{found.criteria.condition_number:.3g}", "condition number"),
-            Figure(f"{found.min_singularity_measure:.3g}", "least singularity measure"),
-            Figure(str(found.violations), "violations on the fine grid"),
-        ),
-        next="give the motion more room: a limit is broken."
-        if broken
-        else "run motion.csv on the robot, and identify from its log.",
-    )
+def _motion_files(found: ExcitationDesign) -> dict[str, bytes | str]:
+    """Position, velocity and acceleration of every motor over time, and the steps."""
+    table, motion = found.motors._table(), found.motion
+    said = f"excites the {found.force_model.model} model, {found.options.criterion}"
+    rate = float((len(motion) - 1) / motion.duration)
+    steps = motion_text(NAME, said, motion.names, rate, found.start, found.waypoints)
+    return {
+        "motion.csv": csv_text([*table], *table.values(), digits=12),
+        "motion.yaml": steps,
+    }
 
 
 def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
@@ -97,83 +109,14 @@ def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
     }
 
 
-def _search(found: ExcitationDesign) -> str:
-    """How the motion was found, and how much information it has."""
-    known = found.criteria
-    return (
-        f"Criterion {found.options.criterion}: log det {known.log_det:.4g} (D), trace of the "
-        f"inverse {known.trace:.4g} (A), least eigenvalue {known.least_eigenvalue:.4g} (E), by "
-        f"{found.solver} in {found.evaluations} evaluations, {found.seconds:.1f} s."
-    )
-
-
 def _noise(found: ExcitationDesign) -> Table:
     robot, sizes = found.force_model.robot, np.sqrt((found.forces**2).mean(axis=0))
-    named = zip(robot.actuated, found.noise, sizes, strict=True)
     rows = (
         (
-            name,
-            f"{noise:.3g}",
-            force_unit(robot, name),
+            *(name, f"{noise:.3g}", force_unit(robot, name)),
             f"{100 * noise / size:.3g} %" if size else "",
         )
-        for name, noise, size in named
+        for name, noise, size in zip(robot.actuated, found.noise, sizes, strict=True)
     )
     title = f"noise that they assume, independent at {found.options.rate:g} Hz"
     return plain_table(title, ("force of", ">± std", "unit", ">of its root mean square"), rows)
-
-
-def _checks(found: ExcitationDesign) -> Table:
-    columns = {
-        **{"": "name", ">least": "lowest", ">most": "highest", ">from": "lower", ">to": "upper"},
-        **{"unit": "unit", ">broken": "violations"},
-    }
-    title = "check list, on a grid ten times finer than the design's"
-    return table_of(title, columns, found.checks)
-
-
-def motion_table(found: ExcitationDesign) -> str:
-    """Position, velocity and acceleration of every motor over time, as CSV."""
-    table = found.motors._table()
-    return csv_text([*table], *table.values(), digits=12)
-
-
-def motion_file(found: ExcitationDesign) -> str:
-    """The motion file that ``read_motion_program`` reads."""
-    names, here, steps = found.motion.names, found.start, list[dict[str, Any]]()
-    for waypoint in found.waypoints:
-        steps.append(_step(names, here, waypoint))
-        here = waypoint.position
-    duration, goal = len(found.motion) - 1, found.options.criterion
-    content = {
-        "coordinates": list(names),
-        "rate": float(duration / found.motion.duration),
-        "motions": {
-            NAME: {
-                "description": f"excites the {found.force_model.model} model, {goal}",
-                "start": _pose(names, found.start),
-                "steps": steps,
-            }
-        },
-    }
-    text = io.StringIO()
-    yaml_writer().dump(content, text)
-    return text.getvalue()
-
-
-def _pose(names: tuple[str, ...], values: FloatArray) -> dict[str, float]:
-    return dict(zip(names, values.tolist(), strict=True))
-
-
-def _step(names: tuple[str, ...], here: FloatArray, waypoint: Waypoint) -> dict[str, Any]:
-    curve, seconds = waypoint.curve, float(waypoint.seconds)
-    if isinstance(curve, FourierCurve):
-        sine, cosine = np.split(curve.shape, 2)
-        terms = {
-            name: {"sine": sine[:, k].tolist(), "cosine": cosine[:, k].tolist()}
-            for k, name in enumerate(names)
-        }
-        return {"fourier": terms, "seconds": seconds}
-    if (waypoint.position == here).all():
-        return {"hold": seconds}
-    return {"to": _pose(names, waypoint.position), "seconds": seconds}

@@ -18,19 +18,7 @@ from loopid.identification.verdict import GOOD, NOT_FIT, ROUGH, Verdict
 from loopid.logs.recording import Recording
 from loopid.numbers import interval, number, root, with_error
 from loopid.parameters import KINDS
-from loopid.plots.identified import (
-    delays_chart,
-    filter_chart,
-    friction_chart,
-    gains_chart,
-    hysteresis_chart,
-    joints_chart,
-    masses_chart,
-    model_errors_chart,
-    parameters_chart,
-    used_chart,
-    value_text,
-)
+from loopid.plots import identified as charts
 from loopid.plots.pictures import alone, forces_chart
 from loopid.plots.structure import force_unit, robot_chart
 from loopid.report.look import json_fields, json_value, plain_table, table_of
@@ -53,9 +41,7 @@ def identification_report(
 
     Without a file of the recommended fit where that breaks a law, unless forced.
     """
-    judged = found.verdict
-    robot = found.force_model.robot
-    rows = list[tuple[str, ...]]()
+    judged, robot, rows = found.verdict, found.force_model.robot, list[tuple[str, ...]]()
     for each in alone(found.fit):
         assumed = each.name in found.fit.assumed  # as in the robot file
         value, error = with_error(each.value, 0.0 if assumed else each.standard_error)
@@ -63,8 +49,7 @@ def identification_report(
     if len(rows) > 2 * SHOWN or any(" more" in row[0] for row in rows):
         left = len(rows) - SHOWN
         rows[SHOWN:] = [(f"... and {left} more in the report", "", "", "")] if left > 0 else []
-    advice = command if judged.excite else ""
-    record = identification_record(found, judged)
+    record, advice = identification_record(found, judged), command if judged.excite else ""
     return Report(
         name="identification",
         title=f"{robot.name}, {found.force_model.model} model",
@@ -100,44 +85,31 @@ def _under(found: Identification) -> str:
 def _card(found: Identification, judged: Verdict, command: str) -> Card:
     """The verdict as it is seen."""
     tone, told, sure = TONES[judged.forces], found.identifiability, judged.mistake is None
-    warnings = sum(each.severity == "warning" for each in found.findings)
-    ratio, spread = root(*judged.ratio)
+    (ratio, spread), mistakes = root(*judged.ratio), len(found.mistakes)
     change, more = f"{100 * (ratio - 1):+.0f} %".replace("-", "−"), f"± {100 * spread:.1g} %"
     if ratio >= 3:
         change, more = f"{ratio:.2g} times", ""
-    use = (
-        judged.use.removeprefix(NOT_FIT).removeprefix("Fit").removeprefix(" for rough").strip(", ")
-    )
-    percent = f"{number(100 * judged.error, 2)} %"
+    use = judged.use.removeprefix(NOT_FIT).removeprefix("Fit").removeprefix(" for rough")
+    error = f"of its force: largest error on new data ({judged.motor}{WHERE[judged.where]})"
+    better, of_all = "combinations known better than by the robot file", told.structural_rank
+    warnings = sum(each.severity == "warning" for each in found.findings)
+    suspected = f"{'mistake' if mistakes == 1 else 'mistakes'} suspected; "
+    suspected += counted(warnings, "warning") if warnings else "no warning"
+    gauge, percent = (judged.error, GOOD, ROUGH), f"{number(100 * judged.error, 2)} %"
+    alone = "yes" if judged.single_parameters else "no"
     return Card(
         tone=tone,
         word=WORDS[judged.forces],
-        use=use if sure else "until a mistake is mended",
+        use=use.strip(", ") if sure else "until a mistake is mended",
         chips=(
             (tone, f"Forces: {judged.forces}"),
-            ("good", "Single parameters: yes")
-            if judged.single_parameters
-            else ("bad", "Single parameters: no"),
+            (TONES[alone], f"Single parameters: {alone}"),
         ),
         figures=(
-            Figure(
-                percent,
-                f"of its force: largest error on new data ({judged.motor}{WHERE[judged.where]})",
-                gauge=(judged.error, GOOD, ROUGH),
-                sure=sure,
-            ),
+            Figure(percent, error, gauge=gauge, sure=sure),
             Figure(change, "errors against the given bodies, all motors", more, sure=sure),
-            Figure(
-                f"{told.well_determined}",
-                "combinations known better than by the robot file",
-                f"of {told.structural_rank}",
-                sure=sure,
-            ),
-            Figure(
-                f"{len(found.mistakes)}",
-                f"{'mistake' if len(found.mistakes) == 1 else 'mistakes'} suspected; "
-                f"{counted(warnings, 'warning') if warnings else 'no warning'}",
-            ),
+            Figure(f"{told.well_determined}", better, f"of {of_all}", sure=sure),
+            Figure(f"{mistakes}", suspected),
         ),
         next=f"{judged.improvement}.",
         command=command,
@@ -147,19 +119,22 @@ def _card(found: Identification, judged: Verdict, command: str) -> Card:
 def _sections(found: Identification, worst: str) -> Iterator[Section]:
     """Errors, forces, friction, parameters, what is unidentified, checks, and all values."""
     told = found.identifiability
-    errors, robot = model_errors_chart(found, worst=worst), found.force_model.robot
+    errors, robot = charts.model_errors_chart(found, worst=worst), found.force_model.robot
     motors = tuple(panel.motor for panel in errors.panels)
     yield Section("Errors on new data, by motor", (errors,), short="Errors")
     lead = "What is left should look like noise: no drift, no steps where a motor turns."
     forces = [*_forces(found, motors, worst)]
     yield Section("Forces left unexplained over time", tuple(forces), lead=lead, short="Forces")
-    friction = friction_chart(found, worst=worst), hysteresis_chart(found, worst=worst)
+    friction = (
+        charts.friction_chart(found, worst=worst),
+        charts.hysteresis_chart(found, worst=worst),
+    )
     if drawn := tuple(each for each in friction if each.panels):
         yield Section("Friction of each motor", drawn, short="Friction")
-    charts = parameters_chart(found), joints_chart(found), masses_chart(found)
+    drawn = charts.parameters_chart(found), charts.joints_chart(found), charts.masses_chart(found)
     yield Section(
         "Parameters compared with the robot file",
-        tuple(each for each in charts if each.panels and each.panels[0].labels),
+        tuple(each for each in drawn if each.panels and each.panels[0].labels),
         lead=_changed(found),
         short="Parameters",
     )
@@ -168,12 +143,18 @@ def _sections(found: Identification, worst: str) -> Iterator[Section]:
             "What the log does not identify", (_unidentified_table(found),), short="Not identified"
         )
     used = {"fitted": found.training, "new data, not fitted": found.validation}
-    log = [used_chart(robot, used), gains_chart(robot, found.log_faults)]
-    log += [] if found.delay is None else [delays_chart(robot, found.delay)]
+    log = [charts.used_chart(robot, used), charts.gains_chart(robot, found.log_faults)]
+    log += [] if found.delay is None else [charts.delays_chart(robot, found.delay)]
     checks: list[Part] = [each for each in log if each.panels]
-    checks += [table] if (table := _dropped_table(found)).row_count else []
+    dropped = [
+        (run.name, d.reason, d.count, f"{d.first:.2f}", f"{d.last:.2f}")
+        for run in found.training
+        for d in run.dropped
+    ]
+    columns = "recording", "reason", ">samples", ">from (s)", ">to (s)"
+    checks += [plain_table("left out", columns, dropped)] if dropped else []
     yield Section("Checks of the log", tuple(checks), folded=True, short="Log")
-    model: list[Part] = [] if found.cutoff is None else [filter_chart(found.cutoff)]
+    model: list[Part] = [] if found.cutoff is None else [charts.filter_chart(found.cutoff)]
     model.append(_candidates_table(found))
     yield Section("Checks of the model", tuple(model), folded=True, short="Model")
     values = _estimates_table(found)
@@ -241,43 +222,41 @@ def _fits(found: Identification, record: dict[str, Any], anyway: bool) -> dict[s
 
 def identification_record(found: Identification, judged: Verdict | None = None) -> dict[str, Any]:
     """All findings of an identification, ready for JSON."""
-    reduction = found.reduction
     model, told = found.force_model, found.identifiability
     terms, judged = model.joint_terms, judged or found.verdict
-    return {
-        "mechanism": model.robot.name,
-        "model": model.model,
-        "actuators": list(model.robot.independent),
-        "training": [_recording(recording) for recording in found.training],
-        "validation": [_recording(recording) for recording in found.validation],
-        "expressions": list(model.base.expressions),
-        "robot_file": json_value(model.prior),
-        "all_parameters": found["all parameters"].fit.record(),
-        "recommended": found.recommended.name,
-        "fit": found.fit.record(),
-        "judged": json_value(judged)
-        | json_fields(judged, *USES)
-        | {"ratio": json_value(root(*judged.ratio))},
-        "errors": [_errors(found, k) for k in range(len(model.robot.independent))],
-        "prior_deviation": json_value(found.prior_deviation),
-        "cutoff": json_value(found.cutoff),
-        "joint_terms": {} if terms is None else {j: list(k) for j, k in terms.of_joints.items()},
-        "identifiability": {
-            **json_fields(told, "structural_rank", "rank"),
-            "better_than_robot_file": told.well_determined,
-            "parameters": list(told.parameters.names),
-            "structural_effects": json_value(told.excitation.structural),
-            "effects": json_value(told.excitation.effects),
-            "unidentifiable": [_direction(direction) for direction in told.unidentifiable],
-            "weak": [_direction(direction) for direction in told.weak],
-        },
-        "essential": json_value(found.essential.values),
-        "essential_parameters": list(reduction.result.parameters.names),
-        "candidates": [_candidate(candidate) for candidate in _candidates(found)],
-        "delay": json_value(found.delay),
-        "log_faults": json_value(found.log_faults),
-        "robot": [json_fields(each, *ROBOT) for each in found.fit.standard.values()],
-    }
+    known: dict[str, Any] = json_value(
+        {
+            "mechanism": model.robot.name,
+            "model": model.model,
+            "actuators": model.robot.independent,
+            "training": [_recording(recording) for recording in found.training],
+            "validation": [_recording(recording) for recording in found.validation],
+            "expressions": model.base.expressions,
+            "robot_file": model.prior,
+            "recommended": found.recommended.name,
+            "judged": json_value(judged)
+            | json_fields(judged, *USES)
+            | {"ratio": root(*judged.ratio)},
+            "errors": [_errors(found, k) for k in range(len(model.robot.independent))],
+            **json_fields(found, "prior_deviation", "cutoff", "delay", "log_faults"),
+            "joint_terms": {} if terms is None else dict(terms.of_joints),
+            "identifiability": {
+                **json_fields(told, "structural_rank", "rank"),
+                "better_than_robot_file": told.well_determined,
+                "parameters": told.parameters.names,
+                "structural_effects": told.excitation.structural,
+                "effects": told.excitation.effects,
+                "unidentifiable": [_direction(direction) for direction in told.unidentifiable],
+                "weak": [_direction(direction) for direction in told.weak],
+            },
+            "essential": found.essential.values,
+            "essential_parameters": found.reduction.result.parameters.names,
+            "candidates": [_candidate(candidate) for candidate in _candidates(found)],
+            "robot": [json_fields(each, *ROBOT) for each in found.fit.standard.values()],
+        }
+    )
+    whole = found["all parameters"].fit
+    return known | {"fit": found.fit.record(), "all_parameters": whole.record()}
 
 
 def _errors(found: Identification, k: int) -> dict[str, Any]:
@@ -286,9 +265,8 @@ def _errors(found: Identification, k: int) -> dict[str, Any]:
     said: dict[str, Any] = {"motor": motor, "number": k + 1, "unit": force_unit(robot, motor)}
     for name, candidate in (("fit", found.recommended), ("robot_file", found.baseline)):
         error, spread = (float(each[k]) for each in found.relative_errors(candidate))
-        said[name] = {"error": json_value(error), "standard_error": json_value(spread)}
-    said["where"] = {name: json_value(float(each[k])) for name, each in found.unseen.shares.items()}
-    return said
+        said[name] = {"error": error, "standard_error": spread}
+    return said | {"where": {name: each[k] for name, each in found.unseen.shares.items()}}
 
 
 def _candidates(found: Identification) -> tuple[Candidate, ...]:
@@ -299,36 +277,29 @@ def _candidates(found: Identification) -> tuple[Candidate, ...]:
 
 def _recording(recording: Recording) -> dict[str, Any]:
     return {
-        "name": recording.name,
+        **json_fields(recording, "name", "cutoff", "wrenches"),
         "samples": len(recording),
-        "used": recording.used.sum(axis=0).tolist(),
-        "cutoff": recording.cutoff,
+        "used": recording.used.sum(axis=0),
         "dropped": [str(dropped) for dropped in recording.dropped],
-        "wrenches": list(recording.wrenches),
     }
 
 
 def _direction(direction: WeakDirection) -> dict[str, Any]:
-    return {"combination": direction.text} | json_fields(
-        direction, "effect", "standard_error", "change"
-    )
+    numbers = json_fields(direction, "effect", "standard_error", "change")
+    return {"combination": direction.text} | numbers
 
 
 def _candidate(candidate: Candidate) -> dict[str, Any]:
-    qualities = {}
-    for part, errors in zip(("training", "validation"), candidate.rms_errors, strict=True):
-        quality = getattr(candidate, part)
-        qualities[part] = {
-            "rms": json_value(quality.residual_rms),
-            "rms_standard_error": json_value(errors),
-        }
-    ratio, error = json_value(root(*candidate.error_ratio))
+    parts = (candidate.training, candidate.validation), candidate.rms_errors
+    training, validation = (
+        {"rms": quality.residual_rms, "rms_standard_error": errors}
+        for quality, errors in zip(*parts, strict=True)
+    )
+    ratio, error = root(*candidate.error_ratio)
     return {
-        **json_fields(candidate, "name", "fitted"),
-        **qualities,
-        "error_over_file": ratio,
-        "error_over_file_standard_error": error,
-        "beats_baseline": candidate.beats_baseline,
+        **json_fields(candidate, "name", "fitted", "beats_baseline"),
+        **{"training": training, "validation": validation},
+        **{"error_over_file": ratio, "error_over_file_standard_error": error},
     }
 
 
@@ -339,7 +310,7 @@ def _estimates_table(found: Identification) -> Table:
     known = dict(zip(fit.parameters.names, model.prior.tolist(), strict=True))
     columns = {
         "parameter": "name",
-        ">value ± std": lambda each: value_text(each, fit.assumed),
+        ">value ± std": lambda each: charts.value_text(each, fit.assumed),
         ">robot file": lambda each: number(known[each.name]) if each.name in bodies else "-",
         ">95 % interval": lambda each: interval(*each.interval),
     }
@@ -378,14 +349,3 @@ def _grade(each: Candidate, found: Identification) -> str:
     said = "better" if each.beats_baseline else "worse" if each.loses_to_baseline else "not clear"
     said = "" if each is found.baseline else said
     return f"{said} (recommended)".strip() if each is found.recommended else said
-
-
-def _dropped_table(found: Identification) -> Table:
-    """What of the recordings was left out."""
-    rows = (
-        (recording.name, d.reason, d.count, f"{d.first:.2f}", f"{d.last:.2f}")
-        for recording in found.training
-        for d in recording.dropped
-    )
-    columns = "recording", "reason", ">samples", ">from (s)", ">to (s)"
-    return plain_table("left out", columns, rows)

@@ -138,6 +138,8 @@ def json_value(value: Any) -> Any:
     """Lists, dicts of records' fields, numbers, texts; null for infinity and NaN."""
     if isinstance(value, np.ndarray):
         value = value.tolist()
+    if isinstance(value, dict):
+        return {key: json_value(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
         return [json_value(each) for each in value]
     if is_dataclass(value):

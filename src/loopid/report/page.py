@@ -15,13 +15,15 @@ from dataclasses import field
 from functools import cached_property
 from importlib.metadata import version
 from importlib.resources import files
+from textwrap import shorten
 from typing import Any, Literal
 
 from lxml.html import HtmlElement, tostring
 from rich.table import Table
 
+from loopid.errors import counted
 from loopid.findings import Finding, most_important_first
-from loopid.plots.chart import Chart, E, Panel, in_parts, unfolding
+from loopid.plots.chart import Chart, E, Panel, in_parts, short_or_whole, unfolding
 from loopid.records import record
 from loopid.report.look import json_text, json_value, plain_table, rounded
 
@@ -33,34 +35,23 @@ Tone = Literal["good", "rough", "bad", "info"]
 MARKS = {"good": "✓ ", "rough": "≈ ", "bad": "✗ ", "info": ""}  # no status by colour alone
 TONES: dict[str, Tone] = {"mistake": "bad", "warning": "rough", "note": "info"}  # of findings
 SIGNS = {"mistake": "✗ ", "warning": "! ", "note": ""}
+COMMAND = ": loopid "  # after what it does
+TWO_LINES = 200  # letters of a finding that are seen at first
 DECADES = 3  # of a gauge, which ends at 100 %
 
 
-Part = str | Table | Chart
+Part = str | Table | Chart | HtmlElement
 
 
 @record
 class Section:
-    """A title, and what stands below it.
-
-    Attributes
-    ----------
-    title : str
-    parts : tuple
-        Paragraphs (str), tables (``rich.table.Table``) and charts (``Chart``).
-    folded : bool
-        Whether only the titles of its tables are seen at first.
-    lead : str
-        What it says, in a sentence.
-    short : str
-        Its name in the page's bar, by default the title.
-    """
+    """A title, and what stands below it."""
 
     title: str
-    parts: tuple[Part, ...]
-    folded: bool = False
-    lead: str = ""
-    short: str = ""
+    parts: tuple[Part, ...]  # paragraphs, tables, charts and elements
+    folded: bool = False  # only the titles of its tables are seen at first
+    lead: str = ""  # what it says, in a sentence
+    short: str = ""  # its name in the page's bar, by default the title
 
     @property
     def anchor(self) -> str:
@@ -75,38 +66,30 @@ class Section:
 
 
 def _part(part: Part, folded: bool) -> HtmlElement:
-    if isinstance(part, Table):
-        return _folded(part) if folded else _tables(part)
-    return E.p(part) if isinstance(part, str) else part.html()
-
-
-def _folded(table: Table) -> HtmlElement:
-    rows = "row" if table.row_count == 1 else "rows"
-    found = unfolding(str(table.title or "table"), _tables(table))
-    found[0].append(E.small(f" {table.row_count} {rows}"))
+    if isinstance(part, Chart):
+        return part.html()
+    if not isinstance(part, Table):
+        return E.p(part) if isinstance(part, str) else part
+    # Rows beyond the first ones unfold.
+    found = E.div(*in_parts(part.row_count, lambda rows: _table(part, rows)))
+    if folded:
+        found = unfolding(str(part.title or "table"), found)
+        found[0].append(E.small(f" {counted(part.row_count, 'row')}"))
     return found
 
 
-def _tables(table: Table) -> HtmlElement:
-    """The table; rows beyond the first ones unfold."""
-    return E.div(*in_parts(table.row_count, lambda rows: _table(table, rows)))
-
-
 def _table(table: Table, some: range) -> HtmlElement:
-    heads = [str(column.header) for column in table.columns]
     sides = [{"class": "number"} if column.justify == "right" else {} for column in table.columns]
-    rows = list(zip(*(column.cells for column in table.columns), strict=True))[
-        some.start : some.stop
-    ]
-    body = (
-        E.tr(*(E.td(side, str(each)) for side, each in zip(sides, row, strict=True)))
-        for row in rows
-    )
-    found = E.table(E.tbody(*body))
+    rows = list(zip(*(column.cells for column in table.columns), strict=True))
+    found = E.table(E.tbody())
+    for row in rows[some.start : some.stop]:
+        cells = zip(sides, map(str, row), strict=True)
+        found[0].append(E.tr(*(E.td(side, text) for side, text in cells)))
     if table.show_header:
-        named = zip(sides, heads, strict=True)
-        cells = (E.th({"scope": "col"}, side, head) for side, head in named)
-        found.insert(0, E.thead(E.tr(*cells)))
+        heads = zip(sides, (str(column.header) for column in table.columns), strict=True)
+        found.insert(
+            0, E.thead(E.tr(*(E.th({"scope": "col"}, side, text) for side, text in heads)))
+        )
     if table.title:
         found.insert(0, E.caption(str(table.title)))
     note = [E.p({"class": "note"}, str(table.caption))] if table.caption else []
@@ -115,25 +98,13 @@ def _table(table: Table, some: range) -> HtmlElement:
 
 @record
 class Figure:
-    """A number that a page shows first.
-
-    Attributes
-    ----------
-    value, more : str
-        The number, and what stands small beside it.
-    what : str
-        What it is.
-    gauge : tuple of float
-        An error, and up to which it is good and rough, all in parts of 1; empty for none.
-    sure : bool
-        Whether it counts.
-    """
+    """A number that a page shows first."""
 
     value: str
-    what: str
-    more: str = ""
-    gauge: tuple[float, ...] = ()
-    sure: bool = True
+    what: str  # that it is
+    more: str = ""  # small beside it
+    gauge: tuple[float, ...] = ()  # an error, and up to which it is good and rough, in parts of 1
+    sure: bool = True  # whether it counts
 
     def html(self) -> HtmlElement:
         """A part of a card."""
@@ -155,30 +126,15 @@ class Figure:
 
 @record(kw_only=True)
 class Card:
-    """What a page says first: a word, for what, and what to do next.
-
-    Attributes
-    ----------
-    tone : str
-        ``"good"``, ``"rough"``, ``"bad"`` or ``"info"``.
-    word, use : str
-        Such as "Fit", and "for predicting forces".
-    chips : tuple of (str, str)
-        Uses with a tone each.
-    figures : tuple of Figure
-    next : str
-        The next step.
-    command : str
-        That does it.
-    """
+    """What a page says first: a word, for what, and what to do next."""
 
     tone: Tone = "info"
-    word: str = ""
-    use: str = ""
-    chips: tuple[tuple[Tone, str], ...] = ()
+    word: str = ""  # such as "Fit"
+    use: str = ""  # such as "for predicting forces"
+    chips: tuple[tuple[Tone, str], ...] = ()  # uses with a tone each
     figures: tuple[Figure, ...] = ()
-    next: str = ""
-    command: str = ""
+    next: str = ""  # the next step
+    command: str = ""  # that does it
 
     @property
     def said(self) -> str:
@@ -202,31 +158,26 @@ class Card:
 
 def findings_html(findings: Sequence[Finding], checks: Sequence[tuple[bool, str]]) -> HtmlElement:
     """Mistakes and warnings with what to do, notes folded, checks in one line."""
-    found = E.section({"id": "findings"}, E.h2("Findings, most important first"))
-    serious = [each for each in findings if each.severity != "note"]
-    notes = [each for each in findings if each.severity == "note"]
-    said = [
-        E.li({"class": TONES[each.severity]}, _kind(each), E.div(*_said(each))) for each in serious
-    ]
-    found.extend([E.ol({"class": "findings"}, *said)] if said else [])
-    folded = [unfolding(_sentence(each.title), *_said(each)[1:]) for each in notes]
-    found.extend([E.div({"class": "notes"}, *folded)] if folded else [])
-    passed = (
-        E.li({"class": "good" if good else "rough"}, f"{'✓' if good else '!'} {text}")
-        for good, text in checks
-    )
-    found.extend([E.ul({"class": "checks"}, *passed)] if checks else [])
-    return found
-
-
-def _kind(found: Finding) -> HtmlElement:
-    return E.span({"class": "kind"}, f"{SIGNS[found.severity]}{found.severity.capitalize()}")
-
-
-def _said(found: Finding) -> list[HtmlElement]:
-    said = [E.h3(_sentence(found.title))]
-    said += [E.p({"class": "why"}, _sentence(found.why))] if found.why else []
-    return said + ([E.p(E.b("Do: "), found.do)] if found.do else [])
+    serious, notes, passed = E.ol({"class": "findings"}), E.div({"class": "notes"}), E.ul()
+    passed.set("class", "checks")
+    for each in findings:
+        title, kind = _sentence(each.title), f"{SIGNS[each.severity]}{each.severity.capitalize()}"
+        why, (do, *command) = _sentence(each.why), each.do.split(COMMAND)
+        brief = short_or_whole(shorten(why, TWO_LINES, placeholder=" ..."), why)
+        said = [E.div({"class": "why"}, brief)] if why else []
+        said += [E.p(E.b("Do: "), do)] if do else []
+        said += [unfolding("Show the command", E.pre(f"loopid {text}")) for text in command]
+        if each.severity == "note":
+            notes.append(unfolding(title, *said))
+        else:
+            kind_ = E.span({"class": "kind"}, kind)
+            serious.append(E.li({"class": TONES[each.severity]}, kind_, E.div(E.h3(title), *said)))
+    for good, text in checks:
+        passed.append(
+            E.li({"class": "good" if good else "rough"}, f"{'✓' if good else '!'} {text}")
+        )
+    shown = (each for each in (serious, notes, passed) if len(each))
+    return E.section({"id": "findings"}, E.h2("Findings, most important first"), *shown)
 
 
 def _sentence(text: str) -> str:
@@ -234,32 +185,9 @@ def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:] if text.split(" ")[0].strip(",:").isalpha() else text
 
 
-def _reproducing(command: str) -> Section:
-    """The command line, if there was one, and versions of the libraries that decide the numbers."""
-    told = {name: version(name) for name in LIBRARIES} | {"Python": platform.python_version()}
-    used = ", ".join(f"{name} {which}" for name, which in told.items())
-    said = f"{used}; {platform.system()} {platform.machine()}"
-    parts = (*([command] if command else []), said)
-    return Section("To reproduce this run", parts, short="Reproduce")
-
-
 @record
 class Page:
     """One file of HTML.
-
-    Attributes
-    ----------
-    title : str
-    sections : tuple of Section
-    under : str
-        What it is of, below the title.
-    card : Card or None
-    pictures : tuple of Chart
-        Beside the card, and below both.
-    findings : HtmlElement or None
-        Before the sections.
-    data : dict or None
-        Numbers that programs read from the page's element ``data``, there to six digits.
 
     Examples
     --------
@@ -271,11 +199,11 @@ class Page:
 
     title: str
     sections: tuple[Section, ...]
-    under: str = ""
+    under: str = ""  # what it is of, below the title
     card: Card | None = None
-    pictures: tuple[Chart, ...] = ()
-    findings: HtmlElement | None = None
-    data: dict[str, Any] | None = None
+    pictures: tuple[Chart, ...] = ()  # beside the card, and below both
+    findings: HtmlElement | None = None  # before the sections
+    data: dict[str, Any] | None = None  # its element "data" has it to six digits, for programs
 
     def html(self) -> str:
         """The page as text."""
@@ -319,53 +247,23 @@ class Page:
 
 @record(kw_only=True)
 class Report:
-    """What a command found, for all ways of showing it.
+    """What a command found, for all ways of showing it; what is drawn is made when it is shown."""
 
-    Attributes
-    ----------
-    name : str
-        Of the record's form, and of its file.
-    title, verdict : str
-        The verdict is one sentence, which comes first.
-    record : dict
-        All findings in plain numbers, lists and texts.
-    brief : sequence of Table
-        What the terminal shows below the verdict.
-    sections : callable, optional
-        Gives the sections of the page, by default of what the terminal shows;
-        ``replace(report, sections=...)`` is another report.
-    results : callable
-        Gives the files beside page and record, by name.
-    advice : str
-        A command that does what the verdict advises.
-    card : Card
-        What the page says first, by default the verdict.
-    pictures : callable
-        Gives the charts beside the card, and below both.
-    under : str
-        What it is of, below the title of the page.
-    findings : sequence of Finding
-        What to know beside the numbers.
-    checks : sequence of (bool, str)
-        What was checked, and whether it passed.
-    beside : tuple of str
-        Keys of the record that the page does not hold, as they are large.
-    """
-
-    name: str
+    name: str  # of the record's form, and of its file
     title: str
-    verdict: str
-    record: dict[str, Any]
-    brief: Sequence[Table]
+    verdict: str  # one sentence, which comes first
+    record: dict[str, Any]  # all findings in plain numbers, lists and texts
+    brief: Sequence[Table]  # what the terminal shows below the verdict
+    # Of the page, by default what the terminal shows.
     sections: Callable[[], Sequence[Section]] = field(default=None)  # type: ignore[assignment]
-    results: Callable[[], dict[str, bytes | str]] = dict
-    advice: str = ""
-    card: Card = field(default=None)  # type: ignore[assignment]
-    pictures: Callable[[], Sequence[Chart]] = tuple
-    under: str = ""
-    findings: Sequence[Finding] = ()
-    checks: Sequence[tuple[bool, str]] = ()
-    beside: tuple[str, ...] = ()
+    results: Callable[[], dict[str, bytes | str]] = dict  # more files, by name
+    advice: str = ""  # a command that does what the verdict advises
+    card: Card = field(default=None)  # type: ignore[assignment]  # by default the verdict
+    pictures: Callable[[], Sequence[Chart]] = tuple  # beside the card, and below both
+    under: str = ""  # what it is of, below the title of the page
+    findings: Sequence[Finding] = ()  # what to know beside the numbers
+    checks: Sequence[tuple[bool, str]] = ()  # whether what was checked passed
+    beside: tuple[str, ...] = ()  # keys of the record that the page lacks, as they are large
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "findings", most_important_first(self.findings))
@@ -394,13 +292,17 @@ class Report:
 
     def page(self, command: str = "") -> Page:
         """The page, with the command line that reproduces it."""
-        told = self.findings or self.checks
-        findings = findings_html(self.findings, self.checks) if told else None
+        findings = None
+        if self.findings or self.checks:
+            findings = findings_html(self.findings, self.checks)
         data = {key: value for key, value in self.data.items() if key not in self.beside}
-        sections = (*self.sections(), _reproducing(command))
-        return Page(
-            self.title, sections, self.under, self.card, tuple(self.pictures()), findings, data
-        )
+        told = {name: version(name) for name in LIBRARIES} | {"Python": platform.python_version()}
+        used = ", ".join(f"{name} {which}" for name, which in told.items())
+        parts: list[Part] = [E.pre(command)] if command else []
+        parts.append(f"{used}; {platform.system()} {platform.machine()}")
+        run = Section("To reproduce this run", tuple(parts), short="Reproduce")
+        sections, pictures = (*self.sections(), run), tuple(self.pictures())
+        return Page(self.title, sections, self.under, self.card, pictures, findings, data)
 
     def files(self, command: str = "", *, figures: bool = False) -> dict[str, bytes | str]:
         """Page, record, results, and figures for papers if required, by file name."""

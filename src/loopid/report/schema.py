@@ -1,8 +1,8 @@
 """The forms of all records; ``json_schema`` gives them to programs in other languages.
 
 A form is a type; a list with the form of its entries; a dict of keys with their forms, all of which
-are there, or with the one key ``str``: of any keys; or a tuple of a form and None. What stands in
-a record as Python has it (``json_value``) has the form of its annotations.
+are there (``"a b"`` are two keys), or with the one key ``str``: of any keys; or a tuple of a form
+and None. What stands in a record as Python has it (``json_value``) has the form of its annotations.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from loopid.motion.joints import MotionReview
 from loopid.report.excitation import CRITERIA, FOUND
 from loopid.report.identify import ROBOT, USES
 from loopid.report.page import VERSION
-from loopid.report.searches import ACCOUNT, GROUP, SEARCH
+from loopid.report.structure import ACCOUNT, GROUP, SEARCH
 
 
 def of(cls: Any, *names: str) -> dict[str, Any]:
@@ -68,76 +68,60 @@ def _form(hint: Any) -> Any:
 Real = float | None  # null for infinity, and for what is unknown
 Text = str | None
 
-_NAMED = {"mechanism": str, "model": str}
-_SUBGROUPS = {
-    **of(SubgroupAccount, *ACCOUNT),
-    "found_in": int | None,
-    "groups": [
-        {"rows": [str], "tried": int, **of(TriedGroup, *GROUP)}
-        | dict.fromkeys(("removed", "added"), Text)
-    ],
-}
+_NAMED = {"mechanism model": str}
+_GROUP = {"rows": [str], "tried": int, **of(TriedGroup, *GROUP), "removed added": Text}
+_SUBGROUPS = {**of(SubgroupAccount, *ACCOUNT), "found_in": int | None, "groups": [_GROUP]}
 _SEARCH = of(SearchResult, *SEARCH) | {"subgroups": (_SUBGROUPS, None)}
 _CHOICE = {
-    **{"nonzero_parameters": int, "search": _SEARCH},
+    "nonzero_parameters": int,
+    "search": _SEARCH,
     **of(Structure, "rank", "rank_gap", "rank_bounds"),
     **of(BaseParameters, "condition_number", "nullspace_condition_number"),
     "doubtful": [
-        {"expression": str, "terms": {str: float}}
-        | {"singular_value": float, "rounding": Real, "source": str}
+        {"expression source": str, "terms": {str: float}, "singular_value": float, "rounding": Real}
     ],
-    "base_parameters": [{"name": str, "terms": {str: float}, "expression": str}],
+    "base_parameters": [{"name expression": str, "terms": {str: float}}],
 }
 _BASE = {
     **_NAMED,
-    **{"standard_parameters": int, **_CHOICE, "undetermined": [str]},
+    **_CHOICE,
+    "standard_parameters": int,
+    "undetermined": [str],
     "motors_alone": (_CHOICE, None),
 }
-_ERROR = {"error": Real, "standard_error": Real}
 _QUALITY = {"rms": [Real], "samples": [int]}
 _DIRECTION = {"combination": str, "effect": float, "standard_error": Real, "change": [float]}
-_RECORDING = {
-    **{"name": str, "samples": int, "used": [int], "cutoff": Real},
-    **{key: [str] for key in ("dropped", "wrenches")},
-}
-_ERRORS = {"rms": [Real], "rms_standard_error": [Real]}
+_RECORDING = {"name": str, "samples": int, "used": [int], "cutoff": Real, "dropped wrenches": [str]}
 FIT = {str: object}  # its own ``format`` and ``version`` say its form: ``load_fit`` reads it
 FORMS: dict[str, dict[Any, Any]] = {
     "check": {
         "mechanism": str,
-        "joints": [
-            {"name": str, "type": str, "actuated": bool}
-            | {"reference": [float], "lower": Real, "upper": Real}
-        ],
+        "joints": [{"name type": str, "actuated": bool, "reference": [float], "lower upper": Real}],
         "closures": [
-            {"name": str, "frames": [str], "joints": [str]}
-            | {"type": str, "rows": int, "rank": int, "residual": float}
+            {"name type": str, "frames joints": [str], "rows rank": int, "residual": float}
         ],
-        **dict.fromkeys(("closure_rows", "closure_rank", "redundant_rows", "coordinates"), int),
-        **dict.fromkeys(("degrees_of_freedom", "generic_degrees_of_freedom"), int),
-        **dict.fromkeys(("rank_gap", "least_singular_value", "closure_residual"), Real),
-        **dict.fromkeys(("singularity_measure", "characteristic_length"), Real),
-        **dict.fromkeys(("singular_reference", "near_singularity"), bool),
-        **{key: [str] for key in ("bodies", "actuated", "passive", "independent", "undetermined")},
-        **{key: [str] for key in ("redundant_actuation", "unequal_links", "odd_masses")},
-        **{"motors_known": bool, "held_motors": [str], "undeclared_loops": [str]},
-        "inertia_defects": [str],
+        "closure_rows closure_rank redundant_rows coordinates": int,
+        "degrees_of_freedom generic_degrees_of_freedom": int,
+        "rank_gap least_singular_value closure_residual": Real,
+        "singularity_measure characteristic_length": Real,
+        "singular_reference near_singularity motors_known": bool,
+        "bodies actuated passive independent undetermined redundant_actuation": [str],
+        "unequal_links odd_masses held_motors undeclared_loops inertia_defects": [str],
         "identical": {str: [str]},
         "assembly_modes": [
-            {"mode": int, "used": bool, "rank": int | None, "distance": float}
-            | {"meets_drawn_pose": bool, "parallel_pairs": int, "reference": {str: object}}
+            {"mode parallel_pairs": int, "used meets_drawn_pose": bool, "rank": int | None}
+            | {"distance": float, "reference": {str: object}}
         ],
         "in_file_not_in_model": [
-            {"what": str, "value": Real, "relative_size": Real}
-            | dict.fromkeys(("joint", "term", "unit", "included_by"), Text)
+            {"what": str, "value relative_size": Real, "joint term unit included_by": Text}
         ],
     },
     "base": _BASE,
     "motions": {
         "mechanism": str,
         "motions": [
-            {"name": str, "seconds": float, "ranges": {str: [float]}, "nearest_limit": Text}
-            | {"clearance": Real}
+            {"name": str, "seconds": float, "ranges": {str: [float]}}
+            | {"nearest_limit": Text, "clearance": Real}
             | of(MotionReview, "singularity", "singular_time", "speeds", "problems")
         ],
     },
@@ -146,45 +130,44 @@ FORMS: dict[str, dict[Any, Any]] = {
         **of(Criteria, *CRITERIA),
         **of(ExcitationDesign, *FOUND),
         **{"criterion": str, "duration": float, "noise": {str: float}, "checks": [of(Check)]},
-        **{"coordinates": [str], "parameters": [str], "errors_before": [Real]},
+        **{"coordinates parameters": [str], "errors_before": [Real]},
     },
     "identification": {
         **_NAMED,
-        **{key: [str] for key in ("actuators", "expressions", "essential_parameters")},
-        **{key: [_RECORDING] for key in ("training", "validation")},
-        **{"robot_file": [float], "essential": [float], "recommended": str},
-        **{"fit": FIT, "all_parameters": FIT, "prior_deviation": Real},
+        "actuators expressions essential_parameters": [str],
+        "training validation": [_RECORDING],
+        "robot_file essential": [float],
+        **{"recommended": str, "fit all_parameters": FIT, "prior_deviation": Real},
         "judged": {**of(Verdict), **of(Verdict, *USES)},
         "errors": [
-            {"motor": str, "number": int, "unit": str, "where": {str: Real}}
-            | {"fit": _ERROR, "robot_file": _ERROR}
+            {"motor unit": str, "number": int, "where": {str: Real}}
+            | {"fit robot_file": {"error standard_error": Real}}
         ],
         "robot": [of(Estimate, *ROBOT)],
         **{"cutoff": (of(CutoffChoice), None), "delay": (of(Delay), None)},
         "log_faults": [of(LogFaults)],
         "joint_terms": {str: [str]},
         "identifiability": {
-            **dict.fromkeys(("structural_rank", "rank", "better_than_robot_file"), int),
-            **{"parameters": [str], "structural_effects": [float], "effects": [float]},
-            **{key: [_DIRECTION] for key in ("unidentifiable", "weak")},
+            "structural_rank rank better_than_robot_file": int,
+            **{"parameters": [str], "structural_effects effects": [float]},
+            "unidentifiable weak": [_DIRECTION],
         },
         "candidates": [
-            {"name": str, "fitted": int, "training": _ERRORS, "validation": _ERRORS}
-            | {"error_over_file": Real, "error_over_file_standard_error": Real}
-            | {"beats_baseline": bool}
+            {"name": str, "fitted": int, "beats_baseline": bool}
+            | {"training validation": {"rms rms_standard_error": [Real]}}
+            | {"error_over_file error_over_file_standard_error": Real}
         ],
     },
     "prediction": {
         "recordings": [
-            {"name": str, "actuators": [str], "dropped": [str], "wrenches": [str]}
-            | {"in_95_percent_band": ([Real], None), "relative_errors": [Real]}
-            | {"moving": _QUALITY, "standing_or_saturated": _QUALITY}
+            {"name": str, "actuators dropped wrenches": [str], "relative_errors": [Real]}
+            | {"in_95_percent_band": ([Real], None), "moving standing_or_saturated": _QUALITY}
         ]
     },
     "payload": {
-        **{"link": str, "parameters": [str], "units": [str], "values": [float]},
+        **{"link": str, "parameters units": [str], "values standard_parameters": [float]},
         **{"intervals_95_percent": [[Real]], "mass": Real, "centre": ([Real], None)},
-        **{"centre_intervals_95_percent": ([[Real]], None), "standard_parameters": [float]},
+        "centre_intervals_95_percent": ([[Real]], None),
         "motors": (
             of(MotorMasses, "actuators", "values", "undetermined")
             | {"chance": float, "intervals_95_percent": [[Real]]},
@@ -196,25 +179,20 @@ FORMS: dict[str, dict[Any, Any]] = {
         "intervals_95_percent": [[Real]],
     },
     "comparison": {
-        "runs": [
-            dict.fromkeys(("name", "robot", "model"), str)
-            | {"estimator": Text, "rms": ([Real], None)}
-        ],
+        "runs": [{"name robot model": str, "estimator": Text, "rms": ([Real], None)}],
         "parameters": [
-            dict.fromkeys(("name", "expression", "unit"), str)
-            | {"values": [Real], "standard_errors": [Real], "apart": Real, "differs": bool}
+            {"name expression unit": str, "values standard_errors": [Real]}
+            | {"apart": Real, "differs": bool}
         ],
-        "agreements": [
-            {"fits": [str], "usual": float, "clear": [str], "common": int, "others": int}
-        ],
+        "agreements": [{"fits clear": [str], "usual": float, "common others": int}],
     },
     "paper": {
         **{"geometry": {str: float}, "base": _BASE, "rows": [int | None], "stand_in": bool},
         **{"subgroups": {str: _SEARCH}, "subgroup_rows": {str: int}},
         "symbolic": {
-            **{"poses": int, "columns": int},
-            **dict.fromkeys(("difference", "symbolic_seconds", "pinocchio_seconds"), float),
-            "transfers": [{"row": int, "label": str, "formula": str, "value": float}],
+            "poses columns": int,
+            "difference symbolic_seconds pinocchio_seconds": float,
+            "transfers": [{"row": int, "label formula": str, "value": float}],
         },
         **{"fits": {str: {"values": [float], "standard_errors": [Real]}}, "influence": [float]},
     },
@@ -264,6 +242,6 @@ def _schema(form: Any) -> dict[str, Any]:
         return {} if form is object else TypeAdapter(form).json_schema()
     if str in form:
         return {"type": "object", "additionalProperties": _schema(form[str])}
-    properties = {key: _schema(each) for key, each in form.items()}
-    closed = {"required": list(form), "additionalProperties": False}
+    properties = {key: _schema(each) for keys, each in form.items() for key in keys.split()}
+    closed = {"required": [*properties], "additionalProperties": False}
     return {"type": "object", "properties": properties, **closed}

@@ -12,7 +12,7 @@ import numpy as np
 from rich.table import Table
 
 from loopid.base_parameters.base import BaseParameters, expression
-from loopid.base_parameters.choice import UNCLEAR_RANK
+from loopid.base_parameters.choice import UNCLEAR_RANK, SearchResult
 from loopid.diagnosis.modes import compare_modes
 from loopid.errors import counted
 from loopid.findings import Finding
@@ -20,12 +20,12 @@ from loopid.kinematics import mobility
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.projection import NEAR_SINGULARITY, Factorisation, singularity_measure
 from loopid.loading.checks import inertia_defects, odd_masses, unequal_links
+from loopid.numbers import number
 from loopid.plots.structure import robot_chart, search_chart
-from loopid.regressors.file_forces import FileForce, file_forces
+from loopid.regressors.file_forces import file_forces
 from loopid.regressors.joint_terms import OF_FILE
 from loopid.report.look import facts, json_fields, json_value, plain_table, table_of
 from loopid.report.page import Card, Figure, Report, Section, Tone
-from loopid.report.searches import groups_table, search_record, subgroup_facts
 from loopid.robot.closures import JointCoupling
 from loopid.robot.robot import Robot, shortened
 
@@ -37,6 +37,15 @@ MOST_TERMS = 6  # of a doubtful combination, in tables
 LEAST_RANK = 2  # of a closure that takes away freedoms of a flat loop
 FEW, SOME = 4, 8  # names, and closures, that the terminal shows; the page has all
 SCREEN, SHOWN = 30, 16  # base parameters that the terminal shows whole; of more, the first ones
+SEARCH = (
+    *("name", "criterion", "condition_number", "certified", "gap", "candidates", "evaluated"),
+    *("nodes", "ties", "tolerance", "reason", "seconds"),
+)
+ACCOUNT = (
+    *("variant", "rule", "alpha", "condition_limit", "group_size", "dependent"),
+    *("tried", "different", "valid"),
+)
+GROUP = "valid", "deficient", "least", "share"
 
 
 def check_report(robot: Robot) -> Report:
@@ -44,23 +53,35 @@ def check_report(robot: Robot) -> Report:
     found = check_record(robot)
     joints, *tables = check_tables(found)
     signs = list(_wrong(robot, found))
-    wrong = [_finding(text, do) for text, do in signs]
+    # What comes before the first comma or colon is the title.
+    titled = [(*re.split("[,:] ", f"{text}, ", maxsplit=1), do) for text, do in signs]
+    wrong = [Finding("warning", title, why.removesuffix(", "), do) for title, why, do in titled]
     closes = f"The robot closes its loops to {found['closure_residual']:.1e} m"
     first = "".join(f"{text}{f': {do}' * bool(do)}" for text, do in signs[:1])
     more = f", and {len(wrong) - 1} more below" if len(wrong) > 1 else ""
-    assumed = "" if found["motors_known"] else ", if all joints have motors"
+    ready = f"for identification{'' if found['motors_known'] else ', if all joints have motors'}"
     verdict = (
         (f"Look at this first: {first}{more}. " if wrong else "")
         + f"{closes if found['closures'] else 'The robot has no loops'}, has {_freedoms(found)} "
         f"and a singularity measure of {found['singularity_measure']:.3g} (1 is best)"
-        + ("." if wrong else f": ready for identification{assumed}.")
+        + ("." if wrong else f": ready {ready}.")
+    )
+    further = str(max(len(found["closures"]) - SOME, 0) or "")
+    few = {"further closures": further, **_summary(found, FEW)}
+    few = {name: text for name, text in few.items() if text}
+    freedoms, of_motors = _freedoms(found).split(" ", 1)
+    figures = (
+        Figure(freedoms, of_motors),
+        Figure(f"{found['closure_rank']}", "rows of closures count", f"of {found['closure_rows']}"),
+        Figure(f"{found['closure_residual']:.0e}", "largest residual of a loop", "m"),
+        Figure(f"{found['singularity_measure']:.3g}", "singularity measure, 1 is best"),
     )
     return Report(
         name="check",
         title=robot.name,
         verdict=verdict,
         record=found,
-        brief=[_closures_table("", found["closures"][:SOME]), facts("", _few(found))],
+        brief=[_closures_table("", found["closures"][:SOME]), facts("", few)],
         sections=lambda: [
             Section("Closures and mobility", tuple(tables), short="Mobility"),
             Section("Joints", (joints,)),
@@ -70,23 +91,8 @@ def check_report(robot: Robot) -> Report:
         card=Card(
             tone="rough" if wrong else "good",
             word="Look first" if wrong else "Ready",
-            use=f"{counted(len(wrong), 'warning')} below"
-            if wrong
-            else f"for identification{assumed}",
-            figures=(
-                Figure(
-                    str(found["degrees_of_freedom"]),
-                    "degrees of freedom",
-                    f"for {counted(len(found['actuated']), 'motor')}",
-                ),
-                Figure(
-                    str(found["closure_rank"]),
-                    "rows of the closures count",
-                    f"of {found['closure_rows']}",
-                ),
-                Figure(f"{found['closure_residual']:.0e}", "largest residual of a loop", "m"),
-                Figure(f"{found['singularity_measure']:.3g}", "singularity measure, 1 is best"),
-            ),
+            use=f"{counted(len(wrong), 'warning')} below" if wrong else ready,
+            figures=figures,
             next=wrong[0].do if wrong else "find what forces determine.",
         ),
     )
@@ -95,12 +101,6 @@ def check_report(robot: Robot) -> Report:
 def _freedoms(found: dict[str, Any]) -> str:
     freedoms, motors = found["degrees_of_freedom"], len(found["actuated"])
     return f"{counted(freedoms, 'degree')} of freedom for {counted(motors, 'motor')}"
-
-
-def _finding(text: str, do: str) -> Finding:
-    """What comes before the first comma or colon is the title."""
-    title, *why = re.split("[,:] ", text, maxsplit=1)
-    return Finding("warning", title, "".join(why), do)
 
 
 def _wrong(robot: Robot, found: dict[str, Any]) -> Iterator[tuple[str, str]]:
@@ -142,81 +142,69 @@ def _wrong(robot: Robot, found: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 def check_record(robot: Robot) -> dict[str, Any]:
     """All findings about a robot at its reference, ready for JSON."""
-    found = mobility(robot)
+    found, compared = mobility(robot), compare_modes(robot)
     measure = float(singularity_measure(robot, robot.reference[None])[0])
-    return {
-        "mechanism": robot.name,
-        "joints": [_joint(robot, name) for name in robot.joints],
-        "bodies": list(robot.links),
-        "closures": list(_closures(robot)),
-        "closure_rows": found.rows,
-        "closure_rank": found.rank,
-        "rank_gap": json_value(found.rank_gap),
-        "least_singular_value": found.least,
-        "redundant_rows": found.rows - found.rank,
-        "coordinates": robot.model.nv,
-        **json_fields(found, "degrees_of_freedom", "generic_degrees_of_freedom"),
-        "singular_reference": found.singular,
-        **json_fields(robot, "actuated", "passive", "independent"),
-        "undetermined": list(robot.free),
-        "motors_known": robot.motors_known,
-        "held_motors": list(found.held),
-        "undeclared_loops": [*map(str, robot.undeclared)],
-        "redundant_actuation": list(robot.redundant),
-        "closure_residual": found.residual,
-        "singularity_measure": measure,
-        "near_singularity": measure < NEAR_SINGULARITY,
-        "characteristic_length": robot.length,
-        "identical": {group.name: list(group.links) for group in robot.identical},
-        "unequal_links": list(unequal_links(robot)),
-        "odd_masses": list(odd_masses(robot)),
-        "inertia_defects": [str(defect) for defect in inertia_defects(robot)],
-        "assembly_modes": list(_modes(robot)),
-        "in_file_not_in_model": [_file_force(force) for force in file_forces(robot)],
-    }
-
-
-def _file_force(force: FileForce) -> dict[str, Any]:
-    return {
-        "what": force.what,
-        "joint": force.joint or None,
-        "term": force.kind or None,
-        "value": json_value(force.value),
-        "unit": force.unit or None,
-        "relative_size": json_value(force.size),
-        "included_by": f'terms="{OF_FILE}"' if force.kind else None,
-    }
+    modes = zip(compared.modes, compared.ranks, strict=True)
+    record: dict[str, Any] = json_value(
+        {
+            "mechanism": robot.name,
+            "joints": [_joint(robot, name) for name in robot.joints],
+            "bodies": robot.links,
+            "closures": list(_closures(robot)),
+            "closure_rows": found.rows,
+            "closure_rank": found.rank,
+            "rank_gap": found.rank_gap,
+            "least_singular_value": found.least,
+            "redundant_rows": found.rows - found.rank,
+            "coordinates": robot.model.nv,
+            **json_fields(found, "degrees_of_freedom", "generic_degrees_of_freedom"),
+            "singular_reference": found.singular,
+            **json_fields(robot, "actuated", "passive", "independent", "motors_known"),
+            "undetermined": robot.free,
+            "held_motors": found.held,
+            "undeclared_loops": [*map(str, robot.undeclared)],
+            "redundant_actuation": robot.redundant,
+            "closure_residual": found.residual,
+            "singularity_measure": measure,
+            "near_singularity": measure < NEAR_SINGULARITY,
+            "characteristic_length": robot.length,
+            "identical": {group.name: group.links for group in robot.identical},
+            "unequal_links": list(unequal_links(robot)),
+            "odd_masses": list(odd_masses(robot)),
+            "inertia_defects": [*map(str, inertia_defects(robot))],
+            "assembly_modes": [  # that the drawn pose leaves a choice of; the first one is used
+                {
+                    **{"mode": k, "used": k == 1, "rank": rank, "distance": mode.distance},
+                    **{"meets_drawn_pose": mode.continues, "parallel_pairs": mode.parallel},
+                    "reference": robot.reference_values(mode.reference),
+                }
+                for k, (mode, rank) in enumerate(modes, start=1)
+            ],
+            "in_file_not_in_model": [
+                {
+                    **{"what": force.what, "value": force.value, "relative_size": force.size},
+                    **{"joint": force.joint or None, "term": force.kind or None},
+                    **{"unit": force.unit or None},
+                    "included_by": f'terms="{OF_FILE}"' if force.kind else None,
+                }
+                for force in file_forces(robot)
+            ],
+        }
+    )
+    return record
 
 
 def _joint(robot: Robot, name: str) -> dict[str, Any]:
     joint, reference = robot.joint(name), robot.reference_values(robot.reference)[name]
-    limits = [json_value(end) for end in robot.limits(name)] if joint.nv == 1 else [None] * 2
+    lower, upper = robot.limits(name) if joint.nv == 1 else (None, None)
     kind = KINDS.get(joint.shortname().removeprefix("JointModel"), "other")
     if joint.nv == 1:
         kind = "prismatic" if joint.idx_v in robot.prismatic else "revolute"
     return {
-        "name": name,
-        "type": kind,
-        "actuated": name in robot.actuated,
+        **{"name": name, "type": kind, "actuated": name in robot.actuated},
         "reference": reference if isinstance(reference, list) else [reference],
-        "lower": limits[0],
-        "upper": limits[1],
+        **{"lower": lower, "upper": upper},
     }
-
-
-def _modes(robot: Robot) -> Iterator[dict[str, Any]]:
-    """Assembly modes that the drawn pose leaves a choice of; the first one is used."""
-    compared = compare_modes(robot)
-    for k, (mode, rank) in enumerate(zip(compared.modes, compared.ranks, strict=True), start=1):
-        yield {
-            "mode": k,
-            "used": k == 1,
-            "rank": rank,
-            "distance": mode.distance,
-            "meets_drawn_pose": mode.continues,
-            "parallel_pairs": mode.parallel,
-            "reference": robot.reference_values(mode.reference),
-        }
 
 
 def _closures(robot: Robot) -> Iterator[dict[str, Any]]:
@@ -226,11 +214,9 @@ def _closures(robot: Robot) -> Iterator[dict[str, Any]]:
     for closure in closures:
         rows, ties = slice(first, first + closure.rows), isinstance(closure, JointCoupling)
         yield {
-            "name": closure.name,
+            **{"name": closure.name, "type": closure.kind, "rows": closure.rows},
             "frames": [] if ties else [closure.frame_a, closure.frame_b],
-            "joints": list(closure.joints) if ties else [],
-            "type": closure.kind,
-            "rows": closure.rows,
+            "joints": closure.joints if ties else [],
             "rank": int(Factorisation.of(jacobian[:, rows]).rank[0]),
             "residual": float(np.abs(residual[:, rows]).max()),
         }
@@ -256,13 +242,13 @@ def check_tables(record: dict[str, Any]) -> list[Table]:
         "meets the drawn pose": lambda mode: "yes" if mode["meets_drawn_pose"] else "no",
         ">parallel pairs": "parallel_pairs",
     }
-    left_out_title = "in the file, not in the model of rigid bodies"
+    of_file, left_out_title = record["in_file_not_in_model"], "in the file, not in the model"
     modes_title = "assembly modes of the drawn pose; the first is used"
     tables = [
         table_of("joints (m, rad)", joints, record["joints"]),
         _closures_table("closures", record["closures"]),
         facts("at the reference", {n: text or "none" for n, text in _summary(record).items()}),
-        table_of(left_out_title, left_out, record["in_file_not_in_model"]),
+        table_of(left_out_title, left_out, of_file),
         table_of(modes_title, modes, record["assembly_modes"]),
     ]
     tables = [table for table in tables if table.row_count]
@@ -288,6 +274,7 @@ def _summary(record: dict[str, Any], most: int | None = None) -> dict[str, str]:
         more = [f"... ({len(names)} in all)"] if most is not None and len(names) > most else []
         return between.join([*names[:most], *more])
 
+    forces, modes = len(record["in_file_not_in_model"]), len(record["assembly_modes"])
     rank = f"{record['closure_rank']} of {record['closure_rows']} rows"
     rank += f", {record['redundant_rows']} redundant" if record["redundant_rows"] else ""
     freedom = f"{record['degrees_of_freedom']}"
@@ -309,19 +296,9 @@ def _summary(record: dict[str, Any], most: int | None = None) -> dict[str, str]:
         "not identical in the file": listed(record["unequal_links"], "; "),
         "odd masses": listed(record["odd_masses"], "; "),
         "physically inconsistent": listed(record["inertia_defects"], "; "),
+        "in the file, not in the model": f"{forces} forces or gears" if forces else "",
+        "assembly modes": f"{modes}, of which the first is used" if modes else "",
     }
-
-
-def _few(record: dict[str, Any]) -> dict[str, str]:
-    """The summary for the terminal, and what else the page has tables of."""
-    forces, modes = record["in_file_not_in_model"], record["assembly_modes"]
-    said = {
-        "further closures": str(max(len(record["closures"]) - SOME, 0) or ""),
-        **_summary(record, FEW),
-        "in the file, not in the model": f"{len(forces)} forces or gears" if forces else "",
-        "assembly modes": f"{len(modes)}, of which the first is used" if modes else "",
-    }
-    return {name: text for name, text in said.items() if text}
 
 
 def base_report(
@@ -342,6 +319,14 @@ def base_report(
     )
     search, sure = found["search"], not found["rank_bounds"] and not found["doubtful"]
     best: Tone = "good" if search["certified"] else "rough"
+    proven = "proven best" if search["certified"] else "not proven"
+    figures = (
+        Figure(f"{found['rank']}", "combinations", f"of {found['standard_parameters']} parameters"),
+        Figure(f"{found['rank_gap'] or math.inf:.1e}", "gap of singular values"),
+        Figure(_conditions(found).split(", ")[0], "cond(V22), 1 is best"),
+        Figure(f"{search['candidates']:.3g}", "choices that were searched"),
+    )
+    tried = (search_chart([base.search]), groups_table(search)) if search["subgroups"] else ()
     return Report(
         name="base",
         title=f"{robot.name}, {model} model",
@@ -350,36 +335,22 @@ def base_report(
         brief=[_first_parameters(found), *([facts("", account)] if account else [])],
         sections=lambda: [
             Section("Base parameters", (parameters,)),
-            *_subgroup_sections(base, search),
+            *([Section("Subgroup search", tried)] if tried else []),
             Section("How sure they are", tuple(others)),
         ],
         pictures=lambda: (robot_chart(robot),),
         card=Card(
             tone=best if sure else "rough",
-            word="Proven best" if search["certified"] else "Not proven",
+            word=proven.capitalize(),
             use=certificate(search).removeprefix("proven best, "),
             chips=(
                 ("good" if sure else "rough", f"Rank: {'clear' if sure else 'not clear'}"),
-                (best, f"Choice: {'proven best' if search['certified'] else 'not proven'}"),
+                (best, f"Choice: {proven}"),
             ),
-            figures=(
-                Figure(
-                    str(found["rank"]),
-                    "identifiable combinations",
-                    f"of {found['standard_parameters']} parameters",
-                ),
-                Figure(f"{found['rank_gap'] or math.inf:.1e}", "gap of singular values"),
-                Figure(_conditions(found).split(", ")[0], "cond(V22), 1 is best"),
-                Figure(f"{search['candidates']:.3g}", "choices that were searched"),
-            ),
+            figures=figures,
             next="design a motion that excites them.",
         ),
     )
-
-
-def _subgroup_sections(base: BaseParameters, search: dict[str, Any]) -> Iterator[Section]:
-    if search["subgroups"]:
-        yield Section("Subgroup search", (search_chart([base.search]), groups_table(search)))
 
 
 def base_record(
@@ -406,12 +377,13 @@ def base_record(
 
 def _choice(base: BaseParameters) -> dict[str, Any]:
     """Rank, search and parameters."""
+    doubtful = "singular_value", "rounding", "source"
     return {
         "nonzero_parameters": len(base.structure.columns),
         **json_fields(base.structure, "rank", "rank_gap", "rank_bounds"),
         "doubtful": [
             {"expression": expression(one.terms), "terms": dict(one.terms)}
-            | json_fields(one, "singular_value", "rounding", "source")
+            | json_fields(one, *doubtful)
             for one in base.doubtful
         ],
         **json_fields(base, "condition_number", "nullspace_condition_number"),
@@ -477,11 +449,12 @@ def _conditions(record: dict[str, Any]) -> str:
 
 
 def _findings(record: dict[str, Any]) -> dict[str, str]:
-    search = record["search"]
+    search, alone = record["search"], record["motors_alone"]
     nodes = f", {search['nodes']:,} nodes of the search tree" if search["nodes"] else ""
-    effect = f"{record['nonzero_parameters']} of {record['standard_parameters']}"
     rows = {
-        "parameters with an effect": effect,
+        "parameters with an effect": (
+            f"{record['nonzero_parameters']} of {record['standard_parameters']}"
+        ),
         "base parameters": f"{record['rank']} ({_gap(record)})",
         "combinations": f"{search['candidates']:,}",
         "search": f"{search['name']}, criterion {search['criterion']}",
@@ -491,14 +464,14 @@ def _findings(record: dict[str, Any]) -> dict[str, str]:
         "looked at one by one": f"{search['evaluated']:,}{nodes}",
         "time": f"{1e3 * search['seconds']:.3g} ms",
     }
-    if alone := record["motors_alone"]:
+    if record["undetermined"]:
         free = ", ".join(record["undetermined"])
-        rows["sensed by the motors alone"] = (
-            f"{alone['rank']} base parameters ({_gap(alone)}), without the rows '= 0' of {free}; "
-            f"{certificate(alone['search'])}"
-        )
-    elif record["undetermined"]:
         rows["sensed by the motors alone"] = "no parameter: only rows '= 0' have an effect"
+        if alone:
+            rows["sensed by the motors alone"] = (
+                f"{alone['rank']} base parameters ({_gap(alone)}), without the rows '= 0' of "
+                f"{free}; {certificate(alone['search'])}"
+            )
     return rows
 
 
@@ -528,6 +501,69 @@ def _rounded_up(value: float) -> str:
     return f"{float(Context(prec=3, rounding=ROUND_CEILING).create_decimal(repr(value))):.3g}"
 
 
+def search_record(search: SearchResult, labels: Sequence[str]) -> dict[str, Any]:
+    """A search ready for JSON, with the labels of the columns that have an effect."""
+    account, found = search.subgroups, None
+    if account is not None:
+        found = json_fields(account, *ACCOUNT) | {
+            "found_in": None if account.found_in is None else account.found_in + 1,
+            "groups": [
+                {
+                    "rows": [labels[row] for row in group.rows],
+                    "tried": len(group),
+                    **json_fields(group, *GROUP),
+                    "removed": None if group.removed is None else labels[group.removed],
+                    "added": None if group.added is None else labels[group.added],
+                }
+                for group in account.groups
+            ],
+        }
+    return {**json_fields(search, *SEARCH), "subgroups": found}
+
+
+def subgroup_facts(search: dict[str, Any]) -> dict[str, str]:
+    """What a subgroup search did, from its record."""
+    account = search["subgroups"]
+    groups, limit = account["groups"], account["condition_limit"]
+    n, alpha = account["group_size"], account["alpha"]
+    found = "none is valid"
+    if account["found_in"] is not None:
+        found = f"cond(V22) {search['condition_number']:.4f}"
+        if search["criterion"] == "regressor":
+            found = f"cond(W_B) {search['condition_number']:.5g}"
+        found += f", first in group {account['found_in']} of {len(groups)}"
+    return {
+        "subgroups": f"{len(groups)} of n* = {n} rows (alpha {alpha:g})",
+        "combinations tried": (
+            f"{account['tried']:,} of {search['candidates']:,}, {account['different']:,} of them "
+            "different"
+        ),
+        "valid": (
+            f"{account['valid']:,}, of full rank ({account['rule']}), cond(V22) below {limit:g}"
+        ),
+        "best of them": found,
+    }
+
+
+def groups_table(search: dict[str, Any], title: str = "subgroups in turn") -> Table:
+    """A line a group, from the record of a search: what was valid, which row went, which came."""
+    columns = {
+        ">": lambda pair: str(pair[0]),
+        ">valid": lambda pair: f"{pair[1]['valid']:,}",
+        ">deficient": lambda pair: f"{pair[1]['deficient']:,}",
+        ">least": lambda pair: number(pair[1]["least"], 5),
+        "removed": lambda pair: pair[1]["removed"] or "",
+        ">share": lambda pair: f"{pair[1]['share']:.0%}" if pair[1]["removed"] else "",
+        "added": lambda pair: pair[1]["added"] or "",
+    }
+    table = table_of(title, columns, enumerate(search["subgroups"]["groups"], start=1))
+    table.caption = (
+        "removed: the row in the largest share of the worse half of the invalid combinations; "
+        "deficient: in rank; least: condition number of the best valid one"
+    )
+    return table
+
+
 def motions_report(
     robot: str, reviews: Mapping[str, MotionReview], seconds: Mapping[str, float]
 ) -> Report:
@@ -545,13 +581,9 @@ def motions_report(
         f"least singularity measure is {min(m['singularity'] for m in motions):.3g}"
         + (f"; {wrong[0]['name']}: {wrong[0]['problems'][0]}." if wrong else ".")
     )
-    return Report(
-        name="motions",
-        title=f"{robot}: motions",
-        verdict=verdict,
-        record=found,
-        brief=[motions_table(found)],
-    )
+    table = motions_table(found)
+    title = f"{robot}: motions"
+    return Report(name="motions", title=title, verdict=verdict, record=found, brief=[table])
 
 
 def motions_record(
@@ -562,16 +594,15 @@ def motions_record(
     for name, review in reviews.items():
         limited = [r for r in review.ranges if math.isfinite(r.clearance)]
         nearest = min(limited, key=lambda r: r.clearance, default=None)
-        motions.append(
-            {
-                "name": name,
-                "seconds": seconds[name],
-                "ranges": {r.joint: [r.lowest, r.highest] for r in review.ranges},
-                "nearest_limit": None if nearest is None else nearest.joint,
-                "clearance": None if nearest is None else nearest.clearance,
-                **json_fields(review, "singularity", "singular_time", "speeds", "problems"),
-            }
-        )
+        found = {
+            "name": name,
+            "seconds": seconds[name],
+            "ranges": {r.joint: [r.lowest, r.highest] for r in review.ranges},
+            "nearest_limit": nearest and nearest.joint,
+            "clearance": nearest and nearest.clearance,
+        }
+        checked = "singularity", "singular_time", "speeds", "problems"
+        motions.append(found | json_fields(review, *checked))
     return {"mechanism": robot, "motions": motions}
 
 
