@@ -117,7 +117,7 @@ def test_intervals_hold_a_spring_that_is_likely_but_not_clear(robot, model):
 def test_a_spring_that_would_not_show_is_said_with_its_size(robot, model):
     found = quietly(identify, model, [run(robot)])
     hidden = [each for each in found.missing if each.told == "hidden"]
-    (one,) = [each for each in found.findings if "a spring of" in each.title]
+    (one,) = [each for each in found.findings if "may hide a spring" in each.title]
     assert one.severity == "note"
     assert f"{hidden[0].number:.3g} N m/rad" in one.why
     # One of half that size does not show, and moves an estimate by more than its interval.
@@ -153,6 +153,18 @@ def test_a_length_that_is_off_is_named(robot, model):
     assert 0.005 < abs(length.number) < 0.04
     assert any("lengths of the robot file" in each.title for each in found.findings)
     assert "as parameters" not in str(found.verdict)
+
+
+def test_intervals_hold_a_length_that_is_off_by_less_than_is_clear(robot, model):
+    true = run(longer(robot, 0.0018))
+    there = as_in_the_file(robot, true.motion)
+    found = quietly(identify, model, [Recording.of_motion(there, true.force, robot.actuated)])
+    (length,) = [each for each in found.missing if each.told == "likely"]
+    assert not length.motor
+    assert any("are perhaps off" in each.title for each in found.findings)
+    assert off(found, robot).max() < 2.5
+    plain = found["consistent"].fit.covariance - np.outer(length.bias, length.bias)
+    assert (np.sqrt(np.diag(plain)) < found.fit.standard_errors / 2).any()
 
 
 def test_forces_of_a_length_are_those_of_a_robot_with_that_length(robot, model):

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from loopid.arguments import FloatArray
-from loopid.findings import Finding
+from loopid.findings import Finding, Severity
 from loopid.identification.correlation import (
     Autoregression,
     Spectra,
@@ -124,40 +124,35 @@ def missing_findings(missing: Sequence[MissingForce]) -> tuple[Finding, ...]:
 
 
 def _finding(alike: Sequence[MissingForce]) -> Finding:
-    first = alike[0]
-    do = first.do.replace("{terms}", "; ".join(f"{each.motor}: {each.term}" for each in alike))
-    motors = first.motor + (f" and {len(alike) - 1} more" if len(alike) > 1 else "")
-    number = f", {first.number:.3g} {first.unit}" if first.number else ""
-    if first.told == "hidden":
-        return Finding(
-            "note",
-            f"a spring of {motors} would not show",
-            f"up to {number.lstrip(', ')} may be taken for gravity, which {first.effect}; "
-            "intervals hold without one",
-            do,
-        )
-    if first.told == "likely":
-        return Finding(
-            "note",
-            f"force of {motors} perhaps {first.law}",
-            f"it {first.effect}; intervals allow for it",
-            do,
-        )
+    first, clear = alike[0], alike[0].told == "clear"
+    severity: Severity = "warning" if clear else "note"
+    perhaps, allowed = ("", "") if clear else (" perhaps", "; intervals allow for it")
     if not first.motor:
         return Finding(
-            "warning",
-            "lengths of the robot file do not fit the forces",
-            f"{100 * first.number:+.2g} % at {first.law} would, or others; {first.effect}",
+            severity,
+            f"lengths of the robot file are{perhaps} off",
+            f"{100 * first.number:+.2g} % at {first.law} would, or others; {first.effect}{allowed}",
             first.do,
         )
-    sizes = (
+    do = first.do.replace("{terms}", "; ".join(f"{each.motor}: {each.term}" for each in alike))
+    motors = first.motor + (f" and {len(alike) - 1} more" if len(alike) > 1 else "")
+    number = f"{first.number:.3g} {first.unit}"
+    if first.told == "hidden":
+        return Finding(
+            severity,
+            f"{motors} may hide a spring",
+            f"up to {number} may be taken for gravity, which {first.effect}; intervals hold "
+            "without one",
+            do,
+        )
+    sizes = ", ".join(
         f"{each.motor} {each.size:.2g} ({100 * each.share:.2g} % of its force, {each.effect})"
         for each in alike
     )
     return Finding(
-        "warning",
-        f"force of {motors} {first.law}{number}",
-        "root mean squares in N or N m: " + ", ".join(sizes),
+        severity,
+        f"force of {motors}{perhaps} {first.law}" + (f", {number}" if clear and first.unit else ""),
+        f"root mean squares in N or N m: {sizes}{allowed}",
         do,
     )
 
@@ -262,8 +257,8 @@ def missing_forces(
         search = _Search(fit, force_model, recordings)
         found = [each for motor in search.motors for each in search.of_motor(motor)]
         length = _wrong_length(fit, force_model, recordings, search.families)
-    least = min((each.chance for each in found if each.told == "clear"), default=1.0)
-    if length is not None and length.chance < least:
+    clear = [each.chance for each in found if each.told == "clear"]
+    if length is not None and (length.told == "likely" or length.chance < min(clear, default=1.0)):
         found.insert(0, length)
     return tuple(each for each in found if each.matters)
 
@@ -271,7 +266,7 @@ def missing_forces(
 def _wrong_length(
     fit: WorkingFit, force_model: ForceModel, recordings: Sequence[Recording], families: int
 ) -> MissingForce | None:
-    """The likeliest length of the robot file that is off, if one clearly is.
+    """The likeliest length of the robot file that is off, if one clearly or likely is.
 
     Of evenly spread samples: more hardly add what is independent, and loops are closed for each.
     """
@@ -289,21 +284,22 @@ def _wrong_length(
     thinned = WorkingFit(result, replace(samples, **chosen, instruments=None), fit.prior)
     fit = _refitted(thinned)
     runs = [run.select(every) for run in recordings]
-    test, least, best = _Test(fit), CHANCE, None
+    test, tried = _Test(fit), dict[str, tuple[float, FloatArray, FloatArray]]()
     lengths = length_forces(force_model, standard, runs)
     for place, force in lengths.items():
         chance, x, _, bias = test.of(force[:, :, None])
-        if families * len(lengths) * chance < least:
-            least, best = families * len(lengths) * chance, (place, force, x, bias)
-    if best is None:
+        tried[place] = chance, x, bias
+    if not tried:
         return None
-    place, force, x, bias = best
-    least = families * len(lengths) * test.confirmed(force[:, :, None])
+    place = min(tried, key=lambda each: tried[each][0])
+    (least, x, bias), force = tried[place], lengths[place]
+    least = len(lengths) * (test.confirmed(force[:, :, None]) if least < CHANCE else least)
     if least >= CHANCE:
         return None
+    told = "clear" if families * least < CHANCE else "likely"
     left = _LeftOut.of(fit, runs).ratio(force[:, :, None])
-    told = "", place, least, force * x, left, bias, MEASURE
-    return test.missing(*told, number=float(x[0]))
+    known = "", place, least, force * x, left, bias, MEASURE
+    return test.missing(*known, told=told, number=float(x[0]))
 
 
 def with_missing(fit: Fit, missing: Sequence[MissingForce]) -> Fit:
@@ -603,11 +599,12 @@ class _Search:
         law, number = one.law, one.number
         columns = self._columns(motor, law, number)
         left = 1.0 if told == "hidden" else self.left.ratio(columns)  # takes as long as a fit
-        unit = "times a metre" if slides else "times a turn"
-        if law.term:
+        unit = ""
+        if law is WAVES:
+            unit = "times a metre" if slides else "times a turn"
+            number /= 2 * np.pi if slides else 1.0
+        elif law.term:
             number, unit = float(one.x[0]), "N/m" if slides else "N m/rad"
-        elif slides:
-            number /= 2 * np.pi
         return self.test.missing(
             *(motor, law.said, one.chance, columns @ one.x, left, one.bias, law.do),
             told=told,
