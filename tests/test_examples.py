@@ -68,7 +68,7 @@ def words(text):
     return re.sub(r"[-\d.,e+∞]*\d[-\d.,e+∞]*", "#", text).split()
 
 
-@pytest.mark.usefixtures("bundled_once")
+@pytest.mark.usefixtures("bundled_once", "nothing_suspected", "no_delay_sought")
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("book", sorted(FOLDER.glob("*.ipynb")), ids=lambda book: book.stem)
 def test_a_notebook_shows_what_it_is_kept_with(book, monkeypatch, tmp_path):

@@ -21,8 +21,6 @@ from loopid.motion import JointMotion
 from loopid.report import identification_report
 from made_runs import quietly
 
-pytestmark = pytest.mark.usefixtures("nothing_suspected")
-
 DRAWS = 25
 NOISE = 0.1
 

@@ -294,25 +294,28 @@ def test_samples_keep_the_columns_that_other_loads_leave(load_once):
 
 
 @pytest.fixture(scope="module")
-def fine_log(robot):
-    """A log with plain friction at 200 Hz, and its rates."""
+def sticking(robot):
+    """Recordings at 200 Hz with some parts less Coulomb friction at rest than in motion."""
     terms = JointTerms.with_values(robot, "Fc=0.1,Fv=0.05")
     motion = wander(robot, 3, 20.0, 200.0, size=(0.4, 0.4))
     made = simulated(robot, motion, None, standard=scaled_bodies(robot, 0.2), terms=terms)
-    return made, np.gradient(made.position, made.time, axis=0)
+    rate = np.gradient(made.position, made.time, axis=0)
+    idle = np.abs(rate) < 0.05 * np.percentile(np.abs(rate), 99, axis=0)
+    error = 1e-3 * np.random.default_rng(0).normal(size=rate.shape)
+
+    def recorded(less):
+        force = made.exact_force - less * 0.1 * np.sign(rate) * idle + error
+        log = unchecked(made.time, made.position, force, robot.actuated)
+        return loopid.prepare(robot, log, filter=FilterOptions(cutoff=4.0))
+
+    return recorded
 
 
 @pytest.mark.parametrize("less", [-0.5, 0.0, 0.5])
-def test_friction_that_is_less_at_rest_is_no_shape_of_it(robot, fine_log, less):
+def test_friction_that_is_less_at_rest_is_no_shape_of_it(robot, sticking, less):
     """Beside reversals the filter shows it; more friction at rest is that of a curve."""
-    made, rate = fine_log
-    idle = np.abs(rate) < 0.05 * np.percentile(np.abs(rate), 99, axis=0)
-    force = made.exact_force - less * 0.1 * np.sign(rate) * idle
-    force += 1e-3 * np.random.default_rng(0).normal(size=force.shape)
-    model = loopid.force_model(robot, "full")
-    log = unchecked(made.time, made.position, force, robot.actuated)
-    recording = loopid.prepare(robot, log, filter=FilterOptions(cutoff=4.0))
-    data = model.samples(recording)
+    recording = sticking(less)
+    data = loopid.force_model(robot, "full").samples(recording)
     weights = error_weights(data.problem, quiet_fit(data).noise)
     columns = friction_at_rest(data, [recording], weights)
     assert columns.any(axis=0).tolist() == [less > 0] * 2
@@ -322,3 +325,9 @@ def test_friction_that_is_less_at_rest_is_no_shape_of_it(robot, fine_log, less):
             for fit in (quiet_fit(data), quiet_fit(data.apart_from(columns)))
         )
         assert np.abs(without - 0.1).max() < 1e-3 < 2e-3 < np.abs(beside - 0.1).max()
+
+
+def test_errors_on_regions_hold_what_is_set_apart(model, sticking):
+    """As other errors do: forces that are predicted have it, too."""
+    best = quietly(identify, model, [sticking(0.5)])["consistent"]
+    assert (best.regions >= best.fit.quality.residual_rms).all()

@@ -296,9 +296,10 @@ def _wrong_length(
     least = len(lengths) * (test.confirmed(force[:, :, None]) if least < CHANCE else least)
     if least >= CHANCE:
         return None
-    told = "clear" if families * least < CHANCE else "likely"
+    clear = families * least < CHANCE
+    told, chance = ("clear", families * least) if clear else ("likely", least)
     left = _LeftOut.of(fit, runs).ratio(force[:, :, None])
-    known = "", place, least, force * x, left, bias, MEASURE
+    known = "", place, chance, force * x, left, bias, MEASURE
     return test.missing(*known, told=told, number=float(x[0]))
 
 

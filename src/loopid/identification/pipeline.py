@@ -225,7 +225,7 @@ def identify(
         delay.warn()
     excited.warn()
     warn_of_fitted(training, judging)
-    regions = None if solid is None else _errors_by_region(solid)
+    regions = None if solid is None else _errors_by_region(solid, data)
     judged = _judged(fits, data, new, left, regions)
     if CONSISTENT in fits:
         # The gears carry the bodies that are recommended.
@@ -306,10 +306,13 @@ def _sampled(
     return chosen, *((data, first) if chosen is force_model else samples(chosen))
 
 
-def _errors_by_region(fit: WorkingFit) -> FloatArray:
-    """Root mean squares (dof,) on regions of states, by estimates without each."""
-    forces = Jackknife.of(fit, fit.samples.regions).predicted(fit)
-    return quality_of(fit.samples, forces).residual_rms
+def _errors_by_region(fit: WorkingFit, data: FitSamples) -> FloatArray:
+    """Root mean squares (dof,) on regions of states of some data, by estimates without each.
+
+    The fit may set a part of the forces apart, which its errors on the data hold.
+    """
+    left_out = Jackknife.of(fit, data.regions)
+    return quality_of(data, left_out.predicted(replace(fit, samples=data))).residual_rms
 
 
 def _refits(
