@@ -411,7 +411,7 @@ def test_a_base_that_is_not_mounted_as_the_file_has_it_is_named(mounted, gravity
         return log_faults(robot, [quietly(loopid.prepare, robot, log, filter=filtered)]).mistakes
 
     (found,) = suspected(drawn)
-    assert found.title == "gravity has another direction than in the robot file"
+    assert found.title == "gravity has another direction than in the file"
     advised = map(float, re.search(r"gravity: \[(.*)\]", found.do)[1].split(","))
     assert tuple(advised) == pytest.approx(gravity, abs=1e-3)
     assert suspected(hung) == ()

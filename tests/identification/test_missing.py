@@ -49,9 +49,9 @@ def clear(found):
 
 
 LAWS = {
-    "waves over its position": lambda t, q, v, a: 0.05 * np.sin(20 * q + 1.0),
+    "waves over position": lambda t, q, v, a: 0.05 * np.sin(20 * q + 1.0),
     "drifts in time": lambda t, q, v, a: np.sign(v[:, 0]) * (t - 10) / 10 * 0.06,
-    "grows with its position": lambda t, q, v, a: 2.0 * (q - q.mean()),
+    "grows with position": lambda t, q, v, a: 2.0 * (q - q.mean()),
     f"follows the motion of {RIGHT}": lambda t, q, v, a: 0.1 * v[:, 1],
 }
 
@@ -70,15 +70,17 @@ def test_a_missing_force_is_named_with_its_size_and_what_it_would_save(robot, mo
     (finding,) = [each for each in found.findings if LEFT in each.title and law in each.title]
     assert finding.severity == "warning"
     assert "% smaller" in finding.why
+    assert finding.why.startswith(f"{own[0].number:.3g} {own[0].unit};" if own[0].unit else "root")
+    assert len(finding.title.split()) <= 8
     assert len(finding.brief) <= 2 * 80 - len("warning: ")
     assert finding.do in finding.brief
     assert "as parameters" not in str(found.verdict)
 
 
 def test_what_advice_prints_takes_the_spring_away(robot):
-    recording = run(robot, LAWS["grows with its position"])
+    recording = run(robot, LAWS["grows with position"])
     found = quietly(identify, loopid.force_model(robot, "full"), [recording])
-    finding = next(each for each in found.findings if "grows with its position" in each.title)
+    finding = next(each for each in found.findings if "grows with position" in each.title)
     terms = finding.do.split('terms="')[1].split('"')[0]
     again = quietly(identify, loopid.force_model(robot, "full", terms), [recording])
     assert not clear(again)
@@ -88,7 +90,7 @@ def test_what_advice_prints_takes_the_spring_away(robot):
 def test_a_spring_that_moves_estimates_and_hardly_any_error_is_named(robot, model):
     spring = run(robot, lambda t, q, v, a: q - q.mean())
     (own,) = clear(quietly(identify, model, [spring]))
-    assert own.law == "grows with its position"
+    assert own.law == "grows with position"
     assert own.left > 0.9
     assert own.moved > 10
     assert "standard errors" in own.effect
@@ -108,7 +110,8 @@ def test_intervals_hold_a_spring_that_is_likely_but_not_clear(robot, model):
     found = quietly(identify, model, [run(robot, lambda t, q, v, a: 0.8 * (q - q.mean()))])
     assert not clear(found)
     (spring,) = [each for each in found.missing if each.told == "likely"]
-    assert spring.law == "grows with its position"
+    assert spring.law == "grows with position"
+    assert any(each.title == f"perhaps a spring at {spring.motor}" for each in found.findings)
     assert off(found, robot).max() < 2.5
     plain = found["consistent"].fit.covariance - np.outer(spring.bias, spring.bias)
     assert (np.sqrt(np.diag(plain)) < found.fit.standard_errors / 10).any()

@@ -143,4 +143,5 @@ def test_findings_are_two_lines_at_most_the_most_important_first(identified, wro
     assert order == sorted(order)
     for each in found.findings:
         assert len(f"{each.severity}: {each.title}") <= 80
+        assert len(each.title.split()) <= 8
         assert len(f"{each.severity}: {each.brief}") <= 2 * 80

@@ -412,7 +412,7 @@ def _turned(model: Evidence, found: Explanation, clear: Sequence[_Find]) -> Find
     given = "[" + ", ".join(f"{x + 0.0:.4g}" for x in size * axes[k]) + "]"
     return Finding(
         "mistake",
-        "gravity has another direction than in the robot file",
+        "gravity has another direction than in the file",
         f"as where a base hangs, or is on a wall (evidence e^{turned - usual:.0f})",
         f"write gravity: {given} into a YAML that names the robot file as its urdf",
     )

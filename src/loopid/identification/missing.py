@@ -149,10 +149,11 @@ def _finding(alike: Sequence[MissingForce]) -> Finding:
         f"{each.motor} {each.size:.2g} ({100 * each.share:.2g} % of its force, {each.effect})"
         for each in alike
     )
+    said = f"{number}; " if clear and first.unit else ""
     return Finding(
         severity,
-        f"force of {motors}{perhaps} {first.law}" + (f", {number}" if clear and first.unit else ""),
-        f"root mean squares in N or N m: {sizes}{allowed}",
+        f"{motors}: force {first.law}" if clear else f"perhaps a spring at {motors}",
+        f"{said}root mean squares in N or N m: {sizes}{allowed}",
         do,
     )
 
@@ -224,17 +225,17 @@ def _coupling(other: str) -> Callable[[States, str, float], list[FloatArray]]:
 COUPLED = "look for a gear, a belt, or a cross-talk of their sensors"
 MEASURE = "measure the links, or take their lengths from a calibration"
 WAVES = _Law(
-    "waves over its position",
+    "waves over position",
     "look at its gear and motor: teeth, poles, a bent shaft",
     _waves,
 )
 DEFAULT = 'let the data choose: terms="auto"'
 LAWS = (
     _Law("drifts in time", "warm the robot up, or fit shorter logs", _drift),
-    _Law("grows with its position", 'add springs: terms="auto; {terms}"', _spring, ("Ks",), "Ks"),
+    _Law("grows with position", 'add springs: terms="auto; {terms}"', _spring, ("Ks",), "Ks"),
     _Law("differs by direction", DEFAULT, _direction, ("Fa", "Fo", "Fc+")),
     _Law("grows with load", DEFAULT, _load, ("Ft", "Fl")),
-    _Law("is curved over its rate", DEFAULT, _curve, ("Fk", "Fs")),
+    _Law("is curved over rate", DEFAULT, _curve, ("Fk", "Fs")),
 )
 
 
