@@ -52,7 +52,7 @@ def covered(result, truth=TRUTH):
 
 
 def assert_coverage(rates, slack=0.015):
-    """95 % intervals covered the true values (runs, n) at their rate, as far as so many runs tell.
+    """95 % intervals covered the true values (runs, n) at their rate, as far as the runs tell.
 
     Each parameter by 4 binomial standard deviations, their mean by 2, and some slack.
     """

@@ -40,7 +40,7 @@ def test_every_search_has_a_name_and_goes_by_it(observation):
 
 def test_a_search_with_options_is_used_as_it_is(observation):
     assert find_base(observation, ExactSearch(proof=True)).search.proof
-    with pytest.raises(OptionError):  # of so many choices none is valid
+    with pytest.raises(OptionError):  # of these choices none is valid
         find_base(observation, SubgroupSearch(condition_limit=1.0001))
 
 

@@ -199,7 +199,7 @@ def test_intervals_cover_only_with_the_uncertainty_of_the_first_step(runs):
         stated.append(row @ found.covariance @ row)
     assert_coverage(rates, slack=0.005)
     assert np.mean(alone) < 0.8
-    # A variance from so many draws; predictions have the joint uncertainty.
+    # A variance from the draws; predictions have the joint uncertainty.
     assert np.mean(np.square(errors)) == pytest.approx(np.mean(stated), rel=4.5 / np.sqrt(runs))
 
 

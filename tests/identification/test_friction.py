@@ -327,7 +327,11 @@ def test_friction_that_is_less_at_rest_is_no_shape_of_it(robot, sticking, less):
         assert np.abs(without - 0.1).max() < 1e-3 < 2e-3 < np.abs(beside - 0.1).max()
 
 
-def test_errors_on_regions_hold_what_is_set_apart(model, sticking):
-    """As other errors do: forces that are predicted have it, too."""
-    best = quietly(identify, model, [sticking(0.5)])["consistent"]
+def test_friction_at_rest_is_in_no_parameter_and_in_all_errors(robot, model, sticking):
+    """Those on regions, as others, are of all forces: what is predicted has it, too."""
+    found = quietly(identify, model, [sticking(0.5)])
+    assert not found_groups(found)
+    for joint in robot.actuated:
+        assert found.fit[f"{joint}.Fc"].value == pytest.approx(0.1, abs=5e-4)
+    best = found["consistent"]
     assert (best.regions >= best.fit.quality.residual_rms).all()
