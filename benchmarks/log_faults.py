@@ -29,9 +29,9 @@ SAID = {
     "none": "",
     "sign of a force": "the force of",
     "half a force": "the force of",
-    "all in mN m": "all forces",
-    "exchanged forces": "look exchanged",
-    "exchanged positions": "look exchanged",
+    "all in mN m": "the force of all motors",
+    "exchanged forces": "are exchanged",
+    "exchanged positions": "are exchanged",
     "positions times 2": "the positions of",
     "sign of positions": "the positions of",
     "time times 2": "the time axis",
@@ -75,7 +75,7 @@ def main() -> None:
             for mistake in arguments.mistake:
                 with one_blas_thread():
                     rows.append({"robot": name} | figures(case, mistake, seeds))
-    show(f"log_faults of {arguments.runs} logs each", rows)
+    show(f"faults of {arguments.runs} logs each", rows)
     if arguments.json:
         write_json(arguments.json, {"log_faults": rows})
 

@@ -66,7 +66,7 @@ def judged(name: str, case: str, seed: int) -> dict[str, float]:
     said = [each.title for each in found.findings if each.severity != "note"]
     return {
         "as parameters": float(PARAMETERS in str(found.verdict)),
-        "missing": float(any(each.told == "clear" for each in found.missing)),
+        "missing": float(any(each.certainty == "clear" for each in found.missing)),
         "warned": float(bool(said)),
         "repeats": float(any("repeats" in each for each in said)),
         "bodies hold": float(((low <= truth[bodies]) & (truth[bodies] <= high)).mean()),

@@ -45,7 +45,7 @@ def run(robot, law=None, seed=0, noise=0.01):
 
 def clear(found):
     """Forces that are clearly missing."""
-    return [each for each in found.missing if each.told == "clear"]
+    return [each for each in found.missing if each.certainty == "clear"]
 
 
 LAWS = {
@@ -109,7 +109,7 @@ def off(found, robot):
 def test_intervals_hold_a_spring_that_is_likely_but_not_clear(robot, model):
     found = quietly(identify, model, [run(robot, lambda t, q, v, a: 0.8 * (q - q.mean()))])
     assert not clear(found)
-    (spring,) = [each for each in found.missing if each.told == "likely"]
+    (spring,) = [each for each in found.missing if each.certainty == "likely"]
     assert spring.law == "grows with position"
     assert any(each.title == f"perhaps a spring at {spring.motor}" for each in found.findings)
     assert off(found, robot).max() < 2.5
@@ -119,14 +119,14 @@ def test_intervals_hold_a_spring_that_is_likely_but_not_clear(robot, model):
 
 def test_a_spring_that_would_not_show_is_said_with_its_size(robot, model):
     found = quietly(identify, model, [run(robot)])
-    hidden = [each for each in found.missing if each.told == "hidden"]
+    hidden = [each for each in found.missing if each.certainty == "hidden"]
     (one,) = [each for each in found.findings if "may hide a spring" in each.title]
     assert one.severity == "note"
     assert f"{hidden[0].number:.3g} N m/rad" in one.why
     # One of half that size does not show, and moves an estimate by more than its interval.
     spring = run(robot, lambda t, q, v, a: hidden[0].number / 2 * (q - q.mean()))
     again = quietly(identify, model, [spring])
-    assert not [each for each in again.missing if each.told != "hidden"]
+    assert not [each for each in again.missing if each.certainty != "hidden"]
     assert off(again, robot).max() > 3
 
 
@@ -162,7 +162,7 @@ def test_intervals_hold_a_length_that_is_off_by_less_than_is_clear(robot, model)
     true = run(longer(robot, 0.0018))
     there = as_in_the_file(robot, true.motion)
     found = quietly(identify, model, [Recording.of_motion(there, true.force, robot.actuated)])
-    (length,) = [each for each in found.missing if each.told == "likely"]
+    (length,) = [each for each in found.missing if each.certainty == "likely"]
     assert not length.motor
     assert any("are perhaps off" in each.title for each in found.findings)
     assert off(found, robot).max() < 2.5
@@ -183,7 +183,7 @@ def test_forces_of_a_length_are_those_of_a_robot_with_that_length(robot, model):
 @pytest.mark.parametrize("seed", few_of(range(3), 0))
 def test_nothing_is_missing_where_nothing_is(robot, model, seed):
     found = quietly(identify, model, [run(robot, seed=seed)])
-    assert not clear(found)
+    assert all(each.certainty == "hidden" for each in found.missing)
     assert "as parameters of the robot" in str(found.verdict)
 
 

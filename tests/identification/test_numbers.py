@@ -49,7 +49,7 @@ def test_fits_of_the_bundled_logs_are_what_they_were(case):
         return
     assert found.recommended is found["consistent"]
     assert all(
-        each.told == "hidden" for each in found.missing
+        each.certainty == "hidden" for each in found.missing
     )  # the logs were simulated with these terms
     assert_same(found.fit, expected["consistent"])
     told = found.identifiability

@@ -7,7 +7,7 @@ from scipy.fft import next_fast_len
 from scipy.signal import butter, sosfiltfilt
 
 from loopid.errors import DataError, OptionError
-from loopid.motion import LowPass
+from loopid.motion import LowPass, filtering
 from loopid.motion.filtering import differentiate, fast_length
 
 RATE = 100.0
@@ -41,6 +41,13 @@ def test_lengths_of_transforms_are_those_of_scipy(count):
 def test_columns_are_filtered_alike_alone_or_together(lowpass, signal):
     alone = [lowpass.apply(column, RATE) for column in signal.T]
     np.testing.assert_array_equal(lowpass.apply(signal, RATE), np.stack(alone, axis=1))
+
+
+def test_many_columns_are_filtered_in_parts(monkeypatch):
+    signal, lowpass = np.random.default_rng(0).normal(size=(200, 5)), LowPass(5.0)
+    whole = lowpass.apply(signal, RATE)
+    monkeypatch.setattr(filtering, "AT_ONCE", 600)  # of two columns
+    np.testing.assert_array_equal(lowpass.apply(signal, RATE), whole)
 
 
 @pytest.mark.parametrize("order", [1, 2, 4])

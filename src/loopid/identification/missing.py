@@ -7,8 +7,8 @@ fit. What they explain of the residuals is tested by F, with errors that are aut
 Bonferroni over all that is tried. Motors are alike, so that a law is tested for all of them, too.
 What is likely is tested again, with what all columns take up of the errors added back to these.
 A clear force that saves errors on segments left out, or moves estimates by more than they are
-known to, is named; it is not added. Intervals hold the bias that it makes. A weak spring is hardly
-told from gravity, and moves estimates of bodies far: intervals hold the bias of one that is likely,
+known to, is named; it is not added. Intervals hold the bias that it makes. A weak spring looks like
+gravity, and moves estimates of bodies far: intervals hold the bias of one that is likely,
 though not clear. How much would not show at all is said; intervals hold without such a spring.
 """
 
@@ -68,9 +68,9 @@ class MissingForce:
         The same, in parts of the motor's force.
     chance : float
         Probability of as clear a one where none is missing.
-    told : str
-        ``"clear"``; ``"likely"``, which widens intervals; or ``"hidden"``: this much of it would
-        not show.
+    certainty : str
+        ``"clear"`` or ``"likely"``, which both widen intervals; ``"hidden"``: this much of it
+        would not show.
     left : float
         Of the motor's squared error on segments left out, the part that is left with it.
     bias : FloatArray
@@ -82,7 +82,7 @@ class MissingForce:
     term : str
         Kind of the joint term that it is; empty where there is none.
     number : float
-        Waves, or stiffness of a spring; 0 for laws without. Of a length the part that is missing.
+        Of waves, or a spring's stiffness; 0 for other laws. Of a length the part that is missing.
     unit : str
         Of these.
     """
@@ -96,7 +96,7 @@ class MissingForce:
     bias: FloatArray
     moved: float
     do: str
-    told: str = "clear"
+    certainty: str = "clear"
     term: str = ""
     number: float = 0.0
     unit: str = ""
@@ -104,8 +104,8 @@ class MissingForce:
     @property
     def matters(self) -> bool:
         """Whether it saves errors, or moves estimates by enough to be named."""
-        saves = self.told == "clear" and self.left < HELPS
-        return saves or self.moved > (HIDES if self.told == "hidden" else MOVES)
+        saves = self.certainty == "clear" and self.left < HELPS
+        return saves or self.moved > (HIDES if self.certainty == "hidden" else MOVES)
 
     @property
     def effect(self) -> str:
@@ -119,12 +119,12 @@ def missing_findings(missing: Sequence[MissingForce]) -> tuple[Finding, ...]:
     """Those of one law together, the largest first."""
     laws = dict[tuple[str, str], list[MissingForce]]()
     for each in sorted(missing, key=lambda each: -each.share):
-        laws.setdefault((each.law, each.told), []).append(each)
+        laws.setdefault((each.law, each.certainty), []).append(each)
     return tuple(_finding(each) for each in laws.values())
 
 
 def _finding(alike: Sequence[MissingForce]) -> Finding:
-    first, clear = alike[0], alike[0].told == "clear"
+    first, clear = alike[0], alike[0].certainty == "clear"
     severity: Severity = "warning" if clear else "note"
     perhaps, allowed = ("", "") if clear else (" perhaps", "; intervals allow for it")
     if not first.motor:
@@ -137,7 +137,7 @@ def _finding(alike: Sequence[MissingForce]) -> Finding:
     do = first.do.replace("{terms}", "; ".join(f"{each.motor}: {each.term}" for each in alike))
     motors = first.motor + (f" and {len(alike) - 1} more" if len(alike) > 1 else "")
     number = f"{first.number:.3g} {first.unit}"
-    if first.told == "hidden":
+    if first.certainty == "hidden":
         return Finding(
             severity,
             f"{motors} may hide a spring",
@@ -258,8 +258,10 @@ def missing_forces(
         search = _Search(fit, force_model, recordings)
         found = [each for motor in search.motors for each in search.of_motor(motor)]
         length = _wrong_length(fit, force_model, recordings, search.families)
-    clear = [each.chance for each in found if each.told == "clear"]
-    if length is not None and (length.told == "likely" or length.chance < min(clear, default=1.0)):
+    clear = [each.chance for each in found if each.certainty == "clear"]
+    if length is not None and (
+        length.certainty == "likely" or length.chance < min(clear, default=1.0)
+    ):
         found.insert(0, length)
     return tuple(each for each in found if each.matters)
 
@@ -298,15 +300,15 @@ def _wrong_length(
     if least >= CHANCE:
         return None
     clear = families * least < CHANCE
-    told, chance = ("clear", families * least) if clear else ("likely", least)
+    certainty, chance = ("clear", families * least) if clear else ("likely", least)
     left = _LeftOut.of(fit, runs).ratio(force[:, :, None])
     known = "", place, chance, force * x, left, bias, MEASURE
-    return test.missing(*known, told=told, number=float(x[0]))
+    return test.missing(*known, certainty=certainty, number=float(x[0]))
 
 
 def with_missing(fit: Fit, missing: Sequence[MissingForce]) -> Fit:
     """A fit whose intervals hold the bias of forces that are missing."""
-    biases = [np.outer(each.bias, each.bias) for each in missing if each.told != "hidden"]
+    biases = [np.outer(each.bias, each.bias) for each in missing if each.certainty != "hidden"]
     return replace(fit, covariance=sum(biases, fit.covariance)) if biases else fit
 
 
@@ -596,11 +598,11 @@ class _Search:
         of_all = self.together[one.law.said].any if one.law.said in self.together else 1.0
         return min(one.tests * alone, of_all if alone < ONE_OF_ALL else 1.0)
 
-    def _missing(self, motor: str, one: _Tried, told: str) -> MissingForce:
+    def _missing(self, motor: str, one: _Tried, certainty: str) -> MissingForce:
         slides = self.force_model.robot.joint(motor).shortname().startswith("JointModelP")
         law, number = one.law, one.number
         columns = self._columns(motor, law, number)
-        left = 1.0 if told == "hidden" else self.left.ratio(columns)  # takes as long as a fit
+        left = 1.0 if certainty == "hidden" else self.left.ratio(columns)  # takes as long as a fit
         unit = ""
         if law is WAVES:
             unit = "times a metre" if slides else "times a turn"
@@ -609,7 +611,7 @@ class _Search:
             number, unit = float(one.x[0]), "N/m" if slides else "N m/rad"
         return self.test.missing(
             *(motor, law.said, one.chance, columns @ one.x, left, one.bias, law.do),
-            told=told,
+            certainty=certainty,
             term=law.term,
             number=number,
             unit=unit,

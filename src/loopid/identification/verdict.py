@@ -193,7 +193,9 @@ def _doubtful(found: Identification) -> bool:
     """Whether anything says that the model is wrong, so that intervals may not hold."""
     deviation = found.fit.deviation
     far = deviation is not None and bool(deviation.fault)
-    doubtful = any(each.told == "clear" for each in found.missing) or far or not found.fit.settled
+    doubtful = (
+        any(each.certainty == "clear" for each in found.missing) or far or not found.fit.settled
+    )
     model = _of_model(found)
     doubtful = doubtful or (model is not None and model.severity != "note")
     return doubtful or found.advantage is not None or _noisy(found) is not None

@@ -20,6 +20,7 @@ from loopid.records import record
 # Periods of the cut-off frequency for which the ends are continued, per order, lest they ring: the
 # slowest mode of a pass falls to a millionth meanwhile. The first order takes what the second does.
 PADDING = 1.5
+AT_ONCE = 500_000  # numbers that are transformed at once: long logs have many columns
 
 
 @record(checked=True)
@@ -77,16 +78,20 @@ class LowPass:
         count = len(signal) + 2 * padding
         size = fast_length(count)
         gains, line = self._gains(size, rate), np.linspace(0.0, 1.0, count)
-        own = np.ascontiguousarray(signal.reshape(len(signal), -1).T)
-        # Continued by its own mirror image about each end, in time and in value.
-        first, last = own[:, padding:0:-1], own[:, -2 : -padding - 2 : -1]
-        ends = 2 * own[:, :1] - first, own, 2 * own[:, -1:] - last
-        longer = np.concatenate(ends, axis=1)
-        # A line passes the filter; without that between its ends the signal is periodic.
-        straight = longer[:, :1] + (longer[:, -1:] - longer[:, :1]) * line
-        bent = np.fft.irfft(gains * np.fft.rfft(longer - straight, size), size)
-        found = (bent[:, :count] + straight)[:, padding:-padding]
-        return np.ascontiguousarray(found.T).reshape(signal.shape)
+        columns = signal.reshape(len(signal), -1)
+        found, step = np.empty_like(columns), max(AT_ONCE // count, 1)
+        for start in range(0, columns.shape[1], step):
+            some = slice(start, start + step)
+            own = np.ascontiguousarray(columns[:, some].T)
+            # Continued by its own mirror image about each end, in time and in value.
+            first, last = own[:, padding:0:-1], own[:, -2 : -padding - 2 : -1]
+            ends = 2 * own[:, :1] - first, own, 2 * own[:, -1:] - last
+            longer = np.concatenate(ends, axis=1)
+            # A line passes the filter; without that between its ends the signal is periodic.
+            straight = longer[:, :1] + (longer[:, -1:] - longer[:, :1]) * line
+            bent = np.fft.irfft(gains * np.fft.rfft(longer - straight, size), size)
+            found[:, some] = (bent[:, :count] + straight)[:, padding:-padding].T
+        return found.reshape(signal.shape)
 
     def _gains(self, size: int, rate: float) -> FloatArray:
         """Of the frequencies of a spectrum, by both passes.
