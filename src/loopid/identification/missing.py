@@ -39,12 +39,13 @@ from loopid.logs.recording import Recording
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
-CHANCE = 0.01  # that any force is called clear, or one law likely, in data where none is missing
+CHANCE = 0.01  # that any force is called clear, or one alone likely, in data where none is missing
 ONE_OF_ALL = 0.05  # chance of a motor's own force, from which on what is clear of all is its, too
 HIDDEN = 2.0  # standard errors of a spring's stiffness within which it does not show
 HIDES = 10.0  # standard errors of an estimate that such a one moves it by at least to be named
 HELPS = 0.9  # of squared errors on segments left out that may be left with a force that helps
 MOVES = 2.0  # standard errors of an estimate that a force moves it by at least to be named
+LIKELY = 0.05  # chance of springs of all motors, from which on intervals allow for them
 ROWS = 20  # samples of a motor for each column, at least
 MOST_WAVES, STEEPEST = 30, 120.0  # over the range of a motor; and in 2 π rad or metres
 LIKELIEST = 3  # numbers of waves that are tested in full
@@ -536,7 +537,7 @@ class _Search:
         # Bonferroni: each motor, all of them together, and lengths.
         self.families = len(self.motors) + 2
         self.together = {law.said: self._of_all(law) for law in LAWS}
-        self.likely = {said for said, chances in self.together.items() if chances.one < CHANCE}
+        self.likely = {said for said, chances in self.together.items() if chances.one < LIKELY}
 
     def _asked(self, motor: str) -> list[_Law]:
         """Laws that no joint term of a motor has, and that the evidence has not decided about."""
@@ -562,7 +563,7 @@ class _Search:
             return _Chances(1.0, 1.0)
         columns, tests = np.concatenate(asked, axis=2), len(LAWS) * self.families
         one = self.test.of(columns)[0]
-        one = self.test.confirmed(columns) if one < CHANCE else one
+        one = self.test.confirmed(columns) if one < LIKELY else one
         return _Chances(one, tests * one)
 
     def of_motor(self, motor: str) -> list[MissingForce]:
