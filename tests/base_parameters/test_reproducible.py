@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import warnings
+from time import sleep, thread_time
 
 import pytest
 from lxml import etree
@@ -14,6 +15,7 @@ import loopid
 from closure_robots import X, Y, Z, body, files, frame, joint, urdf
 from loopid import bundled_robots
 from loopid.base_parameters import find_base
+from loopid.base_parameters.blocks import Budget, OutOfBudgetError
 from loopid.regressors import structural_observation
 
 CHOICES = """
@@ -110,6 +112,15 @@ def chosen(robots, kernel=None, threads=1, time_limit=60):
     )
     assert done.returncode == 0, done.stderr[-2000:]
     return json.loads(done.stdout)
+
+
+def test_a_search_that_has_to_wait_has_as_much_time():
+    budget = Budget(thread_time() + 0.02)
+    sleep(0.04)
+    budget.check()
+    with pytest.raises(OutOfBudgetError):
+        for _ in budget.checking(iter(int, 1)):  # without end
+            pass
 
 
 def test_processors_threads_and_time_limits_do_not_change_the_choice(palletizer):

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from math import ceil, comb, inf, log10, sqrt
-from time import perf_counter
+from time import thread_time
 from typing import Any, ClassVar
 
 import numpy as np
@@ -41,7 +41,8 @@ class SearchOptions:
     Attributes
     ----------
     time_limit : float
-        In s, after which exact search returns the best so far, not certified.
+        In s of processor time, so that other programs change nothing, after which exact search
+        returns the best so far, not certified.
     tolerance : float
         Choices whose condition numbers differ by less than this fraction are ties. Round-off may
         ask for more; what was used is returned.
@@ -280,10 +281,10 @@ class SearchStrategy(ABC):
         OptionError
             Where the strategy cannot be applied.
         """
-        start = perf_counter()
+        start = thread_time()
         with one_blas_thread():
             result = self._search(problem) if problem.dependent_count else self._no_choice(problem)
-        return replace(result, seconds=perf_counter() - start)
+        return replace(result, seconds=thread_time() - start)
 
     @abstractmethod
     def _search(self, problem: ChoiceProblem) -> SearchResult: ...

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations, count, islice
 from math import sqrt
-from time import perf_counter
+from time import thread_time
 from typing import ClassVar
 
 import numpy as np
@@ -80,7 +80,7 @@ class ExactSearch(SearchStrategy):
     proof: bool = False
 
     def _search(self, problem: ChoiceProblem) -> SearchResult:
-        budget = Budget(perf_counter() + self.options.time_limit)
+        budget = Budget(thread_time() + self.options.time_limit)
         blocks, apart = split(problem)
         interval = _Interval(problem, blocks, apart, budget, self)
         ties, reason = None, "round-off"
