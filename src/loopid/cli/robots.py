@@ -114,7 +114,7 @@ def base(
     samples: int | None = Option(None, help="Number of random closed poses; enough by default."),
     seed: int = Option(0, help="Seed of the random poses."),
     time_limit: float | None = Option(
-        None, metavar="S", help="Seconds for the search, at most; 10 by default."
+        None, metavar="S", help="Processor time of the search in s, at most; 10 by default."
     ),
 ) -> None:
     """Find base parameters, and prove how to write them best."""
