@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg.lapack import dtpqrt
 
-from loopid.arguments import BoolArray, FloatArray, checked, finite, frozen, row_blocks
+from loopid.arguments import BoolArray, FloatArray, finite, frozen, row_blocks
 from loopid.errors import DataError
 from loopid.parameters import ParameterSet
 from loopid.records import record
@@ -105,7 +105,6 @@ class Observation:
             )
 
     @classmethod
-    @checked
     def from_matrix(
         cls,
         matrix: FloatArray,
@@ -129,7 +128,6 @@ class Observation:
         return cls.from_parts([matrix], parameters, length=length, natural_size=natural_size)
 
     @classmethod
-    @checked
     def from_parts(
         cls,
         parts: Iterable[FloatArray],

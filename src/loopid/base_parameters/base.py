@@ -62,7 +62,7 @@ class BaseParameter:
         return expression(self.terms)
 
 
-@record
+@record(checked=True)
 class BaseParameters(Tabular):
     """A minimal set of parameters that reproduces every force, W_B Φ_base = W Φ [Gautier1991].
 

@@ -76,6 +76,7 @@ class WrenchEstimate:
         return tuple(np.array(COMPONENTS)[~np.isfinite(self.floor)].tolist())
 
 
+@checked
 class WrenchObserver:
     """Tells wrenches on a frame from the signals of the motors.
 
@@ -119,7 +120,6 @@ class WrenchObserver:
     (False, ('Fy',), (6, 2))
     """
 
-    @checked
     def __init__(
         self,
         dynamics: Dynamics,

@@ -25,6 +25,7 @@ Forgetting = Literal["none", "exponential", "directional"]
 LEAST = 1e-3  # of the largest excited direction: smaller ones do not forget
 
 
+@checked
 class RecursiveLeastSquares:
     """Base parameters φ from rows K φ = force, one sample after the other.
 
@@ -56,7 +57,6 @@ class RecursiveLeastSquares:
     [3.0, 2.0]
     """
 
-    @checked
     def __init__(
         self,
         values: FloatArray,
@@ -79,7 +79,8 @@ class RecursiveLeastSquares:
 
     def update(self, regressor: FloatArray, force: FloatArray) -> None:
         """Take a sample, K (dof, n) and forces (dof,); rows of zeros say nothing."""
-        n, rows = self._n, np.asarray(regressor) / self.deviations[:, None]
+        K, force = self._sample(regressor, force)
+        n, rows = self._n, K / self.deviations[:, None]
         if self.forgetting == "exponential":
             self._work[: n + 1] *= self._keep
         elif self.forgetting == "directional":
@@ -88,8 +89,12 @@ class RecursiveLeastSquares:
             kept = squares > LEAST**2 * max(squares[-1], np.finfo(float).tiny)
             Q = told @ (axes[:, kept] / np.sqrt(squares[kept]))
             self._work[:n] -= (1.0 - self._keep) * (Q @ (Q.T @ self._work[:n]))
-        self._work[n + 1 :, :n], self._work[n + 1 :, n] = rows, np.asarray(force) / self.deviations
+        self._work[n + 1 :, :n], self._work[n + 1 :, n] = rows, force / self.deviations
         self._triangle()
+
+    def _sample(self, regressor: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
+        dof = len(self.deviations)
+        return shaped(regressor, "regressor", dof, self._n), shaped(force, "force", dof)
 
     @property
     def values(self) -> FloatArray:
@@ -115,9 +120,10 @@ class RecursiveLeastSquares:
         Chi-squared with as many degrees of freedom while nothing has changed. Rows of zeros are no
         forces.
         """
-        used = np.asarray(regressor).any(axis=1)
-        K = np.asarray(regressor)[used] / self.deviations[used, None]
-        error = np.asarray(force)[used] / self.deviations[used] - K @ self.values
+        K, force = self._sample(regressor, force)
+        used = K.any(axis=1)
+        K = K[used] / self.deviations[used, None]
+        error = force[used] / self.deviations[used] - K @ self.values
         spread = solve_triangular(self._told(), K.T, trans="T", check_finite=False)
         S = spread.T @ spread + np.eye(len(K))
         return float(error @ np.linalg.solve(S, error)), int(used.sum())
@@ -127,8 +133,9 @@ class RecursiveLeastSquares:
 
         With ``Dynamics.payload_columns``, by a body on a link.
         """
-        B, values = finite(columns, "columns"), self.values
-        spread = self.covariance + (B * finite(deviations, "deviations") ** 2) @ B.T
+        sigma, values = np.atleast_1d(finite(deviations, "deviations")), self.values
+        B = shaped(columns, "columns", self._n, len(sigma))
+        spread = self.covariance + (B * sigma**2) @ B.T
         self._restart(_information_root(spread, values), values)
 
     def _restart(self, root: FloatArray, values: FloatArray) -> None:
@@ -163,6 +170,7 @@ def _information_root(covariance: FloatArray, values: FloatArray) -> FloatArray:
     return np.asarray(solve_triangular(L, np.diag(1.0 / scale), lower=True))
 
 
+@checked
 class ChangeDetector:
     """Tells from innovations that something has changed: a one-sided cumulative sum [Page1954].
 
@@ -184,7 +192,6 @@ class ChangeDetector:
     [False, False, False, False, True]
     """
 
-    @checked
     def __init__(self, *, drift: float = 2.0, limit: float = 25.0) -> None:
         if not (drift > 1 and limit > 0):
             raise OptionError(

@@ -68,7 +68,7 @@ class LoopOptions:
 USUAL = LoopOptions()
 
 
-@record
+@record(checked=True)
 class ControlRun:
     """What happened: N samples.
 
@@ -91,6 +91,7 @@ class ControlRun:
         return np.asarray(np.sqrt((self.error[own] ** 2).mean(axis=0)))
 
 
+@checked
 class ControlLoop:
     """A simulated robot and its controller.
 
@@ -129,7 +130,6 @@ class ControlLoop:
     True
     """
 
-    @checked
     def __init__(
         self,
         robot: Dynamics,
@@ -167,7 +167,6 @@ class ControlLoop:
         self._dry = DryFriction(robot)
         self._bodies = [each.kind in KINDS for each in robot.parameters]
 
-    @checked
     def load(self, link: str, body: FloatArray) -> None:
         """Fix a body π (10,) to a link; of negative mass, it is taken off."""
         self.values = self.values + self.robot.payload_columns(link) @ samples(body, 10, "body")[0]

@@ -56,7 +56,7 @@ LEAST_STATES, ROWS_PER_COLUMN = 60, 3
 FEW = 5  # states that decide whether closures are redundant
 
 
-@record
+@record(checked=True)
 class ForceModel:
     """Forces of the independent coordinates, linear in the n parameters that can be identified.
 
@@ -269,7 +269,6 @@ class ForceModel:
             self.robot, whole, self.model, joint_terms=self.joint_terms, slips=slips
         )
 
-    @checked
     def fit_of(self, fit: Fit | FloatArray) -> Fit:
         """A fit of these parameters, which then knows its model; or values (n,) without errors.
 

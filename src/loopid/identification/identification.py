@@ -45,7 +45,7 @@ CLEARLY_BETTER = 1.25  # ratio of errors above which another candidate is worth 
 ROBOT_FILE, ALL = "robot file", "all parameters"
 
 
-@record
+@record(checked=True)
 class Identification:
     """What recordings say about a robot; candidates and parameters are found by name.
 
@@ -160,7 +160,6 @@ class Identification:
         known = ~np.isnan(every).all(axis=0)
         return np.where(known, np.nan_to_num(every, nan=0.0).max(axis=0), np.nan)
 
-    @checked
     def relative_errors(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
         """Errors on new data (dof,) in parts of each motor's force, and their standard errors.
 

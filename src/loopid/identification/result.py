@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from loopid.arguments import FloatArray, IntArray, checked, finite, frozen, variances
+from loopid.arguments import FloatArray, IntArray, Number, checked, finite, frozen, variances
 from loopid.errors import DataError, OptionError
 from loopid.identification.problem import FitProblem
 from loopid.numbers import number
@@ -237,7 +237,7 @@ class StandardUncertainty(OfArrays):
     degrees_of_freedom: FloatArray  # (p,)
 
 
-@record
+@record(checked=True)
 class Fit(OfArrays, Tabular):
     """Estimated parameters with their uncertainty, found by their names or sums.
 
@@ -317,7 +317,7 @@ class Fit(OfArrays, Tabular):
     actuators: tuple[str, ...]
     values: FloatArray
     covariance: FloatArray
-    condition_number: float
+    condition_number: Number
     degrees_of_freedom: FloatArray
     quality: Quality
     weights: FloatArray
@@ -547,7 +547,6 @@ class Fit(OfArrays, Tabular):
             )
         return self.standard_parameters
 
-    @checked
     def save(self, path: str | Path, *, anyway: bool = False) -> Path:
         """Write a file with all that it takes to use the fit, for ``load_fit``.
 
@@ -584,7 +583,6 @@ class Fit(OfArrays, Tabular):
 
         return FitFile.of(self).record()
 
-    @checked
     def to_robot_file(
         self, path: str | Path, *, overwrite: bool = False, anyway: bool = False
     ) -> Path:
@@ -615,7 +613,6 @@ class Fit(OfArrays, Tabular):
         found: Path = fit_exports["robot file"](self, path, overwrite=overwrite, anyway=anyway)
         return found
 
-    @checked
     def to_c(
         self, folder: str | Path, *, name: str | None = None, anyway: bool = False
     ) -> list[Path]:
@@ -645,7 +642,6 @@ class Fit(OfArrays, Tabular):
         found: list[Path] = fit_exports["C source"](self, folder, name=name, anyway=anyway)
         return found
 
-    @checked
     def to_pinocchio(self, *, anyway: bool = False) -> tuple[Any, Any]:
         """Pinocchio's model of the open tree with these bodies, and its closures' constraints.
 

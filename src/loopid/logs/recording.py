@@ -162,7 +162,7 @@ class RateHistory:
         return np.concatenate(filtered)[self.rows]
 
 
-@record
+@record(checked=True)
 class Recording(Tabular):
     """A motion of the whole robot with the motor forces that went with it.
 
@@ -252,6 +252,8 @@ class Recording(Tabular):
         history = self.history
         if history is not None and joint in history.joints:
             return history.ways(history.velocity[:, history.joints.index(joint)])
+        if joint not in self.actuators:
+            raise OptionError.unknown("motor", joint, self.actuators)
         rate, time = self.motion.velocities[:, self.actuators.index(joint)], self.motion.time
         ends = np.flatnonzero(np.diff(self.segments))
         return [

@@ -299,7 +299,7 @@ class PlannedMotion:
         return sum(waypoint.seconds for waypoint in self.waypoints)
 
 
-@record
+@record(checked=True)
 class MotionProgram:
     """The motions of a file."""
 
@@ -323,7 +323,6 @@ class MotionProgram:
         """How long each motion takes, by its name."""
         return {name: plan.seconds for name, plan in self.motions.items()}
 
-    @checked
     def motion(self, name: str | None = None, rate: float | None = None) -> Motion:
         """Sample a motion, smooth to the acceleration and at rest in every waypoint.
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, checked
+from loopid.arguments import BoolArray, FloatArray, checked, shaped
 from loopid.base_parameters.account import SubgroupAccount
 from loopid.base_parameters.choice import SearchResult
 from loopid.errors import OptionError
@@ -33,7 +33,8 @@ def robot_chart(robot: Robot, configuration: FloatArray | None = None, *, worst:
     By default that is the reference. A flat robot is seen from its front, any other from a corner.
     The worst motor is marked.
     """
-    q = robot.reference if configuration is None else configuration
+    given = robot.reference if configuration is None else configuration
+    q = shaped(given, "configuration", robot.model.nq)
     rods = link_rods(robot)
     places, ends, met = placed(robot, rods, q)
     joints, met = np.array([place.translation for place in places[1:]]), met.reshape(-1, 3)

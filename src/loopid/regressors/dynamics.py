@@ -232,6 +232,7 @@ class _Memory(threading.local):
     slips: FloatArray
 
 
+@checked
 class Dynamics:
     """Forces of a robot's motors, and how it moves under them.
 
@@ -298,7 +299,6 @@ class Dynamics:
     (2, 4)
     """
 
-    @checked
     def __init__(
         self,
         robot: Robot | LinearModel,
