@@ -320,7 +320,7 @@ class FitFile(_Section):
         if file is None and not own.path:
             raise FileError(
                 f"the robot of the fit, {own.name}, was made in Python: make it again, for "
-                "load_fit(path, robot)",
+                "load_fit(path, robot=...)",
                 robot=own.name,
             )
         try:
@@ -373,7 +373,7 @@ class FitFile(_Section):
 
 
 @checked
-def load_fit(path: str | Path, robot: Robot | str | Path | None = None) -> Fit:
+def load_fit(path: str | Path, *, robot: Robot | str | Path | None = None) -> Fit:
     """Read a fit that ``Fit.save`` wrote, the same to the bit, with its force model.
 
     Parameters
