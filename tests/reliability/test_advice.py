@@ -66,7 +66,7 @@ def table(header="", more="", **mapping):
         rows = [",".join(map(repr, row)) + more for row in np.column_stack(ROWS).tolist()]
         (folder / "run.csv").write_text("\n".join([header, *rows, ""]).lstrip())
         mapped_by = loopid.logs.LogMapping(**mapping)
-        return loopid.read_log(folder / "run.csv", load("four_bar"), mapping=mapped_by)
+        return loopid.read_log(load("four_bar"), folder / "run.csv", mapping=mapped_by)
 
     return make
 
