@@ -151,7 +151,7 @@ def test_uneven_time_inside_a_segment_that_is_given(arrays, knee, kind):
     same = Log.from_arrays(time + later, *signals, knee.actuated)
     assert log == same
     fields = {"time": time + later, "position": signals[0], "force": signals[1], "segments": one}
-    with pytest.raises(LogError, match="segment 0 are up to .* off even steps of"):
+    with pytest.raises(LogError, match=r"segment 0 are up to .* off even steps of"):
         loopid.prepare(knee, Log(name="drawn", joints=knee.actuated, **fields))
 
 
