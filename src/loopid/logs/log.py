@@ -278,8 +278,8 @@ class Log(Tabular):
         if segments is None:
             at, signals, numbers, dropped = on_even_grid(name, joints, at, signals)
         else:
-            given = _segments(segments, len(at))
-            at, signals, numbers, dropped = on_even_grids(name, joints, at, signals, given)
+            told = _segments(segments, len(at))
+            at, signals, numbers, dropped = on_even_grids(name, joints, at, signals, told)
         return cls(
             name=name,
             joints=joints,
