@@ -7,6 +7,7 @@ functions that take them, which know their shapes.
 from __future__ import annotations
 
 import builtins
+import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import is_dataclass
 from functools import cache, wraps
@@ -223,12 +224,13 @@ def checked(thing: Any) -> Any:
             bound = isinstance(member, classmethod | staticmethod)
             own = member.__func__ if bound else member
             if (name == "__init__" or name[0] != "_") and isfunction(own):
-                setattr(thing, name, type(member)(_checked(own)) if bound else _checked(own))
+                made = _checked(own, thing)
+                setattr(thing, name, type(member)(made) if bound else made)
         return thing
     return _checked(thing)
 
 
-def _checked(function: Callable[P, R]) -> Callable[P, R]:
+def _checked(function: Callable[P, R], owner: type | None = None) -> Callable[P, R]:
     @cache  # made by the first call: importing loopid does not wait for it
     def validated() -> Callable[P, tuple[Any, Any]]:
         @wraps(function)
@@ -236,7 +238,11 @@ def _checked(function: Callable[P, R]) -> Callable[P, R]:
             return args, kwargs
 
         taken.__annotations__ = {k: v for k, v in taken.__annotations__.items() if k != "return"}
-        hints = get_type_hints(taken, {}, _Names(unwrap(function).__globals__), include_extras=True)
+        names = _Names()
+        for base in reversed(owner.__mro__ if owner else ()):  # fields may be of their modules
+            names |= vars(sys.modules[base.__module__])
+        names |= unwrap(function).__globals__
+        hints = get_type_hints(taken, {}, names, include_extras=True)
         taken.__annotations__ = {name: _instances(hint) for name, hint in hints.items()}
         config = ConfigDict(arbitrary_types_allowed=True, allow_inf_nan=False)
         return validate_call(config=config)(taken)
@@ -266,6 +272,7 @@ MADE_BY = {
     "Log": "read_log",
     "Recording": "prepare",
     "Fit": "load_fit",
+    "Estimates": "load_fit",
 }
 # What they are known as: these say only what is used of them.
 ABSTRACT = {"LinearModel": "ForceModel", "Values": "Fit"}
