@@ -13,7 +13,7 @@ from dataclasses import is_dataclass
 from functools import cache, wraps
 from inspect import isfunction, signature, unwrap
 from numbers import Real
-from types import UnionType
+from types import NoneType, UnionType
 from typing import (
     Annotated,
     Any,
@@ -53,7 +53,7 @@ def _array(kinds: str, what: str) -> PlainValidator:
     """Arrays of NumPy's kinds as they are, and lists as arrays; their shapes are not looked at."""
 
     def taken(given: ArrayLike) -> NDArray[Any]:
-        values = given if type(given) is np.ndarray else _real(given, "")
+        values = given if type(given) is np.ndarray else _real(given, "", NoneType)
         if values.dtype.kind not in kinds and values.size:
             values = _real(values, "")
             raise DataError(f"must be {what}, not {values.dtype}")
@@ -127,12 +127,15 @@ def rectangular(array: ArrayLike, name: str) -> NDArray[Any]:
         raise DataError(message, argument=name) from error
 
 
-def _real(array: ArrayLike, name: str) -> NDArray[Any]:
-    """The array of real numbers: NumPy would read text and dates, and drop masks and parts."""
+def _real(array: ArrayLike, name: str, *missing: type) -> NDArray[Any]:
+    """The array of real numbers: NumPy would read text and dates, and drop masks and parts.
+
+    What is missing becomes NaN, as null in files.
+    """
     given = rectangular(array, name)
     kind = "" if given.dtype.kind in "biuf" else KINDS.get(given.dtype.kind, str(given.dtype))
     if given.dtype.kind == "O":
-        strange = [x for x in given.flat if not isinstance(x, Real)]
+        strange = [x for x in given.flat if not isinstance(x, (Real, *missing))]
         kind = type(strange[0]).__name__ if strange else ""
     if kind:
         raise DataError(f"{name} must be numbers, not {kind}", argument=name, given=kind)
@@ -187,6 +190,15 @@ def shaped(array: ArrayLike, name: str, *shape: int) -> FloatArray:
         message = f"{name} must have shape {shape}, not {values.shape}"
         raise DataError(message, argument=name, given=values.shape)
     return values
+
+
+def for_each(array: ArrayLike, name: str, count: int) -> FloatArray:
+    """Finite numbers (count,), of which one may stand for all."""
+    values = finite(array, name)
+    if values.shape not in ((), (count,)):
+        message = f"{name} must be one number, or have shape {(count,)}, not {values.shape}"
+        raise DataError(message, argument=name, given=values.shape)
+    return np.broadcast_to(values, count)
 
 
 # Arguments of public functions.

@@ -50,7 +50,12 @@ class Section(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _keys_are_known(cls, content: Any) -> Any:
-        for key in content if isinstance(content, dict) else ():
+        if isinstance(content, cls):
+            return content
+        if not isinstance(content, dict):
+            keys = ", ".join(cls.model_fields)
+            raise ValueError(f"must hold keys among {keys}, not {content!r:.60}")
+        for key in content:
             if key not in cls.model_fields:
                 raise unknown("key", key, cls.model_fields)
         return content

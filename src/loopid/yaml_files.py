@@ -39,9 +39,6 @@ def read_yaml(
     """Read a YAML file of keys and values as a model; an empty file leaves all keys out."""
     content = load_yaml(path, failure)
     content = {} if content is None else content
-    if not isinstance(content, dict):
-        keys = ", ".join(model.model_fields)
-        raise failure(f"{path} must hold keys among {keys}, not {content!r:.60}")
     try:
         return model.model_validate(content)
     except ValidationError as error:

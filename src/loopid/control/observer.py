@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.stats import chi2, norm
 
-from loopid.arguments import BoolArray, FloatArray, Positive, checked, finite
+from loopid.arguments import BoolArray, FloatArray, Positive, checked, for_each
 from loopid.control.laws import Signals
 from loopid.errors import DataError, OptionError
 from loopid.records import record
@@ -133,11 +133,8 @@ class WrenchObserver:
     ) -> None:
         self.dynamics, self.interval, self.moving = dynamics, interval, MOVING
         self.part = gain * interval / (1.0 + gain * interval)  # of what is new in the filter
-        ones = np.ones(dynamics.dof)
-        self.noise, self.unmodelled = (
-            finite(noise, "noise") * ones,
-            finite(unmodelled, "unmodelled") * ones,
-        )
+        self.noise = for_each(noise, "noise", dynamics.dof)
+        self.unmodelled = for_each(unmodelled, "unmodelled", dynamics.dof)
         if not (self.noise + self.unmodelled).all():
             raise DataError("an observer needs deviations: give noise, or what is unmodelled")
         robot = dynamics.robot

@@ -105,7 +105,13 @@ class Estimates(OfArrays, Tabular):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        freedom = np.broadcast_to(self.degrees_of_freedom, self.values.shape)
+        shape, freedoms = self.values.shape, self.degrees_of_freedom.shape
+        if len(shape) != 1 or freedoms not in (shape, ()):
+            raise DataError(
+                f"a fit has values (n,), and degrees_of_freedom (n,) or one, not {shape} and "
+                f"{freedoms}"
+            )
+        freedom = np.broadcast_to(self.degrees_of_freedom, shape)
         object.__setattr__(self, "degrees_of_freedom", frozen(freedom))
         for name in self.assumed:
             if name not in self.parameters.names:

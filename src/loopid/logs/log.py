@@ -16,6 +16,7 @@ from loopid.arguments import (
     IntArray,
     NotNegative,
     finite,
+    for_each,
     rectangular,
     samples,
 )
@@ -439,7 +440,7 @@ class Log(Tabular):
         (4, True)
         """
         each = _by_joint(delay, self.joints, 0.0) if isinstance(delay, Mapping) else delay
-        shifts = np.broadcast_to(finite(each, "delay"), len(self.joints))
+        shifts = for_each(each, "delay", len(self.joints))
         if not shifts.any():
             return self
         force, known = self.force.copy(), np.ones(len(self), dtype=bool)
@@ -463,6 +464,9 @@ class Log(Tabular):
         self, function: Callable[[FloatArray, float], FloatArray], values: FloatArray
     ) -> FloatArray:
         """What a function makes of signals (N, ...) of each segment, and of its rate."""
+        values = rectangular(values, "values")
+        if values.shape[:1] != self.time.shape:
+            raise DataError(f"values must have {len(self)} rows, one a sample", argument="values")
         return np.concatenate([function(values[part], self.rate(part)) for part in self.parts()])
 
     def rate(self, part: slice) -> float:

@@ -139,6 +139,7 @@ def _known_format(name: str) -> str:
 KnownFormats = Field(json_schema_extra=lambda schema: schema.update(enum=[*log_formats]))
 
 
+@checked
 class LogMapping(Section):
     """Which columns hold time, positions and forces, and in which units.
 

@@ -43,7 +43,7 @@ DECADES = 3  # of a gauge, which ends at 100 %
 Part = str | Table | Chart | HtmlElement
 
 
-@record
+@record(checked=True)
 class Section:
     """A title, and what stands below it."""
 
@@ -96,7 +96,7 @@ def _table(table: Table, some: range) -> HtmlElement:
     return E.div({"class": "table", "tabindex": "0"}, found, *note)
 
 
-@record
+@record(checked=True)
 class Figure:
     """A number that a page shows first."""
 
@@ -124,7 +124,7 @@ class Figure:
         return E.span({"class": "gauge", "title": ends}, *parts, needle)
 
 
-@record(kw_only=True)
+@record(kw_only=True, checked=True)
 class Card:
     """What a page says first: a word, for what, and what to do next."""
 
@@ -185,7 +185,7 @@ def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:] if text.split(" ")[0].strip(",:").isalpha() else text
 
 
-@record
+@record(checked=True)
 class Page:
     """One file of HTML.
 
@@ -245,7 +245,7 @@ class Page:
         return E.nav(E.div(*links))
 
 
-@record(kw_only=True)
+@record(kw_only=True, checked=True)
 class Report:
     """What a command found, for all ways of showing it; what is drawn is made when it is shown."""
 
