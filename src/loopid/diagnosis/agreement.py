@@ -96,6 +96,10 @@ def compare_fits(first: Fit, second: Fit) -> Agreement:
     ----------
     first, second : Fit
 
+    Returns
+    -------
+    Agreement
+
     Raises
     ------
     DataError

@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.special import stdtrit
 
-from loopid.arguments import BoolArray, FloatArray, checked, finite
+from loopid.arguments import BoolArray, FloatArray, Positive, checked, finite
 from loopid.diagnosis.loaded_runs import LoadedRuns
 from loopid.errors import DataError, OptionError, RankError
 from loopid.identification.estimator import (
@@ -66,13 +66,11 @@ class KnownLoad:
         When the mass is not above 0, an array has another shape, or an inertia has no centre.
     """
 
-    mass: float
+    mass: Positive
     centre: FloatArray | None = None
     inertia: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        if not 0 < self.mass < np.inf:
-            raise OptionError(f"the known mass must be above 0 kg, not {self.mass}")
         for name, shape in (("centre", (3,)), ("inertia", (3, 3))):
             if getattr(self, name) is None:
                 continue
@@ -190,6 +188,10 @@ def drive_gains(
     estimator : Estimator or str
         As in ``fit``.
 
+    Returns
+    -------
+    GainFit
+
     Raises
     ------
     OptionError
@@ -207,7 +209,7 @@ def drive_gains(
     >>> loopid.diagnosis.KnownLoad(-2.0)
     Traceback (most recent call last):
         ...
-    loopid.errors.OptionError: the known mass must be above 0 kg, not -2.0
+    loopid.errors.OptionError: mass must be above 0, not -2.0
     """
     if force_model.robot.redundant:
         raise OptionError(
@@ -321,10 +323,8 @@ class _Rows:
 
     def without(self, motors: BoolArray) -> _Rows:
         """Without the rows of some motors (dof,)."""
-        return replace(
-            self,
-            samples=excited_combinations(replace(self.samples, used=self.samples.used & ~motors)),
-        )
+        kept = replace(self.samples, used=self.samples.used & ~motors)
+        return replace(self, samples=excited_combinations(kept))
 
     def telling(self, driven: BoolArray, estimator: Estimator) -> BoolArray:
         """Motors (dof,) whose scales change the forces as nothing else does."""

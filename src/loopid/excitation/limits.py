@@ -146,13 +146,7 @@ class Bounds:
         Whether speeds and accelerations are to be so small that the forces are those of gravity.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        limits: MotionLimits,
-        poses: FloatArray,
-        slow: bool,
-    ) -> None:
+    def __init__(self, robot: Robot, limits: MotionLimits, poses: FloatArray, slow: bool) -> None:
         joints = _Joints(robot, limits, slow)
         speeds, (forces, all_forces) = joints.speeds(), joints.forces()
         self._moving = [speeds, joints.accelerations(forces_bounded=all_forces), forces]

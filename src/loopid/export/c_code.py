@@ -57,10 +57,7 @@ class CSource:
 
 @checked
 def c_source(
-    model: ForceModel,
-    *,
-    name: str | None = None,
-    values: FloatArray | None = None,
+    model: ForceModel, *, name: str | None = None, values: FloatArray | None = None
 ) -> CSource:
     """Generate C source of a force model, for a controller that knows its motors only.
 
@@ -76,6 +73,10 @@ def c_source(
         A C identifier; by default made of the robot's name.
     values : FloatArray, optional
         Of the base parameters (n,), to be put into the source.
+
+    Returns
+    -------
+    CSource
 
     Raises
     ------

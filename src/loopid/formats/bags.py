@@ -100,17 +100,14 @@ class BagFormat(LogFormat):
                     topics[connection.topic].append(state, received)
         for name, topic in topics.items():
             if len(topic.stamps) != counts[name]:
-                raise LogError(
-                    f"{self.path} is damaged, or was not closed: {name} has {len(topic.stamps)} "
-                    f"messages, but its index says {counts[name]}",
-                    file=self.path,
+                raise self.refused(
+                    f"is damaged, or was not closed: {name} has {len(topic.stamps)} messages, but "
+                    f"its index says {counts[name]}",
                     topic=name,
                 )
         filled = {name: topic for name, topic in topics.items() if topic.columns}
         if not filled:
-            raise LogError(
-                f"{self.path} has no joint states in {', '.join(topics)}", file=self.path
-            )
+            raise self.refused(f"has no joint states in {', '.join(topics)}")
         return filled
 
     def _chosen(self, topics: Mapping[str, Any]) -> dict[str, int]:
@@ -119,16 +116,12 @@ class BagFormat(LogFormat):
         if not counts:
             listed = [f"{n} ({t.msgtype or 'several types'})" for n, t in topics.items()]
             there = ", ".join(listed[:MOST_LISTED]) or "no topics"
-            raise LogError(
-                f"{self.path} has no topic of type {JOINT_STATE}: it has {there}", file=self.path
-            )
+            raise self.refused(f"has no topic of type {JOINT_STATE}: it has {there}")
         if self.chosen is None:
             return counts
         if self.chosen not in counts:
-            raise LogError(
-                f"{self.path} has no joint states in topic {self.chosen!r}: choose among "
-                f"{', '.join(counts)}",
-                file=self.path,
+            raise self.refused(
+                f"has no joint states in topic {self.chosen!r}: choose among {', '.join(counts)}",
                 given=self.chosen,
                 valid=tuple(counts),
             )

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from loopid.errors import LogError
 from loopid.logs.table import LogFormat, Table, common_length, optional, refusals, stream_name
 
 if TYPE_CHECKING:
@@ -58,7 +57,7 @@ class WholeTable(LogFormat):
             frame = self._frame()
             columns = [part for column in frame.get_columns() for part in _parts(column)]
             if not len(frame):
-                raise LogError(f"{self.path} has no rows", file=self.path)
+                raise self.refused("has no rows")
             return polars.DataFrame(columns)
 
     @abstractmethod

@@ -65,11 +65,8 @@ class TextFormat(LogFormat):
             if reason := why_no_file(file):
                 raise LogError(f"{file} {reason}", file=file)
         if not files:
-            raise LogError(
-                f"{self.path} holds no streams: files that end in .txt, .csv, .tsv or .gz",
-                file=self.path,
-                valid=self.endings,
-            )
+            said = "holds no streams: files that end in .txt, .csv, .tsv or .gz"
+            raise self.refused(said, valid=self.endings)
         return {stream_name(file): file for file in files}
 
     def columns(self) -> Mapping[str, tuple[str, ...]]:

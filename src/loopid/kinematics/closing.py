@@ -100,8 +100,28 @@ def displaced(
     """Move closed configurations (N, nq) by steps (N, dof) of the independent coordinates.
 
     The way for coordinates that have no value of their own, such as the spin of a rod in a ball
-    joint: u̇ is integrated along G, and Newton steps of the others keep the loops closed. Gives
-    configurations (N, nq) and the residual (N,) left, in m: large where the way met a singularity.
+    joint: u̇ is integrated along G, and Newton steps of the others keep the loops closed.
+
+    Parameters
+    ----------
+    robot : Robot
+    configurations, steps : FloatArray
+        Steps are in rad or m.
+
+    Returns
+    -------
+    configurations : FloatArray
+    residual : FloatArray
+        (N,), what is left of it in m: large where the way met a singularity.
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load("five_bar")
+    >>> step = np.array([[0.1, 0.0]])
+    >>> q, residual = loopid.kinematics.displaced(robot, robot.reference[None], step)
+    >>> q.shape, bool(residual[0] < 1e-9)
+    ((1, 4), True)
     """
     chosen, dependent = partition(robot)
     longest = float(np.abs(steps / robot.coordinate_scales[chosen]).max(initial=0.0))
@@ -168,11 +188,7 @@ def _polished(at: _Points, movable: IntArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _tried(
-    at: _Points,
-    rows: IntArray,
-    movable: IntArray,
-    goal: FloatArray,
-    damping: FloatArray,
+    at: _Points, rows: IntArray, movable: IntArray, goal: FloatArray, damping: FloatArray
 ) -> FloatArray:
     """Configurations after a damped step, in which joints that their limits stop take no part."""
     robot, q = at.robot, at.q[rows]

@@ -12,7 +12,7 @@ from loopid.arguments import FloatArray, checked, shaped
 from loopid.errors import OptionError
 from loopid.loading.build import build_robot
 from loopid.loading.closure import Closure, Coupling, with_more
-from loopid.loading.description import Description
+from loopid.loading.description import Description, Rounding
 from loopid.loading.model_closures import frame_named
 from loopid.loading.tree import Reference, TreeSource, read_joint
 from loopid.robot.closures import CLOSURE_KINDS
@@ -34,7 +34,7 @@ def from_pinocchio(
     motors: Sequence[str] | None = None,
     reference: Mapping[str, Reference] | FloatArray | None = None,
     lock: Sequence[str] = (),
-    rounding: float | None = None,
+    rounding: Rounding | None = None,
 ) -> Robot:
     """A robot from a model of its open tree and the constraints that close its loops.
 

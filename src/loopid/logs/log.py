@@ -350,11 +350,7 @@ class Log(Tabular):
 
     @classmethod
     def from_streams(
-        cls,
-        name: str,
-        streams: Sequence[Stream],
-        joints: tuple[str, ...],
-        mapping: LogMapping,
+        cls, name: str, streams: Sequence[Stream], joints: tuple[str, ...], mapping: LogMapping
     ) -> Log:
         """A log from streams of signals with time stamps, put on one grid."""
         saturation = None

@@ -86,6 +86,10 @@ class LogFormat(ABC):
         """What a stream is called in messages."""
         return str(self.path)
 
+    def refused(self, said: str, **facts: object) -> LogError:
+        """An error that names the log."""
+        return LogError(f"{self.path} {said}", file=self.path, **facts)
+
 
 def stream_name(path: Path) -> str:
     """Name of the stream in a file: the file's name without its endings."""
@@ -298,7 +302,7 @@ class ArrayFormat(LogFormat):
     def columns(self) -> Mapping[str, tuple[str, ...]]:
         found = {name: tuple(columns) for name, columns in self._streams.items() if columns}
         if not found:
-            raise LogError(f"{self.path} holds no arrays with one or two axes", file=self.path)
+            raise self.refused("holds no arrays with one or two axes")
         return found
 
     def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
@@ -312,11 +316,8 @@ class ArrayFormat(LogFormat):
         """Add the columns of an array, of other names than those there."""
         for name, place in places.items():
             if name in columns:
-                raise LogError(
-                    f"{self.path} has column {name!r} in {columns[name].array} and {array}",
-                    file=self.path,
-                    column=name,
-                )
+                both = f"{columns[name].array} and {array}"
+                raise self.refused(f"has column {name!r} in {both}", column=name)
             columns[name] = Column(array, place)
 
 

@@ -438,7 +438,10 @@ class Dynamics:
             memory.positions = self._measured.read(self.start[None].copy())[0]
         if np.abs(u - memory.positions).max(initial=0.0) > self.near:
             before = memory.pose
-            memory.pose = self._stepped(before, u) or self._followed(before, u)
+            memory.pose = self._stepped(before, u)
+            if memory.pose is None:
+                path = follow_paths(self._measured, before.configurations, u[None], self.options)
+                memory.pose = self.pose(q=required(path)[0])
             memory.positions = u
             if self._slipping:
                 self._slide(before.configurations, memory.pose.configurations)
@@ -468,10 +471,6 @@ class Dynamics:
             q = integrate(robot, q, measured.tangent(step))
             longest = CONTRACTION * length
         return None
-
-    def _followed(self, before: Pose, u: FloatArray) -> Pose:
-        found = follow_paths(self._measured, before.configurations, u[None], self.options)
-        return self.pose(q=required(found)[0])
 
     # How it moves.
 
@@ -638,19 +637,12 @@ class Dynamics:
 
     def _signals(self, pose: Pose, v: FloatArray, a: FloatArray, laws: list[_Law]) -> FloatArray:
         """What the coefficients of all joint terms multiply, (N, k, t); 0 of other laws."""
-        found = np.zeros((*v.shape[:2], len(self._joints)))
-        loads = self._loads_of(pose, v, a, laws)
+        found, loads = np.zeros((*v.shape[:2], len(self._joints))), None
+        if self._loads is not None and any(law.needs("torque") for law in laws):
+            loads = np.abs(self._loads.forces(pose, v, a))  # of what moves the bodies
         for law in laws:
             found[:, :, law.columns] = self._signal(pose, law, v, a, loads)
         return found
-
-    def _loads_of(
-        self, pose: Pose, v: FloatArray, a: FloatArray, laws: list[_Law]
-    ) -> FloatArray | None:
-        """Sizes (N, k, dof) of the forces that move the bodies, where laws need them."""
-        if self._loads is None or not any(law.needs("torque") for law in laws):
-            return None
-        return np.abs(self._loads.forces(pose, v, a))
 
     def _signal(
         self, pose: Pose, law: _Law, v: FloatArray, a: FloatArray, loads: FloatArray | None

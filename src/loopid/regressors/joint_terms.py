@@ -284,10 +284,7 @@ class JointTerms:
         }
 
     def loads(
-        self,
-        robot: Robot,
-        motion: ClosedMotion,
-        standard_parameters: FloatArray | None = None,
+        self, robot: Robot, motion: ClosedMotion, standard_parameters: FloatArray | None = None
     ) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
         """Forces (N,) that the bearings of joints with load-dependent friction carry, in N.
 
