@@ -220,6 +220,7 @@ MADE_BY = {
     "Log": "read_log",
     "Recording": "prepare",
     "Fit": "load_fit",
+    "Estimates": "load_fit",
 }
 
 

@@ -28,7 +28,7 @@ def five_bar():
 def saved(five_bar, tmp_path_factory):
     model = loopid.force_model(five_bar, "full", None)
     path = tmp_path_factory.mktemp("fit") / "fit.yaml"
-    return model.fit_of(model.prior).save(path)
+    return loopid.Fit.of(model, model.prior).save(path)
 
 
 @pytest.fixture(scope="module")

@@ -203,7 +203,7 @@ class Material:
         recording = loopid.prepare(arm, read_log(self.logs["arm"][0], arm))
         model = loopid.force_model(arm, "full", JointTerms(arm.actuated))
         place = self.folder / "fit.yaml"
-        return model.fit_of(fit(model.samples(recording), "ols")).save(place)
+        return loopid.Fit.of(model, fit(model.samples(recording), "ols")).save(place)
 
     @cached_property
     def mapping(self) -> Path:

@@ -29,7 +29,8 @@ from loopid.identification.force_models import ForceModel, force_model, samples_
 from loopid.identification.identification import split_recordings
 from loopid.identification.prediction import prediction_reach
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import Fit, fit_quality
+from loopid.identification.quality import fit_quality
+from loopid.identification.result import Fit
 from loopid.identification.selection import influence, truncated_values
 from loopid.loading.robot_files import load
 from loopid.logs.log import Log

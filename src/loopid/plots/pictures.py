@@ -9,8 +9,9 @@ import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, checked, spread_rows
 from loopid.errors import OptionError
+from loopid.identification.estimates import Estimate
 from loopid.identification.prediction import Prediction
-from loopid.identification.result import Estimate, Fit
+from loopid.identification.result import Fit
 from loopid.numbers import interval, number, with_error
 from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel, forest
 from loopid.plots.structure import force_unit
