@@ -230,24 +230,13 @@ def drive_gains(
 
 @record
 class MotorNumbers:
-    """A number of each motor that tells it.
+    """A number of each motor that determines it."""
 
-    Attributes
-    ----------
-    actuators : tuple of str
-        The m motors that determine it.
-    values, covariance : FloatArray
-        (m,) and (m, m).
-    degrees_of_freedom : float
-    undetermined : tuple of str
-        The other motors.
-    """
-
-    actuators: tuple[str, ...]
-    values: FloatArray
-    covariance: FloatArray
+    actuators: tuple[str, ...]  # these m motors
+    values: FloatArray  # (m,)
+    covariance: FloatArray  # (m, m)
     degrees_of_freedom: float
-    undetermined: tuple[str, ...]
+    undetermined: tuple[str, ...]  # the other motors
 
 
 def motor_scales(
@@ -255,12 +244,7 @@ def motor_scales(
 ) -> MotorNumbers:
     """What is logged of motors, in parts of their forces by robot and load.
 
-    With some parameters (k,) of the load known, NaN for the others.
-
-    Raises
-    ------
-    DataError
-        When a scale is not above 0.
+    With some parameters (k,) of the load known, NaN for the others. A scale below 0 is refused.
     """
     chosen, names = chosen_estimator(estimator), np.array(runs.robot.actuators, dtype=object)
     driven = ~np.isin(names, runs.force_model.robot.free)
@@ -329,8 +313,13 @@ class _Rows:
     def telling(self, driven: BoolArray, estimator: Estimator) -> BoolArray:
         """Motors (dof,) whose scales change the forces as nothing else does."""
         values = estimator.fit_samples(self.unscaled).result.values
-        found, samples = np.array(driven), self.about(values, np.ones(len(driven)), driven)
-        found[driven] = _excited(samples, int(driven.sum()))
+        found, problem = np.array(driven), self.about(values, np.ones(len(driven)), driven).problem
+        count = int(driven.sum())
+        R = problem.weighted(problem.force_weights)[:-1, :-1][:, -count:]
+        sizes = np.linalg.norm(R, axis=0)
+        _, spectrum, right = np.linalg.svd(R[-count:] / np.where(sizes > 0, sizes, 1.0))
+        hidden = right[spectrum < LEAST_EXCITATION]
+        found[driven] = np.linalg.norm(hidden, axis=0) < INVOLVED
         return found
 
     @property
@@ -348,13 +337,3 @@ class _Rows:
         scaled = replace(self.samples, regressor=scales[:, None] * self.samples.regressor)
         added = ParameterSet.of_links(names, ["scale"])
         return scaled.with_force(target).beside(added, columns)
-
-
-def _excited(samples: FitSamples, count: int) -> BoolArray:
-    """Which of the last columns, this many, do what no others do."""
-    R = samples.problem.weighted(samples.problem.force_weights)[:-1, :-1][:, -count:]
-    sizes = np.linalg.norm(R, axis=0)
-    own = R[-count:] / np.where(sizes > 0, sizes, 1.0)
-    _, values, right = np.linalg.svd(own)
-    hidden = right[values < LEAST_EXCITATION]
-    return np.asarray(np.linalg.norm(hidden, axis=0) < INVOLVED)

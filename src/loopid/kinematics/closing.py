@@ -417,15 +417,10 @@ class _LoopPoses:
         for k in np.flatnonzero(good):
             if all(np.abs(points[k] - other.points).max() > SAME for other in found):
                 turning = self._turning(jacobian[k], frames.angular[k])
-                parallel = _pairs(turning, PARALLEL)
-                found.append(_Solution(q[k], points[k], self._distance(q[k]), parallel))
+                away = difference(robot, self.drawn[None], q[k, None])[0] / robot.coordinate_scales
+                distance = float(np.linalg.norm(away[self.passive]))
+                found.append(_Solution(q[k], points[k], distance, _pairs(turning, PARALLEL)))
         return found
-
-    def _distance(self, q: FloatArray) -> float:
-        """How far the passive joints are from where they are drawn."""
-        steps = difference(self.robot, self.drawn[None], q[None])[0]
-        steps /= self.robot.coordinate_scales
-        return float(np.linalg.norm(steps[self.passive]))
 
     def _turning(self, jacobian: FloatArray, angular: FloatArray) -> FloatArray:
         """Rates (F, 3 k) of turning against the first link, per unit of what drives the loop."""

@@ -123,7 +123,10 @@ def _drawn(robot: Robot, seed: int, options: SamplingOptions) -> Iterator[FloatA
     steps = max(MOST_STEPS * options.spread, LEAST_STEPS)
     paths = AssemblyOptions(shortest_step=SHORTEST_STEP, most_steps=steps)
     spread = min(options.spread, MANY_LOOPS / max(len(robot.loops), 1))
-    least = _least_margin(robot, options)
+    least = options.margin
+    if least is None:  # where the reference hardly keeps it, poses around it do not
+        own = float(singularity_measure(robot, robot.reference[None])[0])
+        least = max(LEAST_MARGIN, min(DEFAULT_MARGIN, 0.5 * own))
     drawn, found, broken = 0, 0, np.zeros(robot.model.nq)
     while True:
         if drawn > options.attempts * (found + BATCH):
@@ -143,14 +146,6 @@ def _drawn(robot: Robot, seed: int, options: SamplingOptions) -> Iterator[FloatA
         found, drawn = found + len(regular), drawn + BATCH
         if len(regular):
             yield regular
-
-
-def _least_margin(robot: Robot, options: SamplingOptions) -> float:
-    """The margin to begin with: where the reference hardly keeps it, poses around it do not."""
-    if options.margin is not None:
-        return options.margin
-    own = float(singularity_measure(robot, robot.reference[None])[0])
-    return max(LEAST_MARGIN, min(DEFAULT_MARGIN, 0.5 * own))
 
 
 def _ranges(measured: MeasuredCoordinates) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -65,8 +65,8 @@ from loopid.kinematics.projection import (
 )
 from loopid.parameters import ParameterSet
 from loopid.regressors.joint_laws import HYSTERESIS, JointState, JointTerm, joint_term
-from loopid.regressors.joint_terms import JointTerms, joint_position
-from loopid.robot.robot import Robot, lock_options
+from loopid.regressors.joint_terms import JointTerms
+from loopid.robot.robot import Robot, lock_options, position_of
 
 # Newton steps this short, in rad or characteristic lengths, leave G and q at one point to round-off
 SHORT = 1e-11
@@ -651,7 +651,7 @@ class Dynamics:
         position: Any = None
         if law.needs("position"):
             q = pose.configurations
-            each = [joint_position(self.robot, q, name) for name in law.names]
+            each = [position_of(self.robot.joint(name), q) for name in law.names]
             position = np.stack(each, axis=-1)[:, None]
         state = JointState(position, v.take(law.joints, axis=2), a.take(law.joints, axis=2))
         state = self._terms.state(state, self._carried(pose, law, v, a))
@@ -702,7 +702,7 @@ class Dynamics:
     def _slide(self, before: FloatArray, after: FloatArray) -> None:
         """Let the elements go on from configurations (1, nq) to others."""
         ends = (
-            np.array([joint_position(self.robot, q, joint)[0] for joint, _ in self._slipping])
+            np.array([position_of(self.robot.joint(joint), q)[0] for joint, _ in self._slipping])
             for q in (before, after)
         )
         first, last = ends
