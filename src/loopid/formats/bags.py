@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from loopid.arguments import IntArray
-from loopid.errors import DataWarning, LogError, warn
+from loopid.errors import DataWarning, LogError, optional, warn
 from loopid.logs.table import (
     LARGEST_STAMP,
     MOST_LISTED,
@@ -19,7 +19,6 @@ from loopid.logs.table import (
     LogFormat,
     Table,
     array_table,
-    optional,
     refusals,
 )
 
@@ -84,7 +83,7 @@ class BagFormat(LogFormat):
     @cached_property
     def _topics(self) -> dict[str, Topic]:
         """The joint states of each topic, or of the chosen one."""
-        with optional("rosbags"):
+        with optional("rosbags", "logs"):
             from rosbags.highlevel import AnyReader
             from rosbags.typesys import Stores, get_typestore
         with refusals(self.path, "ROS bag that can be read"):

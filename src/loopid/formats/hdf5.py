@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
-from loopid.logs.table import MOST_LISTED, ArrayFormat, Column, array_columns, optional, refusals
+from loopid.errors import optional
+from loopid.logs.table import MOST_LISTED, ArrayFormat, Column, array_columns, refusals
 
 if TYPE_CHECKING:
     import h5py
@@ -63,7 +64,7 @@ class Hdf5Format(ArrayFormat):
 
     @contextmanager
     def _file(self) -> Iterator[h5py.File]:
-        with optional("h5py"):
+        with optional("h5py", "logs"):
             import h5py
         with refusals(self.path, self.kind), h5py.File(self.path, "r") as file:
             yield file

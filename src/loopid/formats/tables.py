@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from loopid.logs.table import LogFormat, Table, common_length, optional, refusals, stream_name
+from loopid.errors import optional
+from loopid.logs.table import LogFormat, Table, common_length, refusals, stream_name
 
 if TYPE_CHECKING:
     import polars
@@ -85,7 +86,7 @@ class ExcelFormat(WholeTable):
     def _frame(self) -> polars.DataFrame:
         import polars
 
-        with optional("fastexcel"):
+        with optional("fastexcel", "logs"):
             import fastexcel  # noqa: F401 - Polars asks for it
         return polars.read_excel(self.path)
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from loopid.arguments import FloatArray, IntArray, number
-from loopid.errors import LogError, LoopidError, MissingExtraError
+from loopid.errors import LogError, LoopidError
 from loopid.registry import log_formats
 
 if TYPE_CHECKING:  # slow to import, and only needed to read a log
@@ -264,15 +264,6 @@ def refusals(path: Path, kind: str) -> Iterator[None]:
             name = error.args[0]
             said = f"{name.decode() if isinstance(name, bytes) else name!r} is missing"
         raise LogError(f"{path} is no {kind}, or is damaged: {said:.200}", file=path) from error
-
-
-@contextmanager
-def optional(package: str) -> Iterator[None]:
-    """Name the extra that brings a library which is not installed."""
-    try:
-        yield
-    except ImportError as error:
-        raise MissingExtraError.of(package, "logs") from error
 
 
 # ---- formats of arrays --------------------------------------------------------------------------

@@ -20,13 +20,11 @@ from numpy.typing import ArrayLike
 from ruamel.yaml import YAML
 
 from loopid.arguments import FloatArray, samples
-from loopid.errors import MissingExtraError, SingularityError
+from loopid.errors import SingularityError, optional
 from loopid.parameters import GRAVITY_KINDS
 
-try:
+with optional("sympy", "symbolic"):
     import sympy as sp
-except ImportError as error:
-    raise MissingExtraError.of("sympy", "symbolic") from error
 
 GRAVITY = 9.81  # m/s², against Z_F
 # Below this reciprocal condition number of J the forces are round-off.

@@ -20,7 +20,7 @@ from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from loopid.arguments import FloatArray, checked, spread_rows
-from loopid.errors import MissingExtraError, OptionError
+from loopid.errors import OptionError, optional
 from loopid.identification.result import Fit, load_fit
 from loopid.logs.preparing import read_recordings
 from loopid.motion.files import read_motion_program
@@ -29,13 +29,11 @@ from loopid.robot.robot import Robot
 from loopid.view.masses import BodyMass, body_masses, fitted_masses
 from loopid.view.scene import Pose, Scene
 
-try:
+with optional("viser", "view"):
     import viser
     from trimesh import creation
 
     from loopid.view.solids import read_solids
-except ImportError as error:
-    raise MissingExtraError.of("viser", "view") from error
 
 # Of the user, with some above to go on to: the server waits for ever for one that cannot be had.
 Port: TypeAlias = Annotated[int, Field(ge=1024, le=65_000)]
