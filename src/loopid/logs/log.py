@@ -89,8 +89,6 @@ class ExternalWrench:
     def __post_init__(self) -> None:
         values = samples(self.values, len(COMPONENTS), f"the wrench on {self.frame}")
         object.__setattr__(self, "values", values)
-        if self.about is not None and not np.isfinite(self.about).all():
-            raise DataError(f"moments must be about a point, not {self.about}", argument="about")
 
     def __len__(self) -> int:
         return len(self.values)
