@@ -12,8 +12,10 @@ times as large, so that m s_i is the mass by motor i alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -32,10 +34,10 @@ from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit
-from loopid.logs.mapping import LogMapping
-from loopid.logs.recording import Recording
+from loopid.logs.mapping import LogMapping, mapping_of
 from loopid.parameters import KINDS, ParameterSet
 from loopid.records import record
+from loopid.robot.robot import Robot
 
 # Relative change of the scales at which steps end, how many there are at most, and the change at
 # which scales count as found after these.
@@ -110,6 +112,8 @@ class GainFit:
     undetermined : tuple of str
         Motors whose gains are undetermined: their forces do not depend on robot and load, or
         hardly.
+    force_scales : tuple of mapping
+        Of each log, see ``Log``; empty where there is none.
     """
 
     actuators: tuple[str, ...]
@@ -117,6 +121,7 @@ class GainFit:
     covariance: FloatArray
     degrees_of_freedom: float
     undetermined: tuple[str, ...] = ()
+    force_scales: tuple[Mapping[str, float], ...] = ()
 
     def intervals(self, level: float = 0.95) -> FloatArray:
         """Confidence intervals (m, 2) of the gains.
@@ -129,31 +134,27 @@ class GainFit:
         with np.errstate(divide="ignore"):
             return np.asarray(self.gains[:, None] / ends)
 
-    def mapping(
-        self, recordings: Sequence[Recording], mapping: LogMapping | None = None
-    ) -> LogMapping:
-        """The mapping by which the logs of recordings are read with these gains.
+    def mapping(self, mapping: LogMapping | str | Path | None = None) -> LogMapping:
+        """The mapping by which the logs are read with these gains.
 
         Its ``content`` is that of a mapping file. Motors whose gains are undetermined keep them.
 
         Parameters
         ----------
-        recordings : sequence of Recording
-        mapping : LogMapping, optional
+        mapping : LogMapping or path, optional
             By which they were read.
 
         Raises
         ------
         DataError
-            When a recording is not of a file.
+            When a log is not of a file.
         OptionError
             When forces of the logs are in different units, or motors move joints together.
         """
-        scales = [run.log.force_scales if run.log is not None else {} for run in recordings]
-        if not all(scales):
+        if not all(self.force_scales):
             raise DataError("a mapping is of logs from files, which recordings of motions have not")
         gains = dict(zip(self.actuators, self.gains.tolist(), strict=True))
-        return (mapping or LogMapping()).with_gains(gains, scales)
+        return mapping_of(mapping).with_gains(gains, self.force_scales)
 
     def __repr__(self) -> str:
         told = zip(self.actuators, self.gains, self.intervals(), strict=True)
@@ -164,12 +165,13 @@ class GainFit:
 
 @checked
 def drive_gains(
-    force_model: ForceModel,
+    robot: Robot | ForceModel,
+    unloaded: Any,
+    loaded: Any,
+    *,
     link: str,
     load: KnownLoad,
-    *,
-    unloaded: Sequence[Recording],
-    loaded: Sequence[Recording],
+    mapping: Any = None,
     estimator: Estimator | str = "wls",
 ) -> GainFit:
     """Find the gains of drives from runs without and with a load of known mass.
@@ -179,12 +181,16 @@ def drive_gains(
 
     Parameters
     ----------
-    force_model : ForceModel
+    robot : Robot or ForceModel
+        Of a robot it is the model that the data ask for.
+    unloaded, loaded
+        Of any form that ``identify`` takes.
     link : str
         That the load was fixed to.
     load : KnownLoad
         Its mass is enough; its centre and inertia, where they are known, make gains surer.
-    unloaded, loaded : sequence of Recording
+    mapping : LogMapping or path, optional
+        Which columns of paths and tables are what.
     estimator : Estimator or str
         As in ``fit``.
 
@@ -211,21 +217,23 @@ def drive_gains(
         ...
     loopid.errors.OptionError: mass must be above 0, not -2.0
     """
-    if force_model.robot.redundant:
+    own = robot if isinstance(robot, Robot) else robot.robot
+    if own.redundant:
         raise OptionError(
             "gains take motors that do not depend on each other: "
-            f"{', '.join(force_model.robot.redundant)} follow from the others",
-            motors=force_model.robot.redundant,
+            f"{', '.join(own.redundant)} follow from the others",
+            motors=own.redundant,
         )
     name = chosen_estimator(estimator).name
-    runs = LoadedRuns.of(force_model, link, unloaded, loaded, estimator=name)
+    runs = LoadedRuns.of(robot, link, (unloaded, loaded), mapping, estimator=name)
     found = motor_scales(runs, load.parameters[: len(runs.kinds)], estimator)
     if not found.actuators:
         known, advice = ("mass", ": give its centre") if load.centre is None else ("load", "")
         raise RankError(f"no force of a motor shows what the known {known} on {link} does{advice}")
     s = found.values
     covariance = found.covariance / np.outer(s**2, s**2)
-    return GainFit(found.actuators, 1 / s, covariance, found.degrees_of_freedom, found.undetermined)
+    others = found.degrees_of_freedom, found.undetermined, runs.force_scales
+    return GainFit(found.actuators, 1 / s, covariance, *others)
 
 
 @record

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -296,7 +297,7 @@ class Log(Tabular):
         frame: Any,
         joints: Sequence[str],
         *,
-        mapping: LogMapping | None = None,
+        mapping: LogMapping | str | Path | None = None,
         name: str = "frame",
     ) -> Log:
         """A log from a table in memory, its columns found as those of a file are.
@@ -308,7 +309,7 @@ class Log(Tabular):
             with fields. Times may be dates or durations, and those of pandas its index.
         joints : sequence of str
             The m motors.
-        mapping : LogMapping, optional
+        mapping : LogMapping or path, optional
             Which columns are what, and their units; by default as their names say, in SI units.
 
         Raises
@@ -329,9 +330,9 @@ class Log(Tabular):
         >>> loopid.Log.from_frame(polars.DataFrame(columns), ["crank_joint"])
         <Log 'frame': 200 samples of crank_joint over 1.99 s in 1 segment>
         """
-        from loopid.logs.mapping import LogMapping  # arrays need no models of files
+        from loopid.logs.mapping import mapping_of  # arrays need no models of files
 
-        mapping, joints = mapping or LogMapping(), tuple(joints)
+        mapping, joints = mapping_of(mapping), tuple(joints)
         mapping.stream_delays(name, joints, [name])
         columns = _columns_of(frame)
         finder = ColumnFinder(name, {name: tuple(columns)}, mapping)

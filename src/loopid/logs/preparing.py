@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,8 +31,6 @@ from loopid.kinematics.projection import project, singularity_measure
 from loopid.logs.checks import check_log, require_known_motion
 from loopid.logs.grid import Dropped
 from loopid.logs.log import ExternalWrench, Log, renumbered
-from loopid.logs.mapping import LogMapping
-from loopid.logs.reading import read_log
 from loopid.logs.recording import FilterOptions, MaskOptions, RateHistory, Recording, reach_of
 from loopid.motion.filtering import LowPass, differentiate
 from loopid.motion.joints import JointMotion
@@ -238,21 +235,6 @@ def in_motion_band(robot: Robot, recording: Recording) -> Recording:
         return recording
     (found,) = prepare_again(robot, [recording], cutoff="auto")
     return found
-
-
-@checked
-def read_recordings(
-    robot: Robot,
-    paths: Sequence[str | Path],
-    mapping: LogMapping | str | Path | None = None,
-    *,
-    rows: tuple[int, int | None] | None = None,
-    filter: FilterOptions = FilterOptions(),  # noqa: A002
-    progress: Progress | None = None,
-) -> tuple[Recording, ...]:
-    """Read logs and make them ready; see ``read_log`` and ``prepare``."""
-    logs = (read_log(robot, path, mapping=mapping, rows=rows) for path in paths)
-    return tuple(prepare(robot, log, filter=filter, progress=progress) for log in logs)
 
 
 # ---- encoders that freeze ----------------------------------------------------------------------

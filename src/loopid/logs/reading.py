@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,9 +20,12 @@ from loopid.logs.checks import (
 )
 from loopid.logs.grid import Stream, make_stream, on_joints
 from loopid.logs.log import Log
-from loopid.logs.mapping import LogMapping, read_mapping
+from loopid.logs.mapping import LogMapping, mapping_of
+from loopid.logs.preparing import prepare
+from loopid.logs.recording import FilterOptions, Recording
 from loopid.logs.signals import ColumnFinder
 from loopid.logs.table import LogFormat, numbers_in, stream_name
+from loopid.progress import Progress
 from loopid.registry import log_formats
 from loopid.robot.robot import Robot
 
@@ -86,7 +89,7 @@ def read_log(
     >>> loopid.read_log(robot, bundled_directory() / "logs" / "five_bar.csv")
     <Log 'five_bar': 2241 samples of left_crank_joint, right_crank_joint over 22.40 s in 1 segment>
     """
-    mapping = _mapping(mapping)
+    mapping = mapping_of(mapping)
     require_known_motion(robot, mapping.free)
     place = _existing(path)
     for wrench in mapping.wrenches:
@@ -100,10 +103,19 @@ def read_log(
     return replace(log, checked=True)
 
 
-def _mapping(given: LogMapping | str | Path | None) -> LogMapping:
-    if isinstance(given, LogMapping):
-        return given
-    return LogMapping() if given is None else read_mapping(given)
+@checked
+def read_recordings(
+    robot: Robot,
+    paths: Sequence[str | Path],
+    mapping: LogMapping | str | Path | None = None,
+    *,
+    rows: tuple[int, int | None] | None = None,
+    filter: FilterOptions = FilterOptions(),  # noqa: A002
+    progress: Progress | None = None,
+) -> tuple[Recording, ...]:
+    """Read logs and make them ready; see ``read_log`` and ``prepare``."""
+    logs = (read_log(robot, path, mapping=mapping, rows=rows) for path in paths)
+    return tuple(prepare(robot, log, filter=filter, progress=progress) for log in logs)
 
 
 def _existing(path: str | Path) -> Path:
@@ -202,7 +214,7 @@ def locked_as_logged(
 
     if robot.path is None:
         return robot
-    mapping = _mapping(mapping)
+    mapping = mapping_of(mapping)
     require_known_motion(robot, mapping.free)
     log = open_log(_existing(path), mapping)
     finder = ColumnFinder(str(path), log.columns(), mapping, log.ordered, log.choice)

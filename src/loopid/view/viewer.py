@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 from loopid.arguments import FloatArray, checked, spread_rows
 from loopid.errors import OptionError, optional
 from loopid.identification.result import Fit, load_fit
-from loopid.logs.preparing import read_recordings
+from loopid.logs.reading import read_recordings
 from loopid.motion.files import read_motion_program
 from loopid.motion.joints import JointMotion, joint_motion
 from loopid.robot.robot import Robot
