@@ -13,7 +13,7 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationError,
 from loopid.arguments import NotNegative, Positive, checked
 from loopid.border import Section, refusal, unknown
 from loopid.errors import LogError, OptionError
-from loopid.logs.signals import COMPONENTS, QUANTITIES
+from loopid.logs.table import COMPONENTS, QUANTITIES
 from loopid.records import digest
 from loopid.registry import log_formats
 from loopid.yaml_files import read_yaml, yaml_writer
@@ -328,6 +328,13 @@ class LogMapping(Section):
 def _rounded(value: float) -> float:
     """To digits that a gain is known to, and more."""
     return float(f"{value:.6g}")
+
+
+def mapping_of(given: LogMapping | str | Path | None) -> LogMapping:
+    """A mapping, that of a file, or one that says nothing."""
+    if isinstance(given, LogMapping):
+        return given
+    return LogMapping() if given is None else read_mapping(given)
 
 
 @checked
