@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from loopid.arguments import FloatArray
+from loopid.errors import first_of
 from loopid.findings import Finding, Severity
 from loopid.identification.correlation import (
     Autoregression,
@@ -136,7 +137,7 @@ def _finding(alike: Sequence[MissingForce]) -> Finding:
             first.do,
         )
     do = first.do.replace("{terms}", "; ".join(f"{each.motor}: {each.term}" for each in alike))
-    motors = first.motor + (f" and {len(alike) - 1} more" if len(alike) > 1 else "")
+    motors = first_of([each.motor for each in alike], 1)
     number = f"{first.number:.3g} {first.unit}"
     if first.certainty == "hidden":
         return Finding(
