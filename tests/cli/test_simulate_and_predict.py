@@ -63,7 +63,7 @@ def test_errors_are_those_of_the_definition(five_bar, saved, sweep):
 def test_another_robot_is_refused(saved, sweep):
     four_bar = loopid.load("four_bar")
     with pytest.raises(loopid.LoopidError, match="this is a fit of five_bar"):
-        loopid.load_fit(saved, four_bar)
+        loopid.load_fit(saved, robot=four_bar)
     other = replace(sweep, actuators=("crank_joint", "rocker_joint"))
     with pytest.raises(loopid.LoopidError, match="but the fit of left_crank_joint"):
         loopid.load_fit(saved).predict(other)

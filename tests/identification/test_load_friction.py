@@ -65,7 +65,7 @@ def test_a_saved_fit_predicts_with_the_bodies_that_loaded_the_joints(loaded, tru
     export_robot_file(robot, 1.3 * robot.standard_parameters(), tmp_path / "five_bar.urdf")
     copy(robot.path, tmp_path)
     with pytest.raises(DataError, match=r"differs by .* there \(bodies that load joints count"):
-        load_fit(path, tmp_path / "five_bar.yaml")
+        load_fit(path, robot=tmp_path / "five_bar.yaml")
 
 
 def test_c_code_refuses_it(loaded):

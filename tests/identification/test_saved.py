@@ -142,14 +142,14 @@ def test_fits_of_another_geometry_are_refused(knees, load_once, tmp_path, kind):
     robot = load_once("3ups_rpu")
     model = loopid.force_model(robot, kind, JointTerms(robot.actuated))
     path, (same, other) = loopid.Fit.of(model, model.prior + 1.0).save(tmp_path / "fit.json"), knees
-    assert load_fit(path, same).model.base.names == model.base.names
+    assert load_fit(path, robot=same).model.base.names == model.base.names
     words = (
         r"a fit of 3ups_rpu, not of .*8/.*\.yaml \(.*not the files of the fit\): closure .* there"
     )
     with pytest.raises(DataError, match=words):
-        load_fit(path, other)
+        load_fit(path, robot=other)
     with pytest.raises(DataError, match=r"not of .*5p\.yaml .*: "):
-        load_fit(path, load_once("5p"))
+        load_fit(path, robot=load_once("5p"))
 
 
 @pytest.mark.parametrize(
@@ -168,7 +168,7 @@ def test_what_differs_is_named(tmp_path, old, new, words):
     model = loopid.force_model(one, "gravity", None)
     path = loopid.Fit.of(model, model.prior).save(tmp_path / "fit.json")
     with pytest.raises(DataError, match=words):
-        load_fit(path, other)
+        load_fit(path, robot=other)
 
 
 def test_other_options_of_loading_are_refused(load_once, tmp_path):
@@ -177,7 +177,7 @@ def test_other_options_of_loading_are_refused(load_once, tmp_path):
     path = loopid.Fit.of(model, model.prior).save(tmp_path / "fit.json")
     assert load_fit(path).robot.options["tied"]
     with pytest.raises(DataError, match=r"not of .*3rrr\.yaml: parameter"):
-        load_fit(path, load_once("3rrr"))
+        load_fit(path, robot=load_once("3rrr"))
 
 
 def test_closures_and_motors_of_python_survive(tmp_path):
@@ -201,7 +201,7 @@ def test_no_other_robot_of_the_name_stands_in(tmp_path):
         if robot.path == own:
             with pytest.raises(FileError, match=r'no longer at .*five_bar\.yaml.*robot="FILE"'):
                 load_fit(path)
-            assert load_fit(path, "five_bar").robot.name == "five_bar"
+            assert load_fit(path, robot="five_bar").robot.name == "five_bar"
         else:
             assert load_fit(path).robot == robot
 
@@ -212,7 +212,7 @@ def test_a_robot_with_other_inertials_is_the_same(model, fits, tmp_path):
     export_robot_file(
         model.robot, 1.3 * model.robot.standard_parameters(), tmp_path / "five_bar.urdf"
     )
-    assert load_fit(path, tmp_path / "five_bar.yaml").model.base.names == model.base.names
+    assert load_fit(path, robot=tmp_path / "five_bar.yaml").model.base.names == model.base.names
 
 
 def test_reading_searches_nothing_again(model, tmp_path, monkeypatch):
@@ -396,7 +396,7 @@ def test_a_fit_without_its_model_is_refused_by_what_needs_it(fits, tmp_path):
 
 def test_data_of_any_form_are_predicted_alike(model, fits):
     robot, path = model.robot, ROOT / "urdf" / "logs" / "five_bar.csv"
-    fit, log = loopid.Fit.of(model, fits["consistent"]), read_log(path, robot)
+    fit, log = loopid.Fit.of(model, fits["consistent"]), read_log(robot, path)
     expected = fit.predict(loopid.prepare(robot, log)).predicted
     frame = polars.read_csv(path)
     for data in (path, str(path), log, frame, frame.to_dict(as_series=False)):

@@ -100,7 +100,7 @@ def test_a_spring_with_its_geometry_is_found_and_saved(register, load_once, tmp_
     found = quiet_fit(model.samples(run))
     np.testing.assert_allclose(found.values, truth, rtol=1e-6, atol=1e-7)
     path = loopid.Fit.of(model, found).save(tmp_path / "fit.yaml")
-    assert load_fit(path, robot).parameters == model.parameters
+    assert load_fit(path, robot=robot).parameters == model.parameters
     del JOINT_TERMS._entries["Gas"]
     with pytest.raises(LoopidError, match="Gas"):
         load_fit(path)
@@ -111,7 +111,7 @@ def test_steps_that_follow_the_position_too_are_filtered(register, load_once):
     law = lambda joint, _: joint.sign() * (1.0 + joint.position)  # noqa: E731
     register("Fq", term(law, ("sign", "position")))
     robot = load_once("five_bar")
-    log = read_log(LOG, robot)
+    log = read_log(robot, LOG)
     recording = loopid.prepare(robot, log)
     models = [loopid.force_model(robot, "gravity", terms) for terms in ("Fc,Fq", "Fc,Fv")]
     W, plain = (model.samples(recording) for model in models)

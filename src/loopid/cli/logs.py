@@ -152,7 +152,7 @@ def predict(
     from loopid.report.forces import prediction_report
 
     answer.require(fit, mapping, *logs)
-    saved = load_fit(fit, robot)
+    saved = load_fit(fit, robot=robot)
     runs = recordings(saved.robot, logs, mapping, cutoff, rows)
     suspected = log_faults_by_log(saved.robot, runs, saved.require_model().joint_terms)
     found = saved.predict(runs)
@@ -289,7 +289,7 @@ def export(
         raise OptionError(
             "nothing to export: give --urdf FILE, --mjcf FILE, --yaml FILE or --c DIR"
         )
-    saved = load_fit(fit, file)
+    saved = load_fit(fit, robot=file)
     if yaml is not None:
         require_other_file(yaml, fit, *own_files(saved.robot))
     written = _exported(saved, robot, yaml, c, name=name, overwrite=overwrite, anyway=anyway)

@@ -319,7 +319,7 @@ class FitFile(_Section):
         if file is None and not own.path:
             raise FileError(
                 f"the robot of the fit, {own.name}, was made in Python: make it again, for "
-                "load_fit(path, robot)",
+                "load_fit(path, robot=...)",
                 robot=own.name,
             )
         try:
