@@ -14,6 +14,7 @@ import pytest
 
 import loopid
 from loopid import cli
+from public_api import FILE
 from test_docs import PAGES
 
 NAMES = [name for name in loopid.__all__ if not ismodule(getattr(loopid, name))]
@@ -63,6 +64,12 @@ def test_the_page_of_public_names_lists_them_all_and_no_others():
         packages = [getattr(loopid, name) for name in re.findall(r"`loopid\.(\w+)`", row)]
         for name in re.findall(r"`(\w+)`", row):
             assert any(hasattr(package, name) for package in packages), name
+
+
+def test_every_public_name_is_in_a_page():
+    words = set(re.findall(r"\w+", "".join(page.read_text() for page in PAGES)))
+    lines = FILE.read_text().splitlines()
+    assert not {line.partition("(")[0].rpartition(".")[2] for line in lines} - words
 
 
 def imported(*words):

@@ -220,7 +220,9 @@ def fit_terms(
     base, (program, standard) = force_model.base, _terms_alone(force_model, whole)
     first = len(standard) - len(program.terms.start)
     J = base.matrix[:, first:]
-    left = data.less(data.predicted(base.values(standard))).along(J)
+    # Motors of one coordinate may have more joint terms than base parameters.
+    joints = base.parameters.select(range(first, len(standard)))
+    left = data.less(data.predicted(base.values(standard))).along(J, joints)
     with one_blas_thread():
         state, _ = _most_likely(program)
         standard[first:] = state.joints

@@ -54,7 +54,7 @@ def find_closures(
 def _closure(
     where: object, model: pin.Model, closure: ClosureDescription, frame_a: str, frame_b: str
 ) -> LoopClosure:
-    name, ids = f"{frame_a}-{frame_b}", (frame_named(model, frame_a), frame_named(model, frame_b))
+    name, ids = closure.label, (frame_named(model, frame_a), frame_named(model, frame_b))
     joints = [model.frames[frame].parentJoint for frame in ids]
     if joints[0] == joints[1] and closure.joint is None:
         raise RobotFileError(
@@ -75,7 +75,7 @@ def _closure(
             )
         indices = sliding.idx_q, sliding.idx_v
     numbers = closure.length or 0.0, closure.joint, indices
-    return LoopClosure(closure.type, frame_a, frame_b, ids, axes, *numbers)
+    return LoopClosure(closure.type, frame_a, frame_b, ids, axes, *numbers, name=name)
 
 
 def _unit(axis: Vector) -> Vector:

@@ -156,7 +156,7 @@ def _closure(tree: pin.Model, given: Any, number: str, notes: list[str]) -> Clos
     first, second = (
         _frame_at(tree, *end, f"{name}_{side}") for side, end in zip("ab", ends, strict=True)
     )
-    return Closure(first, second, kind)
+    return Closure(first, second, kind, name=getattr(constraint, "name", "") or None)
 
 
 def _frame_at(tree: pin.Model, joint: int, placement: pin.SE3, new: str) -> str:

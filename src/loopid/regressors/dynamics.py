@@ -397,6 +397,12 @@ class Dynamics:
             When the robot has independent coordinates that no joint position gives.
         """
         if isinstance(u, Pose):
+            if u.robot is not self.robot and u.robot != self.robot:
+                raise OptionError(
+                    f"the pose is of another robot ({u.robot.name}) than the dynamics "
+                    f"({self.robot.name}): make it by pose() of these",
+                    argument="u",
+                )
             return u
         if u is not None:
             if np.ndim(u) == 1:
