@@ -236,6 +236,11 @@ def find_base(
     options : SearchOptions, optional
         Instead of the search's own.
 
+    Returns
+    -------
+    BaseParameters
+        The choice of columns, its matrices, and how it was searched.
+
     Raises
     ------
     RankError
@@ -331,10 +336,21 @@ def expression(terms: Mapping[str, float], digits: PositiveInt = 4) -> str:
     digits : int
         Significant digits of the coefficients, for reading only.
 
+    Returns
+    -------
+    str
+        The sum; a coefficient of one is not written.
+
     Raises
     ------
     OptionError
         When there are no digits.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.base_parameters.expression({"platform.mx": 1.0, "leg2_stem.m": 0.19284})
+    'platform.mx + 0.1928 leg2_stem.m'
     """
     text = ""
     for label, coefficient in terms.items():

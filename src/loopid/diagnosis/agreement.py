@@ -96,6 +96,11 @@ def compare_fits(first: Fit, second: Fit) -> Agreement:
     ----------
     first, second : Fit
 
+    Returns
+    -------
+    Agreement
+        Differences of the parameters, in their standard errors.
+
     Raises
     ------
     DataError

@@ -190,6 +190,11 @@ def drive_gains(
     estimator : Estimator or str
         As in ``fit``.
 
+    Returns
+    -------
+    GainFit
+        True forces over logged ones, of each motor with a determined gain.
+
     Raises
     ------
     OptionError

@@ -231,6 +231,12 @@ def identify_payload(
     estimator : Estimator or str
         As in ``fit``.
 
+    Returns
+    -------
+    PayloadFit
+        Mass in kg, first moments in kg m, inertias in kg m², in the link's frame, with
+        intervals.
+
     Raises
     ------
     OptionError

@@ -77,6 +77,11 @@ def c_source(
     values : FloatArray, optional
         Of the base parameters (n,), to be put into the source.
 
+    Returns
+    -------
+    CSource
+        The texts of the files; ``save`` writes them.
+
     Raises
     ------
     MissingExtraError

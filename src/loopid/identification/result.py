@@ -351,6 +351,11 @@ def load_fit(path: str | Path, *, robot: Robot | str | Path | None = None) -> Fi
     robot : Robot or path, optional
         The robot, or its file; by default from where it was, loaded as it was.
 
+    Returns
+    -------
+    Fit
+        With its force model.
+
     Raises
     ------
     FileError

@@ -129,6 +129,7 @@ def assemble(
 
     Parameters
     ----------
+    robot : Robot
     values : FloatArray
         (N, c), measured coordinates in m or rad.
     coordinates : sequence of str or "platform", optional

@@ -102,6 +102,30 @@ def displaced(
     The way for coordinates that have no value of their own, such as the spin of a rod in a ball
     joint: u̇ is integrated along G, and Newton steps of the others keep the loops closed. Gives
     configurations (N, nq) and the residual (N,) left, in m: large where the way met a singularity.
+
+    Parameters
+    ----------
+    robot : Robot
+    configurations : FloatArray
+        (N, nq), closed.
+    steps : FloatArray
+        (N, dof), m or rad.
+
+    Returns
+    -------
+    configurations : FloatArray
+        (N, nq).
+    residual : FloatArray
+        (N,), in m.
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load("five_bar")
+    >>> q = robot.reference[None]
+    >>> moved, residual = loopid.kinematics.displaced(robot, q, np.full((1, 2), 0.01))
+    >>> moved.shape, bool(residual.max() < 1e-9)
+    ((1, 4), True)
     """
     chosen, dependent = partition(robot)
     longest = float(np.abs(steps / robot.coordinate_scales[chosen]).max(initial=0.0))

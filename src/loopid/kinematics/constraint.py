@@ -135,14 +135,54 @@ class Constraint:
 
 @checked
 def constraint_residual(robot: Robot, configurations: FloatArray) -> FloatArray:
-    """Residual (N, rows) of all closures: m or rad."""
+    """Residual (N, rows) of all closures: m or rad.
+
+    Parameters
+    ----------
+    robot : Robot
+    configurations : FloatArray
+        (N, nq).
+
+    Returns
+    -------
+    FloatArray
+        (N, rows), zero where the loops are closed.
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load("five_bar")
+    >>> q = robot.reference[None]
+    >>> bool(np.abs(loopid.kinematics.constraint_residual(robot, q)).max() < 1e-9)
+    True
+    """
     q = samples(configurations, robot.model.nq, "configurations")
     return _in_blocks(q, lambda k: Constraint(robot, q[k], jacobians=False).residual())
 
 
 @checked
 def constraint_jacobian(robot: Robot, configurations: FloatArray) -> FloatArray:
-    """Jacobian A (N, rows, nv): the exact derivative of the residual."""
+    """Jacobian A (N, rows, nv): the exact derivative of the residual.
+
+    Parameters
+    ----------
+    robot : Robot
+    configurations : FloatArray
+        (N, nq).
+
+    Returns
+    -------
+    FloatArray
+        (N, rows, nv).
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load("five_bar")
+    >>> q = robot.reference[None]
+    >>> loopid.kinematics.constraint_jacobian(robot, q).shape
+    (1, 3, 4)
+    """
     q = samples(configurations, robot.model.nq, "configurations")
     return _in_blocks(q, lambda k: Constraint(robot, q[k]).jacobian())
 
@@ -155,10 +195,24 @@ def constraint_drift(
 
     Parameters
     ----------
+    robot : Robot
     configurations : FloatArray
         (N, nq).
     velocities : FloatArray
         (N, nv), rad/s or m/s.
+
+    Returns
+    -------
+    FloatArray
+        (N, rows), m/s² or rad/s².
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load("five_bar")
+    >>> q = robot.reference[None]
+    >>> loopid.kinematics.constraint_drift(robot, q, np.zeros((1, 4))).shape
+    (1, 3)
     """
     q = samples(configurations, robot.model.nq, "configurations")
     v = samples(velocities, robot.model.nv, "velocities", len(q))

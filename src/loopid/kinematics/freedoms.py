@@ -60,8 +60,16 @@ def mobility(
 
     Parameters
     ----------
+    robot : Robot
+    configuration : FloatArray, optional
+        (nq,).
     around : FloatArray, optional
         (n, nq), closed configurations around it, where they are known.
+
+    Returns
+    -------
+    Mobility
+        Degrees of freedom, rows and rank of the closures, and whether it is singular.
 
     Raises
     ------

@@ -173,10 +173,27 @@ def measured_coordinates(
 
     They are made once for a robot and a choice.
 
+    Parameters
+    ----------
+    robot : Robot
+    coordinates : sequence of str or str, optional
+        Names of joints, or ``"platform"``.
+
+    Returns
+    -------
+    MeasuredCoordinates
+
     Raises
     ------
     MobilityError
         When they are too few or too many to determine the motion at the reference.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("3ups_rpu")
+    >>> type(loopid.kinematics.measured_coordinates(robot, "platform")).__name__
+    'PlatformCoordinates'
     """
     key = coordinates if isinstance(coordinates, str | None) else tuple(coordinates)
     known = prepared(robot).measured
@@ -223,6 +240,17 @@ def declared_platform(robot: Robot) -> Platform:
 @checked
 def platform_coordinates(robot: Robot, configurations: FloatArray) -> FloatArray:
     """Platform coordinates (N, c) that the robot file declares, at configurations (N, nq).
+
+    Parameters
+    ----------
+    robot : Robot
+    configurations : FloatArray
+        (N, nq).
+
+    Returns
+    -------
+    FloatArray
+        (N, c), m or rad.
 
     Raises
     ------

@@ -255,10 +255,32 @@ def torque_regressors(
 ) -> FloatArray:
     """Pinocchio's torque regressor Y, projected to Gᵀ Y where G (N, nv, dof) is given.
 
+    Parameters
+    ----------
+    robot : Robot
+    q : FloatArray
+        (N, nq).
+    v : FloatArray, optional
+        (N, nv); by default at rest.
+    a : FloatArray, optional
+        (N, nv); by default at rest.
+    model : str
+        ``"gravity"`` or ``"full"``.
+    G : FloatArray, optional
+        (N, nv, dof).
+
     Returns
     -------
     FloatArray
         (N, nv or dof, n), columns of ``robot.parameters(model)``.
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load("five_bar")
+    >>> q = robot.reference[None]
+    >>> loopid.kinematics.torque_regressors(robot, q, model="gravity").shape
+    (1, 4, 16)
     """
     own = prepared(robot)
     tree, data = own.model, own.memory.data
@@ -350,7 +372,29 @@ def integrate(robot: Robot, configurations: FloatArray, steps: FloatArray) -> Fl
 
 
 def difference(robot: Robot, origin: FloatArray, target: FloatArray) -> FloatArray:
-    """Tangent steps (N, nv) between configurations (N, nq), which ``integrate`` would take."""
+    """Tangent steps (N, nv) between configurations (N, nq), which ``integrate`` would take.
+
+    Parameters
+    ----------
+    robot : Robot
+    origin : FloatArray
+        (N, nq).
+    target : FloatArray
+        (N, nq).
+
+    Returns
+    -------
+    FloatArray
+        (N, nv), m or rad.
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load("five_bar")
+    >>> q = robot.reference[None]
+    >>> loopid.kinematics.difference(robot, q, q).tolist()
+    [[0.0, 0.0, 0.0, 0.0]]
+    """
     model = robot.model
     if model.nq == model.nv:
         return np.asarray(target - origin, dtype=np.float64)

@@ -37,6 +37,11 @@ def bearing_forces(
 
     Parameters
     ----------
+    robot : Robot
+    motion : ClosedMotion
+        Of N samples.
+    joints : sequence of int
+        J indices.
     standard_parameters : FloatArray, optional
         (n,) of ``robot.parameters()``; by default the bodies of the robot file.
 
@@ -50,6 +55,16 @@ def bearing_forces(
     ------
     OptionError
         When the robot has redundant motors: how they work against each other is not known.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> still = loopid.kinematics.closed_motion(robot, robot.reference, [[0, 0]], [[0, 0]])
+    >>> joint = robot.model.getJointId("left_crank_joint")
+    >>> forces, undetermined = loopid.kinematics.bearing_forces(robot, still, [joint])
+    >>> forces.shape, undetermined.tolist()
+    ((1, 1), [False])
     """
     if robot.redundant:
         raise OptionError(

@@ -70,6 +70,7 @@ def random_configurations(
 
     Parameters
     ----------
+    robot : Robot
     count : int
     seed : int
         Same seed, same configurations; a larger count only adds more.
@@ -216,6 +217,26 @@ def random_motions(
 
     They are uniform and as large as a fall over the characteristic length would make them, so
     that inertial and gravity forces have one order of magnitude.
+
+    Parameters
+    ----------
+    robot : Robot
+    count : int
+    seed : int or np.random.Generator
+        Same seed, same motions.
+
+    Returns
+    -------
+    velocities, accelerations : FloatArray
+        (count, dof), m or rad, by s and s².
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> velocities, accelerations = loopid.kinematics.random_motions(robot, 10, seed=0)
+    >>> velocities.shape
+    (10, 2)
     """
     if count != 0:
         require_count(count, "count")

@@ -386,6 +386,7 @@ def wrench_forces(
 
     Parameters
     ----------
+    robot : Robot
     configurations : FloatArray
         (N, nq), closed.
     wrenches : sequence of ExternalWrench

@@ -29,6 +29,7 @@ def gravity_regressor(robot: Robot, configurations: FloatArray) -> FloatArray:
 
     Parameters
     ----------
+    robot : Robot
     configurations : FloatArray
         (N, nq), closed.
 
@@ -79,6 +80,30 @@ def motion_regressor(
     columns. Loads of joints are those of the bodies of the robot file, or of other
     ``standard_parameters`` (n,) of the full model. Hysteresis needs ``JointTerms.slips`` of the
     whole motion; without, friction is that of steady motion.
+
+    Parameters
+    ----------
+    robot : Robot
+    motion : ClosedMotion
+        Of N samples.
+    model : str
+    joint_terms : JointTerms, optional
+    standard_parameters : FloatArray, optional
+        (n,).
+    slips : Slips, optional
+
+    Returns
+    -------
+    FloatArray
+        (N, dof, n), forces in N or N m by the parameters' units.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> motion = loopid.kinematics.closed_motion(robot, robot.reference, [[1, 0]], [[0, 0]])
+    >>> loopid.regressors.motion_regressor(robot, motion).shape
+    (1, 2, 40)
     """
     q, G = motion.configurations, motion.projection.G
     rates = (motion.velocities, motion.accelerations) if model == "full" else ()
@@ -116,12 +141,17 @@ def force_parts(
 
     Parameters
     ----------
+    robot : Robot
     configurations : FloatArray
         (N, nq), closed.
     velocities, accelerations : FloatArray
         (N, dof) of the independent coordinates.
     standard_parameters : FloatArray, optional
         (n,) of ``robot.parameters()``; by default those of the robot file.
+
+    Returns
+    -------
+    ForceParts
 
     Raises
     ------

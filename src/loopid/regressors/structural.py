@@ -46,6 +46,7 @@ def structural_observation(
 
     Parameters
     ----------
+    robot : Robot
     model : str
         ``"gravity"`` (mass and first moments, at rest) or ``"full"``.
     samples : int, optional

@@ -377,11 +377,24 @@ def open_viewer(robot: Robot, files: Sequence[str | Path] = (), *, port: Port = 
 
     Parameters
     ----------
+    robot : Robot
     files : sequence of path
         Saved fits, and a log or a motion file, whose first motion is meant, or a bundled robot's
         name for its motion.
     port : int
         See ``Viewer``.
+
+    Returns
+    -------
+    Viewer
+        Which serves until it is closed; a context.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> with loopid.view.open_viewer(loopid.load("five_bar"), ["five_bar"]) as viewer:
+    ...     viewer.move([1.2, 1.9])
+    True
     """
     motions, fits = dict[str, JointMotion](), dict[str, Fit]()
     for path in map(str, files):
