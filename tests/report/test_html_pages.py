@@ -74,7 +74,7 @@ def payload(study, mass=6.0):
     )
     weight = mass * columns[..., model.base.parameters.labels.index("platform.m")]
     loaded = Recording.of_motion(motion, run.force + weight, run.actuators)
-    return loopid.identify_payload(model, "platform", unloaded=[run], loaded=[loaded])
+    return loopid.identify_payload(model, link="platform", unloaded=[run], loaded=[loaded])
 
 
 def design(study):

@@ -30,7 +30,7 @@ def to_pinocchio(robot: Robot) -> tuple[pin.Model, pin.StdVec_RigidConstraintMod
 
     Returns
     -------
-    tuple of pin.Model and pin.StdVec_RigidConstraintModel
+    pin.Model, and Pinocchio's vector of ``RigidConstraintModel``
 
     Raises
     ------

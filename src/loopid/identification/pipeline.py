@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from loopid.arguments import FloatArray, checked, spread_rows
-from loopid.errors import DataError, DataWarning, OptionError, RankError, warn
+from loopid.errors import DataError, DataWarning, RankError, warn
 from loopid.identification.candidate import Candidate, judge, quality_of
 from loopid.identification.consistent import (
     CONSISTENT,
@@ -22,7 +21,7 @@ from loopid.identification.consistent import (
     quiet_consistent_fit,
     warn_of_bodies,
 )
-from loopid.identification.data import each_of, recordings_of
+from loopid.identification.data import read
 from loopid.identification.delay import in_time, with_delay_errors
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
@@ -48,9 +47,7 @@ from loopid.identification.problem import FitSamples
 from loopid.identification.quality import NoiseModel, fit_quality
 from loopid.identification.result import Fit, of_all
 from loopid.identification.terms import choose_terms
-from loopid.logs.mapping import LogMapping
 from loopid.logs.preparing import at_cutoff
-from loopid.logs.reading import locked_as_logged
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.parameters import ParameterSet
@@ -113,7 +110,7 @@ def identify(
     validation: Any = None,
     friction: Any = (),
     references: Sequence[JointMotion] = (),
-    mapping: LogMapping | str | Path | None = None,
+    mapping: Any = None,
     options: FitOptions = FitOptions(),
 ) -> Identification:
     """Fit a model of a robot to data, and judge the fit on data that it has not seen.
@@ -169,7 +166,8 @@ def identify(
     """
     options.require_references(len(references))
     others = () if validation is None else validation, friction
-    robot, (recordings, judging, friction) = _read(robot, mapping, options, data, *others)
+    options.require_terms(robot)
+    robot, (recordings, judging, friction) = read(robot, data, *others, mapping=mapping)
     own = robot if isinstance(robot, Robot) else robot.robot
     require_forces(own, recordings)
     choice, force_model = _model_of(robot, recordings, options)
@@ -257,34 +255,11 @@ def identify(
     )
 
 
-def _read(
-    robot: Robot | ForceModel,
-    mapping: LogMapping | str | Path | None,
-    options: FitOptions,
-    *data: Any,
-) -> tuple[Robot | ForceModel, list[tuple[Recording, ...]]]:
-    """The recordings of several data, and the robot, locked where the first log has it."""
-    if isinstance(robot, Robot):
-        options.require_terms(robot)
-        first = next(iter(each_of(data[0])), None)
-        if isinstance(first, str | Path):
-            robot = locked_as_logged(robot, first, mapping=mapping)
-    own = robot if isinstance(robot, Robot) else robot.robot
-    return robot, [recordings_of(own, each, mapping) for each in data]
-
-
 def _model_of(
     robot: Robot | ForceModel, recordings: Sequence[Recording], options: FitOptions
 ) -> tuple[ModelChoice | None, ForceModel]:
     """The model of a robot that recordings ask for; a gravity model that is given is looked at."""
-    kind = options.model
-    if isinstance(robot, ForceModel):
-        if (kind, options.terms) != (AUTOMATIC, AUTOMATIC):
-            raise OptionError(
-                "the force model that is given has a model and terms of its own: choose them by "
-                "force_model, or give the robot in its place"
-            )
-        kind = robot.model
+    kind = robot.model if isinstance(robot, ForceModel) else options.model
     own = robot if isinstance(robot, Robot) else robot.robot
     choice = None if kind == "full" else choose_model(own, recordings)
     if choice is not None and kind != AUTOMATIC:

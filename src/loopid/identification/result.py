@@ -166,10 +166,12 @@ class Fit(Estimates):
     # What it predicts, and what it becomes.
 
     @overload
-    def predict(self, data: list[Any] | tuple[Any, ...]) -> tuple[Prediction, ...]: ...
+    def predict(
+        self, data: list[Any] | tuple[Any, ...], *, mapping: Any = None
+    ) -> tuple[Prediction, ...]: ...
     @overload
-    def predict(self, data: Any) -> Prediction: ...
-    def predict(self, data: Any) -> Prediction | tuple[Prediction, ...]:
+    def predict(self, data: Any, *, mapping: Any = None) -> Prediction: ...
+    def predict(self, data: Any, *, mapping: Any = None) -> Prediction | tuple[Prediction, ...]:
         """Forces of data beside what the fit gives for their motion.
 
         Parameters
@@ -177,6 +179,8 @@ class Fit(Estimates):
         data
             A path, a table, a ``Log`` or a ``Recording`` of the fit's robot; or a list of these.
             Where a filter leaves the cut-off open, it is that of the fit.
+        mapping : LogMapping or path, optional
+            Which columns of paths and tables are what, as of ``identify``.
 
         Returns
         -------
@@ -196,7 +200,8 @@ class Fit(Estimates):
         >>> loopid.Fit.of(model, model.prior).predict("urdf/logs/five_bar.csv").predicted.shape[1]
         2
         """
-        found = tuple(predicted(self, each) for each in recordings_of(self.robot, data))
+        (runs,) = recordings_of(self.robot, data, mapping=mapping)
+        found = tuple(predicted(self, each) for each in runs)
         return found if isinstance(data, list | tuple) else found[0]
 
     def require_bodies(self) -> FloatArray:

@@ -275,10 +275,7 @@ def _in_steps(
 
 
 def _predicted(
-    measured: MeasuredCoordinates,
-    start: FloatArray,
-    at: Linearisation,
-    way: FloatArray,
+    measured: MeasuredCoordinates, start: FloatArray, at: Linearisation, way: FloatArray
 ) -> FloatArray:
     """Where the tangents lead that are short enough to be trusted; else the starts."""
     if measured.holds:

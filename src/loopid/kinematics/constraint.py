@@ -27,11 +27,7 @@ class Constraint:
     """All closures and couplings of a robot at configurations (N, nq)."""
 
     def __init__(
-        self,
-        robot: Robot,
-        q: FloatArray,
-        jacobians: bool = True,
-        poses: FramePoses | None = None,
+        self, robot: Robot, q: FloatArray, jacobians: bool = True, poses: FramePoses | None = None
     ) -> None:
         self.robot, self.q, self.prepared = robot, q, prepared(robot)
         if poses is None:
@@ -135,7 +131,7 @@ class Constraint:
 
 @checked
 def constraint_residual(robot: Robot, configurations: FloatArray) -> FloatArray:
-    """Residual (N, rows) of all closures: m or rad.
+    """Residual of all closures, zero where the loops are closed.
 
     Parameters
     ----------
@@ -146,15 +142,14 @@ def constraint_residual(robot: Robot, configurations: FloatArray) -> FloatArray:
     Returns
     -------
     FloatArray
-        (N, rows), zero where the loops are closed.
+        (N, rows), in m or rad.
 
     Examples
     --------
-    >>> import loopid, numpy as np
+    >>> import loopid
     >>> robot = loopid.load("five_bar")
-    >>> q = robot.reference[None]
-    >>> bool(np.abs(loopid.kinematics.constraint_residual(robot, q)).max() < 1e-9)
-    True
+    >>> loopid.kinematics.constraint_residual(robot, robot.reference).shape
+    (1, 3)
     """
     q = samples(configurations, robot.model.nq, "configurations")
     return _in_blocks(q, lambda k: Constraint(robot, q[k], jacobians=False).residual())
@@ -162,7 +157,7 @@ def constraint_residual(robot: Robot, configurations: FloatArray) -> FloatArray:
 
 @checked
 def constraint_jacobian(robot: Robot, configurations: FloatArray) -> FloatArray:
-    """Jacobian A (N, rows, nv): the exact derivative of the residual.
+    """Jacobian A of all closures: the exact derivative of the residual.
 
     Parameters
     ----------
@@ -173,14 +168,13 @@ def constraint_jacobian(robot: Robot, configurations: FloatArray) -> FloatArray:
     Returns
     -------
     FloatArray
-        (N, rows, nv).
+        (N, rows, nv), in m or rad per rad or m.
 
     Examples
     --------
-    >>> import loopid, numpy as np
+    >>> import loopid
     >>> robot = loopid.load("five_bar")
-    >>> q = robot.reference[None]
-    >>> loopid.kinematics.constraint_jacobian(robot, q).shape
+    >>> loopid.kinematics.constraint_jacobian(robot, robot.reference).shape
     (1, 3, 4)
     """
     q = samples(configurations, robot.model.nq, "configurations")
@@ -204,15 +198,14 @@ def constraint_drift(
     Returns
     -------
     FloatArray
-        (N, rows), m/s² or rad/s².
+        In m/s² or rad/s².
 
     Examples
     --------
     >>> import loopid, numpy as np
     >>> robot = loopid.load("five_bar")
-    >>> q = robot.reference[None]
-    >>> loopid.kinematics.constraint_drift(robot, q, np.zeros((1, 4))).shape
-    (1, 3)
+    >>> loopid.kinematics.constraint_drift(robot, robot.reference, np.zeros(4))
+    array([[0., 0., 0.]])
     """
     q = samples(configurations, robot.model.nq, "configurations")
     v = samples(velocities, robot.model.nv, "velocities", len(q))

@@ -176,12 +176,12 @@ def measured_coordinates(
     Parameters
     ----------
     robot : Robot
-    coordinates : sequence of str or str, optional
-        Names of joints, or ``"platform"``.
+    coordinates : str or sequence of str, optional
 
     Returns
     -------
     MeasuredCoordinates
+        Which reads them from configurations, and writes them there.
 
     Raises
     ------
@@ -191,9 +191,9 @@ def measured_coordinates(
     Examples
     --------
     >>> import loopid
-    >>> robot = loopid.load("3ups_rpu")
-    >>> type(loopid.kinematics.measured_coordinates(robot, "platform")).__name__
-    'PlatformCoordinates'
+    >>> robot = loopid.load("five_bar")
+    >>> loopid.kinematics.measured_coordinates(robot).read(robot.reference[None]).shape
+    (1, 2)
     """
     key = coordinates if isinstance(coordinates, str | None) else tuple(coordinates)
     known = prepared(robot).measured
@@ -239,7 +239,7 @@ def declared_platform(robot: Robot) -> Platform:
 
 @checked
 def platform_coordinates(robot: Robot, configurations: FloatArray) -> FloatArray:
-    """Platform coordinates (N, c) that the robot file declares, at configurations (N, nq).
+    """Platform coordinates that the robot file declares.
 
     Parameters
     ----------
@@ -250,7 +250,7 @@ def platform_coordinates(robot: Robot, configurations: FloatArray) -> FloatArray
     Returns
     -------
     FloatArray
-        (N, c), m or rad.
+        (N, c), in m or rad.
 
     Raises
     ------
@@ -287,10 +287,7 @@ def platform_jacobian(robot: Robot, q: FloatArray, G: FloatArray) -> FloatArray:
 
 @checked
 def platform_motion(
-    robot: Robot,
-    configurations: FloatArray,
-    rates: FloatArray,
-    accelerations: FloatArray,
+    robot: Robot, configurations: FloatArray, rates: FloatArray, accelerations: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Velocities and accelerations (N, nv) of all joints from those (N, c) of the platform."""
     platform = declared_platform(robot)

@@ -253,21 +253,19 @@ def torque_regressors(
     model: str = "full",
     G: FloatArray | None = None,
 ) -> FloatArray:
-    """Pinocchio's torque regressor Y, projected to Gᵀ Y where G (N, nv, dof) is given.
+    """Pinocchio's torque regressor Y, projected to Gᵀ Y where G is given.
 
     Parameters
     ----------
     robot : Robot
     q : FloatArray
         (N, nq).
-    v : FloatArray, optional
-        (N, nv); by default at rest.
-    a : FloatArray, optional
-        (N, nv); by default at rest.
+    v, a : FloatArray, optional
+        (N, nv), of the tree; by default zero.
     model : str
-        ``"gravity"`` or ``"full"``.
+        ``"full"`` or ``"gravity"``.
     G : FloatArray, optional
-        (N, nv, dof).
+        (N, nv, dof), as ``project`` gives it.
 
     Returns
     -------
@@ -276,11 +274,10 @@ def torque_regressors(
 
     Examples
     --------
-    >>> import loopid, numpy as np
+    >>> import loopid
     >>> robot = loopid.load("five_bar")
-    >>> q = robot.reference[None]
-    >>> loopid.kinematics.torque_regressors(robot, q, model="gravity").shape
-    (1, 4, 16)
+    >>> loopid.kinematics.torque_regressors(robot, robot.reference[None]).shape
+    (1, 4, 40)
     """
     own = prepared(robot)
     tree, data = own.model, own.memory.data
@@ -372,28 +369,26 @@ def integrate(robot: Robot, configurations: FloatArray, steps: FloatArray) -> Fl
 
 
 def difference(robot: Robot, origin: FloatArray, target: FloatArray) -> FloatArray:
-    """Tangent steps (N, nv) between configurations (N, nq), which ``integrate`` would take.
+    """Tangent steps between configurations, which ``integrate`` would take.
 
     Parameters
     ----------
     robot : Robot
-    origin : FloatArray
-        (N, nq).
-    target : FloatArray
+    origin, target : FloatArray
         (N, nq).
 
     Returns
     -------
     FloatArray
-        (N, nv), m or rad.
+        (N, nv), in rad or m.
 
     Examples
     --------
-    >>> import loopid, numpy as np
+    >>> import loopid
     >>> robot = loopid.load("five_bar")
-    >>> q = robot.reference[None]
-    >>> loopid.kinematics.difference(robot, q, q).tolist()
-    [[0.0, 0.0, 0.0, 0.0]]
+    >>> first, second = loopid.random_configurations(robot, 2)[:, None]
+    >>> loopid.kinematics.difference(robot, first, second).shape
+    (1, 4)
     """
     model = robot.model
     if model.nq == model.nv:

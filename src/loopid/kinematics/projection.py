@@ -248,10 +248,7 @@ class ClosedMotion:
 
 @checked
 def project(
-    robot: Robot,
-    configurations: FloatArray,
-    *,
-    independent: Sequence[str] | None = None,
+    robot: Robot, configurations: FloatArray, *, independent: Sequence[str] | None = None
 ) -> Projection:
     """Project the motion onto independent joints, by default the actuated ones.
 

@@ -41,7 +41,7 @@ def bearing_forces(
     motion : ClosedMotion
         Of N samples.
     joints : sequence of int
-        J indices.
+        J of them.
     standard_parameters : FloatArray, optional
         (n,) of ``robot.parameters()``; by default the bodies of the robot file.
 
@@ -58,13 +58,11 @@ def bearing_forces(
 
     Examples
     --------
-    >>> import loopid
+    >>> import loopid, numpy as np
     >>> robot = loopid.load("five_bar")
-    >>> still = loopid.kinematics.closed_motion(robot, robot.reference, [[0, 0]], [[0, 0]])
-    >>> joint = robot.model.getJointId("left_crank_joint")
-    >>> forces, undetermined = loopid.kinematics.bearing_forces(robot, still, [joint])
-    >>> forces.shape, undetermined.tolist()
-    ((1, 1), [False])
+    >>> rest = loopid.kinematics.closed_motion(robot, robot.reference, np.zeros(2), np.zeros(2))
+    >>> loopid.kinematics.bearing_forces(robot, rest, [1, 2])[1]
+    array([False, False])
     """
     if robot.redundant:
         raise OptionError(

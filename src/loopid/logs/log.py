@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -90,8 +91,6 @@ class ExternalWrench:
     def __post_init__(self) -> None:
         values = samples(self.values, len(COMPONENTS), f"the wrench on {self.frame}")
         object.__setattr__(self, "values", values)
-        if self.about is not None and not np.isfinite(self.about).all():
-            raise DataError(f"moments must be about a point, not {self.about}", argument="about")
 
     def __len__(self) -> int:
         return len(self.values)
@@ -298,7 +297,7 @@ class Log(Tabular):
         frame: Any,
         joints: Sequence[str],
         *,
-        mapping: LogMapping | None = None,
+        mapping: LogMapping | str | Path | None = None,
         name: str = "frame",
     ) -> Log:
         """A log from a table in memory, its columns found as those of a file are.
@@ -310,7 +309,7 @@ class Log(Tabular):
             with fields. Times may be dates or durations, and those of pandas its index.
         joints : sequence of str
             The m motors.
-        mapping : LogMapping, optional
+        mapping : LogMapping or path, optional
             Which columns are what, and their units; by default as their names say, in SI units.
 
         Raises
@@ -331,9 +330,9 @@ class Log(Tabular):
         >>> loopid.Log.from_frame(polars.DataFrame(columns), ["crank_joint"])
         <Log 'frame': 200 samples of crank_joint over 1.99 s in 1 segment>
         """
-        from loopid.logs.mapping import LogMapping  # arrays need no models of files
+        from loopid.logs.mapping import mapping_of  # arrays need no models of files
 
-        mapping, joints = mapping or LogMapping(), tuple(joints)
+        mapping, joints = mapping_of(mapping), tuple(joints)
         mapping.stream_delays(name, joints, [name])
         columns = _columns_of(frame)
         finder = ColumnFinder(name, {name: tuple(columns)}, mapping)
@@ -347,11 +346,7 @@ class Log(Tabular):
 
     @classmethod
     def from_streams(
-        cls,
-        name: str,
-        streams: Sequence[Stream],
-        joints: tuple[str, ...],
-        mapping: LogMapping,
+        cls, name: str, streams: Sequence[Stream], joints: tuple[str, ...], mapping: LogMapping
     ) -> Log:
         """A log from streams of signals with time stamps, put on one grid."""
         saturation = None

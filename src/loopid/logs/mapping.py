@@ -330,6 +330,13 @@ def _rounded(value: float) -> float:
     return float(f"{value:.6g}")
 
 
+def mapping_of(given: LogMapping | str | Path | None) -> LogMapping:
+    """A mapping, that of a file, or one that says nothing."""
+    if isinstance(given, LogMapping):
+        return given
+    return LogMapping() if given is None else read_mapping(given)
+
+
 @checked
 def read_mapping(path: str | Path) -> LogMapping:
     """Read and validate a mapping file."""

@@ -154,7 +154,7 @@ def payload_report(robot: Robot, found: PayloadFit) -> Report:
     >>> robot = loopid.load("five_bar")
     >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
     >>> model = loopid.force_model(robot, "gravity", "Fc,Fv")
-    >>> found = loopid.identify_payload(model, "left_coupler", unloaded=[run], loaded=[run])
+    >>> found = loopid.identify_payload(model, run, run, link="left_coupler")
     >>> loopid.report.payload_report(robot, found).name
     'payload'
     """
