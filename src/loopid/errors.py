@@ -87,12 +87,6 @@ class OptionError(LoopidError, ValueError):
 class MissingExtraError(LoopidError, ImportError):
     """An optional library is not installed."""
 
-    @classmethod
-    def of(cls, package: str, extra: str) -> MissingExtraError:
-        """Say which package is missing, and which extra of loopid brings it."""
-        message = f"{package} is not installed: pip install 'loopid[{extra}]' brings it"
-        return cls(message, package=package, extra=extra)
-
 
 class FileError(LoopidError, OSError):
     """A file is not there, or cannot be written there."""
@@ -124,6 +118,16 @@ class RankError(LoopidError, ArithmeticError):
 
 class LogError(LoopidError, ValueError):
     """A log cannot be read, or does not match its declared format."""
+
+
+@contextmanager
+def optional(package: str, extra: str) -> Iterator[None]:
+    """Name the package that cannot be imported inside, and the extra of loopid that brings it."""
+    try:
+        yield
+    except ImportError as error:
+        message = f"{package} is not installed: pip install 'loopid[{extra}]' brings it"
+        raise MissingExtraError(message, package=package, extra=extra) from error
 
 
 @contextmanager

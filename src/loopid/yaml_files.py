@@ -143,11 +143,11 @@ class _BoundedParser(Parser):
                 raise _BoundError(
                     f"*{anchor} in line {line} is in what has an anchor (&) itself: write it out"
                 )
+        elif getattr(event, "tag", None) is not None:
+            raise _BoundError(f"tag {event.tag!r:.60} in line {line} is not read: remove it")
         elif isinstance(event, ScalarEvent):
             self._require_plain(event, line)
         elif isinstance(event, CollectionStartEvent):
-            if event.tag is not None:
-                raise _BoundError(f"tag {event.tag!r:.60} in line {line} is not read: remove it")
             if len(self.open) == MOST_DEPTH:
                 raise _BoundError(f"line {line} is nested too deeply, in more than {MOST_DEPTH}")
             self.open.append(named or anchor is not None)
@@ -156,10 +156,8 @@ class _BoundedParser(Parser):
         return event
 
     def _require_plain(self, event: ScalarEvent, line: int) -> None:
-        """Refuse a scalar that has a tag, is a number by accident, or breaks a line."""
+        """Refuse a scalar that is a number by accident, or breaks a line."""
         text = event.value
-        if event.tag is not None:
-            raise _BoundError(f"tag {event.tag!r:.60} in line {line} is not read: remove it")
         if len(text) > LONGEST_TEXT:
             raise _BoundError(f"a text in line {line} has more than {LONGEST_TEXT:,} characters")
         if not text.isprintable():

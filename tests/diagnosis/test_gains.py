@@ -131,7 +131,7 @@ def test_a_mapping_with_gains_gives_so_many_times_the_forces(tmp_path):
 
 def test_what_makes_no_sense_is_refused(arm):
     model, runs = loopid.force_model(arm, "full", "Fc"), recorded(arm, "full")
-    with pytest.raises(loopid.LoopidError, match="known mass must be above 0 kg, not -2"):
+    with pytest.raises(loopid.LoopidError, match="mass must be above 0, not -2"):
         KnownLoad(-2.0)
     with pytest.raises(loopid.LoopidError, match="centre must have shape"):
         KnownLoad(2.0, [0.1])

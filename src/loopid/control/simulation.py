@@ -13,8 +13,10 @@ part of Fc: springs with the force c z, and c / x of those that do not slip adds
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from loopid.arguments import FloatArray, Positive, checked, random_generator, samples
 from loopid.control.laws import Law, Reference, Signals
@@ -56,13 +58,9 @@ class LoopOptions:
     interval: Positive = 0.01
     noise: Noise = Noise()
     cutoff: Positive = 20.0
-    delay: int = 0
+    delay: Annotated[int, Field(ge=0)] = 0
     step: Positive = 2e-3
     refresh: Positive = 0.01
-
-    def __post_init__(self) -> None:
-        if self.delay < 0:
-            raise OptionError(f"delay must be samples from 0 on, not {self.delay}")
 
 
 USUAL = LoopOptions()
@@ -131,12 +129,7 @@ class ControlLoop:
 
     @checked
     def __init__(
-        self,
-        robot: Dynamics,
-        controller: Law,
-        *,
-        options: LoopOptions = USUAL,
-        seed: int = 0,
+        self, robot: Dynamics, controller: Law, *, options: LoopOptions = USUAL, seed: int = 0
     ) -> None:
         self.robot, self.controller, self.options = robot, controller, options
         self.random = random_generator(seed)

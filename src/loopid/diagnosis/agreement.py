@@ -98,6 +98,10 @@ def compare_fits(first: Fit | Identification, second: Fit | Identification) -> A
     first, second : Fit or Identification
         Of an identification, its fit.
 
+    Returns
+    -------
+    Agreement
+
     Raises
     ------
     DataError

@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.special import stdtrit
 
-from loopid.arguments import BoolArray, FloatArray, checked, finite
+from loopid.arguments import BoolArray, FloatArray, Positive, checked, finite
 from loopid.diagnosis.loaded_runs import LoadedRuns
 from loopid.errors import DataError, OptionError, RankError
 from loopid.identification.estimator import (
@@ -68,13 +68,11 @@ class KnownLoad:
         When the mass is not above 0, an array has another shape, or an inertia has no centre.
     """
 
-    mass: float
+    mass: Positive
     centre: FloatArray | None = None
     inertia: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        if not 0 < self.mass < np.inf:
-            raise OptionError(f"the known mass must be above 0 kg, not {self.mass}")
         for name, shape in (("centre", (3,)), ("inertia", (3, 3))):
             if getattr(self, name) is None:
                 continue
@@ -196,6 +194,10 @@ def drive_gains(
     estimator : Estimator or str
         As in ``fit``.
 
+    Returns
+    -------
+    GainFit
+
     Raises
     ------
     OptionError
@@ -213,7 +215,7 @@ def drive_gains(
     >>> loopid.diagnosis.KnownLoad(-2.0)
     Traceback (most recent call last):
         ...
-    loopid.errors.OptionError: the known mass must be above 0 kg, not -2.0
+    loopid.errors.OptionError: mass must be above 0, not -2.0
     """
     own = robot if isinstance(robot, Robot) else robot.robot
     if own.redundant:
@@ -236,24 +238,13 @@ def drive_gains(
 
 @record
 class MotorNumbers:
-    """A number of each motor that tells it.
+    """A number of each motor that determines it."""
 
-    Attributes
-    ----------
-    actuators : tuple of str
-        The m motors that determine it.
-    values, covariance : FloatArray
-        (m,) and (m, m).
-    degrees_of_freedom : float
-    undetermined : tuple of str
-        The other motors.
-    """
-
-    actuators: tuple[str, ...]
-    values: FloatArray
-    covariance: FloatArray
+    actuators: tuple[str, ...]  # these m motors
+    values: FloatArray  # (m,)
+    covariance: FloatArray  # (m, m)
     degrees_of_freedom: float
-    undetermined: tuple[str, ...]
+    undetermined: tuple[str, ...]  # the other motors
 
 
 def motor_scales(
@@ -261,12 +252,7 @@ def motor_scales(
 ) -> MotorNumbers:
     """What is logged of motors, in parts of their forces by robot and load.
 
-    With some parameters (k,) of the load known, NaN for the others.
-
-    Raises
-    ------
-    DataError
-        When a scale is not above 0.
+    With some parameters (k,) of the load known, NaN for the others. A scale below 0 is refused.
     """
     chosen, names = chosen_estimator(estimator), np.array(runs.robot.actuators, dtype=object)
     driven = ~np.isin(names, runs.force_model.robot.free)
@@ -329,16 +315,19 @@ class _Rows:
 
     def without(self, motors: BoolArray) -> _Rows:
         """Without the rows of some motors (dof,)."""
-        return replace(
-            self,
-            samples=excited_combinations(replace(self.samples, used=self.samples.used & ~motors)),
-        )
+        kept = replace(self.samples, used=self.samples.used & ~motors)
+        return replace(self, samples=excited_combinations(kept))
 
     def telling(self, driven: BoolArray, estimator: Estimator) -> BoolArray:
         """Motors (dof,) whose scales change the forces as nothing else does."""
         values = estimator.fit_samples(self.unscaled).result.values
-        found, samples = np.array(driven), self.about(values, np.ones(len(driven)), driven)
-        found[driven] = _excited(samples, int(driven.sum()))
+        found, problem = np.array(driven), self.about(values, np.ones(len(driven)), driven).problem
+        count = int(driven.sum())
+        R = problem.weighted(problem.force_weights)[:-1, :-1][:, -count:]
+        sizes = np.linalg.norm(R, axis=0)
+        _, spectrum, right = np.linalg.svd(R[-count:] / np.where(sizes > 0, sizes, 1.0))
+        hidden = right[spectrum < LEAST_EXCITATION]
+        found[driven] = np.linalg.norm(hidden, axis=0) < INVOLVED
         return found
 
     @property
@@ -356,13 +345,3 @@ class _Rows:
         scaled = replace(self.samples, regressor=scales[:, None] * self.samples.regressor)
         added = ParameterSet.of_links(names, ["scale"])
         return scaled.with_force(target).beside(added, columns)
-
-
-def _excited(samples: FitSamples, count: int) -> BoolArray:
-    """Which of the last columns, this many, do what no others do."""
-    R = samples.problem.weighted(samples.problem.force_weights)[:-1, :-1][:, -count:]
-    sizes = np.linalg.norm(R, axis=0)
-    own = R[-count:] / np.where(sizes > 0, sizes, 1.0)
-    _, values, right = np.linalg.svd(own)
-    hidden = right[values < LEAST_EXCITATION]
-    return np.asarray(np.linalg.norm(hidden, axis=0) < INVOLVED)

@@ -18,7 +18,6 @@ from loopid.identification.information import Excitation, fit_excited
 from loopid.identification.model_choice import choose_model
 from loopid.identification.problem import FitSamples
 from loopid.identification.quality import NoiseModel
-from loopid.identification.result import Fit
 from loopid.identification.terms import choose_terms
 from loopid.logs.preparing import at_cutoff
 from loopid.parameters import KINDS
@@ -28,36 +27,17 @@ from loopid.robot.robot import Robot
 
 @record
 class LoadedRuns:
-    """Samples of runs without and with a load on a link; the robot is the same in all of them.
+    """Samples of runs without and with a load on a link; the robot is the same in all of them."""
 
-    Attributes
-    ----------
-    force_model : ForceModel
-        Of the robot, with the joint terms that the runs without the load ask for.
-    link : str
-    unloaded, loaded : FitSamples
-        Of the robot's base parameters.
-    load : FloatArray
-        (N, dof, k), forces per unit of each parameter of the load, in the loaded runs.
-    kinds : tuple of str
-        Of these k parameters.
-    noise : NoiseModel
-        Errors of the motors, in the runs without the load.
-    cutoff : float or None
-        In Hz, of the filter, where it was chosen by predictions.
-    force_scales : tuple of mapping
-        Of each log, see ``Log``; empty where there is none.
-    """
-
-    force_model: ForceModel
+    force_model: ForceModel  # with the joint terms that the runs without the load ask for
     link: str
-    unloaded: FitSamples
+    unloaded: FitSamples  # of the robot's base parameters
     loaded: FitSamples
-    load: FloatArray
-    kinds: tuple[str, ...]
-    noise: NoiseModel
-    cutoff: float | None
-    force_scales: tuple[Mapping[str, float], ...] = ()
+    load: FloatArray  # (N, dof, k), forces per unit of each parameter of the load, if it is there
+    kinds: tuple[str, ...]  # of these k parameters
+    noise: NoiseModel  # errors of the motors, in the runs without the load
+    cutoff: float | None  # of the filter in Hz, where it was chosen by predictions
+    force_scales: tuple[Mapping[str, float], ...] = ()  # of each log, see ``Log``
 
     @classmethod
     def of(
@@ -88,7 +68,11 @@ class LoadedRuns:
             runs = [at_cutoff(force_model.robot, each, choice.chosen) for each in runs]
         force_model = choose_terms(force_model, samples_of(force_model, runs[0]))
         light = FitSamples.combined([force_model.samples(run) for run in runs[0]])
-        whole = _plain_fit(force_model, light, estimator)
+        # All that is identifiable without a prior; elsewhere as in the robot file.
+        plain, prior = light.select(force_model.plain_columns), force_model.prior
+        excitation = Excitation.of(force_model, plain.problem)
+        own = prior[force_model.plain_columns]
+        whole = fit_excited(plain, own, excitation, estimator=estimator)
         assert whole.noise is not None
         noise = whole.noise
         if force_model.automatic and estimator == "wls":
@@ -132,13 +116,6 @@ class LoadedRuns:
     def random_load(self) -> FloatArray:
         """As ``load``, (M, dof, k) in random states of the robot."""
         return self.force_model.random_regressor[:, :, _columns(self.force_model, self.link)]
-
-
-def _plain_fit(force_model: ForceModel, data: FitSamples, estimator: str) -> Fit:
-    """All that is identifiable without a prior; elsewhere as in the robot file."""
-    plain = data.select(force_model.plain_columns)
-    prior, excitation = force_model.prior, Excitation.of(force_model, plain.problem)
-    return fit_excited(plain, prior[force_model.plain_columns], excitation, estimator=estimator)
 
 
 def _columns(force_model: ForceModel, link: str) -> list[int]:

@@ -236,6 +236,10 @@ def identify_payload(
     estimator : Estimator or str
         As in ``fit``.
 
+    Returns
+    -------
+    PayloadFit
+
     Raises
     ------
     OptionError

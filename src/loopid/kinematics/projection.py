@@ -248,19 +248,21 @@ class ClosedMotion:
 
 @checked
 def project(
-    robot: Robot,
-    configurations: FloatArray,
-    *,
-    independent: Sequence[str] | None = None,
+    robot: Robot, configurations: FloatArray, *, independent: Sequence[str] | None = None
 ) -> Projection:
     """Project the motion onto independent joints, by default the actuated ones.
 
     Parameters
     ----------
+    robot : Robot
     configurations : FloatArray
         (N, nq), closed.
     independent : sequence of str, optional
         Names of the independent joints.
+
+    Returns
+    -------
+    Projection
 
     Raises
     ------
@@ -301,12 +303,17 @@ def closed_motion(
 
     Parameters
     ----------
+    robot : Robot
     configurations : FloatArray
         (N, nq), closed.
     velocities, accelerations : FloatArray
         (N, dof) of the independent joints.
     independent : sequence of str, optional
         Their names.
+
+    Returns
+    -------
+    ClosedMotion
 
     Raises
     ------

@@ -91,8 +91,6 @@ class ExternalWrench:
     def __post_init__(self) -> None:
         values = samples(self.values, len(COMPONENTS), f"the wrench on {self.frame}")
         object.__setattr__(self, "values", values)
-        if self.about is not None and not np.isfinite(self.about).all():
-            raise DataError(f"moments must be about a point, not {self.about}", argument="about")
 
     def __len__(self) -> int:
         return len(self.values)
@@ -348,11 +346,7 @@ class Log(Tabular):
 
     @classmethod
     def from_streams(
-        cls,
-        name: str,
-        streams: Sequence[Stream],
-        joints: tuple[str, ...],
-        mapping: LogMapping,
+        cls, name: str, streams: Sequence[Stream], joints: tuple[str, ...], mapping: LogMapping
     ) -> Log:
         """A log from streams of signals with time stamps, put on one grid."""
         saturation = None

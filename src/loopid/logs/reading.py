@@ -146,7 +146,16 @@ def read_streams(
     log = open_log(path, mapping)
     source = str(path)
     finder = ColumnFinder(source, log.columns(), mapping, log.ordered, log.choice)
-    refuse_moved(source, log, finder, locked or {})
+    locked = locked or {}
+    for joint, value in _elsewhere(source, log, finder, locked).items():
+        raise LogError(
+            f"{source}: {joint} is locked at {locked[joint]:.6g}, but stands at {value:.6g}: load "
+            f'the robot with lock=["{joint}={value:.6g}"]',
+            source=source,
+            joint=joint,
+            given=value,
+            tolerance=LOCKED,
+        )
     streams: list[Stream] = []
     channels_of = finder.channels(mapping.measured(source, joints))
     delays = mapping.stream_delays(source, joints, [*channels_of])
@@ -163,21 +172,6 @@ def read_streams(
             stream = stream.earlier(delays.get(name, 0.0))
             streams.append(on_joints(stream, mapping.joint_maps))
     return streams
-
-
-def refuse_moved(
-    source: str, log: LogFormat, finder: ColumnFinder, locked: Mapping[str, float | None]
-) -> None:
-    """Refuse a log in which a joint that is locked stands elsewhere, or moves."""
-    for joint, value in _elsewhere(source, log, finder, locked).items():
-        raise LogError(
-            f"{source}: {joint} is locked at {locked[joint]:.6g}, but stands at {value:.6g}: load "
-            f'the robot with lock=["{joint}={value:.6g}"]',
-            source=source,
-            joint=joint,
-            given=value,
-            tolerance=LOCKED,
-        )
 
 
 def _elsewhere(
