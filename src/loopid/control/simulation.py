@@ -26,6 +26,7 @@ from loopid.parameters import KINDS, Parameter
 from loopid.records import record
 from loopid.regressors.dynamics import Dynamics
 from loopid.regressors.joint_laws import JointState, joint_term
+from loopid.regressors.maxwell_slip import slipped
 from loopid.robot.robot import shortened
 
 SAME, SWEEPS = 1e-12, 1000  # relative change of velocities that ends their iteration; at most
@@ -261,8 +262,7 @@ class _Springs:
 
     def slide(self, way: FloatArray) -> None:
         """Go on by ways (dof,) of the motors."""
-        moved = self._states + way[self._joints] / self._displacements
-        self._states = np.clip(moved, -1.0, 1.0)
+        self._states = slipped(self._states, way[self._joints] / self._displacements)
 
     def _sums(self, numbers: FloatArray) -> FloatArray:
         return np.bincount(self._joints, numbers, self._dof).astype(np.float64)

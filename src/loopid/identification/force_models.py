@@ -444,11 +444,9 @@ class ForceModel:
             if recording.history:
                 W[rows][:, :, columns] = self._filtered(recording, columns, loads[rows])
                 continue
-            motion = recording.motion
-            state = motion.configurations, motion.velocities, motion.accelerations
-            whole = closed_motion(self.robot, *state)
+            whole = recording.motion.closed(self.robot)
             assert self.joint_terms is not None
-            slips = self.joint_terms.slips(self.robot, motion.configurations)
+            slips = self.joint_terms.slips(self.robot, whole.configurations)
             terms = self.joint_terms.columns(self.robot, whole, slips=slips)
             first = len(self.base.parameters) - terms.shape[2]
             W[rows][:, :, columns] = terms[:, :, self.base.base[columns] - first]
@@ -538,8 +536,6 @@ def find_base_parameters(
     model: str = "gravity",
     *,
     search: str | SearchStrategy = "exact",
-    seed: int = 0,
-    progress: Progress | None = None,
 ) -> ForceModel:
     """Find the base parameters of the bodies alone: ``force_model`` without joint terms.
 
@@ -548,7 +544,7 @@ def find_base_parameters(
     robot : Robot
     model : str
         ``"gravity"``, masses and first moments, or ``"full"``.
-    search, seed, progress
+    search
         As of ``force_model``.
 
     Returns
@@ -564,7 +560,7 @@ def find_base_parameters(
     >>> base.regressor(robot.reference).shape, base.matrix.shape
     ((2, 6), (6, 16))
     """
-    return force_model(robot, model, None, search=search, seed=seed, progress=progress)
+    return force_model(robot, model, None, search=search)
 
 
 def chosen_terms(robot: Robot, model: str, choice: str) -> tuple[JointTerms | None, bool]:

@@ -203,7 +203,7 @@ def identify(
             if first is not None and force_model.automatic:
                 force_model, known = _friction_alone(force_model, first, friction, options)
                 data = force_model.widened(data, training)
-            solid = fit_solid_bodies(force_model, data, whole.noise, known=known, options=options)
+            solid = fit_solid_bodies(force_model, data, whole.noise, known=known)
         missing = missing_forces(solid, force_model, training)
     least = whole.noise if solid is None else solid.result.noise
     start = fit_joint_terms(force_model, data, noise=least)
@@ -334,9 +334,7 @@ def _refits(
         if known is None and noise is not None:
             standard = consistent_parameters(force_model, part, noise, like=fits[CONSISTENT])
             return force_model.base.values(standard)
-        return fit_solid_bodies(
-            force_model, part, noise, known=known, options=options
-        ).result.values
+        return fit_solid_bodies(force_model, part, noise, known=known).result.values
 
     noise = fits[ALL].noise
     found = {ROBOT_FILE: terms, ALL: every, CONSISTENT: solid}
@@ -557,7 +555,6 @@ def fit_solid_bodies(
     noise: NoiseModel | None,
     *,
     known: Fit | None = None,
-    options: FitOptions = FitOptions(),
 ) -> WorkingFit:
     """Fit all parameters with the robot file weighed, every body solid: as ``consistent_fit``.
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from loopid.arguments import FloatArray, checked, finite, variances
-from loopid.errors import DataError
+from loopid.errors import DataError, first_of
 from loopid.identification.candidate import Candidate, judge
 from loopid.identification.correlation import mean_of_series
 from loopid.identification.estimates import relative_deviation
@@ -26,6 +26,7 @@ from loopid.records import record
 # Standard errors of a difference that make it clear, and the relative difference of mean squared
 # errors that is worth no parameter.
 CLEARLY, NO_CONSEQUENCE = 2.0, 0.02
+NAMED = 12  # parameters in a ``repr``
 
 
 @record
@@ -95,11 +96,10 @@ class Reduction:
 
     def __repr__(self) -> str:
         names = self.result.parameters.names
-        more = f" and {len(names) - 12} more" if len(names) > 12 else ""
         return (
             f"Reduction to {len(names)} of {len(self.parameters)} parameters, validation error "
             f"{self.chosen.error.mean:.4g} (all: {self.steps[0].error.mean:.4g}):\n  "
-            f"{', '.join(names[:12])}{more}"
+            f"{first_of(names, NAMED)}"
         )
 
     def _repr_html_(self) -> str:

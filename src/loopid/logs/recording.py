@@ -20,7 +20,7 @@ from loopid.arguments import (
 )
 from loopid.errors import DataError, LogError, OptionError
 from loopid.kinematics.poses import frame_poses
-from loopid.kinematics.projection import ClosedMotion, closed_motion, project
+from loopid.kinematics.projection import ClosedMotion, project
 from loopid.logs.checks import frame_index
 from loopid.logs.grid import Dropped
 from loopid.logs.log import ExternalWrench, Log
@@ -138,8 +138,7 @@ class RateHistory:
         samples, motion = self.whole
         parts = []
         for rows in row_blocks(len(samples)):
-            state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
-            parts.append(signal(closed_motion(robot, *state)))
+            parts.append(signal(motion.closed(robot, rows)))
         return np.interp(np.arange(len(self.velocity)), samples, np.concatenate(parts))
 
     def lowpassed(self, signal: FloatArray) -> FloatArray:

@@ -19,7 +19,7 @@ from loopid.arguments import (
 from loopid.errors import DataError, OptionError
 from loopid.files import csv_text
 from loopid.kinematics.measured import JointCoordinates
-from loopid.kinematics.projection import ClosedMotion, closed_motion
+from loopid.kinematics.projection import ClosedMotion
 from loopid.motion.joints import JointMotion, joint_motion
 from loopid.motion.trajectories import Motion
 from loopid.parameters import KINDS
@@ -223,8 +223,7 @@ def _motor_forces(
     fastest = float(np.abs(motion.velocities).max(initial=0.0))
     slips = {} if terms is None else terms.slips(robot, motion.configurations)
     for rows in row_blocks(len(motion.time), CHUNK):
-        state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
-        whole = _at_rest(robot, closed_motion(robot, *state), fastest)
+        whole = _at_rest(robot, motion.closed(robot, rows), fastest)
         bodies = values[: len(robot.parameters())]
         K = motion_regressor(
             robot,

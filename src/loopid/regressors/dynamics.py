@@ -66,6 +66,7 @@ from loopid.kinematics.projection import (
 from loopid.parameters import ParameterSet
 from loopid.regressors.joint_laws import HYSTERESIS, JointState, JointTerm, joint_term
 from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.maxwell_slip import slipped
 from loopid.robot.robot import Robot, lock_options, position_of
 
 # Newton steps this short, in rad or characteristic lengths, leave G and q at one point to round-off
@@ -716,7 +717,7 @@ class Dynamics:
         turns = [self.robot.joint(joint).nq == 2 for joint, _ in self._slipping]
         way = np.where(turns, np.mod(way + np.pi, 2 * np.pi) - np.pi, way)
         moved = way / np.array([at for _, at in self._slipping])
-        self._memory.slips = np.clip(self.slips + moved, -1.0, 1.0)
+        self._memory.slips = slipped(self.slips, moved)
 
     # Arguments.
 
