@@ -83,6 +83,7 @@ LARGEST = 1e100
 
 # Random configurations, motions or samples of one call: more are a slip of the hand.
 MOST_SAMPLES = 10_000_000
+Count = Annotated[int, Field(ge=1, le=MOST_SAMPLES)]
 
 
 # Arrays and numbers.
@@ -204,17 +205,6 @@ def for_each(array: ArrayLike, name: str, count: int) -> FloatArray:
 # Arguments of public functions.
 
 
-def require_count(count: int, name: str) -> None:
-    """Refuse a number of samples that is none, or beyond all use."""
-    if not 1 <= count <= MOST_SAMPLES:
-        raise OptionError(
-            f"{name} must be from 1 to {MOST_SAMPLES:,}, not {count:,}",
-            argument=name,
-            given=count,
-            valid=(1, MOST_SAMPLES),
-        )
-
-
 @overload
 def checked(thing: type[R]) -> type[R]: ...
 @overload
@@ -270,7 +260,8 @@ def _checked(function: Callable[P, R], owner: type | None = None) -> Callable[P,
                 raise TypeError(
                     f"{function.__name__}() got an unexpected keyword argument {name!r}"
                 ) from None
-            if details[0]["type"] not in SAID_BY_PYTHON:
+            # Which arguments there are is said by the call itself, with the function's name.
+            if "argument" not in details[0]["type"]:
                 raise _refusal(details, list(signature(function).parameters)) from None
         return function(*args, **kwargs)  # or a TypeError in Python's words
 
@@ -288,15 +279,6 @@ MADE_BY = {
 }
 # What they are known as: these say only what is used of them.
 ABSTRACT = {"LinearModel": "ForceModel", "Values": "Fit"}
-# Which arguments there are is said by the call itself, with the function's name.
-SAID_BY_PYTHON = (
-    "missing_argument",
-    "missing_positional_only_argument",
-    "missing_keyword_only_argument",
-    "unexpected_keyword_argument",
-    "unexpected_positional_argument",
-    "multiple_argument_values",
-)
 
 
 class _Names(dict[str, Any]):

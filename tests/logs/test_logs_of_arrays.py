@@ -224,8 +224,8 @@ def test_a_recording_keeps_its_options(knee, arrays):
     log = Log.from_arrays(*arrays, knee.actuated)
     recording = loopid.prepare(knee, log, filter=options[0], masks=options[1])
     assert (recording.filter, recording.masks) == options
-    for wrong in ({"cutoff": "low"}, {"cutoff": -1.0}, {"order": 0}, {"oversampling": -1.0}):
+    for wrong in ({"cutoff": "low"}, {"cutoff": -1.0}, {"order": 0}, {"decimate": "now"}):
         with pytest.raises(OptionError):
             FilterOptions(**wrong)
     with pytest.raises(OptionError):
-        MaskOptions(idle=np.nan)
+        MaskOptions(singularity=np.nan)

@@ -156,9 +156,8 @@ class WrenchObserver:
         """
         dynamics, u, v = self.dynamics, *signals[:2]
         commanded = v if rates is None else rates
-        bias = dynamics.regressor(u, v, 0 * v, friction=False) + dynamics.friction_regressor(
-            u, commanded
-        )
+        bias = dynamics.regressor(u, v, 0 * v, friction=False)
+        bias = bias + dynamics.friction_regressor(u, commanded)
         mass = dynamics.mass_regressor(u)
         if self._last is None:  # nothing touches the robot at first
             self._passed = bias, bias @ dynamics.values

@@ -129,7 +129,11 @@ def _coupling(
         moving = {name: c for name, c in moving.items() if c != 0}
     if not moving:
         return None
-    models = [_single_joint(model, name) for name in moving]
+    models = [joint_named(model, name, "in a coupling") for name in moving]
+    for name, joint in zip(moving, models, strict=True):
+        if joint.nq != 1:
+            said = f"joint {name} in a coupling has {joint.nv} coordinates"
+            raise RobotFileError(said, joint=name)
     return JointCoupling(
         joints=tuple(moving),
         coefficients=tuple(moving.values()),
@@ -139,13 +143,6 @@ def _coupling(
         argument=tuple(argument.get(name, 0.0) for name in moving) if argument else (),
         powers=tuple(powers),
     )
-
-
-def _single_joint(model: pin.Model, name: str) -> pin.JointModel:
-    joint = joint_named(model, name, "in a coupling")
-    if joint.nq != 1:
-        raise RobotFileError(f"joint {name} in a coupling has {joint.nv} coordinates", joint=name)
-    return joint
 
 
 def _refuse_contradictions(where: object, couplings: list[JointCoupling]) -> None:

@@ -51,6 +51,15 @@ def check_log(robot: Robot, log: Log) -> Log:
 
     One that was compared with its robot before stays as it is.
 
+    Parameters
+    ----------
+    robot : Robot
+    log : Log
+
+    Returns
+    -------
+    Log
+
     Raises
     ------
     LogError

@@ -99,10 +99,7 @@ class Stream:
 
 
 def make_stream(
-    source: str,
-    table: Table,
-    time: TimeColumn,
-    channels: tuple[Channel, ...],
+    source: str, table: Table, time: TimeColumn, channels: tuple[Channel, ...]
 ) -> Stream:
     """Turn cells into numbers, and leave out rows that are no samples; too many are refused."""
     columns = [c.scale * numbers_in(source, table.cells[c.column]) + c.offset for c in channels]

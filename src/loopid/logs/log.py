@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -15,6 +16,7 @@ from loopid.arguments import (
     FloatArray,
     IntArray,
     NotNegative,
+    Numbers,
     finite,
     for_each,
     rectangular,
@@ -91,8 +93,6 @@ class ExternalWrench:
     def __post_init__(self) -> None:
         values = samples(self.values, len(COMPONENTS), f"the wrench on {self.frame}")
         object.__setattr__(self, "values", values)
-        if self.about is not None and not np.isfinite(self.about).all():
-            raise DataError(f"moments must be about a point, not {self.about}", argument="about")
 
     def __len__(self) -> int:
         return len(self.values)
@@ -190,19 +190,19 @@ class Log(Tabular):
     @classmethod
     def from_arrays(  # noqa: PLR0913 (a column each)
         cls,
-        time: ArrayLike,
-        position: ArrayLike,
-        force: ArrayLike,
+        time: Numbers,
+        position: Numbers,
+        force: Numbers,
         joints: Sequence[str],
         *,
-        velocity: ArrayLike | None = None,
-        acceleration: ArrayLike | None = None,
+        velocity: Numbers | None = None,
+        acceleration: Numbers | None = None,
         units: Mapping[str, str | Mapping[str, str]] | None = None,
-        segments: ArrayLike | None = None,
-        saturation: ArrayLike | None = None,
+        segments: Numbers | None = None,
+        saturation: Numbers | None = None,
         idle_speed: float | None = None,
         wrenches: Sequence[ExternalWrench] = (),
-        free: Mapping[str, ArrayLike] | None = None,
+        free: Mapping[str, Numbers] | None = None,
         name: str = "log",
     ) -> Log:
         """A log of what was measured or simulated, from arrays or columns of a DataFrame.
@@ -299,7 +299,7 @@ class Log(Tabular):
         frame: Any,
         joints: Sequence[str],
         *,
-        mapping: LogMapping | None = None,
+        mapping: LogMapping | str | Path | None = None,
         name: str = "frame",
     ) -> Log:
         """A log from a table in memory, its columns found as those of a file are.
@@ -311,7 +311,7 @@ class Log(Tabular):
             with fields. Times may be dates or durations, and those of pandas its index.
         joints : sequence of str
             The m motors.
-        mapping : LogMapping, optional
+        mapping : LogMapping or path, optional
             Which columns are what, and their units; by default as their names say, in SI units.
 
         Raises
@@ -332,9 +332,9 @@ class Log(Tabular):
         >>> loopid.Log.from_frame(polars.DataFrame(columns), ["crank_joint"])
         <Log 'frame': 200 samples of crank_joint over 1.99 s in 1 segment>
         """
-        from loopid.logs.mapping import LogMapping  # arrays need no models of files
+        from loopid.logs.mapping import mapping_of  # arrays need no models of files
 
-        mapping, joints = mapping or LogMapping(), tuple(joints)
+        mapping, joints = mapping_of(mapping), tuple(joints)
         mapping.stream_delays(name, joints, [name])
         columns = _columns_of(frame)
         finder = ColumnFinder(name, {name: tuple(columns)}, mapping)
@@ -348,11 +348,7 @@ class Log(Tabular):
 
     @classmethod
     def from_streams(
-        cls,
-        name: str,
-        streams: Sequence[Stream],
-        joints: tuple[str, ...],
-        mapping: LogMapping,
+        cls, name: str, streams: Sequence[Stream], joints: tuple[str, ...], mapping: LogMapping
     ) -> Log:
         """A log from streams of signals with time stamps, put on one grid."""
         saturation = None
@@ -409,7 +405,7 @@ class Log(Tabular):
         kept["free"] = {joint: values[good] for joint, values in self.free.items()}
         return replace(self, **kept, dropped=(*self.dropped, *dropped))
 
-    def delayed(self, delay: float | Mapping[str, float] | ArrayLike) -> Log:
+    def delayed(self, delay: float | Mapping[str, float] | Numbers) -> Log:
         """The log with forces that come late put back to the motion that they belong to.
 
         Parameters
