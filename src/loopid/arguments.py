@@ -350,7 +350,7 @@ def _refusal(details: list[ErrorDetails], names: list[str]) -> LoopidError:
         said = f"must be of type {' or '.join(kinds)}, not {_shown(detail['input']):.60}"
         said += f": {makers} gives one" if makers else ""
     error = DataError if isinstance(problem, DataError) else OptionError
-    return error(f"{at} {said.strip()}", argument=name, given=detail["input"])
+    return error(f"{at} {said}", argument=name, given=detail["input"])
 
 
 def _shown(given: Any) -> str:

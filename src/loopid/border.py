@@ -75,7 +75,7 @@ def worded(detail: ErrorDetails, shown: Callable[[Any], str] = repr) -> str:
     """
     kind, context, given = detail["type"], detail.get("ctx", {}), detail["input"]
     if kind == "value_error":
-        return str(context["error"])
+        return str(context["error"]).strip()
     if kind == "literal_error":
         valid = re.findall(r"'([^']*)'", context["expected"])
         return f"must be one of {', '.join(valid)}, not {shown(given):.60}{near(given, valid)}"
