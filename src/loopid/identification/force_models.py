@@ -469,6 +469,7 @@ def force_model(
 
     Parameters
     ----------
+    robot : Robot
     model : str
         ``"gravity"`` for slow motion, or ``"full"``.
     joint_terms : JointTerms or str, optional
@@ -479,6 +480,11 @@ def force_model(
         ``"auto; elbow: Ks"`` is that and more.
     search, seed, progress
         As in ``find_base`` and ``structural_observation``.
+
+    Returns
+    -------
+    ForceModel
+        The base parameters as columns, in their order, and the regressor of these.
 
     Warns
     -----
@@ -535,10 +541,16 @@ def find_base_parameters(
 
     Parameters
     ----------
+    robot : Robot
     model : str
         ``"gravity"``, masses and first moments, or ``"full"``.
     search
         As of ``force_model``.
+
+    Returns
+    -------
+    ForceModel
+        Its ``base`` holds the base parameters and their matrices.
 
     Examples
     --------
@@ -594,12 +606,36 @@ def samples_of(
 ) -> FitSamples:
     """All samples of recordings, with instruments if there is a reference motion for each.
 
+    Parameters
+    ----------
+    force_model : ForceModel
+    recordings : sequence of Recording
+        At least one.
+    references : sequence of JointMotion
+        One a recording, or none.
+    n_jobs : int
+        Processes that compute the regressors.
+
+    Returns
+    -------
+    FitSamples
+        Regressor (N, dof, n) and forces (N, dof) of all samples.
+
     Raises
     ------
     DataError
         Without recordings.
     OptionError
         When the reference motions are not as many as the recordings.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> model = loopid.force_model(robot, "full", "Fc,Fv")
+    >>> loopid.identification.samples_of(model, [run]).regressor.shape[1:]
+    (2, 15)
     """
     if not recordings:
         raise DataError("identification needs recordings to fit, and others to validate")

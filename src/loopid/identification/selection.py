@@ -118,6 +118,24 @@ def eliminate(found: Outcome) -> Reduction:
     Dropped ones go back to the robot file, and joint terms that it gives no value of to zero; what
     is unidentifiable is dropped from the start. Joint terms whose size the evidence decides stay.
     What is essential is not for a prior to say: weighted least squares stands in for Bayes.
+
+    Parameters
+    ----------
+    found : Identification
+
+    Returns
+    -------
+    Reduction
+        All steps, and the one that is chosen.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
+    >>> reduction = loopid.identification.eliminate(found)
+    >>> len(reduction.chosen.labels) < len(reduction.parameters)
+    True
     """
     model, estimator = found.force_model, chosen_estimator(found.options.estimator)
     plain, prior = model.plain_columns, np.array(model.prior)
@@ -339,10 +357,24 @@ def influence(data: FitSamples, values: FloatArray) -> FloatArray:
     values : FloatArray
         (r,).
 
+    Returns
+    -------
+    FloatArray
+        (r,), in %.
+
     Raises
     ------
     DataError
         When the values have another shape, or the forces are all zero.
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> names = loopid.parameters.ParameterSet.from_labels(["arm.mx", "elbow.Fc"])
+    >>> W = np.random.default_rng(0).normal(size=(500, 1, 2))
+    >>> samples = loopid.identification.FitSamples.of(names, ["elbow"], W, W @ [4.0, 3.0])
+    >>> loopid.identification.influence(samples, np.array([4.0, 3.0])).round(6)[1:]
+    array([100.])
     """
     factor, phi = _factor(data, values)
     size = float(np.linalg.norm(factor[:, -1]))
