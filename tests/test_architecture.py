@@ -161,13 +161,6 @@ def test_a_robot_from_pinocchio_needs_no_reader_of_files(graph):
 
 
 @pytest.mark.parametrize(
-    ("start", "most"), [("loopid.regressors.dynamics", 25), ("loopid.logs.log", 14)]
-)
-def test_dynamics_and_logs_of_arrays_need_few_files(graph, start, most):
-    assert 1 < len(reached_from(graph, start)) <= most
-
-
-@pytest.mark.parametrize(
     ("subpackage", "source", "culprit"),
     [
         ("robot", "from loopid.kinematics import assemble", "kinematics"),
