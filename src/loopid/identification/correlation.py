@@ -110,15 +110,14 @@ class Autoregression:
         found, _ = dtbtrs(bands, right[:, None], uplo="L", diag="U")
         return np.asarray(found[:, 0])
 
-    def sum_variance(self, present: BoolArray, pieces: Pieces) -> float:
-        """Variance of the sum of errors over the samples (N,) that are present."""
-        ones = np.asarray(present, dtype=np.float64)[None]
-        return float(np.vdot(ones, Spectra.of(ones, pieces).turned(self)))
+    def sum_variance(self, pairs: FloatArray) -> float:
+        """Variance of the sum of errors, of which there are so many ``pairs_apart`` (K,)."""
+        return float(self.lags(len(pairs)) @ pairs)
 
     def effective_samples(self, present: BoolArray, pieces: Pieces) -> float:
         """Number of independent samples that would determine the mean error as well."""
         count = float(present.sum())
-        spread = self.sum_variance(present, pieces) if self.order else 0.0
+        spread = self.sum_variance(pairs_apart(present, pieces)) if self.order else 0.0
         return min(count**2 * float(self.covariances[0]) / spread, count) if spread > 0 else count
 
 
@@ -130,37 +129,54 @@ class Spectra(NamedTuple):
     """
 
     pieces: Pieces
+    sizes: tuple[int, ...]  # samples of each piece, the zeros included
     each: tuple[NDArray[np.complex128], ...]
 
     @classmethod
     def of(cls, signals: FloatArray, pieces: Pieces) -> Spectra:
         """Of signals (m, N)."""
-        parts = ((signals[:, piece], piece.stop - piece.start) for piece in pieces)
-        return cls(pieces, tuple(np.fft.rfft(own, fast_length(2 * count)) for own, count in parts))
+        sizes = tuple(fast_length(2 * (piece.stop - piece.start)) for piece in pieces)
+        parts = zip(pieces, sizes, strict=True)
+        return cls(pieces, sizes, tuple(np.fft.rfft(signals[:, p], size) for p, size in parts))
 
     def turned(self, model: Autoregression) -> FloatArray:
         """X Ω (m, N), with Ω the covariance of errors, independent from piece to piece."""
         found = []
         longest = model.lags(max(piece.stop - piece.start for piece in self.pieces))
-        for piece, own in zip(self.pieces, self.each, strict=True):
+        for piece, size, own in zip(*self, strict=True):
             count = piece.stop - piece.start
-            size, lags = fast_length(2 * count), longest[:count]
+            lags = longest[:count]
             even = np.concatenate([lags, np.zeros(size + 1 - 2 * count), lags[:0:-1]])
             found.append(np.fft.irfft(own * np.fft.rfft(even).real, size)[:, :count])
         return np.concatenate(found, axis=1)
 
 
-def mean_of_series(
-    series: FloatArray, counts: IntArray | BoolArray, pieces: Pieces
-) -> tuple[float, float]:
-    """Mean of numbers, given as sums (N,) of this many each, and its standard error.
+def pairs_apart(present: BoolArray, pieces: Pieces) -> FloatArray:
+    """How many pairs of samples (N,) that are present are so many steps apart, both ways; (K,)."""
+    found = np.zeros(max(piece.stop - piece.start for piece in pieces))
+    spectra = Spectra.of(present[None], pieces)
+    for piece, size, own in zip(*spectra, strict=True):
+        count = piece.stop - piece.start
+        found[:count] += np.fft.irfft(np.abs(own[0]) ** 2, size)[:count]
+    found[1:] *= 2
+    return found.round()
 
-    The series is an autoregressive process: times do not count as independent.
+
+def means_of_series(
+    series: FloatArray, counts: IntArray | BoolArray, pieces: Pieces
+) -> tuple[FloatArray, FloatArray]:
+    """Means (m,) of numbers, given as sums (m, N) of so many each, and their standard errors.
+
+    Each series is an autoregressive process: times do not count as independent.
     """
     total, present = int(counts.sum()), np.asarray(counts > 0)
-    mean, runs = float(series.sum()) / total, run_lengths(present, pieces)
-    model = Autoregression.of_covariances(burg_covariances(series - mean * counts, runs))
-    return mean, float(np.sqrt(model.sum_variance(present, pieces))) / total
+    means, runs = series.sum(axis=1) / total, run_lengths(present, pieces)
+    pairs = pairs_apart(present, pieces)
+    variances = [
+        Autoregression.of_covariances(burg_covariances(own, runs)).sum_variance(pairs)
+        for own in series - np.outer(means, counts)
+    ]
+    return means, np.sqrt(variances) / total
 
 
 def run_lengths(used: BoolArray, pieces: Pieces) -> IntArray:

@@ -10,7 +10,7 @@ import numpy as np
 from loopid.arguments import BoolArray, FloatArray, checked, finite, variances
 from loopid.errors import DataError
 from loopid.files import csv_text
-from loopid.identification.correlation import mean_of_series
+from loopid.identification.correlation import means_of_series
 from loopid.identification.data import recordings_of
 from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import ROUND_OFF, FitSamples
@@ -266,8 +266,8 @@ def _rms_errors(samples: FitSamples, residual: FloatArray) -> FloatArray:
         used = samples.used[:, k]
         squares = np.where(used, residual[:, k], 0.0) ** 2
         if squares.any():
-            mean, error = mean_of_series(squares, used, samples.pieces)
-            errors[k] = error / (2 * np.sqrt(mean))
+            mean, error = means_of_series(squares[None], used, samples.pieces)
+            errors[k] = error[0] / (2 * np.sqrt(mean[0]))
     return errors
 
 
