@@ -229,6 +229,7 @@ MADE_BY = {
     "Log": "read_log",
     "Recording": "prepare",
     "Fit": "load_fit",
+    "Estimates": "load_fit",
 }
 # Which arguments there are is said by the call itself, with the function's name.
 SAID_BY_PYTHON = (

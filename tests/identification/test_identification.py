@@ -53,7 +53,7 @@ def test_joint_terms_that_a_robot_cannot_have_are_refused_before_any_work(knee):
 
 def test_a_path_becomes_a_fit_and_the_fit_what_is_asked_of_it(load_once, tmp_path):
     """In one call each; tables, logs and recordings are the data that the path is."""
-    robot, log = load_once("five_bar"), read_log(RUN, load_once("five_bar"))
+    robot, log = load_once("five_bar"), read_log(load_once("five_bar"), RUN)
     found = quietly(identify, robot, RUN)
     (run,) = found.training
     for data in (polars.read_csv(RUN), log, prepare(robot, log), [RUN]):
@@ -78,6 +78,6 @@ def test_a_path_becomes_a_fit_and_the_fit_what_is_asked_of_it(load_once, tmp_pat
 
 def test_a_model_that_is_given_is_not_chosen_again(load_once):
     model, robot = loopid.force_model(load_once("five_bar"), "full"), load_once("five_bar")
-    run = loopid.prepare(robot, read_log(RUN, robot))
+    run = loopid.prepare(robot, read_log(robot, RUN))
     with pytest.raises(OptionError, match="has a model and terms of its own"):
         identify(model, run, options=FitOptions(terms="Fc"))

@@ -43,7 +43,7 @@ def test_a_saved_fit_loads_the_robot_with_its_closures(given, tmp_path):
     options |= {"closures": [*options["closures"], gear], "motors": options["motors"][:1]}
     robot = loopid.load(urdf, **options)
     model = loopid.force_model(robot, "gravity", None)
-    saved = loopid.load_fit(model.fit_of(model.prior).save(tmp_path / "fit.yaml"))
+    saved = loopid.load_fit(loopid.Fit.of(model, model.prior).save(tmp_path / "fit.yaml"))
     again = saved.robot
     assert again == robot
     assert again.options == robot.options

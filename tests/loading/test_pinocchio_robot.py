@@ -241,8 +241,8 @@ def test_mimicking_joints_are_refused_and_coupled_as_advised(tree):
 def test_a_fit_without_a_file_is_saved_loaded_and_exported(tree, tmp_path):
     robot = made(tree, [rigid(tree)])
     model = loopid.force_model(robot, "gravity", "file")
-    path = model.fit_of(model.prior).save(tmp_path / "fit.yaml")
-    fit = loopid.load_fit(path, copy.copy(robot))
+    path = loopid.Fit.of(model, model.prior).save(tmp_path / "fit.yaml")
+    fit = loopid.load_fit(path, robot=copy.copy(robot))
     assert fit.model.parameters == model.parameters
     fit.to_c(tmp_path)
     assert (tmp_path / "five_bar.c").is_file()

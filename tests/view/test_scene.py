@@ -131,6 +131,7 @@ def test_masses_of_a_fit_are_those_that_it_found(study, knee, tmp_path):
         np.testing.assert_allclose(mass.mass, values[4 * k])  # a gravity model has no inertias
         np.testing.assert_allclose(mass.centre * mass.mass, values[4 * k + 1 : 4 * k + 4])
         assert not mass.radii.any()
-    values_only = found.force_model.fit_of(found.force_model.prior).save(tmp_path / "v.yaml")
+    model = found.force_model
+    values_only = loopid.Fit.of(model, model.prior).save(tmp_path / "v.yaml")
     with pytest.raises(DataError):
         fitted_masses(knee, loopid.load_fit(values_only))

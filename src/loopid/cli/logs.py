@@ -148,11 +148,11 @@ def predict(
 ) -> None:
     """Predict the forces of logs with a saved fit."""
     from loopid.identification.log_mistakes import log_faults_by_log
-    from loopid.identification.saved import load_fit
+    from loopid.identification.result import load_fit
     from loopid.report.forces import prediction_report
 
     answer.require(fit, mapping, *logs)
-    saved = load_fit(fit, robot)
+    saved = load_fit(fit, robot=robot)
     runs = recordings(saved.robot, logs, mapping, cutoff, rows)
     suspected = log_faults_by_log(saved.robot, runs, saved.require_model().joint_terms)
     found = saved.predict(runs)
@@ -281,7 +281,7 @@ def export(
 
     The robot is loaded as it was for the fit, and refused where it is another one.
     """
-    from loopid.identification.saved import load_fit
+    from loopid.identification.result import load_fit
     from loopid.loading.files import own_files
     from loopid.report.look import json_text
 
@@ -289,7 +289,7 @@ def export(
         raise OptionError(
             "nothing to export: give --urdf FILE, --mjcf FILE, --yaml FILE or --c DIR"
         )
-    saved = load_fit(fit, file)
+    saved = load_fit(fit, robot=file)
     if yaml is not None:
         require_other_file(yaml, fit, *own_files(saved.robot))
     written = _exported(saved, robot, yaml, c, name=name, overwrite=overwrite, anyway=anyway)
@@ -313,11 +313,10 @@ def _exported(
     """Write a fit; all that may be refused is found out before the first file is written."""
     from loopid.export.c_code import c_source
     from loopid.identification.plausibility import require_fit_for_use
-    from loopid.identification.saved import content
 
     require_fit_for_use(fit, anyway)
     if yaml is not None:
-        content(fit, yaml, anyway=anyway)
+        fit.content(yaml, anyway=anyway)
     code = None if c is None else c_source(fit.require_model(), name=name, values=fit.values)
     written = list[Path]()
     if robot is not None:

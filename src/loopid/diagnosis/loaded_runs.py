@@ -14,7 +14,8 @@ from loopid.identification.force_models import ForceModel, samples_of
 from loopid.identification.friction import less_noise, with_friction
 from loopid.identification.information import Excitation, fit_excited
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import Fit, NoiseModel
+from loopid.identification.quality import NoiseModel
+from loopid.identification.result import Fit
 from loopid.identification.terms import choose_terms
 from loopid.logs.preparing import at_cutoff
 from loopid.logs.recording import Recording

@@ -20,9 +20,10 @@ import numpy as np
 from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, FileError, ModelWarning, OptionError, RobotFileError, warn
 from loopid.files import write_file
-from loopid.identification.friction import nearest_line
+from loopid.identification.friction_curves import nearest_line
 from loopid.identification.plausibility import require_fit_for_use
-from loopid.identification.result import Fit, MotorUse
+from loopid.identification.quality import MotorUse
+from loopid.identification.result import Fit
 from loopid.inertia import body_defect, central_moments, centre, from_moments, pseudo_inertia
 from loopid.loading.files import files_of
 from loopid.parameters import KINDS, MODELS, ParameterSet

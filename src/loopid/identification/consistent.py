@@ -50,18 +50,17 @@ from loopid.identification.information import body_sizes, joint_sizes
 from loopid.identification.jackknife import with_scatter
 from loopid.identification.joint_priors import JointPriors
 from loopid.identification.problem import FitProblem, FitSamples
-from loopid.identification.result import (
+from loopid.identification.quality import (
     LARGEST_OF_BODY,
     LARGEST_OFF,
     LEAST_OFF,
     FileDeviation,
-    Fit,
     NoiseModel,
     StandardUncertainty,
     TermDeviations,
     fit_quality,
-    with_errors,
 )
+from loopid.identification.result import Fit, with_errors
 from loopid.inertia import body_defect, nearest_solid, parameters_of, pseudo_inertia, upper_factor
 from loopid.observation import updated_factor
 from loopid.parameters import KINDS
@@ -148,7 +147,7 @@ def consistent_fit(
         joint_deviations=joint_deviations,
     )
     warn_of_bodies(force_model, found.result)
-    return force_model.fit_of(found.result)
+    return replace(found.result, model=force_model)
 
 
 def quiet_consistent_fit(
@@ -221,7 +220,9 @@ def fit_terms(
     base, (program, standard) = force_model.base, _terms_alone(force_model, whole)
     first = len(standard) - len(program.terms.start)
     J = base.matrix[:, first:]
-    left = data.less(data.predicted(base.values(standard))).along(J)
+    # Motors of one coordinate may have more joint terms than base parameters.
+    joints = base.parameters.select(range(first, len(standard)))
+    left = data.less(data.predicted(base.values(standard))).along(J, joints)
     with one_blas_thread():
         state, _ = _most_likely(program)
         standard[first:] = state.joints

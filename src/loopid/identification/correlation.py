@@ -24,7 +24,7 @@ from scipy.linalg.lapack import dtbtrs
 from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
-from loopid.identification.result import NoiseModel
+from loopid.identification.quality import NoiseModel
 from loopid.motion.filtering import fast_length
 from loopid.records import record
 from loopid.workers import one_blas_thread

@@ -47,7 +47,7 @@ def _recording(robot: Robot, data: Any, mapping: LogMapping | str | Path | None)
     if isinstance(data, Recording):
         return data
     if isinstance(data, str | Path):
-        data = read_log(data, robot, mapping=mapping)
+        data = read_log(robot, data, mapping=mapping)
     elif isinstance(data, Mapping) or hasattr(data, "columns"):
         own = read_mapping(mapping) if isinstance(mapping, str | Path) else mapping
         data = Log.from_frame(data, robot.actuated, mapping=own)

@@ -10,10 +10,12 @@ import numpy as np
 from loopid.arguments import checked
 from loopid.errors import DataWarning, OptionError, warn
 from loopid.identification.correlation import within_runs
+from loopid.identification.estimates import LEAST_FREEDOM
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator
 from loopid.identification.jackknife import with_scatter
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import LEAST_FREEDOM, Fit, fit_quality
+from loopid.identification.quality import fit_quality
+from loopid.identification.result import Fit
 
 
 @checked

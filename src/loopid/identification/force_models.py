@@ -11,13 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import CHUNK, FloatArray, IntArray, checked, finite, row_blocks, samples
+from loopid.arguments import CHUNK, FloatArray, IntArray, checked, row_blocks, samples
 from loopid.base_parameters.base import BaseParameters, find_base
 from loopid.base_parameters.choice import KeptChoice, SearchStrategy
 from loopid.errors import DataError, ModelWarning, OptionError, warn
 from loopid.identification.leaving_out import regions_of
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import VALUES, Fit, Quality
 from loopid.kinematics.projection import ClosedMotion, closed_motion, project
 from loopid.kinematics.sampling import random_configurations, random_motions
 from loopid.logs.recording import Recording
@@ -267,40 +266,6 @@ class ForceModel:
         whole = closed_motion(self.robot, configurations, velocities, accelerations)
         return motion_regressor(
             self.robot, whole, self.model, joint_terms=self.joint_terms, slips=slips
-        )
-
-    @checked
-    def fit_of(self, fit: Fit | FloatArray) -> Fit:
-        """A fit of these parameters, which then knows its model; or values (n,) without errors.
-
-        Raises
-        ------
-        DataError
-            When the fit is not one of these parameters, or has standard parameters of others.
-
-        Examples
-        --------
-        >>> import loopid
-        >>> model = loopid.force_model(loopid.load("five_bar"), joint_terms=None)
-        >>> round(model.fit_of(2 * model.prior)["left_crank.my"].value, 3)
-        0.0
-        """
-        if isinstance(fit, Fit):
-            return replace(fit, model=self)
-        values, motors = finite(fit, "values"), self.robot.independent
-        unknown = np.full(len(motors), np.nan)
-        return Fit(
-            estimator=VALUES,
-            parameters=self.parameters,
-            actuators=motors,
-            values=values,
-            covariance=np.zeros(2 * values.shape),
-            condition_number=np.nan,
-            degrees_of_freedom=np.zeros(values.shape),
-            quality=Quality(unknown, unknown, np.zeros(len(motors), dtype=np.int64)),
-            weights=np.zeros(len(motors)),
-            assumed=self.parameters.names,
-            model=self,
         )
 
     def with_terms(self, kinds: Mapping[str, tuple[str, ...]]) -> ForceModel:

@@ -25,7 +25,8 @@ from loopid.identification.estimator import LEAST_EXCITATION, Estimator, excited
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_models import ForceModel, samples_of
 from loopid.identification.problem import FitProblem, FitSamples
-from loopid.identification.result import Fit, fit_quality
+from loopid.identification.quality import fit_quality
+from loopid.identification.result import Fit
 from loopid.logs.recording import Recording
 from loopid.parameters import KINDS, ParameterSet
 from loopid.records import record

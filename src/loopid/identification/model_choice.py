@@ -15,12 +15,12 @@ import numpy as np
 from loopid.arguments import FloatArray, checked
 from loopid.errors import DataError, OptionError
 from loopid.findings import Finding
+from loopid.identification.candidate import error_ratio
 from loopid.identification.delay import drive_columns
 from loopid.identification.estimator import UNKNOWN, nearest_to_file
 from loopid.identification.force_models import AUTOMATIC
 from loopid.identification.information import body_sizes
 from loopid.identification.leaving_out import LeftOut
-from loopid.identification.prediction import error_ratio
 from loopid.identification.problem import FitSamples
 from loopid.kinematics.projection import ClosedMotion, closed_motion
 from loopid.logs.recording import Recording
@@ -141,7 +141,7 @@ def choose_model(robot: Robot, recordings: Sequence[Recording]) -> ModelChoice:
     --------
     >>> import loopid
     >>> robot = loopid.load("five_bar")
-    >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
     >>> loopid.identification.choose_model(robot, [run]).model
     'full'
     """

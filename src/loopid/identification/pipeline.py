@@ -14,6 +14,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray, checked, spread_rows
 from loopid.errors import DataError, DataWarning, OptionError, RankError, warn
+from loopid.identification.candidate import Candidate, judge, quality_of
 from loopid.identification.consistent import (
     CONSISTENT,
     consistent_parameters,
@@ -27,7 +28,7 @@ from loopid.identification.estimator import Estimator, WorkingFit, chosen_estima
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
 from loopid.identification.force_models import AUTOMATIC, ForceModel, force_model, samples_of
 from loopid.identification.friction import motor_use, with_friction
-from loopid.identification.identification import ALL, ROBOT_FILE, Identification, split_recordings
+from loopid.identification.identification import Identification, split_recordings
 from loopid.identification.information import (
     Excitation,
     Identifiability,
@@ -41,10 +42,11 @@ from loopid.identification.log_mistakes import log_faults_by_log
 from loopid.identification.missing import MissingForce, missing_forces, with_missing
 from loopid.identification.model_choice import ModelChoice, choose_model
 from loopid.identification.options import FitOptions
+from loopid.identification.outcome import ALL, ROBOT_FILE
 from loopid.identification.plausibility import absurdities
-from loopid.identification.prediction import Candidate, judge, quality_of
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import Fit, NoiseModel, fit_quality, of_all
+from loopid.identification.quality import NoiseModel, fit_quality
+from loopid.identification.result import Fit, of_all
 from loopid.identification.terms import choose_terms
 from loopid.logs.mapping import LogMapping
 from loopid.logs.preparing import at_cutoff

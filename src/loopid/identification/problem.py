@@ -278,24 +278,30 @@ class FitSamples:
             regressor=np.concatenate([self.regressor, columns], axis=2),
         )
 
-    def along(self, directions: FloatArray) -> FitSamples:
+    def along(self, directions: FloatArray, parameters: ParameterSet | None = None) -> FitSamples:
         """The same forces with combinations of parameters only, the columns of (n, k).
 
-        Each is named by a parameter with a large part in it, which names no other.
+        Without ``parameters`` (k,) each is named by a parameter with a large part in it, which
+        names no other: no more than n have such names.
         """
-        W, Z = self.regressor, self.instruments
+        if parameters is None:
+            parameters = self._led(directions)
+        Z = self.instruments
+        return replace(
+            self,
+            parameters=parameters,
+            regressor=self.regressor @ directions,
+            instruments=None if Z is None else Z @ directions,
+        )
+
+    def _led(self, directions: FloatArray) -> ParameterSet:
         largest = np.abs(directions).max(axis=1, initial=0.0, keepdims=True)
         shares, leads = np.abs(directions) / np.where(largest > 0, largest, 1.0), list[str]()
         for share in shares.T:
             lead = int(np.argmax(share))
             leads.append(f"sum with {self.parameters.labels[lead]}")
             shares[lead] = -1.0
-        return replace(
-            self,
-            parameters=ParameterSet.from_labels(leads),
-            regressor=W @ directions,
-            instruments=None if Z is None else Z @ directions,
-        )
+        return ParameterSet.from_labels(leads)
 
     def reduced(self, columns: Iterable[int], values: FloatArray) -> FitSamples:
         """Some of the parameters only, with the forces of the others at values (n,) subtracted."""

@@ -11,14 +11,15 @@ from scipy.linalg import solve_triangular
 
 from loopid.arguments import FloatArray, checked, finite, variances
 from loopid.errors import DataError
+from loopid.identification.candidate import Candidate, judge
 from loopid.identification.correlation import means_of_series
+from loopid.identification.estimates import relative_deviation
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator
 from loopid.identification.fitting import quiet_fit, working_fit
-from loopid.identification.identification import Identification
 from loopid.identification.information import Excitation
-from loopid.identification.prediction import Candidate, judge
+from loopid.identification.outcome import Outcome
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import Fit, of_all, relative_deviation
+from loopid.identification.result import Fit, of_all
 from loopid.parameters import ParameterSet, html_table
 from loopid.records import record
 
@@ -111,7 +112,7 @@ class Reduction:
 
 
 @checked
-def eliminate(found: Identification) -> Reduction:
+def eliminate(found: Outcome) -> Reduction:
     """Find the parameters of an identification that predictions need; ``eliminate_parameters``.
 
     Dropped ones go back to the robot file, and joint terms that it gives no value of to zero; what
@@ -147,7 +148,7 @@ def eliminate(found: Identification) -> Reduction:
 
 
 @checked
-def judge_essential(found: Identification, reduction: Reduction) -> Candidate:
+def judge_essential(found: Outcome, reduction: Reduction) -> Candidate:
     """The essential parameters as one more candidate of an identification."""
     data, new = found.parts
     return judge(
@@ -296,12 +297,8 @@ def prediction_errors(
     counts = present.sum(axis=1)
     if not counts.any():
         raise DataError("there is no validation sample of an actuator that was fitted")
-    squares = np.array(
-        [
-            np.square(validation.residual(values) * scale * present).sum(axis=1)
-            for values in candidates
-        ]
-    )
+    residuals = (validation.residual(values) for values in candidates)
+    squares = np.array([np.square(each * scale * present).sum(axis=1) for each in residuals])
     means, errors = means_of_series(squares, counts, validation.pieces)
     best = int(np.argmin(means))
     # Of the differences at each time: what both share, as a disturbance that neither explains,
@@ -311,7 +308,7 @@ def prediction_errors(
     # of them uncertain; two of the difference are not.
     uncertainty = np.minimum(errors[best], CLEARLY * excess_errors)
     as_good = excess <= np.maximum(uncertainty, NO_CONSEQUENCE * means[best])
-    columns = (one.tolist() for one in (means, errors, excess, excess_errors, as_good))
+    columns = (each.tolist() for each in (means, errors, excess, excess_errors, as_good))
     return [PredictionError(*numbers) for numbers in zip(*columns, strict=True)]
 
 

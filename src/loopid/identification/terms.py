@@ -18,11 +18,11 @@ import numpy as np
 
 from loopid.arguments import FloatArray, checked
 from loopid.errors import DataError, RankError
+from loopid.identification.estimates import LEAST_FREEDOM
 from loopid.identification.estimator import LEAST_EXCITATION, scaled_svd
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import LEAST_FREEDOM
 from loopid.parameters import Parameter
 from loopid.regressors.joint_terms import terms_of_file
 from loopid.workers import one_blas_thread

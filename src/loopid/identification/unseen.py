@@ -12,10 +12,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, IntArray
+from loopid.identification.candidate import Candidate
 from loopid.identification.force_models import ForceModel
-from loopid.identification.friction import friction_columns, friction_curve
+from loopid.identification.friction_curves import friction_columns, friction_curve
 from loopid.identification.leaving_out import segments_of
-from loopid.identification.prediction import Candidate
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit
 from loopid.logs.recording import MaskOptions, Recording

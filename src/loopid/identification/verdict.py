@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from loopid.findings import PAGE, Finding, most_important_first
 from loopid.identification.consistent import UNSETTLED
 from loopid.identification.missing import missing_findings
+from loopid.identification.outcome import Outcome
 from loopid.identification.result import Fit
 from loopid.numbers import number
 from loopid.records import record
 from loopid.regressors.joint_laws import grouped
-
-if TYPE_CHECKING:
-    from loopid.identification.identification import Identification
 
 # Error on new data as a part of a motor's force, in the root mean square: what a controller's
 # feedforward can be built on, and what it still profits from.
@@ -82,7 +79,7 @@ class Verdict:
     where: str = "whole"
 
     @classmethod
-    def of(cls, found: Identification) -> Verdict:
+    def of(cls, found: Outcome) -> Verdict:
         """Of an identification."""
         where, worst, error = found.unseen.worst
         count = sum(not grouped(each.kind) for each in found.fit.parameters)
@@ -153,7 +150,7 @@ JUDGED = {
 AT = {"slow": ", at low speed", "standstill": ", at standstill"}
 
 
-def _better(found: Identification) -> Finding | None:
+def _better(found: Outcome) -> Finding | None:
     """Of all parameters, where they predict clearly better than the recommended ones."""
     times = found.advantage
     if times is None:
@@ -166,13 +163,13 @@ def _better(found: Identification) -> Finding | None:
     )
 
 
-def _of_model(found: Identification) -> Finding | None:
+def _of_model(found: Outcome) -> Finding | None:
     """What to know of a gravity model: that inertia does not show, or is missing."""
     gravity = found.force_model.model == "gravity"
     return found.choice.finding if gravity and found.choice is not None else None
 
 
-def _use(found: Identification, error: float) -> str:
+def _use(found: Outcome, error: float) -> str:
     if found.fit.broken:
         return f"{NOT_FIT}, as {found.fit.broken[0]}"
     if not error <= ROUGH:
@@ -189,7 +186,7 @@ def _use(found: Identification, error: float) -> str:
     return f"{use} in motions like these, but not parameter by parameter"
 
 
-def _doubtful(found: Identification) -> bool:
+def _doubtful(found: Outcome) -> bool:
     """Whether anything says that the model is wrong, so that intervals may not hold."""
     deviation = found.fit.deviation
     far = deviation is not None and bool(deviation.fault)
@@ -201,7 +198,7 @@ def _doubtful(found: Identification) -> bool:
     return doubtful or found.advantage is not None or _noisy(found) is not None
 
 
-def _noisy(found: Identification) -> tuple[str, float] | None:
+def _noisy(found: Outcome) -> tuple[str, float] | None:
     """The motor whose errors are largest beside its sensor's noise, and how many times that."""
     errors, noise = found.fit.unseen_rms, found.sensor_noise
     ratios = np.full(len(noise), np.nan) if errors is None else errors / noise
@@ -211,7 +208,7 @@ def _noisy(found: Identification) -> tuple[str, float] | None:
     return found.data.actuators[worst], float(ratios[worst])
 
 
-def _model_findings(found: Identification) -> Iterator[Finding]:
+def _model_findings(found: Outcome) -> Iterator[Finding]:
     """What the model lacks, and where the data do not decide."""
     model = _of_model(found)
     yield from () if model is None else (model,)
@@ -236,7 +233,7 @@ def _model_findings(found: Identification) -> Iterator[Finding]:
         )
 
 
-def _improvement(found: Identification) -> tuple[tuple[str, ...], str]:
+def _improvement(found: Outcome) -> tuple[tuple[str, ...], str]:
     """Parameters that a further motion should excite, and what would improve the fit most.
 
     Another motion does not help where forces are not explained.
@@ -252,7 +249,7 @@ def _improvement(found: Identification) -> tuple[tuple[str, ...], str]:
     return excite, f"excite {_listed(excite)}" if excite else "record a longer log"
 
 
-def findings_of(found: Identification) -> tuple[Finding, ...]:
+def findings_of(found: Outcome) -> tuple[Finding, ...]:
     """What to know beside the numbers, the most important first."""
     said = [each for one in found.log_faults for each in one.mistakes]
     told, deviation, unexplained = found.identifiability, found.fit.deviation, _unexplained(found)
@@ -280,7 +277,7 @@ def findings_of(found: Identification) -> tuple[Finding, ...]:
     return most_important_first([*said, *told.findings, *bounds])
 
 
-def _unexplained(found: Identification) -> Finding | None:
+def _unexplained(found: Outcome) -> Finding | None:
     """Forces that no parameters explain, or that the recommended fit does not."""
     explained = found["all parameters"].fit.quality.r_squared
     noise = [name for name, r in zip(found.data.actuators, explained, strict=True) if r < NOISE]
@@ -306,7 +303,7 @@ def _unexplained(found: Identification) -> Finding | None:
     )
 
 
-def _least_known(found: Identification) -> tuple[str, ...]:
+def _least_known(found: Outcome) -> tuple[str, ...]:
     """Parameters whose estimates are not clear from zero, the least known first."""
     alone = found.recommended is found.baseline  # of the bodies it has no estimates
     fit = found["all parameters"].fit if alone else found.fit

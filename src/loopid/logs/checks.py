@@ -12,7 +12,8 @@ from loopid.arguments import FloatArray
 from loopid.errors import DataWarning, LogError, OptionError, warn
 from loopid.logs.grid import BAD_ROWS, LEAST_ROWS, Dropped, Stream, continued, rows_text, stream_of
 from loopid.logs.log import Log
-from loopid.logs.signals import POSE, QUANTITIES
+from loopid.logs.signals import POSE
+from loopid.logs.table import QUANTITIES
 from loopid.robot.robot import Robot, link_frames, lock_options
 
 # Factors that would make a unit of another one.

@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, finite, samples
 from loopid.errors import DataError, DataWarning, LogError, warn
-from loopid.logs.signals import POSE, QUANTITIES, Channel, TimeColumn
-from loopid.logs.table import NO_STAMP, Table, numbers_in
+from loopid.logs.signals import POSE, Channel, TimeColumn
+from loopid.logs.table import NO_STAMP, QUANTITIES, Table, numbers_in
 from loopid.records import record
 
 if TYPE_CHECKING:

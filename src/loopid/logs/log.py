@@ -30,8 +30,6 @@ from loopid.logs.grid import (
     on_joints,
 )
 from loopid.logs.signals import (
-    COMPONENTS,
-    QUANTITIES,
     UNITS,
     ColumnFinder,
     Unit,
@@ -40,7 +38,7 @@ from loopid.logs.signals import (
     unit_of,
     wrench_name,
 )
-from loopid.logs.table import array_table
+from loopid.logs.table import COMPONENTS, QUANTITIES, array_table
 from loopid.records import Tabular, columns_of, record
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationError,
 from loopid.arguments import NotNegative, Positive, checked
 from loopid.border import Section, refusal, unknown
 from loopid.errors import LogError, OptionError
-from loopid.logs.signals import COMPONENTS, QUANTITIES
+from loopid.logs.table import COMPONENTS, QUANTITIES
 from loopid.records import digest
 from loopid.registry import log_formats
 from loopid.yaml_files import read_yaml, yaml_writer

@@ -111,7 +111,7 @@ def prepare(
     >>> import loopid
     >>> from loopid.loading import bundled_directory
     >>> robot = loopid.load("five_bar")
-    >>> log = loopid.read_log(bundled_directory() / "logs" / "five_bar.csv", robot)
+    >>> log = loopid.read_log(robot, bundled_directory() / "logs" / "five_bar.csv")
     >>> loopid.prepare(robot, log)
     <Recording 'five_bar': 735 samples, filtered at 5.36 Hz, forces used: ...>
     """
@@ -241,7 +241,7 @@ def read_recordings(
     progress: Progress | None = None,
 ) -> tuple[Recording, ...]:
     """Read logs and make them ready; see ``read_log`` and ``prepare``."""
-    logs = (read_log(path, robot, mapping=mapping, rows=rows) for path in paths)
+    logs = (read_log(robot, path, mapping=mapping, rows=rows) for path in paths)
     return tuple(prepare(robot, log, filter=filter, progress=progress) for log in logs)
 
 

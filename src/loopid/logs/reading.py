@@ -34,8 +34,8 @@ ARM = 3
 
 @checked
 def read_log(
-    path: str | Path,
     robot: Robot,
+    path: str | Path,
     *,
     mapping: LogMapping | str | Path | None = None,
     rows: tuple[int, int | None] | None = None,
@@ -44,12 +44,12 @@ def read_log(
 
     Parameters
     ----------
+    robot : Robot
     path : path
         A table of text (.csv, .txt, .tsv, also .gz), Parquet, an .npz, a folder with one table a
         stream; with the extra ``logs`` also HDF5, or a bag of ROS 1 or 2 (.bag, .mcap, .db3, or
         the folder of one) with messages of type ``sensor_msgs/JointState``. More formats may be
         registered in ``loopid.registry.log_formats``.
-    robot : Robot
     mapping : LogMapping or path, optional
         Which columns are what, and their units; by default as their names say, in SI units.
     rows : tuple of int, optional
@@ -83,7 +83,7 @@ def read_log(
     >>> import loopid
     >>> from loopid.loading import bundled_directory
     >>> robot = loopid.load("five_bar")
-    >>> loopid.read_log(bundled_directory() / "logs" / "five_bar.csv", robot)
+    >>> loopid.read_log(robot, bundled_directory() / "logs" / "five_bar.csv")
     <Log 'five_bar': 2241 samples of left_crank_joint, right_crank_joint over 22.40 s in 1 segment>
     """
     mapping = _mapping(mapping)

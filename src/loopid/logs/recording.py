@@ -24,7 +24,7 @@ from loopid.kinematics.projection import ClosedMotion, closed_motion, project
 from loopid.logs.checks import frame_index
 from loopid.logs.grid import Dropped
 from loopid.logs.log import ExternalWrench, Log
-from loopid.logs.signals import COMPONENTS
+from loopid.logs.table import COMPONENTS
 from loopid.motion.filtering import LowPass
 from loopid.motion.joints import JointMotion
 from loopid.parameters import html_table

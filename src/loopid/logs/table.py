@@ -22,6 +22,10 @@ from loopid.registry import log_formats
 if TYPE_CHECKING:  # slow to import, and only needed to read a log
     import polars
 
+# All that is read, in this order.
+QUANTITIES = ("position", "force", "velocity", "acceleration")
+# The components of a wrench, in the order of their columns: force, then moment.
+COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
 PACKED = ".gz"
 AROUND_CELLS = " \t\r\"'"
 # Larger numbers (in the file's units) are no measurements, and would overflow later.

@@ -29,7 +29,8 @@ from loopid.identification.force_models import ForceModel, force_model, samples_
 from loopid.identification.identification import split_recordings
 from loopid.identification.prediction import prediction_reach
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import Fit, fit_quality
+from loopid.identification.quality import fit_quality
+from loopid.identification.result import Fit
 from loopid.identification.selection import influence, truncated_values
 from loopid.loading.robot_files import load
 from loopid.logs.log import Log
@@ -446,7 +447,7 @@ def reproduce_paper(
     robot = load("3ups_rpu")
     # First, so that a seed or a log that cannot be used is refused at once.
     derived_seed(seed)
-    recordings = [prepare(robot, read_log(log, robot)) for log in logs]
+    recordings = [prepare(robot, read_log(robot, log)) for log in logs]
     symbolic, base = compare_symbolic(robot, seed), compare_base_parameters(robot)
     with stage("nine trajectories") as report:
         experiment = run_experiment(robot, rate, report)

@@ -10,7 +10,8 @@ import numpy as np
 from loopid.arguments import FloatArray, checked, spread_rows
 from loopid.identification.cutoff import CutoffChoice
 from loopid.identification.delay import Delay
-from loopid.identification.friction import (
+from loopid.identification.estimates import Estimate
+from loopid.identification.friction_curves import (
     friction_columns,
     friction_curve,
     friction_summary,
@@ -21,7 +22,6 @@ from loopid.identification.identification import Identification
 from loopid.identification.information import body_sizes
 from loopid.identification.log_mistakes import LogFaults
 from loopid.identification.prediction import INTERVAL
-from loopid.identification.result import Estimate
 from loopid.identification.unseen import WHERE
 from loopid.identification.verdict import GOOD
 from loopid.logs.recording import Recording

@@ -9,11 +9,12 @@ import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, checked, spread_rows
 from loopid.errors import OptionError
+from loopid.identification.estimates import Estimate
 from loopid.identification.prediction import Prediction
-from loopid.identification.result import Estimate, Fit
+from loopid.identification.result import Fit
 from loopid.numbers import interval, number, with_error
 from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel, forest
-from loopid.plots.structure import force_unit
+from loopid.plots.structure import force_unit, motor_numbers
 from loopid.regressors.joint_laws import grouped
 from loopid.robot.robot import Robot
 
@@ -25,8 +26,7 @@ ZOOM = "Drag along time to zoom in, double-click to see all again."
 
 def of_motor(robot: Robot, name: str, worst: str = "") -> dict[str, Any]:
     """What a panel says of a motor: name, number, and whether it is the worst."""
-    number = robot.independent.index(name) + 1
-    return {"motor": name, "number": number, "worst": name == worst}
+    return {"motor": name, "number": motor_numbers(robot)[name], "worst": name == worst}
 
 
 def motors_panel(
@@ -49,8 +49,8 @@ def motors_panel(
 
 def numbered(robot: Robot, name: str) -> str:
     """A joint, a motor with its number on the page."""
-    motors = robot.independent
-    return f"{motors.index(name) + 1} {name}" if name in motors else name
+    number = motor_numbers(robot).get(name)
+    return f"{number} {name}" if number else name
 
 
 @checked

@@ -8,10 +8,11 @@ from typing import Any
 from rich.table import Table
 
 from loopid.errors import DataWarning, OptionError, counted, warn
+from loopid.identification.candidate import Candidate
 from loopid.identification.identification import Identification
 from loopid.identification.information import WeakDirection
 from loopid.identification.plausibility import require_sane
-from loopid.identification.prediction import Candidate, Prediction, prediction_reach
+from loopid.identification.prediction import Prediction, prediction_reach
 from loopid.identification.saved import as_file
 from loopid.identification.unseen import WHERE
 from loopid.identification.verdict import GOOD, NOT_FIT, ROUGH, Verdict

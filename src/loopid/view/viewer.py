@@ -21,8 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from loopid.arguments import FloatArray, checked, spread_rows
 from loopid.errors import MissingExtraError, OptionError
-from loopid.identification.result import Fit
-from loopid.identification.saved import load_fit
+from loopid.identification.result import Fit, load_fit
 from loopid.logs.preparing import read_recordings
 from loopid.motion.files import read_motion_program
 from loopid.motion.joints import JointMotion, joint_motion
@@ -388,7 +387,7 @@ def open_viewer(robot: Robot, files: Sequence[str | Path] = (), *, port: Port = 
     for path in map(str, files):
         text = Path(path).suffix in (".yaml", ".yml", ".json")
         if text and "loopid fit" in Path(path).read_text(errors="replace")[:200]:
-            fits[path] = load_fit(path, robot)
+            fits[path] = load_fit(path, robot=robot)
         elif text or not Path(path).exists():
             planned = read_motion_program(path).motion(rate=RATE)
             motions[path] = joint_motion(robot, planned)
