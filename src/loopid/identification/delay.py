@@ -511,6 +511,9 @@ class _Search:
         # Factors of each motor, for any weights of them.
         used = samples.regressor * samples.used[:, :, None]
         self.Q, self.R = np.linalg.qr(used.transpose(1, 0, 2))
+        self.weights = np.ones(len(self.size))
+        rows = self._rows(forces.tried)
+        self.tried = self.Q.swapaxes(1, 2) @ rows, np.square(rows).sum(axis=1)
         self._use(samples.problem.force_weights)
         for _ in range(ROUNDS):
             self._use(self._weighed())
@@ -520,7 +523,10 @@ class _Search:
         self.weights = weights
         rows = (weights[:, None, None] * self.R).reshape(-1, self.R.shape[2])
         self.basis, self.factor = np.linalg.qr(np.concatenate([rows, self.prior]))
-        left = np.linalg.norm(self._left_of(self.forces.tried), axis=0)
+        seen, squares = self.tried
+        seen = (weights[:, None, None] * seen).reshape(-1, seen.shape[2])
+        told = self.basis[: len(seen)].T @ seen
+        left = weights**2 @ squares - np.square(told).sum(axis=0)
         self.best = np.full(1, self.forces.shifts[int(left.argmin())])
 
     def _rows(self, table: FloatArray) -> FloatArray:
