@@ -45,7 +45,7 @@ def test_an_estimate_is_found_by_its_name_or_its_sum_and_no_member(found):
         loopid.LoopidError, match=r"no left_crank_joint\.Ia alone, but in sums: ask"
     ):
         fit["left_crank_joint.Ia"]
-    member = next(iter(base["left_crank_joint.Ia"].factors))
+    _, member, *_ = base["left_crank_joint.Ia"]
     with pytest.raises(loopid.LoopidError, match=r"ask for .*left_crank_joint.Ia \+ 3 more"):
         fit[member]
     with pytest.raises(loopid.LoopidError, match=r"unknown parameter .left_crank_joint\.Fx."):

@@ -200,7 +200,8 @@ def test_a_model_of_a_rounded_file_is_the_robot_of_the_file(linkage, write_files
 
 def test_settings_of_a_simulator_are_named(tree):
     with pytest.warns(ModelWarning, match="Baumgarte gains of pivot are left out"):
-        made(tree, [with_gains(tree)])
+        robot = made(tree, [with_gains(tree)])
+    assert [each.name for each in robot.constraint_models] == ["pivot"]
     tree.rotorInertia, tree.rotorGearRatio = np.full(4, 1e-4), np.full(4, 50.0)
     with pytest.warns(ModelWarning, match="not its armature, which counts"):
         made(tree, [rigid(tree)])

@@ -2,7 +2,6 @@
 
 import io
 import os
-import time
 import zipfile
 
 import numpy as np
@@ -111,12 +110,10 @@ def test_hostile_files_are_refused_in_one_sentence(kind, tmp_path):
     mapping = tmp_path / "mapping.yaml"
     mapping.write_text("group: run\n" if "group" in kind else "{}\n")
     robot = loopid.load("four_bar")
-    start = time.process_time()
     with pytest.raises(LogError) as refusal:
         read_log(robot, tmp_path / name, mapping=mapping)
     assert said in str(refusal.value)
     assert "\n" not in str(refusal.value)
-    assert time.process_time() - start < (2 if ".csv" in name else 30)
 
 
 @pytest.mark.parametrize("order", ["C", "F"])

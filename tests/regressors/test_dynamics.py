@@ -312,6 +312,10 @@ def test_another_robot_is_another_object(parallel):
     other, pose = Dynamics(replace(robot, model=model)), parallel.pose()
     assert np.abs(other.gravity(other.pose()) - parallel.gravity(pose)).max() > 1e-3
     np.testing.assert_array_equal(other.pose().G, pose.G)
+    with pytest.raises(OptionError, match="the pose is of another robot"):
+        other.gravity(pose)
+    same = Dynamics(copy.deepcopy(robot))
+    np.testing.assert_array_equal(same.gravity(pose), parallel.gravity(pose))
 
 
 def test_a_welded_knee_moves_like_the_pinned_one(parallel, weld):

@@ -23,7 +23,7 @@ import loopid
 from loopid import JointTerms
 from loopid.base_parameters import SubgroupSearch
 from loopid.control import RecursiveLeastSquares, WrenchObserver
-from loopid.errors import LoopidError, MissingExtraError
+from loopid.errors import LoopidError, MissingExtraError, optional
 from loopid.export import c_source
 from loopid.export.robot_file import export_robot_file
 from loopid.identification import Bisquare, FitSamples, WeightedLeastSquares
@@ -958,10 +958,8 @@ def test_what_a_warning_advises_ends_it(case, tmp_path):
 def missing_packages():
     """Packages of which the source says that they may be missing, with the extras it names."""
     for file in Path(loopid.__file__).parent.rglob("*.py"):
-        for found in re.finditer(r'MissingExtraError\.of\("(.*?)", "(.*?)"\)', file.read_text()):
+        for found in re.finditer(r'optional\("(.*?)", "(.*?)"\)', file.read_text()):
             yield found.groups()
-        for found in re.finditer(r'optional\("(.*?)"\)', file.read_text()):
-            yield found[1], "logs"
 
 
 def test_the_extra_that_is_named_brings_what_is_missing():
@@ -969,8 +967,10 @@ def test_the_extra_that_is_named_brings_what_is_missing():
     found = dict(missing_packages())
     assert {"mujoco", "h5py", "viser"} <= {*found}
     for package, extra in found.items():
-        said = str(MissingExtraError.of(package, extra))
-        assert said == f"{package} is not installed: pip install 'loopid[{extra}]' brings it"
+        with pytest.raises(MissingExtraError) as missing, optional(package, extra):
+            raise ImportError
+        said = f"{package} is not installed: pip install 'loopid[{extra}]' brings it"
+        assert str(missing.value) == said
         brought = project["optional-dependencies"][extra]
         assert any(re.match(rf"{package}\b", requirement) for requirement in brought)
 

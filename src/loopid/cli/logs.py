@@ -21,7 +21,6 @@ from loopid.progress import progress_bar
 
 if TYPE_CHECKING:
     from loopid.cli.shell import Answer
-    from loopid.diagnosis.gains import GainFit
     from loopid.identification.identification import Identification
     from loopid.identification.log_mistakes import LogFaults
     from loopid.identification.result import Fit
@@ -210,11 +209,13 @@ def payload(
     logged = [*runs["unloaded"], *runs["loaded"]]
     fitted = force_model(robot, chosen_model(robot, model, logged), terms)
     if known_mass is None:
-        report = payload_report(robot, identify_payload(fitted, link, **runs, estimator=estimator))
+        found = identify_payload(fitted, link=link, **runs, estimator=estimator)
+        report = payload_report(robot, found)
     else:
         load = KnownLoad(known_mass, None if centre is None else numbers(centre, "--centre", 3))
-        gains = drive_gains(fitted, link, load, **runs, estimator=estimator)
-        _write_gains(write_mapping, gains, logged, mapping)
+        gains = drive_gains(fitted, link=link, load=load, **runs, estimator=estimator)
+        if write_mapping is not None:
+            write_file(write_mapping, gains.mapping(mapping).content)
         report = gains_report(robot, gains)
     answer.show(_vetoed(report, log_faults_by_log(robot, runs["unloaded"], fitted.joint_terms)))
 
@@ -228,17 +229,6 @@ def _require_gains(
         raise OptionError(f"{given} is for gains: say the mass of the payload, --known-mass KG")
     if mapping is not None:
         require_other_file(mapping, *inputs)
-
-
-def _write_gains(
-    path: str | None, gains: GainFit, runs: Sequence[Recording], mapping: str | None
-) -> None:
-    """Write a mapping that has the gains, if asked for."""
-    from loopid.logs.mapping import read_mapping
-
-    if path is not None:
-        own = None if mapping is None else read_mapping(mapping)
-        write_file(path, gains.mapping(runs, own).content)
 
 
 def _vetoed(report: Report, suspected: Sequence[LogFaults]) -> Report:
@@ -320,7 +310,8 @@ def _exported(
     code = None if c is None else c_source(fit.require_model(), name=name, values=fit.values)
     written = list[Path]()
     if robot is not None:
-        written.append(fit.to_robot_file(robot, overwrite=overwrite, anyway=anyway))
+        loaded = fit.to_robot_file(robot, overwrite=overwrite, anyway=anyway)
+        written += dict.fromkeys([Path(robot), loaded])
     if yaml is not None:
         written.append(fit.save(yaml, anyway=anyway))
     if code is not None and c is not None:

@@ -44,7 +44,7 @@ from loopid.arguments import BoolArray, FloatArray, IntArray, checked, finite, r
 from loopid.errors import DataError, ModelWarning, warn
 from loopid.findings import Finding
 from loopid.identification.correlation import within_runs
-from loopid.identification.estimator import WorkingFit
+from loopid.identification.estimator import WorkingFit, result_of
 from loopid.identification.force_models import ForceModel
 from loopid.identification.information import body_sizes, joint_sizes
 from loopid.identification.jackknife import with_scatter
@@ -96,6 +96,7 @@ def consistent_fit(
 
     Parameters
     ----------
+    force_model : ForceModel
     data : FitSamples
         Of all parameters of the force model.
     noise : NoiseModel
@@ -719,18 +720,7 @@ def _posterior(
     inverse = np.linalg.inv(C).T
     rows = np.asarray(np.column_stack([inverse, inverse @ middle]), dtype=np.float64)
     factor = problem.weighted(weights, rows)[:-1, :-1]
-    inverse = np.linalg.inv(factor)
-    plain = Fit(
-        estimator=CONSISTENT,
-        parameters=data.parameters,
-        actuators=data.actuators,
-        values=values,
-        covariance=inverse @ inverse.T,
-        condition_number=float(np.linalg.cond(factor)),
-        degrees_of_freedom=np.array(float(max(problem.freedom, 1))),
-        quality=fit_quality(problem, values),
-        weights=weights,
-    )
+    plain = result_of(CONSISTENT, problem, values, factor, weights, 1.0)
     return with_scatter(within_runs(WorkingFit(plain, data, rows)))
 
 

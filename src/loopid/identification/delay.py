@@ -51,7 +51,7 @@ from loopid.identification.jackknife import with_scatter
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit
 from loopid.logs.preparing import at_cutoff, near_saturation, on_independent, saturation_of
-from loopid.logs.recording import FilterOptions, MaskOptions, Recording
+from loopid.logs.recording import OVERSAMPLING, Recording
 from loopid.motion.filtering import LowPass
 from loopid.records import record
 from loopid.regressors.maxwell_slip import ELEMENTS, slip_displacements, slip_states
@@ -244,7 +244,7 @@ def _bands(
         choice = choose_cutoff(force_model, recordings)
         widest = max(own) if choice is None else choice.chosen
     spans = sum(float(np.ptp(one.motion.time)) * len(one.actuators) for one in recordings)
-    widest = min(widest, max(max(own), MOST / (FilterOptions().oversampling * spans)))
+    widest = min(widest, max(max(own), MOST / (OVERSAMPLING * spans)))
     count = 1 + max(int(np.log2(widest / (LOWEST * max(own)))), 0)
     return [widest / 2**k for k in range(count)]
 
@@ -345,14 +345,14 @@ def _moved(robot: Robot, recording: Recording, shifts: FloatArray) -> Recording:
     """The same motion with forces of times that are shifts (m,) later, in its log, too."""
     if recording.log is None:
         return recording
-    log, masks = recording.log.delayed(shifts), recording.masks or MaskOptions()
+    log = recording.log.delayed(shifts)
     force, used = _Run(robot, recording).force(shifts)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # given when it was prepared
-        limits = saturation_of(robot, recording.log, masks)
+        limits = saturation_of(robot, recording.log)
     if np.isfinite(limits).any():
         rows = np.searchsorted(log.time, recording.motion.time).clip(max=len(log) - 1)
-        flags = near_saturation(log, limits, _lowpass(recording), masks)[rows]
+        flags = near_saturation(log, limits, _lowpass(recording))[rows]
         used &= on_independent(robot, recording.motion, np.zeros(flags.shape), ~flags)[1]
     lost = log.dropped[len(recording.log.dropped) :]
     dropped = (*recording.dropped, *lost)

@@ -258,7 +258,7 @@ def result_of(
         values=values,
         covariance=variance * inverse @ inverse.T,
         condition_number=float(np.linalg.cond(R)),
-        degrees_of_freedom=np.array(float(problem.freedom)),
+        degrees_of_freedom=np.array(float(max(problem.freedom, 1))),
         quality=fit_quality(problem, values),
         weights=weights,
     )

@@ -7,6 +7,7 @@ from functools import cached_property
 from html import escape
 
 from loopid.arguments import checked
+from loopid.errors import first_of
 from loopid.findings import Finding, most_important_first
 from loopid.identification.candidate import Candidate
 from loopid.identification.force_models import parted
@@ -147,9 +148,8 @@ def notes_of(found: Outcome) -> Iterator[Finding]:
         (f"the joint terms are {choice}", ""),
     ]
     if unclear:
-        more = f" and {len(unclear) - NAMED} more" if len(unclear) > NAMED else ""
         title = f"{len(unclear)} values may as well be zero"
-        notes.append((title, f"{', '.join(unclear[:NAMED])}{more}"))
+        notes.append((title, first_of(unclear, NAMED)))
     if max(idle) > IDLE:
         why = f"there, up to {100 * max(idle):.0f} % of a motor's samples are left out"
         notes.append(("motors stand still for much of the log", why))

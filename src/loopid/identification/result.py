@@ -166,10 +166,12 @@ class Fit(Estimates):
     # What it predicts, and what it becomes.
 
     @overload
-    def predict(self, data: list[Any] | tuple[Any, ...]) -> tuple[Prediction, ...]: ...
+    def predict(
+        self, data: list[Any] | tuple[Any, ...], *, mapping: Any = None
+    ) -> tuple[Prediction, ...]: ...
     @overload
-    def predict(self, data: Any) -> Prediction: ...
-    def predict(self, data: Any) -> Prediction | tuple[Prediction, ...]:
+    def predict(self, data: Any, *, mapping: Any = None) -> Prediction: ...
+    def predict(self, data: Any, *, mapping: Any = None) -> Prediction | tuple[Prediction, ...]:
         """Forces of data beside what the fit gives for their motion.
 
         Parameters
@@ -177,6 +179,8 @@ class Fit(Estimates):
         data
             A path, a table, a ``Log`` or a ``Recording`` of the fit's robot; or a list of these.
             Where a filter leaves the cut-off open, it is that of the fit.
+        mapping : LogMapping or path, optional
+            Which columns of paths and tables are what, as of ``identify``.
 
         Returns
         -------
@@ -196,7 +200,8 @@ class Fit(Estimates):
         >>> loopid.Fit.of(model, model.prior).predict("urdf/logs/five_bar.csv").predicted.shape[1]
         2
         """
-        found = tuple(predicted(self, each) for each in recordings_of(self.robot, data))
+        (runs,) = recordings_of(self.robot, data, mapping=mapping)
+        found = tuple(predicted(self, each) for each in runs)
         return found if isinstance(data, list | tuple) else found[0]
 
     def require_bodies(self) -> FloatArray:
@@ -262,15 +267,23 @@ class Fit(Estimates):
     ) -> Path:
         """Write the robot's own file with these bodies and joint terms; all else in it stays.
 
+        Closures, motors and a reference that ``load`` was given in Python stand in a YAML beside
+        the file, of the same name.
+
         Parameters
         ----------
         path : path
             Ending as the robot's own file does.
         overwrite : bool
-            Whether the robot's own file may be replaced.
+            Whether the robot's own file, or another YAML, may be replaced.
         anyway : bool
             Whether a fit is written that is not fit for use: of a log with a mistake, or one that
             breaks a law of sane ones.
+
+        Returns
+        -------
+        Path
+            What ``load`` takes: the YAML where there is one.
 
         Raises
         ------
@@ -350,6 +363,11 @@ def load_fit(path: str | Path, *, robot: Robot | str | Path | None = None) -> Fi
         Ending in .yaml, .yml or .json.
     robot : Robot or path, optional
         The robot, or its file; by default from where it was, loaded as it was.
+
+    Returns
+    -------
+    Fit
+        With its force model.
 
     Raises
     ------

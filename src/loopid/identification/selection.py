@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from loopid.arguments import FloatArray, checked, finite, variances
-from loopid.errors import DataError
+from loopid.errors import DataError, first_of
 from loopid.identification.candidate import Candidate, judge
 from loopid.identification.correlation import means_of_series
 from loopid.identification.estimates import relative_deviation
@@ -26,6 +26,7 @@ from loopid.records import record
 # Standard errors of a difference that make it clear, and the relative difference of mean squared
 # errors that is worth no parameter.
 CLEARLY, NO_CONSEQUENCE = 2.0, 0.02
+NAMED = 12  # parameters in a ``repr``
 
 
 @record
@@ -95,11 +96,10 @@ class Reduction:
 
     def __repr__(self) -> str:
         names = self.result.parameters.names
-        more = f" and {len(names) - 12} more" if len(names) > 12 else ""
         return (
             f"Reduction to {len(names)} of {len(self.parameters)} parameters, validation error "
             f"{self.chosen.error.mean:.4g} (all: {self.steps[0].error.mean:.4g}):\n  "
-            f"{', '.join(names[:12])}{more}"
+            f"{first_of(names, NAMED)}"
         )
 
     def _repr_html_(self) -> str:
@@ -118,6 +118,24 @@ def eliminate(found: Outcome) -> Reduction:
     Dropped ones go back to the robot file, and joint terms that it gives no value of to zero; what
     is unidentifiable is dropped from the start. Joint terms whose size the evidence decides stay.
     What is essential is not for a prior to say: weighted least squares stands in for Bayes.
+
+    Parameters
+    ----------
+    found : Identification
+
+    Returns
+    -------
+    Reduction
+        All steps, and the one that is chosen.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
+    >>> reduction = loopid.identification.eliminate(found)
+    >>> len(reduction.chosen.labels) < len(reduction.parameters)
+    True
     """
     model, estimator = found.force_model, chosen_estimator(found.options.estimator)
     plain, prior = model.plain_columns, np.array(model.prior)
@@ -327,10 +345,24 @@ def influence(data: FitSamples, values: FloatArray) -> FloatArray:
     values : FloatArray
         (r,).
 
+    Returns
+    -------
+    FloatArray
+        (r,), in %.
+
     Raises
     ------
     DataError
         When the values have another shape, or the forces are all zero.
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> names = loopid.parameters.ParameterSet.from_labels(["arm.mx", "elbow.Fc"])
+    >>> W = np.random.default_rng(0).normal(size=(500, 1, 2))
+    >>> samples = loopid.identification.FitSamples.of(names, ["elbow"], W, W @ [4.0, 3.0])
+    >>> loopid.identification.influence(samples, np.array([4.0, 3.0])).round(6)[1:]
+    array([100.])
     """
     factor, phi = _factor(data, values)
     size = float(np.linalg.norm(factor[:, -1]))

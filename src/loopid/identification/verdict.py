@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
+from loopid.errors import first_of
 from loopid.findings import PAGE, Finding, most_important_first
 from loopid.identification.consistent import UNSETTLED
 from loopid.identification.missing import missing_findings
@@ -246,7 +247,7 @@ def _improvement(found: Outcome) -> tuple[tuple[str, ...], str]:
     if (unexplained := _unexplained(found)) is not None:
         return (), unexplained.do
     excite = found.identifiability.leads or _least_known(found)
-    return excite, f"excite {_listed(excite)}" if excite else "record a longer log"
+    return excite, f"excite {first_of(excite, NAMED)}" if excite else "record a longer log"
 
 
 def findings_of(found: Outcome) -> tuple[Finding, ...]:
@@ -284,7 +285,7 @@ def _unexplained(found: Outcome) -> Finding | None:
     if noise:
         return Finding(
             "warning",
-            f"force of {_listed(noise)} does not follow the motion",
+            f"force of {first_of(noise, NAMED)} does not follow the motion",
             f"all parameters together explain {100 * max(np.nanmin(explained), 0.0):.2g} % of its "
             "variance",
             "look at its column, its time stamps, and whether the motor drives the robot",
@@ -317,8 +318,3 @@ def insignificant(fit: Fit) -> tuple[str, ...]:
     """Names of parameters not clearly different from zero; points of a curve are none."""
     kinds = {each.name: each.kind for each in fit.parameters}
     return tuple(name for name in fit.insignificant() if not grouped(kinds[name]))
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = len(names) - NAMED
-    return ", ".join(names[:NAMED]) + (f" and {more} more" if more > 0 else "")

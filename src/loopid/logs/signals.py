@@ -178,16 +178,8 @@ TIME_PAIRS = tuple(
     for prefix in ("time_", "", "stamp_", "header_stamp_")
     for seconds, rest in (("sec", "nanosec"), ("secs", "nsecs"))
 )
-TIMES = {
-    "time",
-    "t",
-    "timestamp",
-    "timestamps",
-    "time_stamp",
-    "stamp",
-    "elapsed_time",
-    "header_stamp",
-}
+TIMES = {"time", "t", "timestamp", "timestamps", "time_stamp", "stamp", "elapsed_time"}
+TIMES |= {"header_stamp"}
 # of quantities, with the name of a joint,
 WITH_JOINT = {
     "position": ("position", "pos", "angle", "q", "theta", "θ"),

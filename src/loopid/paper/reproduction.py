@@ -140,8 +140,7 @@ class Experiment:
 
 def friction_forces(samples: FitSamples) -> FloatArray:
     """Forces (N, 4) of the friction along a trajectory."""
-    force: FloatArray = samples.regressor[:, :, BODIES.stop :] @ FRICTION
-    return force
+    return np.asarray(samples.regressor[:, :, BODIES.stop :] @ FRICTION)
 
 
 def with_noise(samples: FitSamples, seed: int, *part: int) -> FitSamples:
@@ -152,10 +151,7 @@ def with_noise(samples: FitSamples, seed: int, *part: int) -> FitSamples:
 
 
 def run_experiment(
-    robot: Robot,
-    rate: float,
-    progress: Progress | None = None,
-    names: Sequence[str] = (),
+    robot: Robot, rate: float, progress: Progress | None = None, names: Sequence[str] = ()
 ) -> Experiment:
     """Move the robot through the nine trajectories, or some, at a sample rate (Hz)."""
     friction = JointTerms(robot.actuated, ("Fc", "Fv"), dead_zone=STANDING)
@@ -416,10 +412,7 @@ class PaperReproduction:
 
 @checked
 def reproduce_paper(
-    logs: Sequence[str] = (),
-    seed: int = 0,
-    stage: Stage | None = None,
-    rate: float = RATE,
+    logs: Sequence[str] = (), seed: int = 0, stage: Stage | None = None, rate: float = RATE
 ) -> PaperReproduction:
     """Compute the paper's tables and figures.
 
