@@ -19,6 +19,7 @@ from loopid.loading.files import RobotFiles, find_files
 from loopid.loading.tree import Reference, TreeSource
 from loopid.registry import robot_formats
 from loopid.robot.robot import Robot
+from loopid.yaml_files import placing
 
 
 @with_config(ConfigDict(extra="forbid"))
@@ -106,9 +107,10 @@ def load(
         **{name: value for name, value in reading.items() if value},
     }
     source = _source(files, reading)
-    return build_robot(
-        source, given, files.named, lock=lock, tied=tied, rounding=rounding, options=options
-    )
+    with placing(files.named):
+        return build_robot(
+            source, given, files.named, lock=lock, tied=tied, rounding=rounding, options=options
+        )
 
 
 def _source(files: RobotFiles, reading: Reading) -> TreeSource:
