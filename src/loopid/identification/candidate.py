@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
-from loopid.identification.correlation import mean_of_series
+from loopid.identification.correlation import means_of_series
 from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.quality import Quality
 from loopid.identification.result import Fit
@@ -174,8 +174,8 @@ def _rms_errors(samples: FitSamples, residual: FloatArray) -> FloatArray:
         used = samples.used[:, k]
         squares = np.where(used, residual[:, k], 0.0) ** 2
         if squares.any():
-            mean, error = mean_of_series(squares, used, samples.pieces)
-            errors[k] = error / (2 * np.sqrt(mean))
+            mean, error = means_of_series(squares[None], used, samples.pieces)
+            errors[k] = error[0] / (2 * np.sqrt(mean[0]))
     return errors
 
 
