@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from inspect import ismodule
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,27 @@ def test_examples_of_other_names_run(subpackage):
         thing = getattr(package, name)
         if getattr(thing, "__module__", "").startswith("loopid."):
             run_examples(name, thing)
+
+
+LISTED = (Path(__file__).parent / "public_api.txt").read_text().splitlines()
+FUNCTIONS = {
+    name: thing
+    for name in (line.partition("(")[0] for line in LISTED)
+    if inspect.isfunction(thing := attrgetter(name)(loopid))
+}
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_public_function_says_what_it_takes_and_returns_with_an_example(name):
+    """Each argument has an entry; nothing else says its type, shape and unit."""
+    function = FUNCTIONS[name]
+    parts = re.split(r"^(\w+)\n-{3,}\n", inspect.getdoc(function), flags=re.MULTILINE)
+    sections, taken = dict(zip(parts[1::2], parts[2::2], strict=True)), inspect.signature(function)
+    entries = re.findall(r"^([\w, *]+?)(?: :.*)?$", sections.get("Parameters", ""), re.MULTILINE)
+    told = {each.strip(" *") for entry in entries for each in entry.split(",")}
+    assert not {*taken.parameters} - told
+    assert taken.return_annotation in ("None", None) or {"Returns", "Yields"} & {*sections}
+    assert ">>>" in sections.get("Examples", "")
 
 
 def test_help_begins_with_a_map_of_all_names():

@@ -225,7 +225,7 @@ def add_rows(factors: FloatArray, matrix: FloatArray) -> None:
             kept = np.flatnonzero(_touched(matrix[k]) | factors[k].any(axis=0))
             if len(kept) and len(matrix[k]):
                 square = np.ix_(kept, kept)
-                factors[k][square] = updated_factor(factors[k][square], matrix[k][:, kept])
+                factors[k][square] = updated_factor(factors[k][square], matrix[k].T[kept].T)
 
 
 def _touched(matrix: FloatArray) -> BoolArray:

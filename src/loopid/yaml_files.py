@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -87,6 +87,13 @@ def load_yaml(path: Path, failure: type[LoopidError], most_bytes: int = MOST_BYT
         raise failure(f"{path} cannot be read: {error.strerror}") from error
     except (YAMLError, ValueError, ArithmeticError, LookupError) as error:
         raise failure(f"{path} is not YAML: {_yaml_problem(error)}") from error
+
+
+def yaml_text(content: Mapping[str, Any]) -> str:
+    """Keys and values as they stand in a file."""
+    stream = io.StringIO()
+    yaml_writer().dump(content, stream)
+    return stream.getvalue()
 
 
 def yaml_writer() -> YAML:

@@ -218,6 +218,7 @@ def find_base(
     Returns
     -------
     BaseParameters
+        The choice of columns, its matrices, and how it was searched.
 
     Raises
     ------
@@ -317,6 +318,7 @@ def expression(terms: Mapping[str, float], digits: PositiveInt = 4) -> str:
     Returns
     -------
     str
+        The sum; a coefficient of one is not written.
 
     Raises
     ------

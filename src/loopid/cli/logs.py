@@ -310,7 +310,8 @@ def _exported(
     code = None if c is None else c_source(fit.require_model(), name=name, values=fit.values)
     written = list[Path]()
     if robot is not None:
-        written.append(fit.to_robot_file(robot, overwrite=overwrite, anyway=anyway))
+        loaded = fit.to_robot_file(robot, overwrite=overwrite, anyway=anyway)
+        written += dict.fromkeys([Path(robot), loaded])
     if yaml is not None:
         written.append(fit.save(yaml, anyway=anyway))
     if code is not None and c is not None:

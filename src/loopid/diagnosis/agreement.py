@@ -101,6 +101,7 @@ def compare_fits(first: Fit | Identification, second: Fit | Identification) -> A
     Returns
     -------
     Agreement
+        Differences of the parameters, in their standard errors.
 
     Raises
     ------

@@ -197,6 +197,7 @@ def drive_gains(
     Returns
     -------
     GainFit
+        True forces over logged ones, of each motor with a determined gain.
 
     Raises
     ------

@@ -239,6 +239,8 @@ def identify_payload(
     Returns
     -------
     PayloadFit
+        Mass in kg, first moments in kg m, inertias in kg m², in the link's frame, with
+        intervals.
 
     Raises
     ------

@@ -77,6 +77,7 @@ def c_source(
     Returns
     -------
     CSource
+        The texts of the files; ``save`` writes them.
 
     Raises
     ------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
-from loopid.identification.correlation import mean_of_series
+from loopid.identification.correlation import means_of_series
 from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.identification.quality import Quality
 from loopid.identification.result import Fit
@@ -117,13 +117,34 @@ def judge(
 
     Parameters
     ----------
+    fit : Fit
     data, new : FitSamples
         Of all parameters: what was fitted, and what was not.
+    name : str
+        Of the candidate.
     against : Fit
         The baseline.
     predicted : tuple of FloatArray, optional
         Forces (N, dof) on the new data, of the fit and of the baseline, where those were not
         predicted by these values but by fits that have not seen them.
+
+    Returns
+    -------
+    Candidate
+        Errors on both, and their ratio to the baseline's.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> model = loopid.force_model(robot, "full", "Fc,Fv")
+    >>> data = loopid.identification.samples_of(model, [run])
+    >>> file = loopid.identification.fit_joint_terms(model, data)
+    >>> fit = loopid.identification.fit(data)
+    >>> judged = loopid.identification.judge(fit, data, data, name="all", against=file)
+    >>> judged.loses_to_baseline
+    False
     """
     own, other = predicted or (new.predicted(fit.values), new.predicted(against.values))
     errors = tuple(
@@ -153,8 +174,8 @@ def _rms_errors(samples: FitSamples, residual: FloatArray) -> FloatArray:
         used = samples.used[:, k]
         squares = np.where(used, residual[:, k], 0.0) ** 2
         if squares.any():
-            mean, error = mean_of_series(squares, used, samples.pieces)
-            errors[k] = error / (2 * np.sqrt(mean))
+            mean, error = means_of_series(squares[None], used, samples.pieces)
+            errors[k] = error[0] / (2 * np.sqrt(mean[0]))
     return errors
 
 

@@ -96,6 +96,7 @@ def consistent_fit(
 
     Parameters
     ----------
+    force_model : ForceModel
     data : FitSamples
         Of all parameters of the force model.
     noise : NoiseModel

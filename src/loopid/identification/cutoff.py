@@ -127,10 +127,16 @@ def choose_cutoff(
 
     Parameters
     ----------
+    force_model : ForceModel
     recordings : sequence of Recording
         That will be fitted; nothing else is looked at.
     n_jobs : int
         Processes that compute the regressors.
+
+    Returns
+    -------
+    CutoffChoice, optional
+        Cut-offs in Hz that were tried, and the chosen one.
 
     Examples
     --------

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import CHUNK, FloatArray, IntArray, checked, row_blocks, samples
+from loopid.arguments import CHUNK, FloatArray, IntArray, checked, one_as_many, row_blocks, samples
 from loopid.base_parameters.base import BaseParameters, find_base
 from loopid.base_parameters.choice import KeptChoice, SearchStrategy
 from loopid.errors import DataError, ModelWarning, OptionError, warn
@@ -244,6 +244,7 @@ class ForceModel:
         q = random_configurations(self.robot, count)
         return self.standard_regressor(q, *random_motions(self.robot, count))
 
+    @one_as_many
     def standard_regressor(
         self,
         configurations: FloatArray,
@@ -252,14 +253,14 @@ class ForceModel:
         *,
         slips: Slips | None = None,
     ) -> FloatArray:
-        """Forces (N, dof, p) per unit of each standard parameter and joint term.
+        """Forces (dof, p) or (N, dof, p) per unit of each standard parameter and joint term.
 
         Parameters
         ----------
         configurations : FloatArray
-            (N, nq), closed.
+            (nq,) or (N, nq), closed.
         velocities, accelerations : FloatArray
-            (N, dof) of the independent coordinates.
+            (dof,) or (N, dof) of the independent coordinates.
         slips : mapping, optional
             ``JointTerms.slips``; without, friction is that of steady motion.
         """
@@ -309,6 +310,7 @@ class ForceModel:
         )
         return ForceModel(self.robot, self.model, terms, wide, self.automatic)
 
+    @one_as_many
     def regressor(self, motion: JointMotion | FloatArray, n_jobs: int = 1) -> FloatArray:
         """Forces (N, dof, n) per unit of each parameter along a motion, using ``n_jobs``.
 
@@ -317,8 +319,7 @@ class ForceModel:
         if not isinstance(motion, JointMotion):
             q = samples(motion, self.robot.model.nq, "configurations")
             still = np.zeros((len(q), len(self.robot.independent)))
-            K = self.loaded(self.base.regressor(self.standard_regressor(q, still, still)))
-            return K[0] if np.ndim(motion) == 1 else K
+            return self.loaded(self.base.regressor(self.standard_regressor(q, still, still)))
         q, v, a = motion.configurations, motion.velocities, motion.accelerations
         terms = self.joint_terms
         slips = {} if terms is None else terms.slips(self.robot, q)
@@ -469,6 +470,7 @@ def force_model(
 
     Parameters
     ----------
+    robot : Robot
     model : str
         ``"gravity"`` for slow motion, or ``"full"``.
     joint_terms : JointTerms or str, optional
@@ -479,6 +481,11 @@ def force_model(
         ``"auto; elbow: Ks"`` is that and more.
     search, seed, progress
         As in ``find_base`` and ``structural_observation``.
+
+    Returns
+    -------
+    ForceModel
+        The base parameters as columns, in their order, and the regressor of these.
 
     Warns
     -----
@@ -535,10 +542,16 @@ def find_base_parameters(
 
     Parameters
     ----------
+    robot : Robot
     model : str
         ``"gravity"``, masses and first moments, or ``"full"``.
     search
         As of ``force_model``.
+
+    Returns
+    -------
+    ForceModel
+        Its ``base`` holds the base parameters and their matrices.
 
     Examples
     --------
@@ -594,12 +607,36 @@ def samples_of(
 ) -> FitSamples:
     """All samples of recordings, with instruments if there is a reference motion for each.
 
+    Parameters
+    ----------
+    force_model : ForceModel
+    recordings : sequence of Recording
+        At least one.
+    references : sequence of JointMotion
+        One a recording, or none.
+    n_jobs : int
+        Processes that compute the regressors.
+
+    Returns
+    -------
+    FitSamples
+        Regressor (N, dof, n) and forces (N, dof) of all samples.
+
     Raises
     ------
     DataError
         Without recordings.
     OptionError
         When the reference motions are not as many as the recordings.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> model = loopid.force_model(robot, "full", "Fc,Fv")
+    >>> loopid.identification.samples_of(model, [run]).regressor.shape[1:]
+    (2, 15)
     """
     if not recordings:
         raise DataError("identification needs recordings to fit, and others to validate")

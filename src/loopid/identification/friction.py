@@ -170,8 +170,10 @@ def with_friction(
 
     Parameters
     ----------
+    force_model : ForceModel
     data : FitSamples
         The recordings as samples of the force model.
+    recordings : sequence of Recording
     whole : Fit
         Of all its parameters, with a model of the errors.
 
@@ -183,6 +185,18 @@ def with_friction(
         The recordings as samples of it.
     fit : WorkingFit
         Of these, by ``consistent_fit``.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> model = loopid.force_model(robot, "full", "Fc,Fv")
+    >>> data = loopid.identification.samples_of(model, [run])
+    >>> whole = loopid.identification.fit(data)
+    >>> wider, _, fit = loopid.identification.with_friction(model, data, [run], whole)
+    >>> len(wider.parameters) >= len(model.parameters), fit.result.noise is not None
+    (True, True)
     """
     noise = whole.noise
     if whole.noise is None or noise is None:

@@ -79,6 +79,11 @@ def friction_curve(
     joint_terms : JointTerms, optional
         Those of the force model, where they have a dead zone or are smoothed.
 
+    Returns
+    -------
+    FrictionCurve
+        Values (k,) and their band (k, 2), in N or N m.
+
     Raises
     ------
     OptionError
@@ -150,6 +155,14 @@ class FrictionSummary(Tabular):
 @checked
 def friction_summary(fit: Estimates) -> FrictionSummary:
     """Friction of each joint of a fit, in four numbers with intervals.
+
+    Parameters
+    ----------
+    fit : Fit
+
+    Returns
+    -------
+    FrictionSummary
 
     Examples
     --------
@@ -267,10 +280,23 @@ def nearest_line(
 
     Parameters
     ----------
+    joint : str
     terms : mapping
         Values of its joint terms by their kinds.
     use : MotorUse, optional
         Rates and loads in the log; by default rates of the curve's points, and no load.
+
+    Returns
+    -------
+    FrictionLine
+        Coulomb and viscous friction, and how far the curve is off these.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> line = loopid.identification.nearest_line("elbow", {"Fc": 2.0, "Fv": 0.5})
+    >>> round(line.coulomb, 6), round(line.viscous, 6)
+    (1.960299, 0.559403)
     """
     from scipy.optimize import nnls  # slow to import
 

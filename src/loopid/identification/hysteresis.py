@@ -143,6 +143,11 @@ def hysteresis_loop(
     joint_terms : JointTerms, optional
         Those of the force model, where they have a dead zone or are smoothed.
 
+    Returns
+    -------
+    HysteresisLoop
+        Force in N or N m over displacement in m or rad.
+
     Raises
     ------
     OptionError

@@ -396,8 +396,14 @@ def identifiability(
 
     Parameters
     ----------
+    force_model : ForceModel
     data : FitSamples, or sequence of Recording
         Samples may be of some of the parameters only, if the others are not to be fitted.
+
+    Returns
+    -------
+    Identifiability
+        Ranks of both, and the combinations that are not excited.
 
     Raises
     ------

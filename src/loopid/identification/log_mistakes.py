@@ -116,6 +116,14 @@ def log_faults(
     -------
     LogFaults
         Empty where too few samples of each motor can be used.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> loopid.identification.log_faults(robot, [run]).mistakes
+    ()
     """
     log = recordings[0].log
     held = () if log is None else tuple(held_values(log))

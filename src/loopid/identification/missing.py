@@ -374,6 +374,8 @@ class _Test:
             for own, size in rows
         ]
         self.runs = [run_lengths(used, samples.pieces) for used in samples.used.T]
+        none = Spectra.of(np.zeros((0, len(samples))), samples.pieces)
+        self.densities = [none.densities(model) for model in self.models]
 
     def of(self, columns: FloatArray) -> tuple[float, FloatArray, FloatArray, FloatArray]:
         """Chance, coefficients (k,), their errors (k,) and bias (n,) of columns (N, dof, k)."""
@@ -392,16 +394,18 @@ class _Test:
         beside[:, own] += c
         # Errors are what is left with the columns.
         left, models = self.residual - beside @ np.linalg.solve(G, s), list(self.models)
-        for i in own:
-            models[i] = Autoregression.of_covariances(burg_covariances(left[:, i], self.runs[i]))
-        V = sum(
-            Spectra.of(beside[:, i].T, pieces).turned(model) @ beside[:, i]
-            for i, model in enumerate(models)
-            if model.variance > 0
-        )
+        V = np.zeros((k, k))
+        for i, model in enumerate(models):
+            spectra, densities = Spectra.of(beside[:, i].T, pieces), self.densities[i]
+            if i in own:
+                covariances = burg_covariances(left[:, i], self.runs[i])
+                models[i] = model = Autoregression.of_covariances(covariances)
+                densities = spectra.densities(model)
+            if model.variance > 0:
+                V += spectra.covariance(densities)
         if self.prior is not None:
             moved = self.prior @ turned
-            V = V + moved.T @ moved
+            V += moved.T @ moved
         counts = self.used[:, own].sum(axis=0)
         freedom = sum(counts / [max(2 * models[i].order, 1) for i in own]) - k
         told = np.linalg.solve(V, np.column_stack([s, G]))

@@ -132,6 +132,11 @@ def choose_model(robot: Robot, recordings: Sequence[Recording]) -> ModelChoice:
     recordings : sequence of Recording
         At least one.
 
+    Returns
+    -------
+    ModelChoice
+        ``"gravity"`` or ``"full"``, and why.
+
     Raises
     ------
     DataError

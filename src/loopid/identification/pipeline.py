@@ -135,6 +135,11 @@ def identify(
         Which columns of paths and tables are what.
     options : FitOptions
 
+    Returns
+    -------
+    Identification
+        The recommended fit, its verdict, and the candidates that it was compared with.
+
     Raises
     ------
     DataError
@@ -356,28 +361,19 @@ def _judged(
     regions: FloatArray | None,
 ) -> dict[str, Candidate]:
     """Candidates beside the first; ``regions`` (dof,) are the consistent one's errors there."""
-    fits = {
-        name: replace(fit, quality=fit_quality(data.problem, fit.values))
-        for name, fit in fits.items()
-    }
     forces = {
         name: left.predicted(name, new) if left else new.predicted(fit.values)
         for name, fit in fits.items()
     }
-    judged = {
-        name: judge(
-            *(fit, data, new),
-            name=name,
-            against=fits[ROBOT_FILE],
-            predicted=(forces[name], forces[ROBOT_FILE]),
-        )
-        for name, fit in fits.items()
-    }
-    # Fits know their errors on data that they have not seen.
-    for name, found in judged.items():
+    judged = dict[str, Candidate]()
+    for name, fit in fits.items():
+        fitted = replace(fit, quality=fit_quality(data.problem, fit.values))
+        both = forces[name], forces[ROBOT_FILE]
+        found = judge(fitted, data, new, name=name, against=fits[ROBOT_FILE], predicted=both)
+        # Fits know their errors on data that they have not seen.
         rms, own = found.validation.residual_rms, regions if name == CONSISTENT else None
-        fit = replace(found.fit, unseen_rms=rms if own is None else np.fmax(rms, own))
-        judged[name] = replace(found, fit=fit, regions=own)
+        fitted = replace(fitted, unseen_rms=rms if own is None else np.fmax(rms, own))
+        judged[name] = replace(found, fit=fitted, regions=own)
     return judged
 
 
@@ -396,12 +392,19 @@ def fit_all(
 
     Parameters
     ----------
+    force_model : ForceModel
     data : FitSamples
         Of all parameters.
     excited : Identifiability
         Identifiability of those that are fitted to them.
     first : FitSamples, optional
         Of an experiment that the joint terms are taken from.
+    options : FitOptions
+        Estimator, and what to do of unidentifiable combinations.
+
+    Returns
+    -------
+    Fit
 
     Raises
     ------
@@ -413,6 +416,18 @@ def fit_all(
     DataWarning
         Of parameters that vary between recordings, as ``fit``. What is not significant, the verdict
         tells of the recommended fit.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> model = loopid.force_model(robot, "full", "Fc,Fv")
+    >>> data = loopid.identification.samples_of(model, [run])
+    >>> excited = loopid.identification.identifiability(model, data)
+    >>> fit = loopid.identification.fit_all(model, data, excited)
+    >>> round(fit["left_crank_joint.Fc"].value, 2)
+    0.1
     """
     estimator, plain = chosen_estimator(options.estimator), force_model.plain_columns
     part = data.select(plain) if len(plain) < len(data.parameters) else data
@@ -472,6 +487,29 @@ def fit_joint_terms(
     negative. Bodies are ``assumed``: their covariance is zero, their intervals are infinite. Those
     of joint terms hold by how much the bodies seem to be off, by errors beyond the ``noise`` of a
     better fit.
+
+    Parameters
+    ----------
+    force_model : ForceModel
+    data : FitSamples
+        Of all parameters.
+    noise : NoiseModel, optional
+        Of a better fit; by default the fit's own.
+
+    Returns
+    -------
+    Fit
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> model = loopid.force_model(robot, "full", "Fc,Fv")
+    >>> data = loopid.identification.samples_of(model, [run])
+    >>> fit = loopid.identification.fit_joint_terms(model, data)
+    >>> fit["left_crank_joint.Fc"].value > 0, len(fit.assumed)
+    (True, 11)
     """
     values = np.array(force_model.prior)
     joints = np.intersect1d(force_model.joint_columns, force_model.plain_columns)
@@ -479,18 +517,15 @@ def fit_joint_terms(
     # A joint term may lead a combination with bodies, of which the robot file knows a part.
     excitation = Excitation.of(force_model, left.problem) if len(joints) else None
     if excitation is None or not excitation.rank:
-        return Fit(
+        return replace(
+            Fit.of(force_model, values),
             estimator=ROBOT_FILE,
-            parameters=force_model.parameters,
-            actuators=data.actuators,
-            values=values,
-            covariance=np.zeros((len(values), len(values))),
             condition_number=1.0,
             degrees_of_freedom=np.array(float(data.problem.rows)),
             quality=fit_quality(data.problem, values),
             weights=equal_weights(data.problem),
-            assumed=force_model.parameters.names,
             standard_parameters=force_model.standard_prior,
+            model=None,
         )
     if excitation.rank == len(joints):
         terms = quiet_fit(left)
@@ -513,10 +548,32 @@ def fit_solid_bodies(
 
     Parameters
     ----------
+    force_model : ForceModel
+    data : FitSamples
+        Of all parameters.
     noise : NoiseModel
         Of the forces, as of a fit of all parameters.
     known : Fit, optional
         Joint terms of an experiment of their own, known to their errors.
+    options : FitOptions
+        As of ``identify``.
+
+    Returns
+    -------
+    WorkingFit
+        ``result`` is the fit.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> model = loopid.force_model(robot, "full", "Fc,Fv")
+    >>> data = loopid.identification.samples_of(model, [run])
+    >>> noise = loopid.identification.fit(data).noise
+    >>> fit = loopid.identification.fit_solid_bodies(model, data, noise).result
+    >>> round(fit["left_crank_joint.Fc"].value, 2)
+    0.1
     """
     if noise is None:
         raise DataError(

@@ -267,15 +267,23 @@ class Fit(Estimates):
     ) -> Path:
         """Write the robot's own file with these bodies and joint terms; all else in it stays.
 
+        Closures, motors and a reference that ``load`` was given in Python stand in a YAML beside
+        the file, of the same name.
+
         Parameters
         ----------
         path : path
             Ending as the robot's own file does.
         overwrite : bool
-            Whether the robot's own file may be replaced.
+            Whether the robot's own file, or another YAML, may be replaced.
         anyway : bool
             Whether a fit is written that is not fit for use: of a log with a mistake, or one that
             breaks a law of sane ones.
+
+        Returns
+        -------
+        Path
+            What ``load`` takes: the YAML where there is one.
 
         Raises
         ------
@@ -355,6 +363,11 @@ def load_fit(path: str | Path, *, robot: Robot | str | Path | None = None) -> Fi
         Ending in .yaml, .yml or .json.
     robot : Robot or path, optional
         The robot, or its file; by default from where it was, loaded as it was.
+
+    Returns
+    -------
+    Fit
+        With its force model.
 
     Raises
     ------

@@ -502,7 +502,7 @@ def _place(robot: Robot) -> str:
         return ""
     name = robot.path.stem
     bundled = robot.path == bundled_directory() / f"{name}.yaml"
-    return name if bundled else str(robot.path)
+    return name if bundled else str(robot.path.absolute())
 
 
 def _hashes(robot: Robot) -> dict[str, str]:

@@ -43,6 +43,7 @@ def choose_terms(force_model: ForceModel, data: FitSamples) -> ForceModel:
 
     Parameters
     ----------
+    force_model : ForceModel
     data : FitSamples
         Those that are fitted, of all parameters.
 
@@ -50,6 +51,16 @@ def choose_terms(force_model: ForceModel, data: FitSamples) -> ForceModel:
     -------
     ForceModel
         The same one where all offsets are identifiable.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> model = loopid.force_model(robot, "full", "Fc,Fv")
+    >>> data = loopid.identification.samples_of(model, [run])
+    >>> loopid.identification.choose_terms(model, data) is model  # it has no offsets
+    True
     """
     usual, offsets = force_model.joint_terms, list(_offsets(force_model))
     if usual is None or not (force_model.automatic and offsets):

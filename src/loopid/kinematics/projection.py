@@ -263,6 +263,7 @@ def project(
     Returns
     -------
     Projection
+        G (N, nv, dof), joint velocities from independent ones.
 
     Raises
     ------
@@ -314,6 +315,7 @@ def closed_motion(
     Returns
     -------
     ClosedMotion
+        Velocities and accelerations (N, nv) of all joints.
 
     Raises
     ------

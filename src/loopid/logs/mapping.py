@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -16,7 +15,7 @@ from loopid.errors import LogError, OptionError
 from loopid.logs.table import COMPONENTS, QUANTITIES
 from loopid.records import digest
 from loopid.registry import log_formats
-from loopid.yaml_files import read_yaml, yaml_writer
+from loopid.yaml_files import read_yaml, yaml_text
 
 # Condition number from which a joint map is no true one.
 LARGEST_CONDITION = 1e6
@@ -299,10 +298,7 @@ class LogMapping(Section):
     @property
     def content(self) -> str:
         """As it stands in a file."""
-        stream = io.StringIO()
-        written = self.model_dump(exclude_defaults=True, exclude_none=True)
-        yaml_writer().dump(written, stream)
-        return stream.getvalue()
+        return yaml_text(self.model_dump(exclude_defaults=True, exclude_none=True))
 
     def by_joint(self, source: str, key: str, joints: Sequence[str]) -> list[Any]:
         """What is given for all or by joint, in the order of the motors.

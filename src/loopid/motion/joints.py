@@ -72,6 +72,7 @@ def joint_motion(robot: Robot, motion: Motion) -> JointMotion:
 
     Parameters
     ----------
+    robot : Robot
     motion : Motion
         Named after the platform coordinates of the robot file, or after joints that determine the
         motion.
@@ -183,6 +184,18 @@ def review_motion(
     robot: Robot, motion: JointMotion, margin: NotNegative = DEFAULT_MARGIN
 ) -> MotionReview:
     """Check a motion against joint limits and a singularity margin.
+
+    Parameters
+    ----------
+    robot : Robot
+    motion : JointMotion
+    margin : float
+        Singularity measure below which a pose is a problem.
+
+    Returns
+    -------
+    MotionReview
+        Ranges, speeds and problems.
 
     Raises
     ------

@@ -69,12 +69,29 @@ def forces_chart(
 
     Parameters
     ----------
+    robot : Robot
+    found : Prediction
     motors : sequence of str, optional
         Some of the motors, in the order in which they are shown.
     file : FloatArray, optional
         (N, dof), the forces that the robot file predicts.
     worst : str
         The motor that is marked.
+    name : str
+        Of the chart.
+
+    Returns
+    -------
+    Chart
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
+    >>> prediction = found.fit.predict("urdf/logs/five_bar.csv")
+    >>> loopid.plots.forces_chart(robot, prediction, motors=["left_crank_joint"]).panels[0].title
+    'measured force (N m)'
     """
     run, panels = found.recording, list[Panel]()
     time = run.motion.time
@@ -129,6 +146,25 @@ def comparison_chart(fits: Mapping[str, Fit], *, clear: Collection[str] = ()) ->
     """Values of fits by the name of their run with 95 % intervals, each less their mean.
 
     Of more than three fits three have a panel. Clear are expressions that are said to differ.
+
+    Parameters
+    ----------
+    fits : mapping of str to Fit
+    clear : collection of str
+        Expressions that are said to differ.
+
+    Returns
+    -------
+    Chart
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
+    >>> fits = {"recommended": found.fit, "all": found["all parameters"].fit}
+    >>> loopid.plots.comparison_chart(fits).panels[0].title
+    'Parameters; * clearly different'
     """
     known = {each.expression: each for fit in fits.values() for each in alone(fit)}
     x, s = np.full((2, len(known), len(fits)), np.nan)

@@ -40,6 +40,24 @@ def robot_chart(robot: Robot, configuration: FloatArray | None = None, *, worst:
 
     By default that is the reference. A flat robot is seen from its front, any other from a corner.
     The worst motor is marked.
+
+    Parameters
+    ----------
+    robot : Robot
+    configuration : FloatArray, optional
+        (nq,).
+    worst : str
+        The motor that is marked.
+
+    Returns
+    -------
+    Chart
+
+    Examples
+    --------
+    >>> import loopid
+    >>> len(loopid.plots.robot_chart(loopid.load("five_bar")).panels)
+    1
     """
     q = robot.reference if configuration is None else configuration
     rods = link_rods(robot)
@@ -100,6 +118,14 @@ def _apart(
 @checked
 def search_chart(searches: Sequence[SearchResult]) -> Chart:
     """Condition numbers of the combinations that subgroup searches tried, a panel a search.
+
+    Parameters
+    ----------
+    searches : sequence of SearchResult
+
+    Returns
+    -------
+    Chart
 
     Raises
     ------

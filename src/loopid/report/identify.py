@@ -41,6 +41,26 @@ def identification_report(
     """What an identification found; the command designs the motion that its verdict asks for.
 
     Without a file of the recommended fit where that breaks a law, unless forced.
+
+    Parameters
+    ----------
+    found : Identification
+    command : str
+        That designs the motion which the verdict asks for.
+    anyway : bool
+        Write a fit that breaks a law, too.
+
+    Returns
+    -------
+    Report
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
+    >>> loopid.report.identification_report(found).name
+    'identification'
     """
     judged, robot, rows = found.verdict, found.force_model.robot, list[tuple[str, ...]]()
     for each in alone(found.fit):

@@ -208,6 +208,10 @@ def json_schema(name: str) -> dict[str, Any]:
     name : str
         A key of ``FORMS``, as in the record's ``schema``: ``"loopid check 1"`` is ``check``.
 
+    Returns
+    -------
+    dict
+
     Raises
     ------
     OptionError
