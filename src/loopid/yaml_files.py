@@ -65,10 +65,11 @@ def line_of(path: Path, keys: Sequence[Any]) -> int | None:
 
 
 @contextmanager
-def placing(path: Path) -> Iterator[None]:
+def placing(path: Path, but: Sequence[str] = ()) -> Iterator[None]:
     """Name the line and the keys in a YAML file of what is refused inside.
 
-    An error gives the ``keys`` that lead there, or as ``given`` the word that stands there.
+    An error gives the ``keys`` that lead there, or as ``given`` the word that stands there. What
+    is below the keys ``but`` was given otherwise.
     """
     try:
         yield
@@ -81,7 +82,7 @@ def placing(path: Path) -> Iterator[None]:
             node = YAML(typ="safe", pure=True).compose(path.read_text("utf-8"))
             found = (each for each in _words(node) if each.text == word)
             keys = next((each.keys for each in found), None)
-        if keys is None or (line := line_of(path, keys)) is None:
+        if keys is None or keys[0] in but or (line := line_of(path, keys)) is None:
             raise
         key, said = ".".join(map(str, keys)), str(error).removeprefix(f"{path}: ")
         more = {"key": key, **facts, "line": line}

@@ -122,6 +122,7 @@ def _motors(where: object, tree: TreeSource) -> tuple[str, ...]:
             f"{where}: no joint has a motor, so no force would be known: choose motors among "
             f"{', '.join(joints)}",
             file=str(where),
+            keys=("name_mot",),
             valid=tuple(joints),
         )
     return tuple(motors)

@@ -107,7 +107,8 @@ def load(
         **{name: value for name, value in reading.items() if value},
     }
     source = _source(files, reading)
-    with placing(files.named):
+    said = {"name_mot": motors, "reference": reference}  # in Python
+    with placing(files.named, [key for key, value in said.items() if value is not None]):
         return build_robot(
             source, given, files.named, lock=lock, tied=tied, rounding=rounding, options=options
         )

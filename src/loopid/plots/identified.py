@@ -180,7 +180,7 @@ def _friction_notes(found: Identification) -> dict[str, str]:
 
 
 def value_text(each: Estimate | None, assumed: Sequence[str] = ()) -> str:
-    """A value with its standard error and unit; no error of what is as in the robot file."""
+    """A value with its standard error and unit; no error of what keeps the robot file's value."""
     if each is None:
         return "-"
     value, error = with_error(each.value, 0.0 if each.name in assumed else each.standard_error)
