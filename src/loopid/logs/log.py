@@ -248,7 +248,7 @@ class Log(Tabular):
         ...     units={"position": "deg"}, name="swing")
         <Log 'swing': 200 samples of crank_joint over 1.99 s in 1 segment>
         """
-        joints, units = (joints,) if isinstance(joints, str) else tuple(joints), units or {}
+        joints, units = tuple(joints), units or {}
         for quantity in units:
             if quantity not in UNITS:
                 raise OptionError.unknown("quantity with a unit", quantity, UNITS)
