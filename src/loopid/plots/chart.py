@@ -37,7 +37,7 @@ STEPS = 250
 MOST_DOTS = 1500
 MOST_GROUPS, MOST_ROWS = 6, 40  # motors, and rows of a table, that are seen at first
 WIDE, HIGH = 10_000, 1_000  # of the square that marks are drawn in
-FEW, TEXTS = 4, 44  # columns with their full width, and the width of more, in rem
+TALLEST = 12  # height of a robot's picture on a page, in rem
 ROW = 100  # height of a row of a table with pictures
 MARGIN = 0.04  # of an axis beyond the marks, on either side
 ROOM = 0.08  # about a robot, in parts of it, for the signs at its ends
@@ -234,7 +234,8 @@ class Panel:
             place = {"style": f"left:{left:.2f}%;top:{top:.2f}%"}
             plot.append(E.i({"class": f"sign {mark.kind} {mark.look}"}, place, text))
         if self.equal:
-            plot.set("style", f"aspect-ratio:{np.ptp(across) / np.ptp(high):.3f}")
+            shape = float(np.ptp(across) / np.ptp(high))
+            plot.set("style", f"aspect-ratio:{shape:.3f};width:{TALLEST * shape:.3g}rem")
         panel.append(E.div({"class": "up"}, *_ticks_html("bottom", y_ticks, high)))
         panel.append(plot)
         if ticked and not self.equal:
@@ -290,13 +291,13 @@ class Panel:
                 {"class": "name"},
                 short_or_whole(self.labels[k], self.wholes[k] if self.wholes else ""),
             )
-            texts = (E.td({"class": "number"}, column[k]) for column in self.columns.values())
+            texts = (
+                E.td({"class": "number", "data-head": column}, cells[k])
+                for column, cells in self.columns.items()
+            )
             body.append(E.tr(name, E.td({"class": "picture"}, svg), *texts))
         head = E.thead(E.tr(named, E.th({"class": "scale"}, scale), *heads))
-        table = E.table({"class": f"forest{' wide' * bool(self.columns)}"}, head, body)
-        if len(self.columns) > FEW:
-            table.set("style", f"--Value:{TEXTS / len(self.columns):.3g}rem")
-        return table
+        return E.table({"class": f"forest{' wide' * bool(self.columns)}"}, head, body)
 
 
 @record

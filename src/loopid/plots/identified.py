@@ -82,7 +82,7 @@ def model_errors_chart(found: Identification, *, worst: str = "") -> Chart:
         size = " ± ".join(with_error(float(rms[k]), float(spreads[k])))
         note = f"{size} {force_unit(robot, motor)}, {beside}"
         said = of_motor(robot, motor, worst) | {"labels": tuple(labels), "note": note}
-        panels.append(Panel("", tuple(marks), x_limits=(0.0, most), **said))
+        panels.append(Panel("", tuple(marks), x_limits=(-0.04 * most, most), **said))
     caption = (
         "Root mean square of the error on data that were not fitted, in % of the motor's force, on "
         "one scale. The robot file stands with fitted joint terms."
@@ -119,7 +119,13 @@ def friction_chart(found: Identification, *, worst: str = "") -> Chart:
         said = of_motor(robot, joint, worst) | {"note": notes.get(joint, ""), "y_limits": limits}
         panels.append(Panel(f"friction ({force_unit(robot, joint)})", tuple(marks), **said))
     caption = "Friction over the rate of each motor, by the recommended fit."
-    return _by_motor("friction", caption, "rate (rad/s or m/s)", panels)
+    return _by_motor("friction", caption, f"rate ({_units(robot, 'rad/s', 'm/s')})", panels)
+
+
+def _units(robot: Robot, turning: str, sliding: str) -> str:
+    """Unit of all motors; both where some turn and some slide."""
+    both = {sliding if force_unit(robot, name) == "N" else turning for name in robot.actuated}
+    return " or ".join(sorted(both, reverse=True))
 
 
 def _banded(x: FloatArray, values: FloatArray, band: FloatArray) -> list[Mark]:
@@ -163,7 +169,8 @@ def hysteresis_chart(found: Identification, *, worst: str = "") -> Chart:
         "Friction over the displacement of a slow way to and fro, by the recommended fit: what "
         "builds up after each reversal."
     )
-    return _by_motor("hysteresis", caption, "displacement (mm or mrad)", panels)
+    x_label = f"displacement ({_units(robot, 'mrad', 'mm')})"
+    return _by_motor("hysteresis", caption, x_label, panels)
 
 
 @checked

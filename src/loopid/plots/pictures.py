@@ -106,8 +106,9 @@ def forces_chart(
                 marks.insert(2, Mark("95 % of new forces", time[some], -half, look, "band", half))
             panels.append(Panel(title, tuple(marks), y_limits=(-most, most), small=True))
     caption = f"Of {run.name}. Lanes of errors have one scale a motor. {ZOOM}"
-    many, lanes = len(panels) > 1 + len(predictions), 1 + len(predictions)
-    return Chart(name, caption, "time (s)", tuple(panels), 2 if many else 1, lanes, run.name)
+    lanes = 1 + len(predictions)
+    columns = {1: 1, 3: 3}.get(len(panels) // lanes, 2)
+    return Chart(name, caption, "time (s)", tuple(panels), columns, lanes, run.name)
 
 
 def _spans(time: FloatArray, chosen: BoolArray) -> Any:

@@ -325,10 +325,9 @@ def _robot_table(found: Identification) -> Table:
     bodies = {each.label: value for each, value in known if each.kind in KINDS}
     columns = {
         "parameter": "name",
-        ">value": lambda each: with_error(each.value, each.standard_error)[0],
+        ">value": lambda each: f"{with_error(each.value, each.standard_error)[0]} {each.unit}",
         ">95 % interval": lambda each: interval(*each.interval),
         ">file": lambda each: number(bodies[each.name]) if each.name in bodies else "-",
-        "unit": "unit",
         "by": lambda each: "log" if each.determined else "file",
     }
     title = f"robot: {found.recommended.name}"

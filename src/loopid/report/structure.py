@@ -67,8 +67,7 @@ def check_report(robot: Robot) -> Report:
         + ("." if wrong else f": ready {ready}.")
     )
     further = str(max(len(found["closures"]) - SOME, 0) or "")
-    few = {"further closures": further, **_summary(found, FEW)}
-    few = {name: text for name, text in few.items() if text}
+    few = _said({"further closures": further, **_summary(found, FEW)})
     freedoms, of_motors = _freedoms(found).split(" ", 1)
     figures = (
         Figure(freedoms, of_motors),
@@ -242,12 +241,14 @@ def check_tables(record: dict[str, Any]) -> list[Table]:
         "meets the drawn pose": lambda mode: "yes" if mode["meets_drawn_pose"] else "no",
         ">parallel pairs": "parallel_pairs",
     }
+    summary = _summary(record)
+    none = "; ".join(name for name, text in summary.items() if not text)
     of_file, left_out_title = record["in_file_not_in_model"], "in the file, not in the model"
     modes_title = "assembly modes of the drawn pose; the first is used"
     tables = [
         table_of("joints (m, rad)", joints, record["joints"]),
         _closures_table("closures", record["closures"]),
-        facts("at the reference", {n: text or "none" for n, text in _summary(record).items()}),
+        facts("at the reference", _said(summary | {"none": none})),
         table_of(left_out_title, left_out, of_file),
         table_of(modes_title, modes, record["assembly_modes"]),
     ]
@@ -301,6 +302,11 @@ def _summary(record: dict[str, Any], most: int | None = None) -> dict[str, str]:
     }
 
 
+def _said(facts: dict[str, str]) -> dict[str, str]:
+    """Facts with a text."""
+    return {name: text for name, text in facts.items() if text}
+
+
 def base_report(
     robot: Robot,
     model: str,
@@ -322,9 +328,9 @@ def base_report(
     proven = "proven best" if search["certified"] else "not proven"
     figures = (
         Figure(f"{found['rank']}", "combinations", f"of {found['standard_parameters']} parameters"),
-        Figure(f"{found['rank_gap'] or math.inf:.1e}", "gap of singular values"),
+        Figure(f"{found['rank_gap'] or math.inf:.0e}", "gap of singular values"),
         Figure(_conditions(found).split(", ")[0], "cond(V22), 1 is best"),
-        Figure(f"{search['candidates']:.3g}", "choices that were searched"),
+        Figure(_large(search["candidates"]), "choices that were searched"),
     )
     tried = (search_chart([base.search]), groups_table(search)) if search["subgroups"] else ()
     return Report(
@@ -351,6 +357,10 @@ def base_report(
             next="design a motion that excites them.",
         ),
     )
+
+
+def _large(count: int) -> str:
+    return f"{count:,}" if count < 1e6 else f"{count / 1e6:,.4g} million"
 
 
 def base_record(
