@@ -17,8 +17,8 @@ from lxml.builder import ElementMaker
 from lxml.etree import tostring
 from lxml.html import HtmlElement, html_parser
 
-from loopid.arguments import FloatArray, IntArray, spread_rows
-from loopid.errors import one_line, short_name
+from loopid.arguments import BoolArray, FloatArray, IntArray, spread_rows
+from loopid.errors import counted, one_line, short_name
 from loopid.records import record
 
 # Colours by what is drawn. The style sheet of the page has the same, and those for dark screens.
@@ -71,7 +71,7 @@ path.hole { color: #fff; stroke-width: 30; } .sign { fill: #fff; }
 
 def _add_text(element: HtmlElement, text: str) -> None:
     """Text of any origin, what is not printable but ends of lines as escapes."""
-    plain = "\n".join(map(one_line, text.split("\n")))
+    plain = text if text.isprintable() else "\n".join(map(one_line, text.split("\n")))
     if len(element):
         element[-1].tail = (element[-1].tail or "") + plain
     else:
@@ -308,7 +308,7 @@ class Chart:
     caption: str
     x_label: str  # below the last panel
     panels: tuple[Panel, ...]
-    columns: int = 1  # of panels beside each other
+    columns: int = 1  # of panels beside each other, at most
     lanes: int = 1  # this many panels stay below each other, and have one x axis
     zoom: str = ""  # charts with the same text are zoomed together along time
 
@@ -318,9 +318,8 @@ class Chart:
         legend = (E.span(E.i({"class": f"key {kind} {look}"}), name) for name, kind, look in keys)
         lanes = [self.panels[k : k + self.lanes] for k in range(0, len(self.panels), self.lanes)]
         first, others = lanes[:MOST_GROUPS], lanes[MOST_GROUPS:]
-        figure = E.figure(
-            {"style": f"--Columns:{self.columns}"}, E.div({"class": "legend"}, *legend)
-        )
+        style = f"--Columns:{min(self.columns, len(lanes))}"
+        figure = E.figure({"style": style}, E.div({"class": "legend"}, *legend))
         if self.zoom:
             figure.set("data-zoom", self.zoom)
         figure.append(self._grid(first))
@@ -359,7 +358,7 @@ class Chart:
         '<svg xmlns="http://www.w3.'
         """
         named = any(panel.labels for panel in self.panels)
-        columns = 1 if named or self.lanes > 1 else min(self.columns, 2)
+        columns = 1 if named or self.lanes > 1 else min(self.columns, len(self.panels) or 1, 2)
         wide, down, drawn = COLUMN / columns, 0, list[HtmlElement]()
         for k in range(0, len(self.panels), columns):
             row = self.panels[k : k + columns]
@@ -436,8 +435,7 @@ def in_parts(count: int, table: Callable[[range], HtmlElement]) -> list[HtmlElem
     """Rows of a table; those beyond ``MOST_ROWS`` unfold."""
     found, left = [table(range(min(count, MOST_ROWS)))], count - MOST_ROWS
     if left > 0:
-        title = f"{left} more {'row' if left == 1 else 'rows'}"
-        found.append(unfolding(title, table(range(MOST_ROWS, count))))
+        found.append(unfolding(counted(left, "more row"), table(range(MOST_ROWS, count))))
     return found
 
 
@@ -482,14 +480,19 @@ def _path(mark: Mark, log: str, across: Ends, high: Ends, size: tuple[int, int])
         return "".join(f"M{a:.0f} 0v{size[1]}" for a, _, _ in rows)
     if mark.kind in POINTS or mark.kind in SIGNS:
         return _moves([(round(a), round(b)) for a, b, _ in sorted(rows)])
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
-    parts = [slice(a, b) for a, b in edges.reshape(-1, 2).tolist()]
+    parts = [slice(first, end) for first, end in segments(known).tolist()]
     if mark.kind == "line":
         return "".join(_steps(x[part], y[part]) for part in parts)
     return "".join(
         _steps(np.r_[x[part], x[part][::-1]], np.r_[y[part], to[part][::-1]]) + "z"
         for part in parts
     )
+
+
+def segments(chosen: BoolArray) -> IntArray:
+    """Rows (n, 2) of the first sample of each segment, and of the first one behind it."""
+    edges = np.diff(np.concatenate([[False], chosen, [False]]).astype(int))
+    return np.flatnonzero(edges).reshape(-1, 2)
 
 
 def _steps(x: FloatArray, y: FloatArray) -> str:

@@ -68,8 +68,7 @@ def robot_chart(robot: Robot, configuration: FloatArray | None = None, *, worst:
             texts = tuple(number.get(robot.joints[k], "") for k in np.flatnonzero(rows))
             marks.append(Mark(said, x[rows], y[rows], look, kind, texts=texts))
     motors_said = "; ".join(f"{k} {name}" for name, k in number.items())
-    at = "at its reference" if configuration is None else "at a configuration"
-    caption = f"{motors_said}. It is {extent.max():.3g} m large {at}."
+    caption = f"{motors_said}. It is {extent.max():.3g} m large."
     panel = Panel("", tuple(mark for mark in marks if len(mark.x)), equal=True)
     return Chart("robot", caption, "", (panel,))
 
@@ -116,7 +115,7 @@ def search_chart(searches: Sequence[SearchResult]) -> Chart:
         "Condition number of each combination tried, in turn; lines part the groups. Of those that "
         f"are rank-deficient it is round-off, drawn up to {HIGHEST:.0e}."
     )
-    return Chart("search", caption, "combination tried", panels, columns=len(panels) or 1)
+    return Chart("search", caption, "combination tried", panels, 2)
 
 
 def _tried_panel(account: SubgroupAccount) -> Panel:

@@ -41,10 +41,8 @@ def excitation_report(found: ExcitationDesign) -> Report:
         + ("." if found.converged else ", which more evaluations may improve.")
     )
     search = (
-        f"Criterion {found.options.criterion}: log det {found.criteria.log_det:.4g} (D), trace of "
-        f"the inverse {found.criteria.trace:.4g} (A), least eigenvalue "
-        f"{found.criteria.least_eigenvalue:.4g} (E), by {found.solver} in {found.evaluations} "
-        f"evaluations, {found.seconds:.1f} s."
+        f"Criterion {found.options.criterion} by {found.solver}: {found.evaluations} evaluations "
+        f"in {found.seconds:.1f} s."
     )
     columns = {
         **{"": "name", ">least": "lowest", ">most": "highest", ">from": "lower", ">to": "upper"},

@@ -13,7 +13,7 @@ from rich.table import Table
 from loopid.arguments import FloatArray
 from loopid.diagnosis.gains import GainFit
 from loopid.diagnosis.payload import MotorMasses, PayloadFit
-from loopid.errors import RankError
+from loopid.errors import RankError, counted
 from loopid.identification.prediction import Prediction
 from loopid.identification.verdict import GOOD, ROUGH
 from loopid.numbers import interval, number, with_error
@@ -59,8 +59,7 @@ def prediction_report(robot: Robot, predictions: Sequence[Prediction]) -> Report
             use="predictions of forces where motors move",
             figures=(
                 Figure(share, f"of its force: largest error {where}", gauge=gauge),
-                Figure(f"{samples:,}", "samples in motion"),
-                Figure(str(len(predictions)), "log" if len(predictions) == 1 else "logs"),
+                Figure(f"{samples:,}", f"samples in motion, in {counted(len(shown), 'log')}"),
             ),
             next="write the fit as C for a controller."
             if tone == "good"
@@ -100,10 +99,10 @@ def _prediction_table(robot: Robot, found: Prediction) -> Table:
     columns = {
         "motor": lambda k: numbered(robot, motors[k]),
         ">moving": lambda k: f"{moving.samples[k]:,}",
-        ">RMS error": lambda k: f"{number(moving.residual_rms[k])} {units[k]}",
-        ">of its force": lambda k: f"{number(100 * found.relative_errors[k], 2)} %",
+        ">RMS error": lambda k: f"{number(float(moving.residual_rms[k]))} {units[k]}",
+        ">of its force": lambda k: f"{number(100 * float(found.relative_errors[k]), 2)} %",
         ">at rest": lambda k: f"{rest.samples[k]:,}",
-        ">RMS error at rest": lambda k: f"{number(rest.residual_rms[k])} {units[k]}",
+        ">RMS error at rest": lambda k: f"{number(float(rest.residual_rms[k]))} {units[k]}",
     }
     return table_of(f"prediction of {found.recording.name}", columns, range(len(motors)))
 
@@ -196,10 +195,10 @@ def _payload_record(found: PayloadFit) -> dict[str, Any]:
         mass, (centre, spread) = found.mass, found.centre()
     except RankError:
         mass = centre = spread = None  # type: ignore[assignment]
-    motors, known = found.motors, dict[str, Any]()
-    if motors is not None:
-        known = json_fields(motors, "actuators", "values", "chance", "undetermined")
-        known["intervals_95_percent"] = motors.intervals()
+    motors = found.motors and {
+        **json_fields(found.motors, "actuators", "values", "chance", "undetermined"),
+        "intervals_95_percent": found.motors.intervals(),
+    }
     record: dict[str, Any] = json_value(
         {
             "link": found.link,
@@ -210,7 +209,7 @@ def _payload_record(found: PayloadFit) -> dict[str, Any]:
             "mass": mass,
             "centre": centre,
             "centre_intervals_95_percent": spread,
-            "motors": known or None,
+            "motors": motors,
         }
     )
     return record

@@ -11,7 +11,6 @@ import math
 import platform
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import field
 from functools import cached_property
 from importlib.metadata import version
 from importlib.resources import files
@@ -164,8 +163,7 @@ class Card:
 
 def findings_html(findings: Sequence[Finding], checks: Sequence[tuple[bool, str]]) -> HtmlElement:
     """Mistakes and warnings with what to do, notes folded, checks in one line."""
-    serious, notes, passed = E.ol({"class": "findings"}), E.div({"class": "notes"}), E.ul()
-    passed.set("class", "checks")
+    serious, notes, passed = E.ol({"class": "findings"}), E.div({"class": "notes"}), list[Any]()
     for each in findings:
         title, kind = _sentence(each.title), f"{SIGNS[each.severity]}{each.severity.capitalize()}"
         why, (do, *command) = _sentence(each.why, "."), each.do.split(COMMAND)
@@ -182,7 +180,7 @@ def findings_html(findings: Sequence[Finding], checks: Sequence[tuple[bool, str]
         passed.append(
             E.li({"class": "good" if good else "rough"}, f"{'✓' if good else '!'} {text}")
         )
-    shown = (each for each in (serious, notes, passed) if len(each))
+    shown = (each for each in (serious, notes, E.ul({"class": "checks"}, *passed)) if len(each))
     return E.section({"id": "findings"}, E.h2("Findings, most important first"), *shown)
 
 
@@ -261,11 +259,10 @@ class Report:
     verdict: str  # one sentence, which comes first
     record: dict[str, Any]  # all findings in plain numbers, lists and texts
     brief: Sequence[Table]  # what the terminal shows below the verdict
-    # Of the page, by default what the terminal shows.
-    sections: Callable[[], Sequence[Section]] = field(default=None)  # type: ignore[assignment]
+    sections: Callable[[], Sequence[Section]]  # of the page
+    card: Card
     results: Callable[[], dict[str, bytes | str]] = dict  # more files, by name
     advice: str = ""  # a command that does what the verdict advises
-    card: Card = field(default=None)  # type: ignore[assignment]  # by default the verdict
     pictures: Callable[[], Sequence[Chart]] = tuple  # beside the card, and below both
     under: str = ""  # what it is of, below the title of the page
     findings: Sequence[Finding] = ()  # what to know beside the numbers
@@ -274,11 +271,6 @@ class Report:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "findings", most_important_first(self.findings))
-        if self.sections is None:
-            shown = Section("Results", tuple(self.brief))
-            object.__setattr__(self, "sections", lambda: [shown])
-        if self.card is None:
-            object.__setattr__(self, "card", Card(use=self.verdict))
 
     @cached_property
     def data(self) -> dict[str, Any]:

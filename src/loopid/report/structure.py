@@ -53,9 +53,8 @@ def check_report(robot: Robot) -> Report:
     found = check_record(robot)
     joints, *tables = check_tables(found)
     signs = list(_wrong(robot, found))
-    # What comes before the first comma or colon is the title.
-    titled = [(*re.split("[,:] ", f"{text}, ", maxsplit=1), do) for text, do in signs]
-    wrong = [Finding("warning", title, why.removesuffix(", "), do) for title, why, do in titled]
+    parts = [(re.split("[,:] ", text, maxsplit=1), do) for text, do in signs]  # title, and why
+    wrong = [Finding("warning", said[0], "".join(said[1:]), do) for said, do in parts]
     closes = f"The robot closes its loops to {found['closure_residual']:.1e} m"
     first = "".join(f"{text}{f': {do}' * bool(do)}" for text, do in signs[:1])
     more = f", and {len(wrong) - 1} more below" if len(wrong) > 1 else ""
@@ -67,7 +66,7 @@ def check_report(robot: Robot) -> Report:
         + ("." if wrong else f": ready {ready}.")
     )
     further = str(max(len(found["closures"]) - SOME, 0) or "")
-    few = _said({"further closures": further, **_summary(found, FEW)})
+    few = {"further closures": further, **_summary(found, FEW)}
     freedoms, of_motors = _freedoms(found).split(" ", 1)
     figures = (
         Figure(freedoms, of_motors),
@@ -248,7 +247,7 @@ def check_tables(record: dict[str, Any]) -> list[Table]:
     tables = [
         table_of("joints (m, rad)", joints, record["joints"]),
         _closures_table("closures", record["closures"]),
-        facts("at the reference", _said(summary | {"none": none})),
+        facts("at the reference", summary | {"none": none}),
         table_of(left_out_title, left_out, of_file),
         table_of(modes_title, modes, record["assembly_modes"]),
     ]
@@ -302,11 +301,6 @@ def _summary(record: dict[str, Any], most: int | None = None) -> dict[str, str]:
     }
 
 
-def _said(facts: dict[str, str]) -> dict[str, str]:
-    """Facts with a text."""
-    return {name: text for name, text in facts.items() if text}
-
-
 def base_report(
     robot: Robot,
     model: str,
@@ -330,7 +324,7 @@ def base_report(
         Figure(f"{found['rank']}", "combinations", f"of {found['standard_parameters']} parameters"),
         Figure(f"{found['rank_gap'] or math.inf:.0e}", "gap of singular values"),
         Figure(_conditions(found).split(", ")[0], "cond(V22), 1 is best"),
-        Figure(_large(search["candidates"]), "choices that were searched"),
+        Figure(f"{1e3 * search['seconds']:.3g} ms", f"for {search['candidates']:,} choices"),
     )
     tried = (search_chart([base.search]), groups_table(search)) if search["subgroups"] else ()
     return Report(
@@ -349,18 +343,11 @@ def base_report(
             tone=best if sure else "rough",
             word=proven.capitalize(),
             use=certificate(search).removeprefix("proven best, "),
-            chips=(
-                ("good" if sure else "rough", f"Rank: {'clear' if sure else 'not clear'}"),
-                (best, f"Choice: {proven}"),
-            ),
+            chips=(("good" if sure else "rough", f"Rank: {'clear' if sure else 'not clear'}"),),
             figures=figures,
             next="design a motion that excites them.",
         ),
     )
-
-
-def _large(count: int) -> str:
-    return f"{count:,}" if count < 1e6 else f"{count / 1e6:,.4g} million"
 
 
 def base_record(
@@ -592,8 +579,16 @@ def motions_report(
         + (f"; {wrong[0]['name']}: {wrong[0]['problems'][0]}." if wrong else ".")
     )
     table = motions_table(found)
-    title = f"{robot}: motions"
-    return Report(name="motions", title=title, verdict=verdict, record=found, brief=[table])
+    tone: Tone = "bad" if wrong else "good"
+    return Report(
+        name="motions",
+        title=f"{robot}: motions",
+        verdict=verdict,
+        record=found,
+        brief=[table],
+        card=Card(tone=tone, word="Look first" if wrong else "Can be run", use=verdict),
+        sections=lambda: [Section("Motions", (table,))],
+    )
 
 
 def motions_record(
