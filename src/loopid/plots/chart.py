@@ -194,8 +194,8 @@ class Panel:
         for at, text in x_ticks:
             yield _text(left + _place(at, across, width), self.height - 3, text, "middle")
         for at, text in y_ticks:
-            text = short_name(text, SHORT)
-            yield _text(left - 4, LINE + 3 + _place(at, high[::-1], height), text, "end")
+            down = LINE + 3 + _place(at, high[::-1], height)
+            yield _text(left - 4, down, short_name(text, SHORT), "end")
         for _, x, y, text in self._signs():
             down = LINE + 3 + _place(y, high[::-1], height)
             yield _text(_place(x, across, width), down, text, "sign middle")
@@ -278,7 +278,6 @@ class Panel:
         places = ticks(*across, log="x" in self.log, count=TICKS if self.columns else 3)
         scale = E.div({"class": "across"}, *_ticks_html("left", places, across))
         heads = (E.th({"class": "number", "scope": "col"}, head) for head in self.columns)
-        named = E.th({"scope": "col"}, "")
         body, group = E.tbody(), ""
         for k in rows:
             if self.groups and self.groups[k] != group:
@@ -287,16 +286,14 @@ class Panel:
                 body.append(E.tr({"class": "group"}, E.th(above, group)))
             within = [_within(mark, k) for mark in self.marks]
             svg = self._svg(across, (k + 0.5, k - 0.5), within, (places, []), (WIDE, ROW))
-            name = E.td(
-                {"class": "name"},
-                short_or_whole(self.labels[k], self.wholes[k] if self.wholes else ""),
-            )
+            whole = self.wholes[k] if self.wholes else ""
+            name = E.td({"class": "name"}, short_or_whole(self.labels[k], whole))
             texts = (
                 E.td({"class": "number", "data-head": column}, cells[k])
                 for column, cells in self.columns.items()
             )
             body.append(E.tr(name, E.td({"class": "picture"}, svg), *texts))
-        head = E.thead(E.tr(named, E.th({"class": "scale"}, scale), *heads))
+        head = E.thead(E.tr(E.th({"scope": "col"}, ""), E.th({"class": "scale"}, scale), *heads))
         return E.table({"class": f"forest{' wide' * bool(self.columns)}"}, head, body)
 
 
@@ -326,13 +323,19 @@ class Chart:
         if others:
             figure.append(unfolding(f"{len(others)} more", self._grid(others)))
         figure.append(E.figcaption(self.caption))
+        known = dict[str, str]()  # a long log has many shades, which are alike in all lanes
+        for k, path in enumerate(list[Any](figure.iter("path"))):
+            if "shade" in path.get("class"):
+                path.set("id", "-".join(f"{self.name} {k}".split()))
+                same = known.setdefault(path.get("d"), path.get("id"))
+                if same != path.get("id"):
+                    path.getparent().replace(path, E.use({"href": f"#{same}"}))
         return figure
 
     def _grid(self, lanes: Sequence[Sequence[Panel]]) -> HtmlElement:
         grid = E.div({"class": "panels"})
         for group in lanes:
-            ends = group[0], group[-1]
-            drawn = (p.html(headed=p is ends[0], ticked=p is ends[1]) for p in group)
+            drawn = (p.html(headed=p is group[0], ticked=p is group[-1]) for p in group)
             grid.append(E.div({"class": "lanes"}, *drawn))
             if self.x_label:
                 grid[-1].append(E.div({"class": "along"}, self.x_label))

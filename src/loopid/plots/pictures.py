@@ -37,14 +37,14 @@ def motors_panel(
     right: float,
     words: tuple[str, str, str] = ("", "differs", "as expected"),
 ) -> Panel:
-    """Values of motors with the ends of their intervals, which NaN says are undetermined."""
-    numbers = [*values.values()]
+    """Values of motors with the ends of their intervals; without ends they are undetermined."""
+    found = np.array([*values.values()]).reshape(-1, 3)
+    found[~np.isfinite(found).all(axis=1)] = np.nan
     columns = {
-        "value": tuple(with_error(x, (high - low) / 2)[0] for x, low, high in numbers),
-        "95 % interval": tuple(interval(low, high) for _, low, high in numbers),
+        "value": tuple(with_error(x, (high - low) / 2)[0] for x, low, high in found.tolist()),
+        "95 % interval": tuple(interval(low, high) for _, low, high in found.tolist()),
     }
     labels = tuple(numbered(robot, name) for name in values)
-    found = np.array(numbers).reshape(-1, 3)
     return forest(title, found, right, words, labels=labels, columns=columns)
 
 

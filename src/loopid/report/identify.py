@@ -87,8 +87,6 @@ def _card(found: Identification, judged: Verdict, command: str) -> Card:
     tone, told, sure = TONES[judged.forces], found.identifiability, judged.mistake is None
     (ratio, spread), mistakes = root(*judged.ratio), len(found.mistakes)
     change, more = f"{100 * (ratio - 1):+.0f} %".replace("-", "−"), f"± {100 * spread:.1g} %"
-    if ratio >= 3:
-        change, more = f"{ratio:.2g} times", ""
     use = judged.use.removeprefix(NOT_FIT).removeprefix("Fit").removeprefix(" for rough")
     error = f"of its force: largest error on new data ({judged.motor}{WHERE[judged.where]})"
     better, of_all = "combinations known better than by the robot file", told.structural_rank

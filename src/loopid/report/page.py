@@ -235,8 +235,7 @@ class Page:
 
     def _header(self) -> HtmlElement:
         under = [E.p({"class": "under"}, self.under)] if self.under else []
-        first = [] if self.card is None else [self.card.html()]
-        first += [each.html() for each in self.pictures]
+        first = [each.html() for each in (self.card, *self.pictures) if each is not None]
         return E.header(E.h1(self.title), *under, E.div({"class": "first"}, *first))
 
     def _bar(self) -> HtmlElement:
