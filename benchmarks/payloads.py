@@ -142,7 +142,7 @@ def one_draw(case: Case, seed: int, noise: float, right_gains: bool) -> dict[str
         for name, known in names.items():
             start = process_time()
             try:
-                fit = drive_gains(case.model, case.link, known, **runs)
+                fit = drive_gains(case.model, link=case.link, load=known, **runs)
             except LoopidError as error:
                 found[f"refused {name}"] = str(error)
                 continue
@@ -153,7 +153,7 @@ def one_draw(case: Case, seed: int, noise: float, right_gains: bool) -> dict[str
             found[f"width {name}"] = (high - low) / 2
             found[f"told {name}"] = len(fit.actuators) / len(gains)
         start = process_time()
-        body = identify_payload(case.model, case.link, **runs)
+        body = identify_payload(case.model, link=case.link, **runs)
         found["seconds of a payload"] = process_time() - start
     true = body.base.values(load.parameters[: len(body.base.parameters)])
     low, high = body.intervals().T
@@ -190,12 +190,14 @@ def figures(draws: list[dict[str, Any]]) -> dict[str, Any]:
 
 def real(robot: Robot, logs: list[str], link: str, mass: float) -> list[dict[str, Any]]:
     """What logs of a real arm say of a load, and by it of the gains."""
-    light, heavy = (loopid.prepare(robot, read_log(log, robot)) for log in logs)
+    light, heavy = (loopid.prepare(robot, read_log(robot, log)) for log in logs)
     rows = []
     for kind in ("full", "gravity"):
         model: ForceModel = loopid.force_model(robot, kind)
-        found = identify_payload(model, link, unloaded=[light], loaded=[heavy])
-        gains = drive_gains(model, link, KnownLoad(mass), unloaded=[light], loaded=[heavy])
+        found = identify_payload(model, link=link, unloaded=[light], loaded=[heavy])
+        gains = drive_gains(
+            model, link=link, load=KnownLoad(mass), unloaded=[light], loaded=[heavy]
+        )
         low, high = found.intervals()[found.base.expressions.index("payload.m")]
         row = {"model": kind, "mass": found.mass, "from": float(low), "to": float(high)}
         by = found.motors

@@ -73,10 +73,11 @@ def on_page_markdown(markdown, page, **_):
 
 
 def on_page_content(content, **_):
-    """Formulas as MathML."""
-    return FORMULA.sub(
-        lambda found: convert(
-            html.unescape(found[2]), display="inline" if found[1] == "span" else "block"
-        ),
-        content,
-    )
+    """Formulas as MathML; one of its own line scrolls where the screen is narrower."""
+
+    def formula(found):
+        own_line = found[1] == "div"
+        math = convert(html.unescape(found[2]), display="block" if own_line else "inline")
+        return f'<div style="overflow-x: auto">{math}</div>' if own_line else math
+
+    return FORMULA.sub(formula, content)

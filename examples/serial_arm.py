@@ -37,5 +37,5 @@ def run(payload, seed):
 light, heavy = run(0.0, seed=1), run(0.8, seed=2)
 found = loopid.identify(model, [light])
 print(found.verdict, found.fit["shoulder.Fc"], sep="\n")
-payload = loopid.identify_payload(model, "lower", unloaded=[light], loaded=[heavy])
+payload = loopid.identify_payload(model, link="lower", unloaded=[light], loaded=[heavy])
 print(payload)

@@ -311,7 +311,7 @@ def recording_of(log_of, once):
     """That log, prepared."""
 
     def recorded(robot):
-        return quietly(loopid.prepare, robot, read_log(log_of(robot), robot))
+        return quietly(loopid.prepare, robot, read_log(robot, log_of(robot)))
 
     return lambda robot: once(f"real {robot.name}", lambda: recorded(robot))
 
@@ -344,7 +344,7 @@ def study(knee, knee_run, once):
     """What that log tells, through reading, filter and split."""
 
     def studied():
-        recording = loopid.prepare(knee, read_log(knee_run, knee))
+        recording = loopid.prepare(knee, read_log(knee, knee_run))
         model = loopid.force_model(knee, "gravity", friction(knee)[0])
         return identify(model, recording)
 

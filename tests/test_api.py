@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from inspect import ismodule
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 
 import loopid
 from loopid import cli
+from public_api import FILE
 from test_docs import PAGES
 
 NAMES = [name for name in loopid.__all__ if not ismodule(getattr(loopid, name))]
@@ -49,6 +51,27 @@ def test_examples_of_other_names_run(subpackage):
             run_examples(name, thing)
 
 
+LISTED = (Path(__file__).parent / "public_api.txt").read_text().splitlines()
+FUNCTIONS = {
+    name: thing
+    for name in (line.partition("(")[0] for line in LISTED)
+    if inspect.isfunction(thing := attrgetter(name)(loopid))
+}
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_public_function_says_what_it_takes_and_returns_with_an_example(name):
+    """Each argument has an entry; nothing else says its type, shape and unit."""
+    function = FUNCTIONS[name]
+    parts = re.split(r"^(\w+)\n-{3,}\n", inspect.getdoc(function), flags=re.MULTILINE)
+    sections, taken = dict(zip(parts[1::2], parts[2::2], strict=True)), inspect.signature(function)
+    entries = re.findall(r"^([\w, *]+?)(?: :.*)?$", sections.get("Parameters", ""), re.MULTILINE)
+    told = {each.strip(" *") for entry in entries for each in entry.split(",")}
+    assert not {*taken.parameters} - told
+    assert taken.return_annotation in ("None", None) or {"Returns", "Yields"} & {*sections}
+    assert ">>>" in sections.get("Examples", "")
+
+
 def test_help_begins_with_a_map_of_all_names():
     assert sorted(set(re.findall(r"``(\w+)``", loopid.__doc__))) == sorted(NAMES)
 
@@ -63,6 +86,12 @@ def test_the_page_of_public_names_lists_them_all_and_no_others():
         packages = [getattr(loopid, name) for name in re.findall(r"`loopid\.(\w+)`", row)]
         for name in re.findall(r"`(\w+)`", row):
             assert any(hasattr(package, name) for package in packages), name
+
+
+def test_every_public_name_is_in_a_page():
+    words = set(re.findall(r"\w+", "".join(page.read_text() for page in PAGES)))
+    lines = FILE.read_text().splitlines()
+    assert not {line.partition("(")[0].rpartition(".")[2] for line in lines} - words
 
 
 def imported(*words):

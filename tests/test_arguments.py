@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
 from typing import Literal
 
 import numpy as np
@@ -155,8 +154,6 @@ def test_what_python_refuses_itself_stays_its_own():
     ],
 )
 def test_sizes_beyond_all_use_are_refused_before_work_begins(knee, ask, name):
-    start = perf_counter()
     with pytest.raises(OptionError) as refused:
         ask(knee)
     assert refused.value.facts["argument"] == name
-    assert perf_counter() - start < 1.0

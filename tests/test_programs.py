@@ -79,7 +79,7 @@ def test_pinocchios_own_objects_both_ways():
 def test_one_object_for_control_and_simulation(load_once, fitted):
     robot = load_once("five_bar")
     model = loopid.force_model(robot, "full", "Fc,Fv,Ia")
-    dynamics = loopid.Dynamics(robot, model.fit_of(1.1 * model.prior)) if fitted else (
+    dynamics = loopid.Dynamics(robot, loopid.Fit.of(model, 1.1 * model.prior)) if fitted else (
         loopid.Dynamics(robot)
     )  # fmt: skip
     u, du, ddu = [1.2, 1.9], [0.5, -0.3], [1.0, 2.0]

@@ -2,6 +2,7 @@
 
 import importlib.util
 import re
+import shutil
 import warnings
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
@@ -71,3 +72,24 @@ def test_formulas_are_mathml_and_all_of_them_are_known(site):
     said = ["".join(one.itertext()) for one in formulas]
     assert not [text for text in said if "\\" in text]
     assert not [path for path, page in site.items() if re.search(r"\\[(\[]", page.text_content())]
+
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chrome"))), None)
+
+
+@pytest.mark.skipif(BROWSER is None, reason="needs Chromium")
+def test_no_page_is_wider_than_a_phone(site):
+    """Long formulas, blocks and tables scroll in boxes of their own."""
+    api = pytest.importorskip("playwright.sync_api")
+    width, wider = 390, {}
+    with api.sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        screen = {"width": width, "height": 844}
+        phone = browser.new_page(viewport=screen, is_mobile=True, java_script_enabled=False)
+        for path in site:
+            phone.goto(path.as_uri(), wait_until="domcontentloaded")
+            needed = phone.evaluate("document.querySelector('article').scrollWidth")
+            if needed > width:
+                wider[path.name] = needed
+        browser.close()
+    assert not wider

@@ -63,6 +63,7 @@ LARGEST = 1e100
 
 # Random configurations, motions or samples of one call: more are a slip of the hand.
 MOST_SAMPLES = 10_000_000
+Count = Annotated[int, Field(ge=1, le=MOST_SAMPLES)]
 
 
 # Arrays and numbers.
@@ -171,17 +172,6 @@ def shaped(array: ArrayLike, name: str, *shape: int) -> FloatArray:
 # Arguments of public functions.
 
 
-def require_count(count: int, name: str) -> None:
-    """Refuse a number of samples that is none, or beyond all use."""
-    if not 1 <= count <= MOST_SAMPLES:
-        raise OptionError(
-            f"{name} must be from 1 to {MOST_SAMPLES:,}, not {count:,}",
-            argument=name,
-            given=count,
-            valid=(1, MOST_SAMPLES),
-        )
-
-
 def checked(function: Callable[P, R]) -> Callable[P, R]:
     """Refuse arguments that are not of the annotated types, among numbers also NaN.
 
@@ -215,7 +205,8 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
                 raise TypeError(
                     f"{function.__name__}() got an unexpected keyword argument {name!r}"
                 ) from None
-            if details[0]["type"] not in SAID_BY_PYTHON:
+            # Which arguments there are is said by the call itself, with the function's name.
+            if "argument" not in details[0]["type"]:
                 raise _refusal(details, list(signature(function).parameters)) from None
         return function(*args, **kwargs)  # or a TypeError in Python's words
 
@@ -229,16 +220,8 @@ MADE_BY = {
     "Log": "read_log",
     "Recording": "prepare",
     "Fit": "load_fit",
+    "Estimates": "load_fit",
 }
-# Which arguments there are is said by the call itself, with the function's name.
-SAID_BY_PYTHON = (
-    "missing_argument",
-    "missing_positional_only_argument",
-    "missing_keyword_only_argument",
-    "unexpected_keyword_argument",
-    "unexpected_positional_argument",
-    "multiple_argument_values",
-)
 
 
 class _Instance:

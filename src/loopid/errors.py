@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
@@ -19,6 +19,12 @@ def one_line(text: str) -> str:
 def counted(count: int, noun: str) -> str:
     """A number of things, as in "1 degree" and "2 degrees"."""
     return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
+def first_of(names: Sequence[str], most: int) -> str:
+    """The first of some names, as in "hip, knee and 3 more"."""
+    more = len(names) - most
+    return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
 
 
 def short_name(name: str, longest: int) -> str:
@@ -87,12 +93,6 @@ class OptionError(LoopidError, ValueError):
 class MissingExtraError(LoopidError, ImportError):
     """An optional library is not installed."""
 
-    @classmethod
-    def of(cls, package: str, extra: str) -> MissingExtraError:
-        """Say which package is missing, and which extra of loopid brings it."""
-        message = f"{package} is not installed: pip install 'loopid[{extra}]' brings it"
-        return cls(message, package=package, extra=extra)
-
 
 class FileError(LoopidError, OSError):
     """A file is not there, or cannot be written there."""
@@ -124,6 +124,16 @@ class RankError(LoopidError, ArithmeticError):
 
 class LogError(LoopidError, ValueError):
     """A log cannot be read, or does not match its declared format."""
+
+
+@contextmanager
+def optional(package: str, extra: str) -> Iterator[None]:
+    """Name the package that cannot be imported inside, and the extra of loopid that brings it."""
+    try:
+        yield
+    except ImportError as error:
+        message = f"{package} is not installed: pip install 'loopid[{extra}]' brings it"
+        raise MissingExtraError(message, package=package, extra=extra) from error
 
 
 @contextmanager

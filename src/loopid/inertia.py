@@ -61,11 +61,6 @@ def from_moments(mass: float, centre: FloatArray, moments: FloatArray) -> FloatA
     return P
 
 
-def inertia_tensor(moments: FloatArray) -> FloatArray:
-    """Inertia tensor (3, 3) of second moments Σ about the same point."""
-    return np.asarray(np.trace(moments) * np.eye(3) - moments, dtype=np.float64)
-
-
 def upper_factor(P: FloatArray) -> FloatArray:
     """Upper triangular L (..., 4, 4) with positive diagonals and P = L Lᵀ.
 
@@ -136,8 +131,8 @@ class Inertial:
     @classmethod
     def of(cls, P: FloatArray, axes: FloatArray | None = None) -> Inertial:
         """What says a pseudo-inertia (4, 4), along the link's or other axes (3, 3)."""
-        turn = np.eye(3) if axes is None else axes
-        tensor = turn.T @ inertia_tensor(central_moments(P)) @ turn
+        turn, moments = np.eye(3) if axes is None else axes, central_moments(P)
+        tensor = turn.T @ (np.trace(moments) * np.eye(3) - moments) @ turn
         return cls(float(P[3, 3]), centre(P), turn, tensor)
 
     @property

@@ -15,7 +15,16 @@ from typing import Any
 import numpy as np
 from scipy.linalg.lapack import dtpqrt
 
-from loopid.arguments import BoolArray, FloatArray, checked, finite, frozen, row_blocks
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    NotNegative,
+    Positive,
+    checked,
+    finite,
+    frozen,
+    row_blocks,
+)
 from loopid.errors import DataError
 from loopid.parameters import ParameterSet
 from loopid.records import record
@@ -88,21 +97,12 @@ class Observation:
     parameters: ParameterSet
     factor: FloatArray
     rows: int
-    length: float = 1.0
-    natural_size: float = 0.0
+    length: Positive = 1.0
+    natural_size: NotNegative = 0.0
     order: tuple[str, ...] = ()
     draws: Draws | None = None
     unit_motions: Observation | None = None
     motors_alone: Observation | None = None
-
-    def __post_init__(self) -> None:
-        if not 0 < self.length < np.inf:
-            raise DataError(f"length must be above 0 m, not {self.length}", given=self.length)
-        if not 0 <= self.natural_size < np.inf:
-            raise DataError(
-                f"natural_size must be a number from 0 on, not {self.natural_size}",
-                given=self.natural_size,
-            )
 
     @classmethod
     @checked
@@ -225,7 +225,7 @@ def add_rows(factors: FloatArray, matrix: FloatArray) -> None:
             kept = np.flatnonzero(_touched(matrix[k]) | factors[k].any(axis=0))
             if len(kept) and len(matrix[k]):
                 square = np.ix_(kept, kept)
-                factors[k][square] = updated_factor(factors[k][square], matrix[k][:, kept])
+                factors[k][square] = updated_factor(factors[k][square], matrix[k].T[kept].T)
 
 
 def _touched(matrix: FloatArray) -> BoolArray:

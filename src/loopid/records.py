@@ -110,11 +110,8 @@ def _reduce(self: Any) -> tuple[Any, ...]:
 def _restored(cls: type, state: dict[str, Any]) -> Any:
     """A record with a state; pickling has forgotten which arrays are read-only."""
     made = copyreg.__newobj__(cls)  # type: ignore[attr-defined]
-    for value in state.values():
-        for array in value if type(value) is tuple else (value,):
-            if isinstance(array, np.ndarray):
-                array.setflags(write=False)
     made.__dict__.update(state)
+    _protect(made.__dict__)
     return made
 
 
@@ -212,9 +209,7 @@ def digest(value: Any) -> int:
         return hash((value.shape, *map(digest, first.tolist() if first.dtype.kind != "M" else ())))
     if isinstance(value, tuple | list):
         return hash(tuple(map(digest, value)))
-    if isinstance(value, Mapping):
-        return hash(frozenset(value))
-    if isinstance(value, Set):
+    if isinstance(value, Mapping | Set):
         return hash(frozenset(value))
     kind: Any = type(value)
     # Compared by a rule, but hashed by its place in memory, as Pinocchio's models are.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -89,6 +89,13 @@ def load_yaml(path: Path, failure: type[LoopidError], most_bytes: int = MOST_BYT
         raise failure(f"{path} is not YAML: {_yaml_problem(error)}") from error
 
 
+def yaml_text(content: Mapping[str, Any]) -> str:
+    """Keys and values as they stand in a file."""
+    stream = io.StringIO()
+    yaml_writer().dump(content, stream)
+    return stream.getvalue()
+
+
 def yaml_writer() -> YAML:
     """Writes keys in their order, and short lists on one line."""
     yaml = YAML(typ="safe", pure=True)
@@ -136,11 +143,11 @@ class _BoundedParser(Parser):
                 raise _BoundError(
                     f"*{anchor} in line {line} is in what has an anchor (&) itself: write it out"
                 )
+        elif getattr(event, "tag", None) is not None:
+            raise _BoundError(f"tag {event.tag!r:.60} in line {line} is not read: remove it")
         elif isinstance(event, ScalarEvent):
             self._require_plain(event, line)
         elif isinstance(event, CollectionStartEvent):
-            if event.tag is not None:
-                raise _BoundError(f"tag {event.tag!r:.60} in line {line} is not read: remove it")
             if len(self.open) == MOST_DEPTH:
                 raise _BoundError(f"line {line} is nested too deeply, in more than {MOST_DEPTH}")
             self.open.append(named or anchor is not None)
@@ -149,10 +156,8 @@ class _BoundedParser(Parser):
         return event
 
     def _require_plain(self, event: ScalarEvent, line: int) -> None:
-        """Refuse a scalar that has a tag, is a number by accident, or breaks a line."""
+        """Refuse a scalar that is a number by accident, or breaks a line."""
         text = event.value
-        if event.tag is not None:
-            raise _BoundError(f"tag {event.tag!r:.60} in line {line} is not read: remove it")
         if len(text) > LONGEST_TEXT:
             raise _BoundError(f"a text in line {line} has more than {LONGEST_TEXT:,} characters")
         if not text.isprintable():

@@ -14,7 +14,7 @@ import loopid
 from loopid import JointTerms, random_configurations
 from loopid.errors import FileError
 from loopid.identification import Fit, load_fit
-from loopid.identification.result import Quality
+from loopid.identification.quality import Quality
 from loopid.kinematics import closed_motion
 from loopid.regressors import motion_regressor
 
@@ -45,7 +45,7 @@ def saved(folder, robot="five_bar", model="gravity", kinds=("Fc", "Fv"), factor=
         dof,
         standard_parameters=standard,
     )
-    return found, values, found.fit_of(fit).save(folder / "parameters.yaml")
+    return found, values, loopid.Fit.of(found, fit).save(folder / "parameters.yaml")
 
 
 @pytest.mark.parametrize("model", ["gravity", "full"])
@@ -76,7 +76,7 @@ def test_a_fit_of_a_log_with_a_mistake_is_refused_unless_asked_for_anyway(run, t
     found, _, place = saved(tmp_path)
     mistake = "the force of left_crank_joint has the wrong sign"
     fit = replace(load_fit(place), mistakes=(mistake,))
-    found.fit_of(fit).save(place)
+    loopid.Fit.of(found, fit).save(place)
     out = tmp_path / "new.yaml"
     refused = run("export", "five_bar", place, "--yaml", out)
     assert_refused(refused, "not fit for use", mistake, "--anyway")
@@ -194,8 +194,9 @@ def test_nothing_is_written_over_what_it_is_made_from(run, arm_files, tmp_path):
         for options in ((), ("--overwrite",)):
             done = run("export", robot, fit, "--yaml", place, *options)
             assert_refused(done, "made from", "name another")
+    model = loopid.force_model(loopid.load(robot), joint_terms=None)
     with pytest.raises(FileError, match="made from"):
-        loopid.force_model(loopid.load(robot), joint_terms=None).fit_of(np.ones(6)).save(robot)
+        loopid.Fit.of(model, np.ones(6)).save(robot)
     assert {path: path.read_bytes() for path in before} == before
     # The results of an identification, too, beside a robot of such a name.
     shutil.copy(robot, tmp_path / "parameters.yaml")

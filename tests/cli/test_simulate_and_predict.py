@@ -28,7 +28,7 @@ def five_bar():
 def saved(five_bar, tmp_path_factory):
     model = loopid.force_model(five_bar, "full", None)
     path = tmp_path_factory.mktemp("fit") / "fit.yaml"
-    return model.fit_of(model.prior).save(path)
+    return loopid.Fit.of(model, model.prior).save(path)
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +63,7 @@ def test_errors_are_those_of_the_definition(five_bar, saved, sweep):
 def test_another_robot_is_refused(saved, sweep):
     four_bar = loopid.load("four_bar")
     with pytest.raises(loopid.LoopidError, match="this is a fit of five_bar"):
-        loopid.load_fit(saved, four_bar)
+        loopid.load_fit(saved, robot=four_bar)
     other = replace(sweep, actuators=("crank_joint", "rocker_joint"))
     with pytest.raises(loopid.LoopidError, match="but the fit of left_crank_joint"):
         loopid.load_fit(saved).predict(other)

@@ -29,7 +29,7 @@ def drawn(fitted, rng, scale=1.0):
     model, fit = fitted
     values = rng.multivariate_normal(model.prior, scale**2 * fit.covariance)
     covariance = scale**2 * fit.covariance
-    return model.fit_of(replace(fit, values=values, covariance=covariance))
+    return loopid.Fit.of(model, replace(fit, values=values, covariance=covariance))
 
 
 def test_fits_of_one_robot_agree_as_often_as_promised(fitted):
@@ -46,7 +46,9 @@ def test_what_differs_is_named_the_farthest_first(fitted):
     model, fit = fitted
     moved = fit.values.copy()
     moved[[2, 5]] += np.array([10.0, -20.0]) * fit.standard_errors[[2, 5]]
-    found = compare_fits(model.fit_of(fit), model.fit_of(replace(fit, values=moved)))
+    found = compare_fits(
+        loopid.Fit.of(model, fit), loopid.Fit.of(model, replace(fit, values=moved))
+    )
     assert found.clear == tuple(model.base.expressions[k] for k in (5, 2))
     np.testing.assert_allclose(found.apart[[2, 5]], np.array([10, 20]) / np.sqrt(2), rtol=1e-9)
     assert str(found).startswith("They disagree: 87 % of 15 differences")
@@ -57,16 +59,16 @@ def test_what_rests_on_the_file_does_not_count(fitted):
     model, fit = fitted
     name = model.parameters.names[0]
     rests = replace(fit, assumed=(name,))
-    found = compare_fits(model.fit_of(fit), model.fit_of(rests))
+    found = compare_fits(loopid.Fit.of(model, fit), loopid.Fit.of(model, rests))
     assert model.base.expressions[0] not in found.expressions
     assert found.others == 1
 
 
 def test_fits_that_cannot_agree_are_refused(fitted):
     model, fit = fitted
-    saved, slow = model.fit_of(fit), loopid.force_model(model.robot, "gravity")
+    saved, slow = loopid.Fit.of(model, fit), loopid.force_model(model.robot, "gravity")
     with pytest.raises(loopid.LoopidError, match="of values alone have no errors"):
-        compare_fits(saved, model.fit_of(model.prior))
+        compare_fits(saved, loopid.Fit.of(model, model.prior))
     values = replace(
         fit,
         parameters=slow.parameters,
@@ -75,4 +77,4 @@ def test_fits_that_cannot_agree_are_refused(fitted):
         degrees_of_freedom=np.array(9.0),
     )
     with pytest.raises(loopid.LoopidError, match="different models cannot agree: full and gravity"):
-        compare_fits(saved, slow.fit_of(values))
+        compare_fits(saved, loopid.Fit.of(slow, values))

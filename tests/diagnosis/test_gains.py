@@ -67,14 +67,16 @@ def recorded(robot, model, gains=GAINS, noise=0.0, seed=0):
 @pytest.mark.parametrize("load", [KnownLoad(MASS), KnownLoad(MASS, CENTRE)], ids=["mass", "centre"])
 def test_gains_without_noise_are_found_to_round_off(arm, load):
     model, runs = loopid.force_model(arm, "full", "Fc"), recorded(arm, "full")
-    found = loopid.diagnosis.drive_gains(model, "lower", load, **runs, estimator="ols")
+    found = loopid.diagnosis.drive_gains(model, link="lower", load=load, **runs, estimator="ols")
     assert found.actuators == arm.actuated
     np.testing.assert_allclose(found.gains, GAINS, rtol=1e-6)
 
 
 def test_a_motor_that_cannot_tell_is_named(arm):
     model, runs = loopid.force_model(arm, "gravity", "Fc"), recorded(arm, "gravity")
-    found = loopid.diagnosis.drive_gains(model, "lower", KnownLoad(MASS), **runs, estimator="ols")
+    found = loopid.diagnosis.drive_gains(
+        model, link="lower", load=KnownLoad(MASS), **runs, estimator="ols"
+    )
     assert found.undetermined == ("pan_joint",)
     assert found.actuators == ("upper_joint", "lower_joint")
     np.testing.assert_allclose(found.gains, GAINS[1:], rtol=1e-6)
@@ -85,7 +87,7 @@ def test_noisy_currents_make_no_gain_too_small(arm):
     model, off = loopid.force_model(arm, "full", "Fc"), []
     for seed in range(3):
         runs = recorded(arm, "full", noise=0.2, seed=seed)
-        found = loopid.diagnosis.drive_gains(model, "lower", KnownLoad(MASS), **runs)
+        found = loopid.diagnosis.drive_gains(model, link="lower", load=KnownLoad(MASS), **runs)
         off.append((found.gains - GAINS) / np.sqrt(np.diag(found.covariance)))
         low, high = found.intervals(1 - 1e-4).T
         assert ((low < GAINS) & (high > GAINS)).all()
@@ -115,13 +117,13 @@ def test_a_mapping_with_gains_gives_so_many_times_the_forces(tmp_path):
     path = tmp_path / "log.csv"
     head = LOG.replace("a.", f"{left}.").replace("b.", f"{right}.")
     np.savetxt(path, columns, delimiter=",", header=head.strip(), comments="")
-    gains = GainFit((left,), np.array([1.25]), np.eye(1), 9.0, (right,))
     for given in (None, LogMapping(force_scale=0.02, force_offset=3.0, saturation=40.0)):
-        log = loopid.read_log(path, robot, mapping=given)
-        run = loopid.prepare(robot, log)
+        log = loopid.read_log(robot, path, mapping=given)
+        scales = (log.force_scales,)
+        gains = GainFit((left,), np.array([1.25]), np.eye(1), 9.0, (right,), scales)
         written = tmp_path / "mapping.yaml"
-        written.write_text(gains.mapping([run], given).content)
-        again = loopid.read_log(path, robot, mapping=written)
+        written.write_text(gains.mapping(given).content)
+        again = loopid.read_log(robot, path, mapping=written)
         np.testing.assert_allclose(again.force, log.force * [1.25, 1.0], rtol=1e-5)
         if given is not None:
             np.testing.assert_allclose(again.saturation, [50.0, 40.0])
@@ -129,7 +131,7 @@ def test_a_mapping_with_gains_gives_so_many_times_the_forces(tmp_path):
 
 def test_what_makes_no_sense_is_refused(arm):
     model, runs = loopid.force_model(arm, "full", "Fc"), recorded(arm, "full")
-    with pytest.raises(loopid.LoopidError, match="known mass must be above 0 kg, not -2"):
+    with pytest.raises(loopid.LoopidError, match="mass must be above 0, not -2"):
         KnownLoad(-2.0)
     with pytest.raises(loopid.LoopidError, match="centre must have shape"):
         KnownLoad(2.0, [0.1])
@@ -137,14 +139,18 @@ def test_what_makes_no_sense_is_refused(arm):
         KnownLoad(2.0, inertia=np.eye(3))
     with pytest.raises(loopid.LoopidError, match="recordings without it, and others with it"):
         loopid.diagnosis.drive_gains(
-            model, "lower", KnownLoad(2.0), unloaded=[], loaded=runs["loaded"]
+            model, link="lower", load=KnownLoad(2.0), unloaded=[], loaded=runs["loaded"]
         )
     signs = recorded(arm, "full", gains=np.array([1.0, -1.0, 1.0]))
     with pytest.raises(loopid.LoopidError, match="gain of upper_joint comes out negative"):
-        loopid.diagnosis.drive_gains(model, "lower", KnownLoad(MASS), **signs, estimator="ols")
-    found = loopid.diagnosis.drive_gains(model, "lower", KnownLoad(MASS), **runs, estimator="ols")
+        loopid.diagnosis.drive_gains(
+            model, link="lower", load=KnownLoad(MASS), **signs, estimator="ols"
+        )
+    found = loopid.diagnosis.drive_gains(
+        model, link="lower", load=KnownLoad(MASS), **runs, estimator="ols"
+    )
     with pytest.raises(loopid.LoopidError, match="logs from files"):
-        found.mapping(runs["loaded"])
+        found.mapping()
     with pytest.raises(loopid.LoopidError, match="gains are of joints"):
         LogMapping(joint_maps=[{"joints": ["a"], "motors": ["m"], "matrix": [[1.0]]}]).with_gains(
             {}, [{}]

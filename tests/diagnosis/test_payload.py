@@ -7,6 +7,7 @@ import loopid
 from loopid.diagnosis.payload import MotorMasses
 from loopid.logs import Recording
 from loopid.motion import JointMotion
+from made_runs import quietly
 
 MASS, CENTRE = 6.0, np.array([0.04, -0.02, 0.05])
 FRICTION = np.tile([60.0, 900.0], 4)
@@ -55,11 +56,20 @@ def test_a_payload_without_noise_is_found_to_round_off(case):
     knee, model, motion, force = case
     runs = [recorded(knee, motion, force(mass, CENTRE)) for mass in (0.0, MASS)]
     found = loopid.identify_payload(
-        model, "platform", unloaded=runs[:1], loaded=runs[1:], estimator="ols"
+        model, link="platform", unloaded=runs[:1], loaded=runs[1:], estimator="ols"
     )
     assert found.parameters.labels == ("payload.m", "payload.mx", "payload.my", "payload.mz")
     assert found.mass == pytest.approx(MASS, rel=1e-7)
     np.testing.assert_allclose(found.centre()[0], CENTRE, atol=1e-8)
+
+
+def test_paths_and_a_robot_are_taken_as_recordings_and_a_model(load_once):
+    robot, path = load_once("five_bar"), "urdf/logs/five_bar.csv"
+    log = loopid.read_log(robot, path)
+    model, run = loopid.force_model(robot, "full"), quietly(loopid.prepare, robot, log)
+    options = {"link": "right_coupler", "estimator": "ols"}
+    found = quietly(loopid.identify_payload, robot, path, log, **options)
+    assert found == quietly(loopid.identify_payload, model, [run], [run], **options)
 
 
 @pytest.mark.validate
@@ -70,7 +80,7 @@ def test_intervals_hold_at_their_rate(case):
     for _ in range(runs):
         mass, centre = rng.uniform(1, 20), rng.uniform(-0.1, 0.1, 3)
         light, heavy = noisy_runs(case, rng, mass, centre)
-        found = loopid.identify_payload(case[1], "platform", unloaded=light, loaded=heavy)
+        found = loopid.identify_payload(case[1], link="platform", unloaded=light, loaded=heavy)
         truth = np.concatenate([[mass], mass * centre, centre])
         low, high = np.concatenate([found.intervals(), found.centre()[1]]).T
         hits += (low < truth) & (truth < high)
@@ -81,7 +91,7 @@ def test_intervals_hold_at_their_rate(case):
 @pytest.mark.filterwarnings("ignore::loopid.errors.DataWarning")
 def test_intervals_of_one_noisy_case_are_of_the_size_of_the_errors(case):
     light, heavy = noisy_runs(case, np.random.default_rng(1), MASS, CENTRE)
-    found = loopid.identify_payload(case[1], "platform", unloaded=light, loaded=heavy)
+    found = loopid.identify_payload(case[1], link="platform", unloaded=light, loaded=heavy)
     assert abs(found.mass - MASS) < 0.1 * MASS
     reach = np.ptp(found.intervals(), axis=1) / 2
     np.testing.assert_array_less(np.abs(found.values - [MASS, *(MASS * CENTRE)]), 2.5 * reach)
@@ -91,16 +101,16 @@ def test_what_makes_no_sense_is_refused(case):
     knee, model, motion, force = case
     run = [recorded(knee, motion, force(0.0, CENTRE))]
     with pytest.raises(loopid.LoopidError, match="unknown body 'arm'"):
-        loopid.identify_payload(model, "arm", unloaded=run, loaded=run)
+        loopid.identify_payload(model, link="arm", unloaded=run, loaded=run)
     with pytest.raises(loopid.LoopidError, match="recordings without it, and others with it"):
-        loopid.identify_payload(model, "platform", unloaded=run, loaded=[])
+        loopid.identify_payload(model, link="platform", unloaded=run, loaded=[])
 
 
 def test_motors_with_other_gains_disagree_and_the_interval_holds_it(case):
     gains = np.array([0.9, 1.1, 1.0, 1.05])
     light, heavy = noisy_runs(case, np.random.default_rng(2), 20.0, CENTRE, gains)
     with pytest.warns(loopid.errors.DataWarning, match="motors disagree on the mass: "):
-        found = loopid.identify_payload(case[1], "platform", unloaded=light, loaded=heavy)
+        found = loopid.identify_payload(case[1], link="platform", unloaded=light, loaded=heavy)
     motors = found.motors
     assert motors.undetermined == ()
     low, high = motors.intervals(0.999).T

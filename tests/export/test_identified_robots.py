@@ -64,7 +64,7 @@ def assert_same_forces(model, again, standard, motion, expected):
 def test_robot_files_round_trip(identified, tmp_path, urdf_folder):
     model, result, motion, recording = identified
     found = consistent_fit(model, model.samples(recording), result.noise)
-    saved = load_fit(model.fit_of(found).save(tmp_path / "parameters.yaml"))
+    saved = load_fit(loopid.Fit.of(model, found).save(tmp_path / "parameters.yaml"))
     standard, names = saved.require_bodies(), model.base.parameters
     np.testing.assert_array_equal(standard, found.standard_parameters)
     again = loaded_again(model.robot, tmp_path, urdf_folder, standard, names)

@@ -55,7 +55,7 @@ def test_the_tree_has_the_bodies_and_terms_of_the_fit(kind, load_once):
     )
     fit = loopid.identification.fit(data)
     with pytest.raises(DataError, match="recommended"):
-        model.fit_of(fit).to_pinocchio()
+        loopid.Fit.of(model, fit).to_pinocchio()
     solid = loopid.identification.consistent_fit(model, data, fit.noise)
     with pytest.warns(ModelWarning, match=r"no place for left_crank_joint\.Fo, .*: left out"):
         tree, _ = solid.to_pinocchio()

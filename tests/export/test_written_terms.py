@@ -14,7 +14,7 @@ from closure_robots import body, joint, urdf
 from loopid import JointTerms, bundled_robots, random_configurations
 from loopid.errors import ModelWarning
 from loopid.export.robot_file import export_robot_file, updated_robot_file
-from loopid.identification.result import MotorUse
+from loopid.identification.quality import MotorUse
 from loopid.kinematics import closed_motion, random_motions
 from loopid.regressors import motion_regressor
 

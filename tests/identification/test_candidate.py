@@ -10,9 +10,10 @@ import pytest
 import loopid
 from loopid import JointTerms
 from loopid.identification import FitSamples, fit_joint_terms, judge
+from loopid.identification.candidate import Candidate
 from loopid.identification.fitting import quiet_fit
-from loopid.identification.prediction import Candidate, prediction_reach
-from loopid.identification.result import Quality, fit_quality
+from loopid.identification.prediction import prediction_reach
+from loopid.identification.quality import Quality, fit_quality
 from loopid.motion import scaled_bodies
 from loopid.parameters import ParameterSet
 from made_runs import record, wander

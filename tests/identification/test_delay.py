@@ -11,7 +11,15 @@ from bank_robots import few_of
 from loopid import FilterOptions, FitOptions, JointTerms, identify
 from loopid.errors import DataWarning
 from loopid.identification import find_delay
-from loopid.identification.delay import CLEAR, USUAL, VAGUE, Delay, _over_bands, without_delay
+from loopid.identification.delay import (
+    CLEAR,
+    USUAL,
+    VAGUE,
+    Delay,
+    _disagreement,
+    _over_bands,
+    without_delay,
+)
 from loopid.identification.fitting import quiet_fit
 from loopid.logs import Recording
 from loopid.logs.preparing import prepare_again
@@ -22,6 +30,7 @@ from smooth_data import runs
 pytestmark = pytest.mark.usefixtures("nothing_suspected")
 
 RATE, NOISE, SIZE = 200.0, 0.02, (0.4, 0.4)
+CHANCE = 0.01  # that motors which agree seem to differ
 FRICTION = {"five_bar": (0.1, 0.05), "delta": (0.1, 0.05)}
 
 
@@ -62,12 +71,13 @@ def test_a_delay_is_found_within_its_interval(case, delay):
     assert not found.clear or delay
 
 
-@pytest.mark.parametrize("delay", few_of([0.0, 0.0173], 0.0173))
-def test_a_delay_without_noise_is_exact(case, delay):
+@pytest.mark.parametrize("delay", few_of([0.0, 0.3 / RATE, 0.0173], 0.3 / RATE))
+def test_a_delay_without_noise_is_exact_and_clear_from_a_fifth_of_a_step(case, delay):
     """Wherever the search begins: its end is the root, to far less than a step of the log."""
     model, _, log = case
     found = find_delay(model, [prepared(model, noisy(log, delay, noise=0.0))], cutoff=8.0)
     assert np.abs([found.common - delay, *(found.each - delay)]).max() < 1e-3 / RATE
+    assert found.clear == (delay > 0)
 
 
 @pytest.mark.parametrize("slip", few_of([1e-5, 5e-4, 2e-2], 5e-4))
@@ -105,6 +115,16 @@ def test_bands_that_disagree_about_a_delay_make_its_interval_wider():
         assert found.left[0] > best.step / 2
 
 
+def test_motors_that_agree_seem_to_differ_as_seldom_as_chance_has_it():
+    random = np.random.default_rng(0)
+    errors = random.uniform(1e-3, 1e-2, (4000, 3))
+    found = [_disagreement(0.02 + random.normal(0, own), own) for own in errors]
+    assert 0.5 * CHANCE < np.mean(np.array(found) > 1.0) < 2 * CHANCE
+    # Two that lie ten errors apart, their mean in between.
+    assert _disagreement(np.array([0.0, 0.01]), np.full(2, 1e-3)) == pytest.approx(50**0.5)
+    assert _disagreement(np.array([0.0, 0.01]), np.array([1e-3, np.inf])) == 1.0
+
+
 def test_a_delay_that_is_vague_has_no_interval():
     vague = _over_bands(in_a_band(0.2, 1.1 * VAGUE), [])
     assert not vague.clear
@@ -138,6 +158,9 @@ def test_intervals_hold_the_delay(case, runs):
     for seed in range(runs):
         found = find_delay(model, [prepared(model, noisy(log, 0.01, seed))], cutoff=8.0)
         inside.append(found.interval[0] < 0.01 < found.interval[1])
+        # The common delay is a mean of the motors', weighted by what each says of it.
+        each, common = np.ptp(found.intervals, axis=1), np.ptp(found.interval)
+        assert 0.9 < common * np.sqrt((each**-2).sum()) < 1.5
     assert sum(inside) >= 0.75 * runs  # by chance fewer of 12 in one of 400
 
 

@@ -256,7 +256,7 @@ def test_predicted_friction_passes_the_filter_of_the_forces(tmp_path):
     robot = model.robot
     options = FilterOptions(cutoff=10.0)
     recording = quietly(loopid.prepare, robot, log_of(model, run), filter=options)
-    fit = load_fit(model.fit_of(truth).save(tmp_path / "fit.json"))
+    fit = load_fit(loopid.Fit.of(model, truth).save(tmp_path / "fit.json"))
     found = fit.predict(recording)
     assert np.abs(found.predicted - recording.force).max() < 0.01 * FRICTION[0]
 

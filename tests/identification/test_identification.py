@@ -2,6 +2,7 @@
 
 import pickle
 from dataclasses import replace
+from functools import partial
 from importlib.util import find_spec
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 import loopid
 from loopid import FitOptions, identify, load_fit, prepare, read_log
+from loopid.diagnosis import compare_fits
 from loopid.errors import OptionError
 from loopid.identification import eliminate
 from loopid.identification.data import recordings_of
@@ -51,18 +53,50 @@ def test_joint_terms_that_a_robot_cannot_have_are_refused_before_any_work(knee):
         assert refused.value.facts["valid"]
 
 
+def test_a_mapping_that_no_data_need_is_refused(load_once):
+    robot, log = load_once("five_bar"), read_log(load_once("five_bar"), RUN)
+    model = loopid.force_model(robot, "full", None)
+    fit = loopid.Fit.of(model, model.prior)
+    for function, given in (
+        (fit.predict, (log,)),
+        (identify, (robot, log)),
+        (partial(loopid.identify_payload, link="left_coupler"), (robot, [log], log)),
+    ):
+        with pytest.raises(OptionError, match="a Log or a Recording has none: leave it out"):
+            function(*given, mapping="no such file")
+
+
+def test_foreign_columns_are_mapped_wherever_data_are_taken(load_once, tmp_path):
+    robot, table = load_once("five_bar"), polars.read_csv(RUN)
+    named = {name: f"c{k}" for k, name in enumerate(table.columns)}
+    foreign, mapping = tmp_path / "run.csv", tmp_path / "mapping.yaml"
+    table.rename(named).write_csv(foreign)
+    rows = [f"time: {{column: {named['time']}}}"]
+    for what in ("position", "force"):
+        own = [f"{j}: {named.get(f'{j}.{what}', named.get(j))}" for j in robot.actuated]
+        rows.append(f"{what}: {{{', '.join(own)}}}")
+    mapping.write_text("\n".join(rows))
+    model = loopid.force_model(robot, "full", None)
+    fit = loopid.Fit.of(model, model.prior)
+    known = fit.predict(RUN)
+    for data in (foreign, table.rename(named), table.rename(named).lazy()):
+        found = fit.predict(data, mapping=mapping)
+        np.testing.assert_allclose(found.predicted, known.predicted, rtol=1e-9)
+
+
 def test_a_path_becomes_a_fit_and_the_fit_what_is_asked_of_it(load_once, tmp_path):
     """In one call each; tables, logs and recordings are the data that the path is."""
-    robot, log = load_once("five_bar"), read_log(RUN, load_once("five_bar"))
+    robot, log = load_once("five_bar"), read_log(load_once("five_bar"), RUN)
     found = quietly(identify, robot, RUN)
     (run,) = found.training
     for data in (polars.read_csv(RUN), log, prepare(robot, log), [RUN]):
-        (other,) = recordings_of(robot, data)
+        ((other,),) = recordings_of(robot, data)
         (again,) = at_cutoff(robot, [other], run.cutoff)
         np.testing.assert_array_equal(again.force, run.force)
         np.testing.assert_array_equal(again.motion.velocities, run.motion.velocities)
     with pytest.raises(OptionError, match="data must be a path, a table"):
         identify(robot, {RUN})
+    assert compare_fits(found, found.fit).usual == 1.0
     fit = load_fit(found.fit.save(tmp_path / "fit.yaml"))
     assert fit == found.fit
     assert fit.robot == robot
@@ -78,6 +112,6 @@ def test_a_path_becomes_a_fit_and_the_fit_what_is_asked_of_it(load_once, tmp_pat
 
 def test_a_model_that_is_given_is_not_chosen_again(load_once):
     model, robot = loopid.force_model(load_once("five_bar"), "full"), load_once("five_bar")
-    run = loopid.prepare(robot, read_log(RUN, robot))
+    run = loopid.prepare(robot, read_log(robot, RUN))
     with pytest.raises(OptionError, match="has a model and terms of its own"):
         identify(model, run, options=FitOptions(terms="Fc"))

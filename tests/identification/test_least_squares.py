@@ -12,7 +12,7 @@ from hypothesis import given, strategies as st
 from loopid.errors import DataError, RankError
 from loopid.identification import FitSamples, OrdinaryLeastSquares, WeightedLeastSquares
 from loopid.identification.fitting import quiet_fit
-from loopid.identification.result import fit_quality
+from loopid.identification.quality import fit_quality
 from smooth_data import DEVIATIONS, assert_coverage, covered, named, named_samples, runs
 
 TRUTH = np.array([3.0, -1.0, 0.5, 10.0])

@@ -38,7 +38,7 @@ def test_segments_take_no_part_in_the_fits_that_judge_them(model, runs):
     run = replace(runs[0], cutoff=2.0)
     data = model.samples(run)
     segments, time = segments_of(data, [run]), np.asarray(run.motion.time)
-    kept = list(kept_without(segments, data, [run]))
+    kept = list(kept_without(segments, [run]))
     assert len(kept) == FOLDS
     assert np.ptp(np.bincount(segments)) <= 1
     for k, each in enumerate(kept):
@@ -50,7 +50,7 @@ def test_whole_logs_are_left_out_where_there_are_several(model, runs):
     data = samples_of(model, runs)
     segments = segments_of(data, runs)
     np.testing.assert_array_equal(segments, data.runs)
-    assert [int(kept.sum()) for kept in kept_without(segments, data, runs)] == [601, 601]
+    assert [int(kept.sum()) for kept in kept_without(segments, runs)] == [601, 601]
 
 
 def test_all_is_fitted_and_judged_as_honestly_as_by_new_data(model, runs):

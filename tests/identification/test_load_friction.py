@@ -58,14 +58,14 @@ def test_intervals_cover_it(loaded, truth):
 
 def test_a_saved_fit_predicts_with_the_bodies_that_loaded_the_joints(loaded, truth, tmp_path):
     model = loaded[0]
-    path, run = model.fit_of(truth).save(tmp_path / "fit.json"), run_of(loaded, 1)
+    path, run = loopid.Fit.of(model, truth).save(tmp_path / "fit.json"), run_of(loaded, 1)
     fit = load_fit(path)
     np.testing.assert_allclose(fit.predict(run).predicted, run.force, atol=1e-9)
     robot = model.robot
     export_robot_file(robot, 1.3 * robot.standard_parameters(), tmp_path / "five_bar.urdf")
     copy(robot.path, tmp_path)
     with pytest.raises(DataError, match=r"differs by .* there \(bodies that load joints count"):
-        load_fit(path, tmp_path / "five_bar.yaml")
+        load_fit(path, robot=tmp_path / "five_bar.yaml")
 
 
 def test_c_code_refuses_it(loaded):

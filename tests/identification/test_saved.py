@@ -68,7 +68,7 @@ def fits(model, samples):
     ],
 )
 def test_what_is_read_is_what_was_written(model, fits, tmp_path, kind, ending):
-    fit = model.fit_of(fits[kind])
+    fit = loopid.Fit.of(model, fits[kind])
     path = fit.save(tmp_path / f"fit.{ending}")
     read = load_fit(path)
     assert list(tmp_path.iterdir()) == [path]
@@ -85,7 +85,7 @@ def test_what_is_read_is_what_was_written(model, fits, tmp_path, kind, ending):
 
 
 def test_forces_are_those_of_the_force_model(model, fits, tmp_path):
-    read = load_fit(model.fit_of(fits["plain"]).save(tmp_path / "fit.json"))
+    read = load_fit(loopid.Fit.of(model, fits["plain"]).save(tmp_path / "fit.json"))
     robot, again = model.robot, read.model
     q = random_configurations(robot, 15, seed=1)
     rates = np.random.default_rng(2).standard_normal((2, 15, 2))
@@ -95,7 +95,7 @@ def test_forces_are_those_of_the_force_model(model, fits, tmp_path):
 
 
 def test_files_say_what_the_page_says(model, fits, tmp_path):
-    saved = model.fit_of(fits["plain"])
+    saved = loopid.Fit.of(model, fits["plain"])
     record = YAML(typ="safe").load(saved.save(tmp_path / "fit.yaml").read_text())
     assert record == json.loads(saved.save(tmp_path / "fit.json").read_text()) == saved.record()
     entry, estimate = record["base_parameters"][0], fits["plain"].estimates[0]
@@ -105,7 +105,7 @@ def test_files_say_what_the_page_says(model, fits, tmp_path):
 
 
 def test_a_yaml_that_another_program_wrote_is_read(model, fits, tmp_path, monkeypatch):
-    saved = model.fit_of(fits["plain"])
+    saved = loopid.Fit.of(model, fits["plain"])
     with (tmp_path / "fit.yaml").open("w") as file:
         yaml_writer().dump(saved.record(), file)
     assert load_fit(tmp_path / "fit.yaml").record() == saved.record()
@@ -115,7 +115,7 @@ def test_a_yaml_that_another_program_wrote_is_read(model, fits, tmp_path, monkey
 
 
 def test_values_alone_are_a_fit_without_errors(model, fits):
-    fit = model.fit_of(fits["values"])
+    fit = loopid.Fit.of(model, fits["values"])
     assert fit.estimator == "values"
     assert fit.assumed == fit.parameters.names
     assert np.isinf(fit.intervals()).all()
@@ -141,15 +141,15 @@ def knees(tmp_path_factory):
 def test_fits_of_another_geometry_are_refused(knees, load_once, tmp_path, kind):
     robot = load_once("3ups_rpu")
     model = loopid.force_model(robot, kind, JointTerms(robot.actuated))
-    path, (same, other) = model.fit_of(model.prior + 1.0).save(tmp_path / "fit.json"), knees
-    assert load_fit(path, same).model.base.names == model.base.names
+    path, (same, other) = loopid.Fit.of(model, model.prior + 1.0).save(tmp_path / "fit.json"), knees
+    assert load_fit(path, robot=same).model.base.names == model.base.names
     words = (
         r"a fit of 3ups_rpu, not of .*8/.*\.yaml \(.*not the files of the fit\): closure .* there"
     )
     with pytest.raises(DataError, match=words):
-        load_fit(path, other)
+        load_fit(path, robot=other)
     with pytest.raises(DataError, match=r"not of .*5p\.yaml .*: "):
-        load_fit(path, load_once("5p"))
+        load_fit(path, robot=load_once("5p"))
 
 
 @pytest.mark.parametrize(
@@ -166,25 +166,25 @@ def test_what_differs_is_named(tmp_path, old, new, words):
         (tmp_path / f"{name}.urdf").write_text(text)
     one, other = (loopid.load(tmp_path / f"{name}.urdf") for name in ("one", "other"))
     model = loopid.force_model(one, "gravity", None)
-    path = model.fit_of(model.prior).save(tmp_path / "fit.json")
+    path = loopid.Fit.of(model, model.prior).save(tmp_path / "fit.json")
     with pytest.raises(DataError, match=words):
-        load_fit(path, other)
+        load_fit(path, robot=other)
 
 
 def test_other_options_of_loading_are_refused(load_once, tmp_path):
     tied = loopid.load("3rrr", tied=True)
     model = loopid.force_model(tied, joint_terms=None)
-    path = model.fit_of(model.prior).save(tmp_path / "fit.json")
+    path = loopid.Fit.of(model, model.prior).save(tmp_path / "fit.json")
     assert load_fit(path).robot.options["tied"]
     with pytest.raises(DataError, match=r"not of .*3rrr\.yaml: parameter"):
-        load_fit(path, load_once("3rrr"))
+        load_fit(path, robot=load_once("3rrr"))
 
 
 def test_closures_and_motors_of_python_survive(tmp_path):
     leg = ROOT / "examples" / "leg.urdf"
     closures, motors = [loopid.Closure("rod_end", "lever", "3d")], ["hip_pitch", "knee_drive"]
     model = loopid.force_model(loopid.load(leg, closures=closures, motors=motors), "full")
-    fit = load_fit(model.fit_of(model.prior).save(tmp_path / "fit.json"))
+    fit = load_fit(loopid.Fit.of(model, model.prior).save(tmp_path / "fit.json"))
     assert fit.robot == model.robot
     assert fit.robot.actuated == tuple(motors)
 
@@ -196,30 +196,30 @@ def test_no_other_robot_of_the_name_stands_in(tmp_path):
     own = tmp_path / "five_bar.yaml"
     for robot in (loopid.load(own), loopid.load("five_bar")):
         model = loopid.force_model(robot, joint_terms=None)
-        path = model.fit_of(model.prior).save(tmp_path / "fit.json")
+        path = loopid.Fit.of(model, model.prior).save(tmp_path / "fit.json")
         own.unlink(missing_ok=True)
         if robot.path == own:
             with pytest.raises(FileError, match=r'no longer at .*five_bar\.yaml.*robot="FILE"'):
                 load_fit(path)
-            assert load_fit(path, "five_bar").robot.name == "five_bar"
+            assert load_fit(path, robot="five_bar").robot.name == "five_bar"
         else:
             assert load_fit(path).robot == robot
 
 
 def test_a_robot_with_other_inertials_is_the_same(model, fits, tmp_path):
-    path = model.fit_of(fits["plain"]).save(tmp_path / "fit.json")
+    path = loopid.Fit.of(model, fits["plain"]).save(tmp_path / "fit.json")
     copy(ROOT / "urdf" / "five_bar.yaml", tmp_path)
     export_robot_file(
         model.robot, 1.3 * model.robot.standard_parameters(), tmp_path / "five_bar.urdf"
     )
-    assert load_fit(path, tmp_path / "five_bar.yaml").model.base.names == model.base.names
+    assert load_fit(path, robot=tmp_path / "five_bar.yaml").model.base.names == model.base.names
 
 
 def test_reading_searches_nothing_again(model, tmp_path, monkeypatch):
     """The choice of a search that another machine, or clock, would not repeat."""
     search = ExactSearch(SearchOptions(time_limit=1e-3))
     hurried = loopid.force_model(model.robot, "full", None, search=search)
-    path = hurried.fit_of(hurried.prior).save(tmp_path / "fit.yaml")
+    path = loopid.Fit.of(hurried, hurried.prior).save(tmp_path / "fit.yaml")
     monkeypatch.setattr(SearchStrategy, "search", lambda *_: pytest.fail("searched again"))
     assert load_fit(path).model.base.names == hurried.base.names
 
@@ -228,11 +228,11 @@ def test_reading_searches_nothing_again(model, tmp_path, monkeypatch):
 
 
 def test_fits_of_base_parameters_have_no_bodies(model, fits):
-    solid = model.fit_of(fits["consistent"])
+    solid = loopid.Fit.of(model, fits["consistent"])
     np.testing.assert_array_equal(solid.require_bodies(), fits["consistent"].standard_parameters)
     for kind, words in (("plain", "a fit by wls has base"), ("values", "a fit by values")):
         with pytest.raises(DataError, match=words):
-            model.fit_of(fits[kind]).require_bodies()
+            loopid.Fit.of(model, fits[kind]).require_bodies()
 
 
 # Files that make no sense.
@@ -261,7 +261,7 @@ def changed(record, value, *path):
 )
 def test_broken_records_are_refused_by_name(model, fits, tmp_path, words, value, path):
     """Though somebody has made the digest anew."""
-    record = model.fit_of(fits["plain"]).record()
+    record = loopid.Fit.of(model, fits["plain"]).record()
     changed(record, value, *path)
     (tmp_path / "broken.json").write_text(json.dumps(record | {"digest": digest(record)}))
     with pytest.raises(DataError, match=rf"broken.json is not a saved fit: .*{words}"):
@@ -270,7 +270,7 @@ def test_broken_records_are_refused_by_name(model, fits, tmp_path, words, value,
 
 def test_a_fit_in_another_form_is_refused_in_a_sentence(model, fits, tmp_path):
     """Whatever else differs in it: what a form of old lacks is not listed."""
-    record = model.fit_of(fits["plain"]).record()
+    record = loopid.Fit.of(model, fits["plain"]).record()
     del record["estimate"]["quality"]
     for other in (2, 4, "3"):
         place = tmp_path / "other.json"
@@ -322,7 +322,7 @@ def mutations(record, seed, every):
 @pytest.mark.parametrize("kind", few_of(FITS, "consistent", "values"))
 def test_a_number_that_was_changed_is_refused(model, fits, tmp_path, kind, every):
     place = tmp_path / "fit.json"
-    whole = model.fit_of(fits["plain"].values if kind == "values" else fits[kind]).record()
+    whole = loopid.Fit.of(model, fits["plain"].values if kind == "values" else fits[kind]).record()
     for record in mutations(whole, 0, every):
         place.write_text(json.dumps(record))
         with pytest.raises(
@@ -343,7 +343,7 @@ def test_bodies_that_do_not_make_the_base_parameters_are_refused_by_name(model, 
     heavy = np.array(fit.standard_parameters)
     heavy[[name.kind == "m" for name in model.base.parameters]] *= 3
     with pytest.raises(DataError, match="parameters of the fit make left_crank") as refused:
-        model.fit_of(replace(fit, standard_parameters=heavy)).record()
+        loopid.Fit.of(model, replace(fit, standard_parameters=heavy)).record()
     assert refused.value.facts["parameter"] == "left_crank.mx"
 
 
@@ -370,15 +370,15 @@ def test_other_refusals(model, fits, tmp_path):
     with pytest.raises(FileError, match=r"none\.json"):
         load_fit(tmp_path / "none.json")
     with pytest.raises(OptionError, match=r"'\.txt': choose among \.yaml, \.yml, \.json"):
-        model.fit_of(fits["plain"]).save(tmp_path / "fit.txt")
+        loopid.Fit.of(model, fits["plain"]).save(tmp_path / "fit.txt")
     (tmp_path / "file").write_text("")
     with pytest.raises(FileError):
-        model.fit_of(fits["plain"]).save(tmp_path / "file" / "fit.json")
+        loopid.Fit.of(model, fits["plain"]).save(tmp_path / "file" / "fit.json")
     with pytest.raises(DataError, match=r"with values \(3,\) is none of"):
-        model.fit_of(np.zeros(3)).save(tmp_path / "fit.json")
+        loopid.Fit.of(model, np.zeros(3)).save(tmp_path / "fit.json")
     other = loopid.force_model(model.robot, "full", None)
     with pytest.raises(DataError, match="is none of the"):
-        other.fit_of(fits["plain"]).save(tmp_path / "fit.json")
+        loopid.Fit.of(other, fits["plain"]).save(tmp_path / "fit.json")
 
 
 def test_a_fit_without_its_model_is_refused_by_what_needs_it(fits, tmp_path):
@@ -390,13 +390,13 @@ def test_a_fit_without_its_model_is_refused_by_what_needs_it(fits, tmp_path):
         lambda fit: fit.to_robot_file(tmp_path / "x.urdf"),
         lambda fit: fit.to_pinocchio(),
     ):
-        with pytest.raises(OptionError, match=r"give it one, fit = model\.fit_of\(fit\)"):
+        with pytest.raises(OptionError, match=r"give it one, fit = Fit\.of\(model, fit\)"):
             use(fits["correlated"])
 
 
 def test_data_of_any_form_are_predicted_alike(model, fits):
     robot, path = model.robot, ROOT / "urdf" / "logs" / "five_bar.csv"
-    fit, log = model.fit_of(fits["consistent"]), read_log(path, robot)
+    fit, log = loopid.Fit.of(model, fits["consistent"]), read_log(robot, path)
     expected = fit.predict(loopid.prepare(robot, log)).predicted
     frame = polars.read_csv(path)
     for data in (path, str(path), log, frame, frame.to_dict(as_series=False)):

@@ -37,22 +37,33 @@ def test_a_reference_in_python_holds_the_motors(given):
     assert found.reference_values(found.reference)[motor] == pytest.approx(reference[motor])
 
 
-def test_a_saved_fit_loads_the_robot_with_its_closures(given, tmp_path):
+def test_saved_fits_and_robot_files_keep_closures_and_motors(given, tmp_path, monkeypatch):
     _, urdf, options = given
     gear = loopid.loading.Coupling(dict.fromkeys(options["motors"], 1.0), offset=3.1)
     options |= {"closures": [*options["closures"], gear], "motors": options["motors"][:1]}
     robot = loopid.load(urdf, **options)
     model = loopid.force_model(robot, "gravity", None)
-    saved = loopid.load_fit(model.fit_of(model.prior).save(tmp_path / "fit.yaml"))
+    saved = loopid.load_fit(loopid.Fit.of(model, model.prior).save(tmp_path / "fit.yaml"))
     again = saved.robot
     assert again == robot
     assert again.options == robot.options
-    written = export_robot_file(again, robot.standard_parameters(), tmp_path / "new.urdf")
-    np.testing.assert_allclose(
-        loopid.load(written, **robot.options).standard_parameters(),
-        robot.standard_parameters(),
-        atol=1e-12,
-    )
+    changed = 1.25 * robot.standard_parameters()
+    found = loopid.load(export_robot_file(again, changed, tmp_path / "new.urdf"))
+    for name in ("closures", "couplings", "actuated", "independent", "rounding"):
+        assert getattr(found, name) == getattr(robot, name)
+    np.testing.assert_array_equal(found.reference, robot.reference)
+    np.testing.assert_allclose(found.standard_parameters(), changed, atol=1e-12)
+    export_robot_file(again, changed, tmp_path / "new.urdf")  # once more, with the same YAML
+    (tmp_path / "new.yaml").write_text("urdf: mine.urdf")
+    with pytest.raises(loopid.LoopidError, match="is there already"):
+        export_robot_file(again, changed, tmp_path / "new.urdf")
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(urdf.parent)
+    near = loopid.load(urdf.name, **options)
+    path = tmp_path / "fit.yaml"
+    loopid.Fit.of(loopid.force_model(near, "gravity", None), model.prior).save(path)
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert loopid.load_fit(path).robot.closures == robot.closures
 
 
 REFUSED = {

@@ -259,7 +259,7 @@ def test_terms_of_parts_of_a_ball_joint_are_fitted_saved_and_read(load, tmp_path
     pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
     robot = load(LOADED.replace("REST", ""))
     model = loopid.force_model(robot, "full", JointTerms.of(robot, "file"))
-    saved = load_fit(model.fit_of(model.prior).save(tmp_path / "fit.json"), robot)
+    saved = load_fit(loopid.Fit.of(model, model.prior).save(tmp_path / "fit.json"), robot=robot)
     assert saved.model.parameters == model.parameters
     with pytest.raises(OptionError, match=r"ball\.wx has a rate but no position"):
         JointTerms(("ball.wx",), ("Ks",)).parameters(robot)

@@ -200,7 +200,8 @@ def test_a_model_of_a_rounded_file_is_the_robot_of_the_file(linkage, write_files
 
 def test_settings_of_a_simulator_are_named(tree):
     with pytest.warns(ModelWarning, match="Baumgarte gains of pivot are left out"):
-        made(tree, [with_gains(tree)])
+        robot = made(tree, [with_gains(tree)])
+    assert [each.name for each in robot.constraint_models] == ["pivot"]
     tree.rotorInertia, tree.rotorGearRatio = np.full(4, 1e-4), np.full(4, 50.0)
     with pytest.warns(ModelWarning, match="not its armature, which counts"):
         made(tree, [rigid(tree)])
@@ -241,8 +242,8 @@ def test_mimicking_joints_are_refused_and_coupled_as_advised(tree):
 def test_a_fit_without_a_file_is_saved_loaded_and_exported(tree, tmp_path):
     robot = made(tree, [rigid(tree)])
     model = loopid.force_model(robot, "gravity", "file")
-    path = model.fit_of(model.prior).save(tmp_path / "fit.yaml")
-    fit = loopid.load_fit(path, copy.copy(robot))
+    path = loopid.Fit.of(model, model.prior).save(tmp_path / "fit.yaml")
+    fit = loopid.load_fit(path, robot=copy.copy(robot))
     assert fit.model.parameters == model.parameters
     fit.to_c(tmp_path)
     assert (tmp_path / "five_bar.c").is_file()

@@ -426,5 +426,6 @@ def test_a_urdf_may_hold_its_links_by_it_too(tmp_path, owner):
         warnings.simplefilter("ignore")
         robot = loopid.load(tmp_path / "robot.yaml")
     (closure,) = robot.closures
-    assert (closure.kind, closure.name) == ("6d", "end_pivot_parent-end_pivot_child")
+    assert (closure.kind, closure.name) == ("6d", "end_pivot")
+    assert (closure.frame_a, closure.frame_b) == ("end_pivot_parent", "end_pivot_child")
     assert np.abs(robot.reference).max() < 1e-9  # closed as drawn

@@ -30,7 +30,7 @@ def columns(arrays, knee):
 def from_file(columns, knee, tmp_path_factory):
     path = tmp_path_factory.mktemp("run") / "run.npz"
     np.savez(path, **columns)
-    return read_log(path, knee)
+    return read_log(knee, path)
 
 
 def test_arrays_are_the_log_of_a_file(arrays, knee, from_file):
@@ -134,10 +134,25 @@ def test_gaps_are_found_or_told(arrays, knee):
     found = Log.from_arrays(*parts, knee.actuated)
     np.testing.assert_array_equal(np.bincount(found.segments), [200, len(parts[0]) - 200])
     np.testing.assert_array_equal(found.position, parts[1])
-    told = np.repeat([0, 1], [100, len(parts[0]) - 100])
+    told = np.repeat([4, 6], [100, len(parts[0]) - 100])
     log = Log.from_arrays(*parts, knee.actuated, segments=told)
-    np.testing.assert_array_equal(log.segments, told)
-    assert "in 2 segments>" in repr(log)
+    np.testing.assert_array_equal(np.bincount(log.segments), [100, 100, len(parts[0]) - 200])
+    np.testing.assert_array_equal(log.position, parts[1])
+    assert "in 3 segments>" in repr(log)
+
+
+@pytest.mark.parametrize("kind", ["a gap", "jitter"])
+def test_uneven_time_inside_a_segment_that_is_given(arrays, knee, kind):
+    time, *signals = arrays
+    count, rng = len(time), np.random.default_rng(0)
+    later = 5.0 * (np.arange(count) >= 300) if kind == "a gap" else rng.uniform(0, 0.009, count)
+    one = np.zeros(count, dtype=int)
+    log = Log.from_arrays(time + later, *signals, knee.actuated, segments=one)
+    same = Log.from_arrays(time + later, *signals, knee.actuated)
+    assert log == same
+    fields = {"time": time + later, "position": signals[0], "force": signals[1], "segments": one}
+    with pytest.raises(LogError, match=r"segment 0 are up to .* off even steps of"):
+        loopid.prepare(knee, Log(name="drawn", joints=knee.actuated, **fields))
 
 
 def test_uneven_samples_are_put_on_an_even_grid(arrays, knee):
@@ -209,8 +224,8 @@ def test_a_recording_keeps_its_options(knee, arrays):
     log = Log.from_arrays(*arrays, knee.actuated)
     recording = loopid.prepare(knee, log, filter=options[0], masks=options[1])
     assert (recording.filter, recording.masks) == options
-    for wrong in ({"cutoff": "low"}, {"cutoff": -1.0}, {"order": 0}, {"oversampling": -1.0}):
+    for wrong in ({"cutoff": "low"}, {"cutoff": -1.0}, {"order": 0}, {"decimate": "now"}):
         with pytest.raises(OptionError):
             FilterOptions(**wrong)
     with pytest.raises(OptionError):
-        MaskOptions(idle=np.nan)
+        MaskOptions(singularity=np.nan)

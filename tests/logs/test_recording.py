@@ -88,7 +88,7 @@ def read_with(knee, truth, folder, quantities=(), **options):
     arrays = {"position": np.round(truth.position, 4), "v": velocities, "a": accelerations}
     np.savez(folder / "run.npz", time=truth.time, force=truth.force, **arrays)
     given = {"velocity_scale": 1e-3} | {quantity: RATES[quantity] for quantity in quantities}
-    return read_log(folder / "run.npz", knee, mapping=LogMapping(**(given | options)))
+    return read_log(knee, folder / "run.npz", mapping=LogMapping(**(given | options)))
 
 
 @pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
@@ -229,10 +229,10 @@ def test_forces_clipped_at_any_level_are_named_and_coarse_ones_are_not(log, bias
     limit = np.percentile(np.abs(force[:, 0]), 95)
     force[:, 0] = np.clip(force[:, 0], -limit, limit)
     with pytest.warns(DataWarning, match="force of leg1_stroke stays"):
-        limits = clipped_from(altered(log, force=force), MaskOptions())
+        limits = clipped_from(altered(log, force=force))
     np.testing.assert_array_equal(limits, [limit, np.inf, np.inf, np.inf])
     coarse = np.round(log.force / 5) * 5
-    assert np.isinf(clipped_from(altered(log, force=coarse), MaskOptions())).all()
+    assert np.isinf(clipped_from(altered(log, force=coarse))).all()
 
 
 @pytest.mark.parametrize("speed", [1.0, 0.2])  # of the fastest
@@ -262,7 +262,7 @@ def test_motors_that_move_in_turns_are_not_frozen(rate, step):
             position[:, k % 3] += random.uniform(-1, 1) * s**3 * (10 - 15 * s + 6 * s**2)
         position = np.round(position / step) * step if step else position
         log = Log.from_arrays(time, position, position, joints)
-        assert without_frozen(log, MaskOptions()) is log
+        assert without_frozen(log) is log
 
 
 def test_effort_limits_saturate_unless_a_tenth_of_the_forces_exceeds_them(knee, log, truth):
@@ -404,7 +404,7 @@ def test_a_crank_that_turns_on_and_on(four_bars):
 
 @pytest.fixture(scope="module")
 def real(mechanism, real_log):
-    return read_log(real_log, mechanism)
+    return read_log(mechanism, real_log)
 
 
 def test_nearly_all_rows_are_read(real, real_log):
@@ -454,7 +454,7 @@ def test_a_part_of_the_time(recording):
 def test_the_steps_called_one_by_one_are_the_whole(knee, log, recording):
     options, masks = FilterOptions(cutoff=5.0), MaskOptions()
     lowpass = options.lowpass(provisional_cutoff(knee, log))
-    whole = long_enough(without_frozen(log, masks), lowpass)
+    whole = long_enough(without_frozen(log), lowpass)
     signals = filter_log(whole, lowpass)
     rows, ends = kept_rows(whole, lowpass, options)
     found = assemble_samples(knee, whole, signals.position[rows], rows, masks)
@@ -464,7 +464,7 @@ def test_the_steps_called_one_by_one_are_the_whole(knee, log, recording):
     np.testing.assert_array_equal(signals.force[rows], recording.force)
     np.testing.assert_array_equal(rows, recording.history.rows)
     assert ends[0] in recording.dropped
-    idle = standing(knee, whole, signals.velocity, rows, lowpass, masks)
-    limits = saturation_of(knee, whole, masks)
-    clipped = near_saturation(whole, limits, lowpass, masks)[rows]
+    idle = standing(knee, whole, signals.velocity, rows, lowpass)
+    limits = saturation_of(knee, whole)
+    clipped = near_saturation(whole, limits, lowpass)[rows]
     np.testing.assert_array_equal(recording.used, ~(idle | clipped))

@@ -29,7 +29,11 @@ def test_scipy_filters_alike(lowpass, signal):
     padding = lowpass.least_samples(RATE) - 1
     expected = sosfiltfilt(sections, signal, axis=0, padlen=padding)
     found = lowpass.apply(signal, RATE)
-    np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(signal).max())
+    largest = np.abs(signal).max()
+    # SciPy's passes start as if the signal had stood still: a millionth is left at the ends.
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * largest)
+    inside = slice(padding, -padding)
+    np.testing.assert_allclose(found[inside], expected[inside], rtol=0, atol=1e-10 * largest)
 
 
 @given(st.integers(1, 10**7))

@@ -312,6 +312,10 @@ def test_another_robot_is_another_object(parallel):
     other, pose = Dynamics(replace(robot, model=model)), parallel.pose()
     assert np.abs(other.gravity(other.pose()) - parallel.gravity(pose)).max() > 1e-3
     np.testing.assert_array_equal(other.pose().G, pose.G)
+    with pytest.raises(OptionError, match="the pose is of another robot"):
+        other.gravity(pose)
+    same = Dynamics(copy.deepcopy(robot))
+    np.testing.assert_array_equal(same.gravity(pose), parallel.gravity(pose))
 
 
 def test_a_welded_knee_moves_like_the_pinned_one(parallel, weld):
@@ -462,7 +466,7 @@ def test_a_gravity_model_has_no_mass_matrix(load_once):
 def test_it_takes_a_fit_as_it_is_or_saved(load_once, tmp_path):
     model = loopid.force_model(load_once("five_bar"), "full", "Fc,Fv")
     phi = 1.1 * model.prior
-    saved = loopid.load_fit(model.fit_of(phi).save(tmp_path / "fit.yaml"))
+    saved = loopid.load_fit(loopid.Fit.of(model, phi).save(tmp_path / "fit.yaml"))
     u, v, a = [2.1, 0.7], [0.3, -0.2], [1.0, 2.0]
     close(Dynamics(model.robot, saved).inverse(u, v, a), Dynamics(model, phi).inverse(u, v, a),
           1e-12)  # fmt: skip

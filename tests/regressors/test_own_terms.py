@@ -99,8 +99,8 @@ def test_a_spring_with_its_geometry_is_found_and_saved(register, load_once, tmp_
     run = modelled(model, wander(robot, 4, 20.0, 20.0, size=(0.5, 0.5), harmonics=8), truth, 0.0)
     found = quiet_fit(model.samples(run))
     np.testing.assert_allclose(found.values, truth, rtol=1e-6, atol=1e-7)
-    path = model.fit_of(found).save(tmp_path / "fit.yaml")
-    assert load_fit(path, robot).parameters == model.parameters
+    path = loopid.Fit.of(model, found).save(tmp_path / "fit.yaml")
+    assert load_fit(path, robot=robot).parameters == model.parameters
     del JOINT_TERMS._entries["Gas"]
     with pytest.raises(LoopidError, match="Gas"):
         load_fit(path)
@@ -111,7 +111,7 @@ def test_steps_that_follow_the_position_too_are_filtered(register, load_once):
     law = lambda joint, _: joint.sign() * (1.0 + joint.position)  # noqa: E731
     register("Fq", term(law, ("sign", "position")))
     robot = load_once("five_bar")
-    log = read_log(LOG, robot)
+    log = read_log(robot, LOG)
     recording = loopid.prepare(robot, log)
     models = [loopid.force_model(robot, "gravity", terms) for terms in ("Fc,Fq", "Fc,Fv")]
     W, plain = (model.samples(recording) for model in models)
@@ -138,7 +138,7 @@ def test_a_coefficient_without_unit_goes_all_the_way(register, load_once, tmp_pa
     truth = np.where([p.kind == "Cog" for p in model.parameters], 0.3, model.prior)
     run = modelled(model, wander(robot, 4, seconds=4.0, size=(0.4, 0.4)), truth, noise=0.01)
     fit = quiet_fit(model.samples(run))
-    found = load_fit(model.fit_of(fit).save(tmp_path / "fit.yaml"))["left_crank_joint.Cog"]
+    found = load_fit(loopid.Fit.of(model, fit).save(tmp_path / "fit.yaml"))["left_crank_joint.Cog"]
     assert abs(found.value - 0.3) < 4 * found.standard_error
     assert "  " not in str(found)
     assert " 1 (" not in str(found)

@@ -200,10 +200,10 @@ class Material:
     def fit(self) -> Path:
         """What the arm's log tells, saved."""
         arm = loopid.load(self.robots["arm"][0])
-        recording = loopid.prepare(arm, read_log(self.logs["arm"][0], arm))
+        recording = loopid.prepare(arm, read_log(arm, self.logs["arm"][0]))
         model = loopid.force_model(arm, "full", JointTerms(arm.actuated))
         place = self.folder / "fit.yaml"
-        return model.fit_of(fit(model.samples(recording), "ols")).save(place)
+        return loopid.Fit.of(model, fit(model.samples(recording), "ols")).save(place)
 
     @cached_property
     def mapping(self) -> Path:

@@ -23,7 +23,7 @@ import loopid
 from loopid import JointTerms
 from loopid.base_parameters import SubgroupSearch
 from loopid.control import RecursiveLeastSquares, WrenchObserver
-from loopid.errors import LoopidError, MissingExtraError
+from loopid.errors import LoopidError, MissingExtraError, optional
 from loopid.export import c_source
 from loopid.export.robot_file import export_robot_file
 from loopid.identification import Bisquare, FitSamples, WeightedLeastSquares
@@ -52,7 +52,7 @@ class Log:
         path = folder / self.name
         np.savetxt(path, np.column_stack(self.columns), "%.17g", ",", header=",".join(self.names))
         robot = load("four_bar")
-        return loopid.read_log(path, robot, mapping=loopid.logs.LogMapping(**self.mapping))
+        return loopid.read_log(robot, path, mapping=loopid.logs.LogMapping(**self.mapping))
 
 
 def names(*given, **mapping):
@@ -66,7 +66,7 @@ def table(header="", more="", **mapping):
         rows = [",".join(map(repr, row)) + more for row in np.column_stack(ROWS).tolist()]
         (folder / "run.csv").write_text("\n".join([header, *rows, ""]).lstrip())
         mapped_by = loopid.logs.LogMapping(**mapping)
-        return loopid.read_log(folder / "run.csv", load("four_bar"), mapping=mapped_by)
+        return loopid.read_log(load("four_bar"), folder / "run.csv", mapping=mapped_by)
 
     return make
 
@@ -410,7 +410,7 @@ def saved(name, fit, model="gravity"):
     def make(folder):
         found = forces(name, model)
         values = loopid.identification.fit(found.samples(recorded(found))) if fit else found.prior
-        return loopid.load_fit(found.fit_of(values).save(folder / "fit.json"))
+        return loopid.load_fit(loopid.Fit.of(found, values).save(folder / "fit.json"))
 
     return make
 
@@ -455,7 +455,7 @@ def bag(choose):
             write_ros2(folder / "run", states("ros2", robot.actuated, *columns), "db3")
             (folder / "run" / "metadata.yaml").unlink()
             shutil.copy(folder / "run" / "run.db3", folder / "run#1.db3")
-        return loopid.read_log(choose(folder), robot)
+        return loopid.read_log(robot, choose(folder))
 
     return make
 
@@ -529,7 +529,7 @@ def moved(**options):
         tree = (folder / "other.urdf").read_text()
         (folder / "other.urdf").write_text(tree.replace('robot name="five_bar"', 'robot name="x"'))
         found = loopid.force_model(loopid.load(folder / "other.yaml"), "full", None)
-        place = found.fit_of(found.prior).save(folder / "fit.json")
+        place = loopid.Fit.of(found, found.prior).save(folder / "fit.json")
         (folder / "new").mkdir(exist_ok=True)
         for end in ("yaml", "urdf"):
             shutil.move(folder / f"other.{end}", folder / "new" / f"other.{end}")
@@ -566,7 +566,7 @@ def masses(make_fit):
     def make(folder):
         found = forces("five_bar", "full")
         fit = make_fit(found, found.samples(recorded(found)))
-        file = found.fit_of(fit).save(folder / "fit.json")
+        file = loopid.Fit.of(found, fit).save(folder / "fit.json")
         return fitted_masses(load("five_bar"), loopid.load_fit(file))
 
     return make
@@ -633,12 +633,10 @@ OF_FITS = {
         lambda _: loopid.identification.fit(forces().samples(recorded(forces()))).predict(
             recorded(forces())
         ),
-        "give it one, fit = model.fit_of(fit)",
-        lambda _: (
-            forces()
-            .fit_of(loopid.identification.fit(forces().samples(recorded(forces()))))
-            .predict(recorded(forces()))
-        ),
+        "give it one, fit = Fit.of(model, fit)",
+        lambda _: loopid.Fit.of(
+            forces(), loopid.identification.fit(forces().samples(recorded(forces())))
+        ).predict(recorded(forces())),
     ),
     "a saved fit that was changed": (
         lambda folder: changed(saved("four_bar", fit=True)(folder), folder),
@@ -960,10 +958,8 @@ def test_what_a_warning_advises_ends_it(case, tmp_path):
 def missing_packages():
     """Packages of which the source says that they may be missing, with the extras it names."""
     for file in Path(loopid.__file__).parent.rglob("*.py"):
-        for found in re.finditer(r'MissingExtraError\.of\("(.*?)", "(.*?)"\)', file.read_text()):
+        for found in re.finditer(r'optional\("(.*?)", "(.*?)"\)', file.read_text()):
             yield found.groups()
-        for found in re.finditer(r'optional\("(.*?)"\)', file.read_text()):
-            yield found[1], "logs"
 
 
 def test_the_extra_that_is_named_brings_what_is_missing():
@@ -971,8 +967,10 @@ def test_the_extra_that_is_named_brings_what_is_missing():
     found = dict(missing_packages())
     assert {"mujoco", "h5py", "viser"} <= {*found}
     for package, extra in found.items():
-        said = str(MissingExtraError.of(package, extra))
-        assert said == f"{package} is not installed: pip install 'loopid[{extra}]' brings it"
+        with pytest.raises(MissingExtraError) as missing, optional(package, extra):
+            raise ImportError
+        said = f"{package} is not installed: pip install 'loopid[{extra}]' brings it"
+        assert str(missing.value) == said
         brought = project["optional-dependencies"][extra]
         assert any(re.match(rf"{package}\b", requirement) for requirement in brought)
 

@@ -77,7 +77,7 @@ def saved(study):
     found = study
     fits = found.fit, found["all parameters"].fit, found.force_model.prior
     names = "recommended", "all", "values alone"
-    whole = (FitFile.of(found.force_model.fit_of(fit)) for fit in fits)
+    whole = (FitFile.of(loopid.Fit.of(found.force_model, fit)) for fit in fits)
     return dict(zip(names, whole, strict=True))
 
 

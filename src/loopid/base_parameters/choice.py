@@ -283,15 +283,14 @@ class SearchStrategy(ABC):
         """
         start = thread_time()
         with one_blas_thread():
-            result = self._search(problem) if problem.dependent_count else self._no_choice(problem)
+            if problem.dependent_count:
+                result = self._search(problem)
+            else:  # every parameter is a base parameter
+                result = self._result(problem, (), certified=True, gap=1.0, evaluated=1, ties=1)
         return replace(result, seconds=thread_time() - start)
 
     @abstractmethod
     def _search(self, problem: ChoiceProblem) -> SearchResult: ...
-
-    def _no_choice(self, problem: ChoiceProblem) -> SearchResult:
-        """The only answer where every parameter is a base parameter."""
-        return self._result(problem, (), certified=True, gap=1.0, evaluated=1, ties=1)
 
     def _result(
         self, problem: ChoiceProblem, dependent: Iterable[int] | None, **found: Any

@@ -40,9 +40,8 @@ REACH, SMALL = 1e3, 1e-2
 # Where the file does not state its accuracy, they are tried where that value is fainter, with
 # lengths presumed to be off by a part of the characteristic length.
 FAINT, PRESUMED = 1e-5, 1e-6
-CLEAR = (
-    1e3  # ratio of the last singular value that counts to the next from which on a rank is clear
-)
+# Ratio of the last singular value that counts to the next from which on a rank is clear.
+CLEAR = 1e3
 
 
 @record(kw_only=True, checked=True)
@@ -259,10 +258,7 @@ def _not_round_off(
 
 
 def _counted(
-    observation: Observation,
-    scales: FloatArray,
-    values: FloatArray,
-    counted: int,
+    observation: Observation, scales: FloatArray, values: FloatArray, counted: int
 ) -> tuple[int, str]:
     """How many relative singular values count; and what tells of the rounding that made the rest.
 

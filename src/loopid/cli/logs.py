@@ -21,7 +21,6 @@ from loopid.progress import progress_bar
 
 if TYPE_CHECKING:
     from loopid.cli.shell import Answer
-    from loopid.diagnosis.gains import GainFit
     from loopid.identification.identification import Identification
     from loopid.identification.log_mistakes import LogFaults
     from loopid.identification.result import Fit
@@ -148,11 +147,11 @@ def predict(
 ) -> None:
     """Predict the forces of logs with a saved fit."""
     from loopid.identification.log_mistakes import log_faults_by_log
-    from loopid.identification.saved import load_fit
+    from loopid.identification.result import load_fit
     from loopid.report.forces import prediction_report
 
     answer.require(fit, mapping, *logs)
-    saved = load_fit(fit, robot)
+    saved = load_fit(fit, robot=robot)
     runs = recordings(saved.robot, logs, mapping, cutoff, rows)
     suspected = log_faults_by_log(saved.robot, runs, saved.require_model().joint_terms)
     found = saved.predict(runs)
@@ -210,11 +209,13 @@ def payload(
     logged = [*runs["unloaded"], *runs["loaded"]]
     fitted = force_model(robot, chosen_model(robot, model, logged), terms)
     if known_mass is None:
-        report = payload_report(robot, identify_payload(fitted, link, **runs, estimator=estimator))
+        found = identify_payload(fitted, link=link, **runs, estimator=estimator)
+        report = payload_report(robot, found)
     else:
         load = KnownLoad(known_mass, None if centre is None else numbers(centre, "--centre", 3))
-        gains = drive_gains(fitted, link, load, **runs, estimator=estimator)
-        _write_gains(write_mapping, gains, logged, mapping)
+        gains = drive_gains(fitted, link=link, load=load, **runs, estimator=estimator)
+        if write_mapping is not None:
+            write_file(write_mapping, gains.mapping(mapping).content)
         report = gains_report(robot, gains)
     answer.show(_vetoed(report, log_faults_by_log(robot, runs["unloaded"], fitted.joint_terms)))
 
@@ -228,17 +229,6 @@ def _require_gains(
         raise OptionError(f"{given} is for gains: say the mass of the payload, --known-mass KG")
     if mapping is not None:
         require_other_file(mapping, *inputs)
-
-
-def _write_gains(
-    path: str | None, gains: GainFit, runs: Sequence[Recording], mapping: str | None
-) -> None:
-    """Write a mapping that has the gains, if asked for."""
-    from loopid.logs.mapping import read_mapping
-
-    if path is not None:
-        own = None if mapping is None else read_mapping(mapping)
-        write_file(path, gains.mapping(runs, own).content)
 
 
 def _vetoed(report: Report, suspected: Sequence[LogFaults]) -> Report:
@@ -281,7 +271,7 @@ def export(
 
     The robot is loaded as it was for the fit, and refused where it is another one.
     """
-    from loopid.identification.saved import load_fit
+    from loopid.identification.result import load_fit
     from loopid.loading.files import own_files
     from loopid.report.look import json_text
 
@@ -289,7 +279,7 @@ def export(
         raise OptionError(
             "nothing to export: give --urdf FILE, --mjcf FILE, --yaml FILE or --c DIR"
         )
-    saved = load_fit(fit, file)
+    saved = load_fit(fit, robot=file)
     if yaml is not None:
         require_other_file(yaml, fit, *own_files(saved.robot))
     written = _exported(saved, robot, yaml, c, name=name, overwrite=overwrite, anyway=anyway)
@@ -313,15 +303,15 @@ def _exported(
     """Write a fit; all that may be refused is found out before the first file is written."""
     from loopid.export.c_code import c_source
     from loopid.identification.plausibility import require_fit_for_use
-    from loopid.identification.saved import content
 
     require_fit_for_use(fit, anyway)
     if yaml is not None:
-        content(fit, yaml, anyway=anyway)
+        fit.content(yaml, anyway=anyway)
     code = None if c is None else c_source(fit.require_model(), name=name, values=fit.values)
     written = list[Path]()
     if robot is not None:
-        written.append(fit.to_robot_file(robot, overwrite=overwrite, anyway=anyway))
+        loaded = fit.to_robot_file(robot, overwrite=overwrite, anyway=anyway)
+        written += dict.fromkeys([Path(robot), loaded])
     if yaml is not None:
         written.append(fit.save(yaml, anyway=anyway))
     if code is not None and c is not None:

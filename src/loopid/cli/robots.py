@@ -446,7 +446,7 @@ def recordings(
     rows: str | None = None,
 ) -> tuple[Recording, ...]:
     """Logs of an option, read and made ready."""
-    from loopid.logs.preparing import read_recordings
+    from loopid.logs.reading import read_recordings
     from loopid.logs.recording import FilterOptions
 
     options = FilterOptions() if cutoff is None else FilterOptions(cutoff=cutoff)

@@ -177,17 +177,12 @@ def in_words(findings: Sequence[Finding], verbose: bool) -> list[str]:
     if verbose:
         return [f"{each.severity}: {each}" for each in findings]
     serious = [each for each in findings if each.severity != "note"]
-    said = [_in_two_lines(each) for each in serious[:MOST_SAID]]
+    said = [f"{each.severity}: {each.brief}" for each in serious[:MOST_SAID]]
+    for k, each in enumerate(serious[:MOST_SAID]):
+        if len(said[k]) > WIDTH and each.do:  # on a line of its own
+            said[k] = f"{each.severity}: {each.title}\n  {each.do}"
     left = len(findings) - len(said)
     return [*said, *([f"{left} more findings: --verbose"] if left and said else [])]
-
-
-def _in_two_lines(found: Finding) -> str:
-    """A finding and what to do, on a line of its own where there is no room beside it."""
-    said = f"{found.severity}: {found.brief}"
-    if len(said) <= WIDTH or not found.do:
-        return said
-    return f"{found.severity}: {found.title}\n  {found.do}"
 
 
 def answering(

@@ -134,10 +134,8 @@ class WrenchObserver:
         self.dynamics, self.interval, self.moving = dynamics, interval, MOVING
         self.part = gain * interval / (1.0 + gain * interval)  # of what is new in the filter
         ones = np.ones(dynamics.dof)
-        self.noise, self.unmodelled = (
-            finite(noise, "noise") * ones,
-            finite(unmodelled, "unmodelled") * ones,
-        )
+        self.noise = finite(noise, "noise") * ones
+        self.unmodelled = finite(unmodelled, "unmodelled") * ones
         if not (self.noise + self.unmodelled).all():
             raise DataError("an observer needs deviations: give noise, or what is unmodelled")
         robot = dynamics.robot
@@ -159,9 +157,8 @@ class WrenchObserver:
         """
         dynamics, u, v = self.dynamics, *signals[:2]
         commanded = v if rates is None else rates
-        bias = dynamics.regressor(u, v, 0 * v, friction=False) + dynamics.friction_regressor(
-            u, commanded
-        )
+        bias = dynamics.regressor(u, v, 0 * v, friction=False)
+        bias = bias + dynamics.friction_regressor(u, commanded)
         mass = dynamics.mass_regressor(u)
         if self._last is None:  # nothing touches the robot at first
             self._passed = bias, bias @ dynamics.values

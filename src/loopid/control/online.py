@@ -13,13 +13,14 @@ which moves no values:
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import Field
 from scipy.linalg import lapack, solve_triangular
 
 from loopid.arguments import FloatArray, Positive, checked, finite, shaped
-from loopid.errors import DataError, OptionError, RankError
+from loopid.errors import DataError, RankError
 
 Forgetting = Literal["none", "exponential", "directional"]
 LEAST = 1e-3  # of the largest excited direction: smaller ones do not forget
@@ -64,13 +65,11 @@ class RecursiveLeastSquares:
         deviations: FloatArray,
         *,
         forgetting: Forgetting = "none",
-        memory: Positive = 1000.0,
+        memory: Annotated[float, Field(gt=1)] = 1000.0,
     ) -> None:
         phi, sigma = finite(values, "values"), finite(deviations, "deviations")
         if phi.ndim != 1 or sigma.ndim != 1 or not (sigma > 0).all():
             raise DataError("values (n,) and positive deviations (dof,) must be vectors")
-        if not memory > 1:
-            raise OptionError(f"memory must be above 1 sample, not {memory:g}", given=memory)
         self.deviations, self.forgetting, self.memory = sigma, forgetting, memory
         self._n, self._keep = len(phi), np.sqrt(1.0 - 1.0 / memory)
         root = np.zeros(2 * phi.shape) if covariance is None else _information_root(covariance, phi)
@@ -185,12 +184,9 @@ class ChangeDetector:
     """
 
     @checked
-    def __init__(self, *, drift: float = 2.0, limit: float = 25.0) -> None:
-        if not (drift > 1 and limit > 0):
-            raise OptionError(
-                f"drift must be above 1 and limit above 0, not {drift:g} and {limit:g}",
-                given=(drift, limit),
-            )
+    def __init__(
+        self, *, drift: Annotated[float, Field(gt=1)] = 2.0, limit: Positive = 25.0
+    ) -> None:
         self.drift, self.limit, self.sum = drift, limit, 0.0
 
     def update(self, innovation: float, count: int) -> bool:

@@ -13,8 +13,10 @@ part of Fc: springs with the force c z, and c / x of those that do not slip adds
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from loopid.arguments import FloatArray, Positive, checked, random_generator, samples
 from loopid.control.laws import Law, Reference, Signals
@@ -24,6 +26,7 @@ from loopid.parameters import KINDS, Parameter
 from loopid.records import record
 from loopid.regressors.dynamics import Dynamics
 from loopid.regressors.joint_laws import JointState, joint_term
+from loopid.regressors.maxwell_slip import slipped
 from loopid.robot.robot import shortened
 
 SAME, SWEEPS = 1e-12, 1000  # relative change of velocities that ends their iteration; at most
@@ -56,13 +59,9 @@ class LoopOptions:
     interval: Positive = 0.01
     noise: Noise = Noise()
     cutoff: Positive = 20.0
-    delay: int = 0
+    delay: Annotated[int, Field(ge=0)] = 0
     step: Positive = 2e-3
     refresh: Positive = 0.01
-
-    def __post_init__(self) -> None:
-        if self.delay < 0:
-            raise OptionError(f"delay must be samples from 0 on, not {self.delay}")
 
 
 USUAL = LoopOptions()
@@ -131,12 +130,7 @@ class ControlLoop:
 
     @checked
     def __init__(
-        self,
-        robot: Dynamics,
-        controller: Law,
-        *,
-        options: LoopOptions = USUAL,
-        seed: int = 0,
+        self, robot: Dynamics, controller: Law, *, options: LoopOptions = USUAL, seed: int = 0
     ) -> None:
         self.robot, self.controller, self.options = robot, controller, options
         self.random = random_generator(seed)
@@ -268,8 +262,7 @@ class _Springs:
 
     def slide(self, way: FloatArray) -> None:
         """Go on by ways (dof,) of the motors."""
-        moved = self._states + way[self._joints] / self._displacements
-        self._states = np.clip(moved, -1.0, 1.0)
+        self._states = slipped(self._states, way[self._joints] / self._displacements)
 
     def _sums(self, numbers: FloatArray) -> FloatArray:
         return np.bincount(self._joints, numbers, self._dof).astype(np.float64)

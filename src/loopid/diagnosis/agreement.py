@@ -14,6 +14,7 @@ from scipy.special import stdtr
 
 from loopid.arguments import FloatArray, checked
 from loopid.errors import DataError
+from loopid.identification.identification import Identification
 from loopid.identification.result import VALUES, Fit
 from loopid.records import Tabular, record
 
@@ -89,12 +90,18 @@ class Agreement(Tabular):
 
 
 @checked
-def compare_fits(first: Fit, second: Fit) -> Agreement:
+def compare_fits(first: Fit | Identification, second: Fit | Identification) -> Agreement:
     """Compare fits of two logs of one robot, by what their errors let them differ.
 
     Parameters
     ----------
-    first, second : Fit
+    first, second : Fit or Identification
+        Of an identification, its fit.
+
+    Returns
+    -------
+    Agreement
+        Differences of the parameters, in their standard errors.
 
     Raises
     ------
@@ -109,13 +116,16 @@ def compare_fits(first: Fit, second: Fit) -> Agreement:
     >>> from loopid.identification.fitting import quiet_fit
     >>> robot = loopid.load("five_bar")
     >>> model = loopid.force_model(robot, "full", "Fc,Fv")
-    >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
     >>> parts = loopid.identification.split_recordings([run], 0.5)
     >>> fits = [quiet_fit(model.samples(part)) for (part,) in parts]
     >>> found = loopid.diagnosis.compare_fits(*fits)
     >>> len(found.expressions), found.usual > 0.7
     (15, True)
     """
+    first, second = (
+        each.fit if isinstance(each, Identification) else each for each in (first, second)
+    )
     if VALUES in (first.estimator, second.estimator):
         raise DataError("fits of values alone have no errors that they could agree within")
     kinds = [fit.model and fit.model.model for fit in (first, second)]

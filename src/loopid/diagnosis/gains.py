@@ -12,14 +12,16 @@ times as large, so that m s_i is the mass by motor i alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from scipy.special import stdtrit
 
-from loopid.arguments import BoolArray, FloatArray, checked, finite
+from loopid.arguments import BoolArray, FloatArray, Positive, checked, finite
 from loopid.diagnosis.loaded_runs import LoadedRuns
 from loopid.errors import DataError, OptionError, RankError
 from loopid.identification.estimator import (
@@ -32,10 +34,10 @@ from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit
-from loopid.logs.mapping import LogMapping
-from loopid.logs.recording import Recording
+from loopid.logs.mapping import LogMapping, mapping_of
 from loopid.parameters import KINDS, ParameterSet
 from loopid.records import record
+from loopid.robot.robot import Robot
 
 # Relative change of the scales at which steps end, how many there are at most, and the change at
 # which scales count as found after these.
@@ -66,13 +68,11 @@ class KnownLoad:
         When the mass is not above 0, an array has another shape, or an inertia has no centre.
     """
 
-    mass: float
+    mass: Positive
     centre: FloatArray | None = None
     inertia: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        if not 0 < self.mass < np.inf:
-            raise OptionError(f"the known mass must be above 0 kg, not {self.mass}")
         for name, shape in (("centre", (3,)), ("inertia", (3, 3))):
             if getattr(self, name) is None:
                 continue
@@ -112,6 +112,8 @@ class GainFit:
     undetermined : tuple of str
         Motors whose gains are undetermined: their forces do not depend on robot and load, or
         hardly.
+    force_scales : tuple of mapping
+        Of each log, see ``Log``; empty where there is none.
     """
 
     actuators: tuple[str, ...]
@@ -119,6 +121,7 @@ class GainFit:
     covariance: FloatArray
     degrees_of_freedom: float
     undetermined: tuple[str, ...] = ()
+    force_scales: tuple[Mapping[str, float], ...] = ()
 
     def intervals(self, level: float = 0.95) -> FloatArray:
         """Confidence intervals (m, 2) of the gains.
@@ -131,31 +134,27 @@ class GainFit:
         with np.errstate(divide="ignore"):
             return np.asarray(self.gains[:, None] / ends)
 
-    def mapping(
-        self, recordings: Sequence[Recording], mapping: LogMapping | None = None
-    ) -> LogMapping:
-        """The mapping by which the logs of recordings are read with these gains.
+    def mapping(self, mapping: LogMapping | str | Path | None = None) -> LogMapping:
+        """The mapping by which the logs are read with these gains.
 
         Its ``content`` is that of a mapping file. Motors whose gains are undetermined keep them.
 
         Parameters
         ----------
-        recordings : sequence of Recording
-        mapping : LogMapping, optional
+        mapping : LogMapping or path, optional
             By which they were read.
 
         Raises
         ------
         DataError
-            When a recording is not of a file.
+            When a log is not of a file.
         OptionError
             When forces of the logs are in different units, or motors move joints together.
         """
-        scales = [run.log.force_scales if run.log is not None else {} for run in recordings]
-        if not all(scales):
+        if not all(self.force_scales):
             raise DataError("a mapping is of logs from files, which recordings of motions have not")
         gains = dict(zip(self.actuators, self.gains.tolist(), strict=True))
-        return (mapping or LogMapping()).with_gains(gains, scales)
+        return mapping_of(mapping).with_gains(gains, self.force_scales)
 
     def __repr__(self) -> str:
         told = zip(self.actuators, self.gains, self.intervals(), strict=True)
@@ -166,12 +165,13 @@ class GainFit:
 
 @checked
 def drive_gains(
-    force_model: ForceModel,
+    robot: Robot | ForceModel,
+    unloaded: Any,
+    loaded: Any,
+    *,
     link: str,
     load: KnownLoad,
-    *,
-    unloaded: Sequence[Recording],
-    loaded: Sequence[Recording],
+    mapping: Any = None,
     estimator: Estimator | str = "wls",
 ) -> GainFit:
     """Find the gains of drives from runs without and with a load of known mass.
@@ -181,14 +181,23 @@ def drive_gains(
 
     Parameters
     ----------
-    force_model : ForceModel
+    robot : Robot or ForceModel
+        Of a robot it is the model that the data ask for.
+    unloaded, loaded
+        Of any form that ``identify`` takes.
     link : str
         That the load was fixed to.
     load : KnownLoad
         Its mass is enough; its centre and inertia, where they are known, make gains surer.
-    unloaded, loaded : sequence of Recording
+    mapping : LogMapping or path, optional
+        Which columns of paths and tables are what.
     estimator : Estimator or str
         As in ``fit``.
+
+    Returns
+    -------
+    GainFit
+        True forces over logged ones, of each motor with a determined gain.
 
     Raises
     ------
@@ -207,45 +216,36 @@ def drive_gains(
     >>> loopid.diagnosis.KnownLoad(-2.0)
     Traceback (most recent call last):
         ...
-    loopid.errors.OptionError: the known mass must be above 0 kg, not -2.0
+    loopid.errors.OptionError: mass must be above 0, not -2.0
     """
-    if force_model.robot.redundant:
+    own = robot if isinstance(robot, Robot) else robot.robot
+    if own.redundant:
         raise OptionError(
             "gains take motors that do not depend on each other: "
-            f"{', '.join(force_model.robot.redundant)} follow from the others",
-            motors=force_model.robot.redundant,
+            f"{', '.join(own.redundant)} follow from the others",
+            motors=own.redundant,
         )
     name = chosen_estimator(estimator).name
-    runs = LoadedRuns.of(force_model, link, unloaded, loaded, estimator=name)
+    runs = LoadedRuns.of(robot, link, (unloaded, loaded), mapping, estimator=name)
     found = motor_scales(runs, load.parameters[: len(runs.kinds)], estimator)
     if not found.actuators:
         known, advice = ("mass", ": give its centre") if load.centre is None else ("load", "")
         raise RankError(f"no force of a motor shows what the known {known} on {link} does{advice}")
     s = found.values
     covariance = found.covariance / np.outer(s**2, s**2)
-    return GainFit(found.actuators, 1 / s, covariance, found.degrees_of_freedom, found.undetermined)
+    others = found.degrees_of_freedom, found.undetermined, runs.force_scales
+    return GainFit(found.actuators, 1 / s, covariance, *others)
 
 
 @record
 class MotorNumbers:
-    """A number of each motor that tells it.
+    """A number of each motor that determines it."""
 
-    Attributes
-    ----------
-    actuators : tuple of str
-        The m motors that determine it.
-    values, covariance : FloatArray
-        (m,) and (m, m).
-    degrees_of_freedom : float
-    undetermined : tuple of str
-        The other motors.
-    """
-
-    actuators: tuple[str, ...]
-    values: FloatArray
-    covariance: FloatArray
+    actuators: tuple[str, ...]  # these m motors
+    values: FloatArray  # (m,)
+    covariance: FloatArray  # (m, m)
     degrees_of_freedom: float
-    undetermined: tuple[str, ...]
+    undetermined: tuple[str, ...]  # the other motors
 
 
 def motor_scales(
@@ -253,12 +253,7 @@ def motor_scales(
 ) -> MotorNumbers:
     """What is logged of motors, in parts of their forces by robot and load.
 
-    With some parameters (k,) of the load known, NaN for the others.
-
-    Raises
-    ------
-    DataError
-        When a scale is not above 0.
+    With some parameters (k,) of the load known, NaN for the others. A scale below 0 is refused.
     """
     chosen, names = chosen_estimator(estimator), np.array(runs.robot.actuators, dtype=object)
     driven = ~np.isin(names, runs.force_model.robot.free)
@@ -321,16 +316,19 @@ class _Rows:
 
     def without(self, motors: BoolArray) -> _Rows:
         """Without the rows of some motors (dof,)."""
-        return replace(
-            self,
-            samples=excited_combinations(replace(self.samples, used=self.samples.used & ~motors)),
-        )
+        kept = replace(self.samples, used=self.samples.used & ~motors)
+        return replace(self, samples=excited_combinations(kept))
 
     def telling(self, driven: BoolArray, estimator: Estimator) -> BoolArray:
         """Motors (dof,) whose scales change the forces as nothing else does."""
         values = estimator.fit_samples(self.unscaled).result.values
-        found, samples = np.array(driven), self.about(values, np.ones(len(driven)), driven)
-        found[driven] = _excited(samples, int(driven.sum()))
+        found, problem = np.array(driven), self.about(values, np.ones(len(driven)), driven).problem
+        count = int(driven.sum())
+        R = problem.weighted(problem.force_weights)[:-1, :-1][:, -count:]
+        sizes = np.linalg.norm(R, axis=0)
+        _, spectrum, right = np.linalg.svd(R[-count:] / np.where(sizes > 0, sizes, 1.0))
+        hidden = right[spectrum < LEAST_EXCITATION]
+        found[driven] = np.linalg.norm(hidden, axis=0) < INVOLVED
         return found
 
     @property
@@ -348,13 +346,3 @@ class _Rows:
         scaled = replace(self.samples, regressor=scales[:, None] * self.samples.regressor)
         added = ParameterSet.of_links(names, ["scale"])
         return scaled.with_force(target).beside(added, columns)
-
-
-def _excited(samples: FitSamples, count: int) -> BoolArray:
-    """Which of the last columns, this many, do what no others do."""
-    R = samples.problem.weighted(samples.problem.force_weights)[:-1, :-1][:, -count:]
-    sizes = np.linalg.norm(R, axis=0)
-    own = R[-count:] / np.where(sizes > 0, sizes, 1.0)
-    _, values, right = np.linalg.svd(own)
-    hidden = right[values < LEAST_EXCITATION]
-    return np.asarray(np.linalg.norm(hidden, axis=0) < INVOLVED)

@@ -2,80 +2,77 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from loopid.arguments import FloatArray, row_blocks
 from loopid.errors import DataError, OptionError
+from loopid.identification.data import read
 from loopid.identification.delay import in_time
-from loopid.identification.force_models import ForceModel, samples_of
+from loopid.identification.force_models import ForceModel, force_model as model_of, samples_of
 from loopid.identification.friction import less_noise, with_friction
 from loopid.identification.information import Excitation, fit_excited
+from loopid.identification.model_choice import choose_model
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import Fit, NoiseModel
+from loopid.identification.quality import NoiseModel
 from loopid.identification.terms import choose_terms
 from loopid.logs.preparing import at_cutoff
-from loopid.logs.recording import Recording
 from loopid.parameters import KINDS
 from loopid.records import record
+from loopid.robot.robot import Robot
 
 
 @record
 class LoadedRuns:
-    """Samples of runs without and with a load on a link; the robot is the same in all of them.
+    """Samples of runs without and with a load on a link; the robot is the same in all of them."""
 
-    Attributes
-    ----------
-    force_model : ForceModel
-        Of the robot, with the joint terms that the runs without the load ask for.
-    link : str
-    unloaded, loaded : FitSamples
-        Of the robot's base parameters.
-    load : FloatArray
-        (N, dof, k), forces per unit of each parameter of the load, in the loaded runs.
-    kinds : tuple of str
-        Of these k parameters.
-    noise : NoiseModel
-        Errors of the motors, in the runs without the load.
-    cutoff : float or None
-        In Hz, of the filter, where it was chosen by predictions.
-    """
-
-    force_model: ForceModel
+    force_model: ForceModel  # with the joint terms that the runs without the load ask for
     link: str
-    unloaded: FitSamples
+    unloaded: FitSamples  # of the robot's base parameters
     loaded: FitSamples
-    load: FloatArray
-    kinds: tuple[str, ...]
-    noise: NoiseModel
-    cutoff: float | None
+    load: FloatArray  # (N, dof, k), forces per unit of each parameter of the load, if it is there
+    kinds: tuple[str, ...]  # of these k parameters
+    noise: NoiseModel  # errors of the motors, in the runs without the load
+    cutoff: float | None  # of the filter in Hz, where it was chosen by predictions
+    force_scales: tuple[Mapping[str, float], ...] = ()  # of each log, see ``Log``
 
     @classmethod
     def of(
         cls,
-        force_model: ForceModel,
+        robot: Robot | ForceModel,
         link: str,
-        unloaded: Sequence[Recording],
-        loaded: Sequence[Recording],
+        data: tuple[Any, Any],
+        mapping: Any = None,
         *,
         estimator: str = "wls",
     ) -> LoadedRuns:
-        """Prepare recordings as ``identify`` does: all by those without the load."""
-        if not unloaded or not loaded:
+        """Prepare data as ``identify`` does: all by those without the load, which come first."""
+        robot, runs = read(robot, *data, mapping=mapping)
+        if not all(runs):
             raise DataError("a load takes recordings without it, and others with it")
+        if isinstance(robot, Robot):
+            robot = model_of(robot, choose_model(robot, [*runs[0], *runs[1]]).model)
+        force_model = robot
+        scales = tuple(
+            {} if run.log is None else run.log.force_scales for each in runs for run in each
+        )
         _columns(force_model, link)
-        runs, delay, choice = in_time(force_model, (unloaded, loaded))
+        (*runs,), delay, choice = in_time(force_model, runs)
         if delay is not None:
             delay.warn()
         if choice is not None:
             choice.warn()
-            robot = force_model.robot
-            runs = tuple(at_cutoff(robot, each, choice.chosen) for each in runs)
+            runs = [at_cutoff(force_model.robot, each, choice.chosen) for each in runs]
         force_model = choose_terms(force_model, samples_of(force_model, runs[0]))
         light = FitSamples.combined([force_model.samples(run) for run in runs[0]])
-        whole = _plain_fit(force_model, light, estimator)
+        # All that is identifiable without a prior; elsewhere as in the robot file.
+        plain, prior = light.select(force_model.plain_columns), force_model.prior
+        excitation = Excitation.of(force_model, plain.problem)
+        own = prior[force_model.plain_columns]
+        whole = fit_excited(plain, own, excitation, estimator=estimator)
         assert whole.noise is not None
         noise = whole.noise
         if force_model.automatic and estimator == "wls":
@@ -91,7 +88,8 @@ class LoadedRuns:
         heavy = FitSamples.combined([force_model.samples(run) for run in runs[1]])
         kinds = tuple(force_model.base.parameters[j].kind for j in columns)
         cutoff = None if choice is None else choice.chosen
-        return cls(force_model, link, light, heavy, np.concatenate(parts), kinds, noise, cutoff)
+        load = np.concatenate(parts)
+        return cls(force_model, link, light, heavy, load, kinds, noise, cutoff, scales)
 
     def carrying(self, load: FloatArray) -> LoadedRuns:
         """The same runs with gears that carry a load (k,) beside the robot's bodies."""
@@ -118,13 +116,6 @@ class LoadedRuns:
     def random_load(self) -> FloatArray:
         """As ``load``, (M, dof, k) in random states of the robot."""
         return self.force_model.random_regressor[:, :, _columns(self.force_model, self.link)]
-
-
-def _plain_fit(force_model: ForceModel, data: FitSamples, estimator: str) -> Fit:
-    """All that is identifiable without a prior; elsewhere as in the robot file."""
-    plain = data.select(force_model.plain_columns)
-    prior, excitation = force_model.prior, Excitation.of(force_model, plain.problem)
-    return fit_excited(plain, prior[force_model.plain_columns], excitation, estimator=estimator)
 
 
 def _columns(force_model: ForceModel, link: str) -> list[int]:

@@ -42,6 +42,10 @@ def compare_modes(robot: Robot) -> ModeComparison:
     There are modes where the drawn pose is singular or open, and so leaves a choice. To choose
     another, give its ``reference`` in the YAML.
 
+    Parameters
+    ----------
+    robot : Robot
+
     Returns
     -------
     ModeComparison

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.special import fdtrc, stdtrit
@@ -34,10 +34,10 @@ from loopid.identification.jackknife import with_scatter
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit, with_errors
 from loopid.inertia import from_moments
-from loopid.logs.recording import Recording
 from loopid.observation import Observation
 from loopid.parameters import GRAVITY_KINDS, ParameterSet
 from loopid.records import record
+from loopid.robot.robot import Robot
 
 PAYLOAD = "payload"
 # Probability that motors are said to disagree which differ by chance.
@@ -204,11 +204,12 @@ class PayloadFit:
 
 @checked
 def identify_payload(
-    force_model: ForceModel,
-    link: str,
+    robot: Robot | ForceModel,
+    unloaded: Any,
+    loaded: Any,
     *,
-    unloaded: Sequence[Recording],
-    loaded: Sequence[Recording],
+    link: str,
+    mapping: Any = None,
     estimator: Estimator | str = "wls",
 ) -> PayloadFit:
     """Identify a payload from runs without and with it, together with the robot's parameters.
@@ -223,13 +224,23 @@ def identify_payload(
 
     Parameters
     ----------
-    force_model : ForceModel
-        ``"gravity"`` determines mass and first moments, ``"full"`` inertias too.
+    robot : Robot or ForceModel
+        ``"gravity"`` determines mass and first moments, ``"full"`` inertias too. Of a robot it is
+        the model that the data ask for.
+    unloaded, loaded
+        Of any form that ``identify`` takes.
     link : str
         A body of the robot.
-    unloaded, loaded : sequence of Recording
+    mapping : LogMapping or path, optional
+        Which columns of paths and tables are what.
     estimator : Estimator or str
         As in ``fit``.
+
+    Returns
+    -------
+    PayloadFit
+        Mass in kg, first moments in kg m, inertias in kg m², in the link's frame, with
+        intervals.
 
     Raises
     ------
@@ -265,7 +276,7 @@ def identify_payload(
     ...         seed=int(carried), standard_parameters=bodies).force
     ...     runs.append(loopid.logs.Recording.of_motion(slow, force, robot.actuated))
     >>> found = loopid.identify_payload(
-    ...     model, "left_coupler", unloaded=[runs[0]], loaded=[runs[1]]
+    ...     model, unloaded=runs[0], loaded=runs[1], link="left_coupler"
     ... )
     >>> found.parameters.labels
     ('payload.m', 'payload.mx', 'payload.my')
@@ -273,7 +284,7 @@ def identify_payload(
     array([2. , 0.2, 0.1])
     """
     chosen = chosen_estimator(estimator)
-    runs = LoadedRuns.of(force_model, link, unloaded, loaded, estimator=chosen.name)
+    runs = LoadedRuns.of(robot, link, (unloaded, loaded), mapping, estimator=chosen.name)
     base = _payload_parameters(runs)
     if chosen.name == "wls":
         runs, working = _with_the_file(runs, base)

@@ -33,18 +33,16 @@ class Collisions:
     """Distances between the links that may touch each other.
 
     Neighbours in the tree or in a loop, and links that touch each other at the reference, are left
-    out.
-
-    Parameters
-    ----------
-    poses : FloatArray
-        (N, nq), some of all over the workspace.
+    out; so are those far from each other in poses (N, nq) of all over the workspace.
     """
 
     def __init__(self, robot: Robot, poses: FloatArray) -> None:
         self.robot, self.far = robot, FAR * robot.length
         self.geometry = _geometry(robot)
-        pieces, tied = self.geometry.geometryObjects, _neighbours(robot)
+        pieces, model = self.geometry.geometryObjects, robot.model
+        tied = {frozenset((k, int(model.parents[k]))) for k in range(1, model.njoints)}
+        for closure in robot.closures:
+            tied.add(frozenset(int(model.frames[k].parentJoint) for k in closure.frame_ids))
         for i, first in enumerate(pieces):
             for j, second in enumerate(pieces[:i]):
                 joints = frozenset((int(first.parentJoint), int(second.parentJoint)))
@@ -153,12 +151,3 @@ def convex_hull(mesh: coal.BVHModelBase) -> Any:
     for triangle in hull.simplices.tolist():
         triangles.append(coal.Triangle(*(number[k] for k in triangle)))
     return coal.Convex(corners, triangles)
-
-
-def _neighbours(robot: Robot) -> set[frozenset[int]]:
-    """Pairs of joints whose links are next to each other, in the tree or through a closure."""
-    model = robot.model
-    found = {frozenset((k, int(model.parents[k]))) for k in range(1, model.njoints)}
-    for closure in robot.closures:
-        found.add(frozenset(int(model.frames[k].parentJoint) for k in closure.frame_ids))
-    return found

@@ -136,23 +136,12 @@ class Quantities:
 
 
 class Bounds:
-    """All that a robot must keep, and its values in motion.
+    """All that a robot must keep, and its values in motion, with poses (N, nq) of the workspace.
 
-    Parameters
-    ----------
-    poses : FloatArray
-        (N, nq), some of all over the workspace.
-    slow : bool
-        Whether speeds and accelerations are to be so small that the forces are those of gravity.
+    In ``slow`` motion the forces are those of gravity.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        limits: MotionLimits,
-        poses: FloatArray,
-        slow: bool,
-    ) -> None:
+    def __init__(self, robot: Robot, limits: MotionLimits, poses: FloatArray, slow: bool) -> None:
         joints = _Joints(robot, limits, slow)
         speeds, (forces, all_forces) = joints.speeds(), joints.forces()
         self._moving = [speeds, joints.accelerations(forces_bounded=all_forces), forces]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from loopid.arguments import FloatArray
-from loopid.errors import MissingExtraError
+from loopid.errors import optional
 from loopid.excitation.problem import Value
 from loopid.excitation.search import Search, Stuck
 
@@ -61,10 +61,8 @@ def by_slsqp(search: Search, start: FloatArray) -> None:
 
 def by_ipopt(search: Search, start: FloatArray) -> None:
     """The interior-point method of IPOPT [Waechter2006]."""
-    try:
+    with optional("ipyopt", "excite"):
         import ipyopt
-    except ImportError as error:
-        raise MissingExtraError.of("ipyopt", "excite") from error
     callbacks, N = _Callbacks(search), len(search.problem.time)
     lower, upper = (np.tile(end[search.watched], N) for end in search.problem.limits)
     n, m = len(start), len(lower)

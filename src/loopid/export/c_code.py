@@ -5,16 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field
+from importlib import import_module
 from importlib.metadata import version
 from importlib.resources import files
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from loopid.arguments import FloatArray, checked, shaped
-from loopid.errors import MissingExtraError, OptionError
+from loopid.errors import OptionError, optional
 from loopid.files import write_files
 from loopid.identification.force_models import ForceModel
 from loopid.identification.plausibility import require_fit_for_use
@@ -57,10 +57,7 @@ class CSource:
 
 @checked
 def c_source(
-    model: ForceModel,
-    *,
-    name: str | None = None,
-    values: FloatArray | None = None,
+    model: ForceModel, *, name: str | None = None, values: FloatArray | None = None
 ) -> CSource:
     """Generate C source of a force model, for a controller that knows its motors only.
 
@@ -76,6 +73,11 @@ def c_source(
         A C identifier; by default made of the robot's name.
     values : FloatArray, optional
         Of the base parameters (n,), to be put into the source.
+
+    Returns
+    -------
+    CSource
+        The texts of the files; ``save`` writes them.
 
     Raises
     ------
@@ -94,8 +96,8 @@ def c_source(
     ...     [path.name for path in loopid.export.c_source(model).save(folder)]
     ['five_bar.h', 'five_bar.c', 'five_bar.casadi']
     """
-    if find_spec("casadi") is None:
-        raise MissingExtraError.of("casadi", "codegen")
+    with optional("casadi", "codegen"):
+        import_module("casadi")
     from loopid.export.symbolic import SymbolicRobot, c_of  # here, as it needs CasADi
 
     chosen = _identifier(model.robot.name) if name is None else name

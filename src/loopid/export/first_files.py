@@ -206,21 +206,16 @@ class _Key(NamedTuple):
 
 
 def _file(*parts: str | _Key) -> str:
-    """A YAML of comments and keys."""
-    lines: list[str] = []
+    """A YAML of comments and keys, an entry a line."""
+    yaml, lines = yaml_writer(), list[str]()
+    yaml.default_flow_style = False
+    yaml.indent(sequence=4, offset=2)
     for part in parts:
         if isinstance(part, str):
             lines += [f"# {one_line(part)}" if part else ""]
         else:
-            own = _lines(part.name, part.value)
+            text = io.StringIO()
+            yaml.dump({part.name: part.value}, text)
+            own = text.getvalue().splitlines()
             lines += own if part.sure else [f"# {line}" for line in own]
     return "\n".join(lines) + "\n"
-
-
-def _lines(name: str, value: Any) -> list[str]:
-    """A key with its value as YAML writes it, an entry a line."""
-    text, yaml = io.StringIO(), yaml_writer()
-    yaml.default_flow_style = False
-    yaml.indent(sequence=4, offset=2)
-    yaml.dump({name: value}, text)
-    return text.getvalue().splitlines()

@@ -24,6 +24,14 @@ def to_pinocchio(robot: Robot) -> tuple[pin.Model, pin.StdVec_RigidConstraintMod
     Coulomb friction of the robot file are in ``armature``, ``damping`` and ``friction``. With the
     values of a fit: ``fit.to_pinocchio()``.
 
+    Parameters
+    ----------
+    robot : Robot
+
+    Returns
+    -------
+    pin.Model, and Pinocchio's vector of ``RigidConstraintModel``
+
     Raises
     ------
     OptionError

@@ -19,16 +19,19 @@ import numpy as np
 
 from loopid.arguments import FloatArray, checked, finite
 from loopid.errors import DataError, FileError, ModelWarning, OptionError, RobotFileError, warn
-from loopid.files import write_file
-from loopid.identification.friction import nearest_line
+from loopid.files import write_files
+from loopid.identification.friction_curves import nearest_line
 from loopid.identification.plausibility import require_fit_for_use
-from loopid.identification.result import Fit, MotorUse
+from loopid.identification.quality import MotorUse
+from loopid.identification.result import Fit
 from loopid.inertia import body_defect, central_moments, centre, from_moments, pseudo_inertia
-from loopid.loading.files import files_of
+from loopid.loading.closure import with_more
+from loopid.loading.files import YAML, RobotFiles, files_of
 from loopid.parameters import KINDS, MODELS, ParameterSet
 from loopid.registry import editable_files
 from loopid.regressors.joint_laws import grouped, joint_term
 from loopid.robot.robot import Body, Robot, link_frames, shortened
+from loopid.yaml_files import yaml_text
 
 # Relative difference between a body as its links in the file make it and as it was loaded.
 AGREEMENT = 1e-9
@@ -104,9 +107,16 @@ def export_robot_file(
     """Write the robot's file with updated inertials, whole or not at all; see above.
 
     The name ends as the robot's own file does; paths of meshes and of a YAML's ``urdf`` are not
-    adapted.
+    adapted. Of a robot with closures, motors or a reference given in Python a YAML beside it has
+    these.
+
+    Returns
+    -------
+    Path
+        What to load: the YAML where there is one.
     """
-    place, tree = Path(path), files_of(robot).tree
+    place, files = Path(path), files_of(robot)
+    tree, texts = files.tree, dict[str, bytes | str]()
     if place.suffix != tree.suffix:
         raise OptionError.unknown("ending", place.suffix or str(path), [tree.suffix])
     if not overwrite and place.exists() and place.samefile(tree):
@@ -114,9 +124,32 @@ def export_robot_file(
             f"{path} is the robot's own file: name another, or replace it by overwrite=True",
             file=str(path),
         )
-    content = updated_robot_file(robot, standard_parameters, parameters=parameters, use=use)
-    write_file(place, content)
-    return place
+    if given := _given_in_python(robot, files, place.name):
+        named = place.with_suffix(YAML[0])
+        if not overwrite and named.exists() and named.read_bytes() != given.encode():
+            raise FileError(
+                f"{named}, which would have the closures and motors given in Python, is there "
+                "already: name another file, or replace it by overwrite=True",
+                file=str(named),
+            )
+        texts[named.name] = given
+    texts[place.name] = updated_robot_file(
+        robot, standard_parameters, parameters=parameters, use=use
+    )
+    return place.with_name(next(iter(write_files(place.parent, texts))).name)
+
+
+def _given_in_python(robot: Robot, files: RobotFiles, tree: str) -> str:
+    """The YAML of a robot whose file has less than ``load`` was given; empty where it has all."""
+    options = robot.options
+    more = [options.get(name) for name in ("closures", "motors", "reference")]
+    if not any(more):
+        return ""
+    kept = {name: options[name] for name in ("rounding", "floating_base") if options.get(name)}
+    named = {"mjcf" if files.given.mjcf else "urdf": tree, **kept}
+    closures, motors, reference = more
+    given = with_more(files.given, closures or (), motors, reference).model_copy(update=named)
+    return yaml_text(given.model_dump(mode="json", exclude_defaults=True))
 
 
 def robot_file_of(

@@ -359,12 +359,7 @@ def _ground(gravity: FloatArray) -> Link:
 
 
 def _carried(
-    parent: Link,
-    place: tuple[int, slice],
-    mount: pin.SE3,
-    joint: SymbolicJoint,
-    v: Any,
-    a: Any,
+    parent: Link, place: tuple[int, slice], mount: pin.SE3, joint: SymbolicJoint, v: Any, a: Any
 ) -> Link:
     """The link that a joint carries on another one."""
     P, p = constant(mount)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from loopid.arguments import IntArray
-from loopid.errors import DataWarning, LogError, warn
+from loopid.errors import DataWarning, LogError, optional, warn
 from loopid.logs.table import (
     LARGEST_STAMP,
     MOST_LISTED,
@@ -19,7 +19,6 @@ from loopid.logs.table import (
     LogFormat,
     Table,
     array_table,
-    optional,
     refusals,
 )
 
@@ -84,7 +83,7 @@ class BagFormat(LogFormat):
     @cached_property
     def _topics(self) -> dict[str, Topic]:
         """The joint states of each topic, or of the chosen one."""
-        with optional("rosbags"):
+        with optional("rosbags", "logs"):
             from rosbags.highlevel import AnyReader
             from rosbags.typesys import Stores, get_typestore
         with refusals(self.path, "ROS bag that can be read"):
@@ -100,17 +99,14 @@ class BagFormat(LogFormat):
                     topics[connection.topic].append(state, received)
         for name, topic in topics.items():
             if len(topic.stamps) != counts[name]:
-                raise LogError(
-                    f"{self.path} is damaged, or was not closed: {name} has {len(topic.stamps)} "
-                    f"messages, but its index says {counts[name]}",
-                    file=self.path,
+                raise self.refused(
+                    f"is damaged, or was not closed: {name} has {len(topic.stamps)} messages, but "
+                    f"its index says {counts[name]}",
                     topic=name,
                 )
         filled = {name: topic for name, topic in topics.items() if topic.columns}
         if not filled:
-            raise LogError(
-                f"{self.path} has no joint states in {', '.join(topics)}", file=self.path
-            )
+            raise self.refused(f"has no joint states in {', '.join(topics)}")
         return filled
 
     def _chosen(self, topics: Mapping[str, Any]) -> dict[str, int]:
@@ -119,16 +115,12 @@ class BagFormat(LogFormat):
         if not counts:
             listed = [f"{n} ({t.msgtype or 'several types'})" for n, t in topics.items()]
             there = ", ".join(listed[:MOST_LISTED]) or "no topics"
-            raise LogError(
-                f"{self.path} has no topic of type {JOINT_STATE}: it has {there}", file=self.path
-            )
+            raise self.refused(f"has no topic of type {JOINT_STATE}: it has {there}")
         if self.chosen is None:
             return counts
         if self.chosen not in counts:
-            raise LogError(
-                f"{self.path} has no joint states in topic {self.chosen!r}: choose among "
-                f"{', '.join(counts)}",
-                file=self.path,
+            raise self.refused(
+                f"has no joint states in topic {self.chosen!r}: choose among {', '.join(counts)}",
                 given=self.chosen,
                 valid=tuple(counts),
             )

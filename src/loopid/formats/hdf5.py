@@ -7,11 +7,10 @@ from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from numpy.typing import NDArray
 
-from loopid.errors import LogError
-from loopid.logs.table import MOST_LISTED, ArrayFormat, Column, array_columns, optional, refusals
+from loopid.errors import optional
+from loopid.logs.table import MOST_LISTED, ArrayFormat, Column, array_columns, refusals
 
 if TYPE_CHECKING:
     import h5py
@@ -35,8 +34,9 @@ class Hdf5Format(ArrayFormat):
                 if isinstance(item, h5py.Dataset) and item.shape:
                     columns = streams.setdefault(item.parent.name, {})
                     own = item.name.rsplit("/", 1)[-1]
-                    fields = item.dtype.names and item.ndim == 1
-                    places = _fields(item.dtype) if fields else array_columns(own, item.shape)
+                    places = array_columns(own, item.shape)
+                    if item.dtype.names and item.ndim == 1:  # fields that are single numbers
+                        places = {f: f for f in item.dtype.names if not item.dtype[f].shape}
                     self.collect(columns, item.name, places)
 
             self._chosen(file).visititems(collect)
@@ -53,15 +53,11 @@ class Hdf5Format(ArrayFormat):
             lambda name, item: groups.append(name) if isinstance(item, h5py.Group) else None
         )
         if self.chosen.strip("/") not in groups:
-            valid = (
+            there = (
                 f"choose among {', '.join(groups[:MOST_LISTED])}" if groups else "it has no groups"
             )
-            raise LogError(
-                f"{self.path} has no group {self.chosen!r}: {valid}",
-                file=self.path,
-                given=self.chosen,
-                valid=groups,
-            )
+            said = f"has no group {self.chosen!r}: {there}"
+            raise self.refused(said, given=self.chosen, valid=groups)
         return file[self.chosen]
 
     def _read(self, arrays: Iterable[str]) -> Mapping[str, NDArray[Any]]:
@@ -70,12 +66,7 @@ class Hdf5Format(ArrayFormat):
 
     @contextmanager
     def _file(self) -> Iterator[h5py.File]:
-        with optional("h5py"):
+        with optional("h5py", "logs"):
             import h5py
         with refusals(self.path, self.kind), h5py.File(self.path, "r") as file:
             yield file
-
-
-def _fields(table: np.dtype[Any]) -> dict[str, str]:
-    """The fields of a table that are single numbers."""
-    return {field: field for field in table.names or () if not table[field].shape}

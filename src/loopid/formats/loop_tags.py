@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import pinocchio as pin
 
 from loopid.errors import naming
@@ -11,20 +9,12 @@ from loopid.loading.urdf import PARENT_CHILD, Dialect, closure_of, linked
 from loopid.loading.urdf_tree import UrdfFile
 from loopid.loading.xml_elements import label, named_tags, placement
 
-
-class LoopTag(NamedTuple):
-    """What a tag calls its parts."""
-
-    sides: tuple[str, str]  # tags that name the links
-    origin: str  # where the place in a link stands, with {} for its side
-    axes: tuple[str, str] | str  # as of ``closure_of``
-
-
-LOOP_TAGS = {
-    "loop": LoopTag(("predecessor", "successor"), "{}/origin", "axis"),  # URDF+ [Chignoli2024]
-    "loop_joint": LoopTag(("link1", "link2"), "{}", "axis"),  # Isaac Sim
-    # urdfdom, pull request 264
-    "constraint": LoopTag(PARENT_CHILD, "{}_origin", ("parent_axis", "child_axis")),
+# Tags that name the links, where the place in a link stands, with {} for its side, and axes as of
+# ``closure_of``.
+LOOP_TAGS: dict[str, tuple[tuple[str, str], str, tuple[str, str] | str]] = {
+    "loop": (("predecessor", "successor"), "{}/origin", "axis"),  # URDF+ [Chignoli2024]
+    "loop_joint": (("link1", "link2"), "{}", "axis"),  # Isaac Sim
+    "constraint": (PARENT_CHILD, "{}_origin", ("parent_axis", "child_axis")),  # urdfdom's 264
 }
 
 

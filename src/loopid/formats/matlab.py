@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from loopid.errors import LogError
 from loopid.logs.table import WIDEST, ArrayFormat, Column, refusals, stream_name
 
 
@@ -39,10 +38,8 @@ class MatFormat(ArrayFormat):
             try:
                 content = loadmat(self.path, simplify_cells=True)
             except NotImplementedError as error:
-                raise LogError(
-                    f"{self.path} was saved with -v7.3: save it with '-v7' in MATLAB",
-                    file=self.path,
-                ) from error
+                said = "was saved with -v7.3: save it with '-v7' in MATLAB"
+                raise self.refused(said) from error
         named = {name: x for name, x in content.items() if not name.startswith("__")}
         return dict(_numbers(named))
 

@@ -7,6 +7,7 @@ MuJoCo.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from warnings import catch_warnings
 
@@ -94,10 +95,9 @@ class MjcfEditor:
         for compiler in root.findall("compiler"):
             for attribute in OVERRULING:
                 if compiler.get(attribute) not in HARMLESS:
-                    raise RobotFileError(
-                        f"{self.path}: {attribute} of its <compiler> overrules what an <inertial> "
-                        "says: take it out",
-                        file=str(self.path),
+                    raise self._refused(
+                        f"{attribute} of its <compiler> overrules what an <inertial> says: take it "
+                        "out",
                         attribute=attribute,
                     )
 
@@ -107,10 +107,9 @@ class MjcfEditor:
         tags = [tag for world in root.findall("worldbody") for tag in world.iter("body")]
         given = [tag.get("name", name) for tag, name in zip(tags, names, strict=False)]
         if given != names or len(tags) != len(names):
-            raise RobotFileError(
-                f"{self.path}: only {len(tags)} of its {len(names)} bodies are written in it: "
-                "inertials of included, attached or replicated ones cannot be changed in place",
-                file=str(self.path),
+            raise self._refused(
+                f"only {len(tags)} of its {len(names)} bodies are written in it: inertials of "
+                "included, attached or replicated ones cannot be changed in place",
                 written=len(tags),
                 bodies=len(names),
             )
@@ -120,26 +119,26 @@ class MjcfEditor:
         """Content of the file for MuJoCo, with the files that it includes."""
         folder = self.path.parent
         included = {name: (folder / name).read_bytes() for name in _included(folder, root)}
-        try:
+        with self._refusals():
             text = etree.tostring(root, encoding="unicode")
             spec = mujoco.MjSpec.from_string(text, include=included)
-        except MUJOCO_ERRORS as error:
-            raise self._refusal(error) from error
         spec.modelfiledir = str(folder)
         return spec
 
     def _compiled(self, root: Element) -> Scene:
-        try:
-            with catch_warnings(action="ignore"):  # said when the file was loaded
-                return Scene(self.path, self._spec(root).compile())
-        except MUJOCO_ERRORS as error:
-            raise self._refusal(error) from error
+        with self._refusals(), catch_warnings(action="ignore"):  # said when the file was loaded
+            return Scene(self.path, self._spec(root).compile())
 
-    def _refusal(self, error: Exception) -> RobotFileError:
-        reason = " ".join(str(error).split())
-        return RobotFileError(
-            f"{self.path}: MuJoCo refuses the new content: {reason}", file=str(self.path)
-        )
+    @contextmanager
+    def _refusals(self) -> Iterator[None]:
+        try:
+            yield
+        except MUJOCO_ERRORS as error:
+            reason = " ".join(str(error).split())
+            raise self._refused(f"MuJoCo refuses the new content: {reason}") from error
+
+    def _refused(self, said: str, **facts: object) -> RobotFileError:
+        return RobotFileError(f"{self.path}: {said}", file=str(self.path), **facts)
 
     def _require_faithful(self, root: Element, new: Mapping[str, FloatArray]) -> None:
         """Refuse content that MuJoCo reads in another way than it is meant."""
@@ -147,11 +146,7 @@ class MjcfEditor:
         meant = {name: inertial.P for name, inertial in self.inertials.items()} | dict(new)
         for name, P in meant.items():
             if name not in read or np.abs(read[name].P - P).max() > FAITHFUL * np.abs(P).max():
-                raise RobotFileError(
-                    f"{self.path}: the inertial of {name} cannot be changed in place",
-                    file=str(self.path),
-                    body=name,
-                )
+                raise self._refused(f"the inertial of {name} cannot be changed in place", body=name)
 
 
 def _inertials(scene: Scene) -> dict[str, Inertial]:

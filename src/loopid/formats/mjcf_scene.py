@@ -14,15 +14,13 @@ import numpy as np
 import pinocchio as pin
 
 from loopid.arguments import LARGEST, BoolArray
-from loopid.errors import FileError, MissingExtraError, RobotFileError, naming
+from loopid.errors import FileError, RobotFileError, naming, optional
 from loopid.formats.mjcf_compiler import compile_guarded
 from loopid.loading.xml_elements import Element, label, read_xml
 from loopid.robot.robot import LeftOut
 
-try:
+with optional("mujoco", "mjcf"):
     import mujoco
-except ImportError as missing:
-    raise MissingExtraError.of("mujoco", "mjcf") from missing
 
 # MuJoCo lets 'nan' and 'inf' through.
 FINITE = ("body_pos", "body_quat", "body_ipos", "body_iquat", "body_mass", "body_inertia",

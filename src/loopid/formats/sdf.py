@@ -55,10 +55,7 @@ CONTROLLER = re.compile("joint.*(control|trajectory)", re.IGNORECASE)
 
 
 def read_sdf(
-    path: Path,
-    floating_base: bool = False,
-    free_mimics: bool = False,
-    root: Element | None = None,
+    path: Path, floating_base: bool = False, free_mimics: bool = False, root: Element | None = None
 ) -> TreeSource:
     """Read tree, closures, motors and joint forces of the robot in an SDF file."""
     with naming(path):

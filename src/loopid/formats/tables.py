@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from loopid.errors import LogError
-from loopid.logs.table import LogFormat, Table, common_length, optional, refusals, stream_name
+from loopid.errors import optional
+from loopid.logs.table import LogFormat, Table, common_length, refusals, stream_name
 
 if TYPE_CHECKING:
     import polars
@@ -58,7 +58,7 @@ class WholeTable(LogFormat):
             frame = self._frame()
             columns = [part for column in frame.get_columns() for part in _parts(column)]
             if not len(frame):
-                raise LogError(f"{self.path} has no rows", file=self.path)
+                raise self.refused("has no rows")
             return polars.DataFrame(columns)
 
     @abstractmethod
@@ -86,7 +86,7 @@ class ExcelFormat(WholeTable):
     def _frame(self) -> polars.DataFrame:
         import polars
 
-        with optional("fastexcel"):
+        with optional("fastexcel", "logs"):
             import fastexcel  # noqa: F401 - Polars asks for it
         return polars.read_excel(self.path)
 

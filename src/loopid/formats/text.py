@@ -65,11 +65,8 @@ class TextFormat(LogFormat):
             if reason := why_no_file(file):
                 raise LogError(f"{file} {reason}", file=file)
         if not files:
-            raise LogError(
-                f"{self.path} holds no streams: files that end in .txt, .csv, .tsv or .gz",
-                file=self.path,
-                valid=self.endings,
-            )
+            said = "holds no streams: files that end in .txt, .csv, .tsv or .gz"
+            raise self.refused(said, valid=self.endings)
         return {stream_name(file): file for file in files}
 
     def columns(self) -> Mapping[str, tuple[str, ...]]:
@@ -173,19 +170,17 @@ class Line(NamedTuple):
     def cells(self, separator: str | None) -> list[str]:
         """What is between separators that stand outside of quotes."""
         found = re.findall(_cell(separator), (separator or "") + self.text)
-        return [_content(cell.removeprefix(separator or "").strip()) for cell in found]
+        cells = [cell.removeprefix(separator or "").strip() for cell in found]
+        # Between quotes two stand for one.
+        return [
+            c[1:-1].replace('""', '"').strip() if re.fullmatch(QUOTED, c) else c.strip(AROUND_CELLS)
+            for c in cells
+        ]
 
     def numbers(self, separator: str | None) -> tuple[bool, ...]:
         """Which cells are numbers, times of the day, or empty."""
         cells = self.cells(separator)
         return tuple(_is_number(c if separator == "," else c.replace(",", ".")) for c in cells)
-
-
-def _content(cell: str) -> str:
-    """A cell without its quotes, between which two stand for one."""
-    if re.fullmatch(QUOTED, cell):
-        return cell[1:-1].replace('""', '"').strip()
-    return cell.strip(AROUND_CELLS)
 
 
 def _is_number(cell: str) -> bool:

@@ -16,16 +16,14 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from loopid.errors import MissingExtraError, OptionError, RobotFileError, naming
+from loopid.errors import OptionError, RobotFileError, naming, optional
 from loopid.formats.sdf import read_sdf
 from loopid.loading.tree import TreeSource
 from loopid.loading.urdf import read_urdf
 from loopid.loading.xml_elements import Element, parsed_xml
 
-try:
+with optional("xacro", "xacro"):
     import xacro
-except ImportError as missing:
-    raise MissingExtraError.of("xacro", "xacro") from missing
 
 READERS = {"robot": read_urdf, "sdf": read_sdf}
 UNDEFINED_ARGUMENT = re.compile(r"Undefined substitution argument (\S+)")

@@ -1,6 +1,8 @@
+from .candidate import judge as judge
 from .consistent import consistent_fit as consistent_fit
 from .cutoff import choose_cutoff as choose_cutoff
 from .delay import Delay as Delay, find_delay as find_delay
+from .estimates import Estimate as Estimate
 from .estimator import (
     ESTIMATORS as ESTIMATORS,
     Estimator as Estimator,
@@ -15,11 +17,11 @@ from .force_models import (
     force_model as force_model,
     samples_of as samples_of,
 )
-from .friction import (
+from .friction import with_friction as with_friction
+from .friction_curves import (
     friction_curve as friction_curve,
     friction_summary as friction_summary,
     nearest_line as nearest_line,
-    with_friction as with_friction,
 )
 from .hysteresis import hysteresis_loop as hysteresis_loop
 from .identification import Identification as Identification, split_recordings as split_recordings
@@ -34,10 +36,9 @@ from .pipeline import (
     fit_solid_bodies as fit_solid_bodies,
     identify as identify,
 )
-from .prediction import Prediction as Prediction, judge as judge
+from .prediction import Prediction as Prediction
 from .problem import FitProblem as FitProblem, FitSamples as FitSamples
-from .result import Estimate as Estimate, Fit as Fit
+from .result import Fit as Fit, load_fit as load_fit
 from .robust import Bisquare as Bisquare
-from .saved import load_fit as load_fit
 from .selection import Reduction as Reduction, eliminate as eliminate, influence as influence
 from .terms import choose_terms as choose_terms

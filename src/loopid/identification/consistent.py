@@ -44,24 +44,23 @@ from loopid.arguments import BoolArray, FloatArray, IntArray, checked, finite, r
 from loopid.errors import DataError, ModelWarning, warn
 from loopid.findings import Finding
 from loopid.identification.correlation import within_runs
-from loopid.identification.estimator import WorkingFit
+from loopid.identification.estimator import WorkingFit, result_of
 from loopid.identification.force_models import ForceModel
 from loopid.identification.information import body_sizes, joint_sizes
 from loopid.identification.jackknife import with_scatter
 from loopid.identification.joint_priors import JointPriors
 from loopid.identification.problem import FitProblem, FitSamples
-from loopid.identification.result import (
+from loopid.identification.quality import (
     LARGEST_OF_BODY,
     LARGEST_OFF,
     LEAST_OFF,
     FileDeviation,
-    Fit,
     NoiseModel,
     StandardUncertainty,
     TermDeviations,
     fit_quality,
-    with_errors,
 )
+from loopid.identification.result import Fit, with_errors
 from loopid.inertia import body_defect, nearest_solid, parameters_of, pseudo_inertia, upper_factor
 from loopid.observation import updated_factor
 from loopid.parameters import KINDS
@@ -97,6 +96,7 @@ def consistent_fit(
 
     Parameters
     ----------
+    force_model : ForceModel
     data : FitSamples
         Of all parameters of the force model.
     noise : NoiseModel
@@ -148,7 +148,7 @@ def consistent_fit(
         joint_deviations=joint_deviations,
     )
     warn_of_bodies(force_model, found.result)
-    return force_model.fit_of(found.result)
+    return replace(found.result, model=force_model)
 
 
 def quiet_consistent_fit(
@@ -221,7 +221,9 @@ def fit_terms(
     base, (program, standard) = force_model.base, _terms_alone(force_model, whole)
     first = len(standard) - len(program.terms.start)
     J = base.matrix[:, first:]
-    left = data.less(data.predicted(base.values(standard))).along(J)
+    # Motors of one coordinate may have more joint terms than base parameters.
+    joints = base.parameters.select(range(first, len(standard)))
+    left = data.less(data.predicted(base.values(standard))).along(J, joints)
     with one_blas_thread():
         state, _ = _most_likely(program)
         standard[first:] = state.joints
@@ -718,18 +720,7 @@ def _posterior(
     inverse = np.linalg.inv(C).T
     rows = np.asarray(np.column_stack([inverse, inverse @ middle]), dtype=np.float64)
     factor = problem.weighted(weights, rows)[:-1, :-1]
-    inverse = np.linalg.inv(factor)
-    plain = Fit(
-        estimator=CONSISTENT,
-        parameters=data.parameters,
-        actuators=data.actuators,
-        values=values,
-        covariance=inverse @ inverse.T,
-        condition_number=float(np.linalg.cond(factor)),
-        degrees_of_freedom=np.array(float(max(problem.freedom, 1))),
-        quality=fit_quality(problem, values),
-        weights=weights,
-    )
+    plain = result_of(CONSISTENT, problem, values, factor, weights, 1.0)
     return with_scatter(within_runs(WorkingFit(plain, data, rows)))
 
 

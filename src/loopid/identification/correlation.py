@@ -11,20 +11,19 @@ Models are fitted by Burg's method [Percival1993], which never predicts across g
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dtbtrs
 
 from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
-from loopid.identification.result import NoiseModel
+from loopid.identification.quality import NoiseModel
 from loopid.motion.filtering import fast_length
 from loopid.records import record
 from loopid.workers import one_blas_thread
@@ -39,6 +38,7 @@ WHITE = 0.001
 # the one before. Parts of a correction that are tried, until one leaves enough of the innovations'
 # variance. Part of the variance that is no change.
 CORRECTIONS, DAMPING, KEPT, SAME = 6, (1.0, 0.5, 0.25, 0.125, 0.0), 0.5, 1e-6
+TINY = np.finfo(float).tiny
 
 Pieces = tuple[slice, ...]  # rows of evenly sampled segments, whose errors are independent
 
@@ -110,15 +110,14 @@ class Autoregression:
         found, _ = dtbtrs(bands, right[:, None], uplo="L", diag="U")
         return np.asarray(found[:, 0])
 
-    def sum_variance(self, present: BoolArray, pieces: Pieces) -> float:
-        """Variance of the sum of errors over the samples (N,) that are present."""
-        ones = np.asarray(present, dtype=np.float64)[None]
-        return float(np.vdot(ones, Spectra.of(ones, pieces).turned(self)))
+    def sum_variance(self, pairs: FloatArray) -> float:
+        """Variance of the sum of errors, of which there are so many ``pairs_apart`` (K,)."""
+        return float(self.lags(len(pairs)) @ pairs)
 
     def effective_samples(self, present: BoolArray, pieces: Pieces) -> float:
         """Number of independent samples that would determine the mean error as well."""
         count = float(present.sum())
-        spread = self.sum_variance(present, pieces) if self.order else 0.0
+        spread = self.sum_variance(pairs_apart(present, pieces)) if self.order else 0.0
         return min(count**2 * float(self.covariances[0]) / spread, count) if spread > 0 else count
 
 
@@ -130,37 +129,69 @@ class Spectra(NamedTuple):
     """
 
     pieces: Pieces
+    sizes: tuple[int, ...]  # samples of each piece, the zeros included
     each: tuple[NDArray[np.complex128], ...]
 
     @classmethod
     def of(cls, signals: FloatArray, pieces: Pieces) -> Spectra:
         """Of signals (m, N)."""
-        parts = ((signals[:, piece], piece.stop - piece.start) for piece in pieces)
-        return cls(pieces, tuple(np.fft.rfft(own, fast_length(2 * count)) for own, count in parts))
+        sizes = tuple(fast_length(2 * (piece.stop - piece.start)) for piece in pieces)
+        parts = zip(pieces, sizes, strict=True)
+        return cls(pieces, sizes, tuple(np.fft.rfft(signals[:, p], size) for p, size in parts))
+
+    def densities(self, model: Autoregression) -> list[FloatArray]:
+        """Spectra of a model for the lengths of the pieces."""
+        found, longest = [], model.lags(max(piece.stop - piece.start for piece in self.pieces))
+        for piece, size in zip(self.pieces, self.sizes, strict=True):
+            lags = longest[: piece.stop - piece.start]
+            even = np.concatenate([lags, np.zeros(size + 1 - 2 * len(lags)), lags[:0:-1]])
+            found.append(np.fft.rfft(even).real)
+        return found
 
     def turned(self, model: Autoregression) -> FloatArray:
         """X Ω (m, N), with Ω the covariance of errors, independent from piece to piece."""
-        found = []
-        longest = model.lags(max(piece.stop - piece.start for piece in self.pieces))
-        for piece, own in zip(self.pieces, self.each, strict=True):
-            count = piece.stop - piece.start
-            size, lags = fast_length(2 * count), longest[:count]
-            even = np.concatenate([lags, np.zeros(size + 1 - 2 * count), lags[:0:-1]])
-            found.append(np.fft.irfft(own * np.fft.rfft(even).real, size)[:, :count])
-        return np.concatenate(found, axis=1)
+        parts = zip(*self, self.densities(model), strict=True)
+        turned = [
+            np.fft.irfft(own * density, size)[:, : piece.stop - piece.start]
+            for piece, size, own, density in parts
+        ]
+        return np.concatenate(turned, axis=1)
+
+    def covariance(self, densities: Sequence[FloatArray]) -> FloatArray:
+        """X Ω Xᵀ (m, m), by Parseval's theorem, of ``densities`` of a model."""
+        found = np.zeros(2 * self.each[0].shape[:1])
+        for size, own, density in zip(self.sizes, self.each, densities, strict=True):
+            twice = np.full(len(density), 2.0 / size)
+            twice[[0, -1]] = 1.0 / size, (1.0 + size % 2) / size  # those without a mirror image
+            found += (own * (twice * density) @ own.conj().T).real
+        return found
 
 
-def mean_of_series(
+def pairs_apart(present: BoolArray, pieces: Pieces) -> FloatArray:
+    """How many pairs of samples (N,) that are present are so many steps apart, both ways; (K,)."""
+    found = np.zeros(max(piece.stop - piece.start for piece in pieces))
+    spectra = Spectra.of(np.asarray(present[None], dtype=np.float64), pieces)
+    for piece, size, own in zip(*spectra, strict=True):
+        count = piece.stop - piece.start
+        found[:count] += np.fft.irfft(np.abs(own[0]) ** 2, size)[:count]
+    found[1:] *= 2
+    return found.round()
+
+
+def means_of_series(
     series: FloatArray, counts: IntArray | BoolArray, pieces: Pieces
-) -> tuple[float, float]:
-    """Mean of numbers, given as sums (N,) of this many each, and its standard error.
+) -> tuple[FloatArray, FloatArray]:
+    """Means (m,) of numbers, given as sums (m, N) of so many each, and their standard errors.
 
-    The series is an autoregressive process: times do not count as independent.
+    Each series is an autoregressive process: times do not count as independent.
     """
     total, present = int(counts.sum()), np.asarray(counts > 0)
-    mean, runs = float(series.sum()) / total, run_lengths(present, pieces)
-    model = Autoregression.of_covariances(burg_covariances(series - mean * counts, runs))
-    return mean, float(np.sqrt(model.sum_variance(present, pieces))) / total
+    means, runs = series.sum(axis=1) / total, run_lengths(present, pieces)
+    pairs = pairs_apart(present, pieces)
+    found = zip(*_burg(series - np.outer(means, counts), runs), strict=True)
+    models = (Autoregression.of_covariances(own[: order + 1]) for own, order in found)
+    variances = [model.sum_variance(pairs) for model in models]
+    return means, np.sqrt(variances) / total
 
 
 def run_lengths(used: BoolArray, pieces: Pieces) -> IntArray:
@@ -180,47 +211,44 @@ def burg_covariances(errors: FloatArray, runs: IntArray) -> FloatArray:
     errors count as if a little white noise had been added to them, by what it adds to the sums on
     average.
     """
-    products, rows = _window_products(errors, runs, LARGEST_ORDER)
-    observed = float(products[0, 0, 0] / rows[0])
+    covariances, order = _burg(errors, runs)
+    return covariances[: int(order) + 1]
+
+
+def _burg(errors: FloatArray, runs: IntArray) -> tuple[FloatArray, IntArray]:
+    """Autocovariances (..., p + 1) of models of errors (..., N) of the largest order, the best."""
+    ahead = behind = np.where(runs > 0, errors, 0.0)
+    first = np.count_nonzero(runs)
+    observed = np.vecdot(ahead, ahead) / first
     white = WHITE * observed
-    products += white * rows[:, None, None] * np.eye(len(rows))
-    # Of e_t to e_{t-k}: e_t less its forward prediction, e_{t-k} less its backward one.
-    both, covariances = np.zeros((2, LARGEST_ORDER + 1)), np.zeros(LARGEST_ORDER + 1)
-    both[:, 0], criteria = 1.0, [0.0]
-    covariances[0] = variance = observed + white
+    variance, gain = observed + white, 0.0 * observed
+    covariances, forward = np.zeros((2, *errors.shape[:-1], LARGEST_ORDER + 1))
+    criteria = np.full_like(covariances, np.inf)
+    covariances[..., 0], forward[..., 0], criteria[..., 0] = variance, 1.0, 0.0
     for k in range(1, LARGEST_ORDER + 1):
-        if rows[k] < PAIRS * k or not observed > 0:
+        within = runs[k:] > k
+        rows = np.count_nonzero(within)
+        if rows < PAIRS * k:
             break
-        ahead = both[0, : k + 1]
-        both[1, : k + 1] = ahead[::-1]
-        own = both[:, : k + 1]
-        (forward, common), (_, backward) = (own @ products[k, : k + 1, : k + 1] @ own.T).tolist()
-        reflection = -2 * common / (forward + backward)
-        covariances[k] = -reflection * variance - ahead[1:k] @ covariances[k - 1 : 0 : -1]
-        ahead += reflection * own[1]
-        variance *= 1 - reflection**2
-        criteria.append(rows[0] * math.log(variance / covariances[0]) + k * math.log(rows[0]))
-    best = int(np.argmin(criteria))
-    return np.asarray(covariances[: best + 1] / (1 + WHITE))
-
-
-def _window_products(errors: FloatArray, runs: IntArray, order: int) -> tuple[FloatArray, IntArray]:
-    """For each k up to an order, Σ w wᵀ over the rows whose run is longer, and their number.
-
-    w = (e_t, e_{t-1}, ...) up to that order, of which the first k + 1 are within the run. All that
-    Burg's recursion adds up are quadratic forms of these sums, so one pass serves every order.
-    """
-    width = order + 1
-    products, counts = np.zeros((width, width, width)), np.zeros(width, dtype=np.int64)
-    series = np.pad(np.where(runs > 0, errors, 0.0), (order, 0))
-    windows, reach = sliding_window_view(series, width)[:, ::-1], np.minimum(runs, width)
-    by_length = np.argsort(reach.astype(np.int8), kind="stable")
-    windows, bounds = windows[by_length], np.searchsorted(reach[by_length], np.arange(1, width + 2))
-    for length, rows in enumerate(pairwise(bounds.tolist()), start=1):
-        inside = windows[slice(*rows), :length]
-        products[length - 1, :length, :length] = inside.T @ inside
-        counts[length - 1] = len(inside)
-    return np.cumsum(products[::-1], axis=0)[::-1], np.cumsum(counts[::-1])[::-1]
+        # Of e_t to e_{t-k}: e_t less its forward prediction, e_{t-k} less its backward one.
+        ahead, behind = ahead[..., 1:], behind[..., :-1]
+        if rows < len(within):
+            ahead, behind = ahead * within, behind * within
+        own = forward[..., : k + 1]
+        mirrored, noise = own[..., ::-1].copy(), white * rows
+        common = np.vecdot(ahead, behind) + noise * np.vecdot(own, mirrored)
+        squares = np.vecdot(ahead, ahead) + np.vecdot(behind, behind)
+        squares = np.maximum(squares + 2 * noise * np.vecdot(own, own), TINY)
+        reflection = np.asarray(-2 * common / squares)
+        known = np.vecdot(own[..., 1:k], covariances[..., k - 1 : 0 : -1])
+        covariances[..., k] = -reflection * variance - known
+        variance = variance * (1 - reflection**2)
+        gain = gain + np.log1p(-(reflection**2))
+        criteria[..., k] = first * gain + k * math.log(first)
+        part = reflection[..., None]
+        own += part * mirrored
+        ahead, behind = ahead + part * behind, behind + part * ahead
+    return covariances / (1 + WHITE), np.argmin(criteria, axis=-1)
 
 
 def within_runs(fit: WorkingFit, corrections: int = CORRECTIONS) -> WorkingFit:

@@ -23,7 +23,7 @@ from loopid.identification.estimator import nearest_to_file
 from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import FitProblem
 from loopid.logs.preparing import at_cutoff, motion_band
-from loopid.logs.recording import FilterOptions, Recording
+from loopid.logs.recording import OVERSAMPLING, Recording
 from loopid.records import record
 from loopid.workers import one_blas_thread
 
@@ -127,17 +127,23 @@ def choose_cutoff(
 
     Parameters
     ----------
+    force_model : ForceModel
     recordings : sequence of Recording
         That will be fitted; nothing else is looked at.
     n_jobs : int
         Processes that compute the regressors.
+
+    Returns
+    -------
+    CutoffChoice, optional
+        Cut-offs in Hz that were tried, and the chosen one.
 
     Examples
     --------
     >>> import loopid, numpy as np
     >>> robot = loopid.load("five_bar")
     >>> model = loopid.force_model(robot, "full", "Fc,Fv")
-    >>> log = loopid.read_log("urdf/logs/five_bar.csv", robot)
+    >>> log = loopid.read_log(robot, "urdf/logs/five_bar.csv")
     >>> choice = loopid.identification.choose_cutoff(model, [loopid.prepare(robot, log)])
     >>> 3 < choice.chosen <= 20
     True
@@ -201,7 +207,7 @@ def _chosen(changes: Sequence[float], *, bounded: bool) -> IntArray:
 def _least_cutoff(recordings: Sequence[Recording], rows: float) -> float:
     """The cut-off in Hz from which recordings have this many rows, with five samples a period."""
     spans = (np.ptp(run.motion.time) * len(run.actuators) for run in recordings)
-    return float(rows / (FilterOptions().oversampling * max(sum(spans), np.finfo(float).tiny)))
+    return float(rows / (OVERSAMPLING * max(sum(spans), np.finfo(float).tiny)))
 
 
 class _Fitted(NamedTuple):

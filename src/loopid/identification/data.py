@@ -7,24 +7,40 @@ from pathlib import Path
 from typing import Any
 
 from loopid.errors import OptionError
+from loopid.identification.force_models import ForceModel
 from loopid.logs.log import Log
-from loopid.logs.mapping import LogMapping, read_mapping
 from loopid.logs.preparing import prepare
-from loopid.logs.reading import read_log
 from loopid.logs.recording import Recording
 from loopid.robot.robot import Robot
 
 FORMS = "a path, a table of pandas or Polars, a Log or a Recording"
 
 
-def recordings_of(
-    robot: Robot, data: Any, mapping: LogMapping | str | Path | None = None
-) -> tuple[Recording, ...]:
-    """Recordings of data of any form.
+def read(
+    robot: Robot | ForceModel, *data: Any, mapping: Any = None
+) -> tuple[Robot | ForceModel, list[tuple[Recording, ...]]]:
+    """The robot, locked where the first log has it, and recordings of several data.
+
+    Raises
+    ------
+    OptionError
+        As ``recordings_of``.
+    """
+    first = next(iter(each_of(data[0])), None)
+    if isinstance(robot, Robot) and isinstance(first, str | Path):
+        from loopid.logs.reading import locked_as_logged  # where files are read
+
+        robot = locked_as_logged(robot, first, mapping=mapping)
+    own = robot if isinstance(robot, Robot) else robot.robot
+    return robot, recordings_of(own, *data, mapping=mapping)
+
+
+def recordings_of(robot: Robot, *data: Any, mapping: Any = None) -> list[tuple[Recording, ...]]:
+    """Recordings of several data, each of any form.
 
     Parameters
     ----------
-    data
+    *data
         A path, a table with columns by name (of pandas or Polars, a dictionary of arrays), a
         ``Log``, a ``Recording``; or a list of these.
     mapping : LogMapping or path, optional
@@ -33,9 +49,18 @@ def recordings_of(
     Raises
     ------
     OptionError
-        When the data are nothing of that.
+        When the data are nothing of that, or none of them needs the mapping that is given.
     """
-    return tuple(_recording(robot, each, mapping) for each in each_of(data))
+    given = [each_of(each) for each in data]
+    known = (isinstance(one, Log | Recording) for each in given for one in each)
+    if mapping is not None and all(known):
+        raise OptionError(
+            "mapping says which columns of paths and tables are what, but a Log or a Recording has "
+            "none: leave it out",
+            argument="mapping",
+            given=mapping,
+        )
+    return [tuple(_recording(robot, one, mapping) for one in each) for each in given]
 
 
 def each_of(data: Any) -> Sequence[Any]:
@@ -43,14 +68,15 @@ def each_of(data: Any) -> Sequence[Any]:
     return data if isinstance(data, list | tuple) else [data]
 
 
-def _recording(robot: Robot, data: Any, mapping: LogMapping | str | Path | None) -> Recording:
+def _recording(robot: Robot, data: Any, mapping: Any) -> Recording:
     if isinstance(data, Recording):
         return data
     if isinstance(data, str | Path):
-        data = read_log(data, robot, mapping=mapping)
-    elif isinstance(data, Mapping) or hasattr(data, "columns"):
-        own = read_mapping(mapping) if isinstance(mapping, str | Path) else mapping
-        data = Log.from_frame(data, robot.actuated, mapping=own)
+        from loopid.logs.reading import read_log  # where files are read
+
+        data = read_log(robot, data, mapping=mapping)
+    elif isinstance(data, Mapping) or hasattr(type(data), "columns"):
+        data = Log.from_frame(data, robot.actuated, mapping=mapping)
     if not isinstance(data, Log):
         raise OptionError(
             f"data must be {FORMS}, or a list of these, not {type(data).__name__}", given=data

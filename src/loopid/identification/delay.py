@@ -24,6 +24,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -50,7 +51,7 @@ from loopid.identification.jackknife import with_scatter
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit
 from loopid.logs.preparing import at_cutoff, near_saturation, on_independent, saturation_of
-from loopid.logs.recording import FilterOptions, MaskOptions, Recording
+from loopid.logs.recording import OVERSAMPLING, Recording
 from loopid.motion.filtering import LowPass
 from loopid.records import record
 from loopid.regressors.maxwell_slip import ELEMENTS, slip_displacements, slip_states
@@ -190,7 +191,7 @@ def find_delay(
     >>> import loopid
     >>> robot = loopid.load("five_bar")
     >>> model = loopid.force_model(robot, "full")
-    >>> late = loopid.read_log("urdf/logs/five_bar.csv", robot).delayed(-0.02)
+    >>> late = loopid.read_log(robot, "urdf/logs/five_bar.csv").delayed(-0.02)
     >>> found = loopid.identification.find_delay(model, [loopid.prepare(robot, late)])
     >>> round(found.common, 2)
     0.02
@@ -243,7 +244,7 @@ def _bands(
         choice = choose_cutoff(force_model, recordings)
         widest = max(own) if choice is None else choice.chosen
     spans = sum(float(np.ptp(one.motion.time)) * len(one.actuators) for one in recordings)
-    widest = min(widest, max(max(own), MOST / (FilterOptions().oversampling * spans)))
+    widest = min(widest, max(max(own), MOST / (OVERSAMPLING * spans)))
     count = 1 + max(int(np.log2(widest / (LOWEST * max(own)))), 0)
     return [widest / 2**k for k in range(count)]
 
@@ -255,13 +256,18 @@ def _found(force_model: ForceModel, recordings: Sequence[Recording]) -> tuple[De
     """
     try:
         forces = _Forces(force_model, recordings)
-        search = _Search(forces)
+        search, robust = _Search(forces), None
+        if slips := search.slips():
+            robust = _Search(forces, slip=True).result()
+            if not robust.clear:
+                return robust, True
         plain = search.result()
         known = bool(np.isfinite(plain.interval).all())
-        slips = not known or search.slips(plain)
+        slips = slips or not known
         if not (slips or plain.clear):
-            return plain, slips
-        robust = _Search(forces, slip=True).result()
+            return plain, False
+        if robust is None:
+            robust = _Search(forces, slip=True).result()
     except (DataError, RankError):
         return None, False
     # What is undone is there in either way.
@@ -339,14 +345,14 @@ def _moved(robot: Robot, recording: Recording, shifts: FloatArray) -> Recording:
     """The same motion with forces of times that are shifts (m,) later, in its log, too."""
     if recording.log is None:
         return recording
-    log, masks = recording.log.delayed(shifts), recording.masks or MaskOptions()
+    log = recording.log.delayed(shifts)
     force, used = _Run(robot, recording).force(shifts)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # given when it was prepared
-        limits = saturation_of(robot, recording.log, masks)
+        limits = saturation_of(robot, recording.log)
     if np.isfinite(limits).any():
         rows = np.searchsorted(log.time, recording.motion.time).clip(max=len(log) - 1)
-        flags = near_saturation(log, limits, _lowpass(recording), masks)[rows]
+        flags = near_saturation(log, limits, _lowpass(recording))[rows]
         used &= on_independent(robot, recording.motion, np.zeros(flags.shape), ~flags)[1]
     lost = log.dropped[len(recording.log.dropped) :]
     dropped = (*recording.dropped, *lost)
@@ -505,6 +511,9 @@ class _Search:
         # Factors of each motor, for any weights of them.
         used = samples.regressor * samples.used[:, :, None]
         self.Q, self.R = np.linalg.qr(used.transpose(1, 0, 2))
+        self.weights = np.ones(len(self.size))
+        rows = self._rows(forces.tried)
+        self.tried = self.Q.swapaxes(1, 2) @ rows, np.square(rows).sum(axis=1)
         self._use(samples.problem.force_weights)
         for _ in range(ROUNDS):
             self._use(self._weighed())
@@ -514,7 +523,10 @@ class _Search:
         self.weights = weights
         rows = (weights[:, None, None] * self.R).reshape(-1, self.R.shape[2])
         self.basis, self.factor = np.linalg.qr(np.concatenate([rows, self.prior]))
-        left = np.linalg.norm(self._left_of(self.forces.tried), axis=0)
+        seen, squares = self.tried
+        seen = (weights[:, None, None] * seen).reshape(-1, seen.shape[2])
+        told = self.basis[: len(seen)].T @ seen
+        left = weights**2 @ squares - np.square(told).sum(axis=0)
         self.best = np.full(1, self.forces.shifts[int(left.argmin())])
 
     def _rows(self, table: FloatArray) -> FloatArray:
@@ -626,12 +638,19 @@ class _Search:
         shares = counts.sum(axis=0) / counts.sum()
         return errors, float(np.sqrt(shares @ C @ shares) * scale.max())
 
-    def slips(self, found: Delay) -> bool:
+    @cached_property
+    def delays(self) -> tuple[FloatArray, bool, FloatArray, BoolArray]:
+        """The delay (1,) of all motors and of each (k,), and whether these have settled."""
+        shift, (settled,) = self.settled(self.best)
+        each, alone = self.settled(np.repeat(shift, self.forces.count))
+        return shift, bool(settled), np.where(alone, each, shift), alone
+
+    def slips(self) -> bool:
         """Whether friction of any motor builds up, by the evidence of slip beside all columns.
 
         And beside changes of all delays, lest what is left of one looks like slip.
         """
-        shifts = found.each[: self.forces.count]
+        shifts = self.delays[2]
         force, _ = self.forces.at(shifts)
         known = np.linalg.qr(self._left_of(self.slopes(force, len(shifts))))[0]
 
@@ -648,13 +667,11 @@ class _Search:
     def result(self) -> Delay:
         """The delay of all motors, and of each."""
         count, joints = self.forces.count, self.forces.joints
-        shift, settled = self.settled(self.best)
-        each, alone = self.settled(np.repeat(shift, count))
-        each = np.where(alone, each, shift)
+        shift, settled, each, alone = self.delays
         errors, error = self.errors(each)
         errors[~alone] = np.inf
         # Motors that disagree by more than their errors: what no model has looks like a delay.
-        error = error * _disagreement(each, errors) if settled[0] else np.inf
+        error = error * _disagreement(each, errors) if settled else np.inf
         common, half = float(shift[0]), NORMAL * error
         undone = np.zeros(count)
         single = [k for k in range(count) if self._stands_out(k, each, errors)]

@@ -21,7 +21,8 @@ from scipy.linalg.lapack import dtrtri
 from loopid.arguments import BoolArray, FloatArray
 from loopid.errors import DataError, OptionError, RankError
 from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
-from loopid.identification.result import Fit, fit_quality
+from loopid.identification.quality import fit_quality
+from loopid.identification.result import Fit
 from loopid.records import record
 from loopid.registry import Registry
 from loopid.workers import one_blas_thread
@@ -257,7 +258,7 @@ def result_of(
         values=values,
         covariance=variance * inverse @ inverse.T,
         condition_number=float(np.linalg.cond(R)),
-        degrees_of_freedom=np.array(float(problem.freedom)),
+        degrees_of_freedom=np.array(float(max(problem.freedom, 1))),
         quality=fit_quality(problem, values),
         weights=weights,
     )

@@ -223,6 +223,10 @@ class Evidence:
             regular = singularity_measure(self.robot, q) >= MaskOptions().singularity
             q[~regular], closed = self.robot.reference, found.assembled & regular
         rest, moving = (K @ self.columns for K in self._regressors(q, moved))
+        # Joint terms may be of any size: rates on another time axis need no other one.
+        joints = slice(self.sensed, -1)
+        rest[:, :, joints] += moving[:, :, joints]
+        moving[:, :, joints] = 0.0
         rest[:, :, -1] -= np.tile(self.external, (len(new), 1))
         offsets = np.tile(np.diag(OFFSET * self.expected), (len(q), 1, 1))
         lacking = self._lacking(own_position, forces.astype(int))

@@ -10,10 +10,12 @@ import numpy as np
 from loopid.arguments import checked
 from loopid.errors import DataWarning, OptionError, warn
 from loopid.identification.correlation import within_runs
+from loopid.identification.estimates import LEAST_FREEDOM
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator
 from loopid.identification.jackknife import with_scatter
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import LEAST_FREEDOM, Fit, fit_quality
+from loopid.identification.quality import fit_quality
+from loopid.identification.result import Fit
 
 
 @checked
@@ -145,6 +147,22 @@ def fit_in_steps(
         When a known parameter is not in both experiments, or nothing is left for the second.
     DataError, RankError
         As ``fit``.
+
+    Examples
+    --------
+    Friction from a run of one joint, the rest from another:
+
+    >>> import loopid, numpy as np
+    >>> names = loopid.parameters.ParameterSet.from_labels(["arm.mx", "elbow.Fc"])
+    >>> rng = np.random.default_rng(0)
+    >>> runs = []
+    >>> for _ in range(2):
+    ...     W = rng.normal(size=(200, 1, 2))
+    ...     force = W @ [3.0, 0.5] + 0.1 * rng.normal(size=(200, 1))
+    ...     runs.append(loopid.identification.FitSamples.of(names, ["elbow"], W, force))
+    >>> found = loopid.identification.fit_in_steps(*runs, known=["elbow.Fc"])
+    >>> found.values.round(1)
+    array([3. , 0.5])
     """
     for step, samples in (("second", second), ("first", first)):
         for name in known:

@@ -11,13 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import CHUNK, FloatArray, IntArray, checked, finite, row_blocks, samples
+from loopid.arguments import CHUNK, FloatArray, IntArray, checked, row_blocks, samples
 from loopid.base_parameters.base import BaseParameters, find_base
 from loopid.base_parameters.choice import KeptChoice, SearchStrategy
 from loopid.errors import DataError, ModelWarning, OptionError, warn
 from loopid.identification.leaving_out import regions_of
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import VALUES, Fit, Quality
 from loopid.kinematics.projection import ClosedMotion, closed_motion, project
 from loopid.kinematics.sampling import random_configurations, random_motions
 from loopid.logs.recording import Recording
@@ -269,40 +268,6 @@ class ForceModel:
             self.robot, whole, self.model, joint_terms=self.joint_terms, slips=slips
         )
 
-    @checked
-    def fit_of(self, fit: Fit | FloatArray) -> Fit:
-        """A fit of these parameters, which then knows its model; or values (n,) without errors.
-
-        Raises
-        ------
-        DataError
-            When the fit is not one of these parameters, or has standard parameters of others.
-
-        Examples
-        --------
-        >>> import loopid
-        >>> model = loopid.force_model(loopid.load("five_bar"), joint_terms=None)
-        >>> round(model.fit_of(2 * model.prior)["left_crank.my"].value, 3)
-        0.0
-        """
-        if isinstance(fit, Fit):
-            return replace(fit, model=self)
-        values, motors = finite(fit, "values"), self.robot.independent
-        unknown = np.full(len(motors), np.nan)
-        return Fit(
-            estimator=VALUES,
-            parameters=self.parameters,
-            actuators=motors,
-            values=values,
-            covariance=np.zeros(2 * values.shape),
-            condition_number=np.nan,
-            degrees_of_freedom=np.zeros(values.shape),
-            quality=Quality(unknown, unknown, np.zeros(len(motors), dtype=np.int64)),
-            weights=np.zeros(len(motors)),
-            assumed=self.parameters.names,
-            model=self,
-        )
-
     def with_terms(self, kinds: Mapping[str, tuple[str, ...]]) -> ForceModel:
         """The same model with other joint terms.
 
@@ -479,11 +444,9 @@ class ForceModel:
             if recording.history:
                 W[rows][:, :, columns] = self._filtered(recording, columns, loads[rows])
                 continue
-            motion = recording.motion
-            state = motion.configurations, motion.velocities, motion.accelerations
-            whole = closed_motion(self.robot, *state)
+            whole = recording.motion.closed(self.robot)
             assert self.joint_terms is not None
-            slips = self.joint_terms.slips(self.robot, motion.configurations)
+            slips = self.joint_terms.slips(self.robot, whole.configurations)
             terms = self.joint_terms.columns(self.robot, whole, slips=slips)
             first = len(self.base.parameters) - terms.shape[2]
             W[rows][:, :, columns] = terms[:, :, self.base.base[columns] - first]
@@ -506,6 +469,7 @@ def force_model(
 
     Parameters
     ----------
+    robot : Robot
     model : str
         ``"gravity"`` for slow motion, or ``"full"``.
     joint_terms : JointTerms or str, optional
@@ -516,6 +480,11 @@ def force_model(
         ``"auto; elbow: Ks"`` is that and more.
     search, seed, progress
         As in ``find_base`` and ``structural_observation``.
+
+    Returns
+    -------
+    ForceModel
+        The base parameters as columns, in their order, and the regressor of these.
 
     Warns
     -----
@@ -567,17 +536,21 @@ def find_base_parameters(
     model: str = "gravity",
     *,
     search: str | SearchStrategy = "exact",
-    seed: int = 0,
-    progress: Progress | None = None,
 ) -> ForceModel:
     """Find the base parameters of the bodies alone: ``force_model`` without joint terms.
 
     Parameters
     ----------
+    robot : Robot
     model : str
         ``"gravity"``, masses and first moments, or ``"full"``.
-    search, seed, progress
+    search
         As of ``force_model``.
+
+    Returns
+    -------
+    ForceModel
+        Its ``base`` holds the base parameters and their matrices.
 
     Examples
     --------
@@ -587,7 +560,7 @@ def find_base_parameters(
     >>> base.regressor(robot.reference).shape, base.matrix.shape
     ((2, 6), (6, 16))
     """
-    return force_model(robot, model, None, search=search, seed=seed, progress=progress)
+    return force_model(robot, model, None, search=search)
 
 
 def chosen_terms(robot: Robot, model: str, choice: str) -> tuple[JointTerms | None, bool]:
@@ -633,12 +606,36 @@ def samples_of(
 ) -> FitSamples:
     """All samples of recordings, with instruments if there is a reference motion for each.
 
+    Parameters
+    ----------
+    force_model : ForceModel
+    recordings : sequence of Recording
+        At least one.
+    references : sequence of JointMotion
+        One a recording, or none.
+    n_jobs : int
+        Processes that compute the regressors.
+
+    Returns
+    -------
+    FitSamples
+        Regressor (N, dof, n) and forces (N, dof) of all samples.
+
     Raises
     ------
     DataError
         Without recordings.
     OptionError
         When the reference motions are not as many as the recordings.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> model = loopid.force_model(robot, "full", "Fc,Fv")
+    >>> loopid.identification.samples_of(model, [run]).regressor.shape[1:]
+    (2, 15)
     """
     if not recordings:
         raise DataError("identification needs recordings to fit, and others to validate")

@@ -8,21 +8,17 @@ process of the logarithm of the rate with one deviation. c is the part that a ge
 motor's force τ that moves the bodies [Hamon2010]. The evidence chooses each deviation, so that a
 joint has the shape that its data ask for, and where they ask for none a line; groups without an
 effect are dropped. Load needs bodies, which the fit gives: rounds of fits find both.
-
-The curve is identified between the slowest and the fastest rate of the fitted samples. Below, it
-stays as it is there; above, it goes on as the line; in both its band widens.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked, finite
-from loopid.errors import DataError, OptionError
+from loopid.arguments import FloatArray, checked
+from loopid.errors import DataError
 from loopid.identification.consistent import (
     consistent_parameters,
     error_weights,
@@ -32,30 +28,15 @@ from loopid.identification.consistent import (
 from loopid.identification.correlation import residual_noise
 from loopid.identification.estimator import LEAST_EXCITATION, WorkingFit, excited_solution
 from loopid.identification.force_models import ForceModel
-from loopid.identification.hysteresis import (
-    POSSIBLE,
-    RESOLVED,
-    possible_hysteresis,
-    slip_evidence,
-    with_reach,
-)
+from loopid.identification.friction_curves import friction_summary, of_friction
+from loopid.identification.hysteresis import POSSIBLE, RESOLVED, possible_hysteresis, slip_evidence
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import Estimate, Fit, MotorUse, NoiseModel, TermDeviations
+from loopid.identification.quality import MotorUse, NoiseModel, TermDeviations
+from loopid.identification.result import Fit
 from loopid.logs.recording import Recording
 from loopid.parameters import KINDS
-from loopid.records import Tabular, record
-from loopid.regressors.joint_laws import (
-    ALIKE,
-    ASYMMETRY,
-    CURVE,
-    LOAD,
-    RATIO,
-    JointState,
-    JointTerm,
-    grouped,
-    joint_term,
-)
-from loopid.regressors.joint_terms import JointTerms, together
+from loopid.regressors.joint_laws import ASYMMETRY, CURVE, LOAD, RATIO, joint_term
+from loopid.regressors.joint_terms import together
 from loopid.workers import one_blas_thread
 
 # Percentile of the rates of a motor's samples, half of which is its slowest informative one: a
@@ -77,10 +58,6 @@ ROUNDS = 2
 CLEARLY = 3.0
 # Terms of a group that the data determine, below which it has no effect.
 NO_EFFECT = 0.01
-# Part of the friction at the slowest, or fastest, rate that it may differ by far beyond: Stribeck
-# friction of half as much more, two deviations, is not unusual.
-DOUBT = 0.25
-LINE_POINTS = 200  # rates that a line is fitted at
 
 
 @checked
@@ -137,7 +114,7 @@ def friction_kinds(
     terms, found = force_model.joint_terms, dict[str, tuple[str, ...]]()
     for joint, slowest, fastest in zip(*use.columns, strict=True):
         own = terms.of_joints.get(joint, ()) if terms is not None else ()
-        curved = {kind for kind in own if kind != "Fc" and _friction(kind)}
+        curved = {kind for kind in own if kind != "Fc" and of_friction(kind)}
         if "Fc" not in own or curved - {"Fv"}:
             continue
         row = data.actuators.index(joint)
@@ -193,8 +170,10 @@ def with_friction(
 
     Parameters
     ----------
+    force_model : ForceModel
     data : FitSamples
         The recordings as samples of the force model.
+    recordings : sequence of Recording
     whole : Fit
         Of all its parameters, with a model of the errors.
 
@@ -206,6 +185,18 @@ def with_friction(
         The recordings as samples of it.
     fit : WorkingFit
         Of these, by ``consistent_fit``.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> model = loopid.force_model(robot, "full", "Fc,Fv")
+    >>> data = loopid.identification.samples_of(model, [run])
+    >>> whole = loopid.identification.fit(data)
+    >>> wider, _, fit = loopid.identification.with_friction(model, data, [run], whole)
+    >>> len(wider.parameters) >= len(model.parameters), fit.result.noise is not None
+    (True, True)
     """
     noise = whole.noise
     if whole.noise is None or noise is None:
@@ -295,145 +286,6 @@ def _group(kind: str) -> str:
     return "" if prior is None else prior.name
 
 
-@record
-class FrictionCurve(Tabular):
-    """Friction of a joint over its rate, with a 95 % band.
-
-    Attributes
-    ----------
-    joint : str
-    rates : FloatArray
-        (k,), in m/s or rad/s.
-    values : FloatArray
-        (k,), in N or N m, along the rate.
-    band : FloatArray
-        (k, 2), ends of the 95 % intervals.
-    """
-
-    joint: str
-    rates: FloatArray
-    values: FloatArray
-    band: FloatArray
-
-    def _table(self) -> dict[str, FloatArray]:
-        low, high = self.band.T
-        return {"rate": self.rates, "friction": self.values, "low": low, "high": high}
-
-
-@checked
-def friction_curve(
-    fit: Fit, joint: str, rates: FloatArray, *, joint_terms: JointTerms | None = None
-) -> FrictionCurve:
-    """Friction of a joint over its rate, of all its terms that depend on the rate alone.
-
-    Beyond the rates of the samples that were fitted (``fit.use``) the band holds, too, what a
-    curve may do there.
-
-    Parameters
-    ----------
-    fit : Fit
-    joint : str
-    rates : FloatArray
-        (k,), in m/s or rad/s.
-    joint_terms : JointTerms, optional
-        Those of the force model, where they have a dead zone or are smoothed.
-
-    Raises
-    ------
-    OptionError
-        When the joint has no friction.
-
-    Examples
-    --------
-    >>> import loopid, numpy as np
-    >>> names = loopid.parameters.ParameterSet.from_labels(["elbow.Fc", "elbow.Fv"])
-    >>> rng = np.random.default_rng(0)
-    >>> rate = rng.normal(size=(500, 1))
-    >>> W = np.stack([np.sign(rate), rate], axis=2)
-    >>> force = W @ [2.0, 0.5] + 0.1 * rng.normal(size=(500, 1))
-    >>> samples = loopid.identification.FitSamples.of(names, ["elbow"], W, force)
-    >>> fit = loopid.identification.fit(samples)
-    >>> curve = loopid.identification.friction_curve(fit, "elbow", np.array([-1.0, 1.0]))
-    >>> curve.values.round(1), bool((np.ptp(curve.band, axis=1) < 0.1).all())
-    (array([-2.5,  2.5]), True)
-    """
-    columns = friction_columns(fit, joint)
-    if not columns:
-        raise OptionError.unknown("joint with friction", joint, frictional_joints(fit))
-    rate = finite(rates, "rates")
-    if rate.ndim != 1:
-        raise DataError(f"rates must have shape (k,), not {rate.shape}", argument="rates")
-    state = (joint_terms or JointTerms(())).state(JointState(None, rate, None))
-    terms = [joint_term(fit.parameters[j].kind) for j in columns]
-    laws = np.stack([term.signal(state, len(rate)) for term in terms], axis=1)
-    doubt = _doubt(fit, joint, rate, np.abs(laws @ fit.values[columns]))
-    values, reach = with_reach(fit, columns, laws, doubt)
-    return FrictionCurve(joint, rate, values, np.stack([values - reach, values + reach], axis=1))
-
-
-@record
-class FrictionSummary(Tabular):
-    """Friction of each motor in four numbers, ``Estimate`` or None where it has none.
-
-    Attributes
-    ----------
-    joints : tuple of str
-    coulomb, viscous : tuple of Estimate
-        Of the line that the curve goes on as.
-    standstill : tuple of Estimate
-        How much more there is at standstill than the line's Coulomb friction.
-    load : tuple of Estimate
-        Part of the motor's force that its gear loses.
-    """
-
-    joints: tuple[str, ...]
-    coulomb: tuple[Estimate | None, ...]
-    viscous: tuple[Estimate | None, ...]
-    standstill: tuple[Estimate | None, ...]
-    load: tuple[Estimate | None, ...]
-
-    def _table(self) -> list[dict[str, Any]]:
-        return [
-            {"joint": joint}
-            | {name: getattr(own[k], "value", None) for name, own in self.parts.items()}
-            for k, joint in enumerate(self.joints)
-        ]
-
-    @property
-    def parts(self) -> dict[str, tuple[Estimate | None, ...]]:
-        """The four columns by their names."""
-        names = "coulomb", "viscous", "standstill", "load"
-        return {name: getattr(self, name) for name in names}
-
-
-@checked
-def friction_summary(fit: Fit) -> FrictionSummary:
-    """Friction of each joint of a fit, in four numbers with intervals.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> robot = loopid.load("five_bar")
-    >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
-    >>> found = loopid.identify(loopid.force_model(robot, "full"), [run])
-    >>> friction = loopid.identification.friction_summary(found.fit)
-    >>> friction.joints, round(friction.coulomb[0].value, 2)
-    (('left_crank_joint', 'right_crank_joint'), 0.1)
-    """
-    joints = dict.fromkeys((*frictional_joints(fit), *_loaded_joints(fit)))
-    places = {each.label: j for j, each in enumerate(fit.parameters)}
-    every = fit.estimates
-
-    def of(joint: str, beginning: str) -> Estimate | None:
-        found = [j for label, j in places.items() if label.startswith(f"{joint}.{beginning}")]
-        return every[found[0]] if found else None
-
-    kinds = "Fc", "Fv", "Fk0~", "Ft"
-    return FrictionSummary(
-        tuple(joints), *(tuple(of(joint, kind) for joint in joints) for kind in kinds)
-    )
-
-
 def friction_findings(fit: Fit) -> list[tuple[str, str]]:
     """What friction a fit has beside Coulomb and viscous friction, and of which joints."""
     groups, summary = fit.term_deviations, friction_summary(fit)
@@ -460,118 +312,3 @@ def friction_findings(fit: Fit) -> list[tuple[str, str]]:
             whose = joints[0] if len(joints) == 1 else f"{len(joints)} joints"
             found.append((f"friction of {whose} {sentence}", ", ".join(texts)))
     return found
-
-
-def _loaded_joints(fit: Fit) -> list[str]:
-    return [each.link for each in fit.parameters if each.kind == "Ft"]
-
-
-def _doubt(fit: Fit, joint: str, rates: FloatArray, sizes: FloatArray) -> FloatArray:
-    """Deviation (k,) of friction of sizes (k,) between the points of its curves, and beyond.
-
-    A curve is linear between its points, its prior is not. Beyond the rates that samples have
-    it is at least a part of the friction.
-    """
-    if fit.use is None or joint not in fit.use.joints:
-        return np.zeros(len(rates))
-    ends, speeds = fit.use.of(joint), np.maximum(np.abs(rates), np.finfo(float).tiny)
-    beyond = np.maximum(np.log(ends[0] / speeds), np.log(speeds / ends[1])).clip(min=0.0)
-    variance = (DOUBT * sizes) ** 2 * (1.0 - np.exp(-((beyond / ALIKE) ** 2)))
-    groups = fit.term_deviations
-    for prior in (CURVE, ASYMMETRY):
-        if groups is None or f"{joint}: {prior.name}" not in groups.names:
-            continue
-        own = groups.own[groups.names.index(f"{joint}: {prior.name}")]
-        laws = [joint_term(fit.parameters[j].kind) for j in friction_columns(fit, joint)]
-        laws = [law for law in laws if law.prior is prior]
-        variance = np.maximum(variance, own**2 * _between(laws, speeds))
-    return np.sqrt(variance)
-
-
-def _between(laws: Sequence[JointTerm], speeds: FloatArray) -> FloatArray:
-    """Prior variance (k,) of a curve's departure from what its points make of it."""
-    at, prior = np.array([law.at for law in laws]), laws[0].prior
-    assert prior is not None
-    assert prior.correlation is not None
-    alike = prior.correlation(np.append(at, speeds), at)
-    state = JointState(None, speeds, None, math=np)
-    hats = np.stack([law.signal(state, len(speeds)) for law in laws], axis=1)
-    parts = np.concatenate([-hats.T, np.eye(len(speeds))])
-    return np.asarray(np.maximum((parts * (alike @ parts)).sum(axis=0), 0.0))
-
-
-def frictional_joints(fit: Fit) -> tuple[str, ...]:
-    """Joints with terms that depend on the rate alone."""
-    return tuple(dict.fromkeys(name.link for name in fit.parameters if _friction(name.kind)))
-
-
-def friction_columns(fit: Fit, joint: str) -> list[int]:
-    """Columns of a joint's terms that depend on the rate alone."""
-    names = enumerate(fit.parameters)
-    return [j for j, name in names if name.link == joint and _friction(name.kind)]
-
-
-def _friction(kind: str) -> bool:
-    return kind not in KINDS and joint_term(kind).friction
-
-
-@record
-class FrictionLine:
-    """Coulomb and viscous friction that is nearest to a curve, for what knows no other.
-
-    Attributes
-    ----------
-    joint : str
-    coulomb, viscous : float
-    off : float
-        Largest distance of the curve from it, in N or N m.
-    rates : tuple of float
-        Between which, in m/s or rad/s.
-    """
-
-    joint: str
-    coulomb: float
-    viscous: float
-    off: float
-    rates: tuple[float, float]
-
-    @property
-    def sentence(self) -> str:
-        """How near it is."""
-        least, most = self.rates
-        return (
-            f"Fc = {self.coulomb:.3g} and Fv = {self.viscous:.3g} of {self.joint} are within "
-            f"{self.off:.2g} of its friction from {least:.2g} to {most:.2g}"
-        )
-
-
-@checked
-def nearest_line(
-    joint: str, terms: Mapping[str, float], use: MotorUse | None = None
-) -> FrictionLine:
-    """The line nearest to the friction of a joint, by least squares over the rates of the log.
-
-    Parameters
-    ----------
-    terms : mapping
-        Values of its joint terms by their kinds.
-    use : MotorUse, optional
-        Rates and loads in the log; by default rates of the curve's points, and no load.
-    """
-    from scipy.optimize import nnls  # slow to import
-
-    laws = [joint_term(kind) for kind in terms if grouped(kind)]
-    load, points = 0.0, [law.at for law in laws if law.at and "slip" not in law.needs]
-    least, most = (min(points), RATIO * max(points)) if points else (0.0, 1.0)
-    if use is not None and joint in use.joints:
-        least, most = use.of(joint)
-        load = float(use.load[use.joints.index(joint)])
-    rates, both = np.linspace(least, most, LINE_POINTS), np.zeros((2, LINE_POINTS))
-    own = [kind for kind in terms if grouped(kind) or kind in ("Fc", "Fv")]
-    for sign, way in zip((1.0, -1.0), both, strict=True):
-        state = JointState(None, sign * rates, None, math=np, torque=load)
-        for kind in own:
-            way += sign * terms[kind] * joint_term(kind).signal(state, LINE_POINTS)
-    line, _ = nnls(np.column_stack([np.ones(LINE_POINTS), rates]), both.mean(axis=0))
-    off = float(np.abs(both - line[0] - line[1] * rates).max())
-    return FrictionLine(joint, float(line[0]), float(line[1]), off, (least, most))

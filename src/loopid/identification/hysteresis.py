@@ -13,9 +13,9 @@ import numpy as np
 
 from loopid.arguments import FloatArray, checked
 from loopid.errors import OptionError
+from loopid.identification.estimates import LEAST_FREEDOM, Estimates
 from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import LEAST_FREEDOM, Fit
 from loopid.logs.recording import Recording
 from loopid.parameters import KINDS
 from loopid.records import Tabular, record
@@ -132,7 +132,7 @@ class HysteresisLoop(Tabular):
 
 @checked
 def hysteresis_loop(
-    fit: Fit, joint: str, *, joint_terms: JointTerms | None = None
+    fit: Estimates, joint: str, *, joint_terms: JointTerms | None = None
 ) -> HysteresisLoop:
     """Friction of a joint that builds up after a reversal, as far as a fit has it.
 
@@ -142,6 +142,11 @@ def hysteresis_loop(
     joint : str
     joint_terms : JointTerms, optional
         Those of the force model, where they have a dead zone or are smoothed.
+
+    Returns
+    -------
+    HysteresisLoop
+        Force in N or N m over displacement in m or rad.
 
     Raises
     ------
@@ -192,7 +197,7 @@ def hysteresis_loop(
 
 
 def with_reach(
-    fit: Fit, columns: Sequence[int], laws: FloatArray, doubt: FloatArray | float = 0.0
+    fit: Estimates, columns: Sequence[int], laws: FloatArray, doubt: FloatArray | float = 0.0
 ) -> tuple[FloatArray, FloatArray]:
     """Forces (k,) of some columns of a fit by laws (k, columns), and half of their 95 % intervals.
 
@@ -208,14 +213,14 @@ def with_reach(
     return laws @ fit.values[columns], reach
 
 
-def hysteretic_joints(fit: Fit) -> tuple[str, ...]:
+def hysteretic_joints(fit: Estimates) -> tuple[str, ...]:
     """Joints whose friction builds up after a reversal."""
     names = (name.link for name in fit.parameters if _builds_up(name.kind))
     joints = dict.fromkeys(names)
     return tuple(joint for joint in joints if (fit.values[_columns(fit, joint)] > 0).any())
 
 
-def _columns(fit: Fit, joint: str) -> list[int]:
+def _columns(fit: Estimates, joint: str) -> list[int]:
     """Columns of the elements of a joint."""
     names = enumerate(fit.parameters)
     return [j for j, name in names if name.link == joint and _builds_up(name.kind)]
@@ -225,7 +230,7 @@ def _builds_up(kind: str) -> bool:
     return kind not in KINDS and "slip" in joint_term(kind).needs
 
 
-def _slow(fit: Fit, joint: str) -> float:
+def _slow(fit: Estimates, joint: str) -> float:
     """A rate at which friction is that next to standstill."""
     known = fit.use is not None and joint in fit.use.joints
     return SLOW * float(fit.use.of(joint)[0]) if known and fit.use else np.finfo(float).tiny

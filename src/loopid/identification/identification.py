@@ -1,52 +1,33 @@
-"""What recordings say about a robot: fits of it, judged, and all that is worth asking of them."""
+"""What recordings say about a robot: the outcome, a verdict on it, and what to know beside it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from html import escape
-from typing import TYPE_CHECKING
 
-import numpy as np
-
-from loopid.arguments import FloatArray, checked
-from loopid.errors import OptionError
+from loopid.arguments import checked
+from loopid.errors import first_of
 from loopid.findings import Finding, most_important_first
-from loopid.identification.consistent import CONSISTENT
-from loopid.identification.cutoff import CutoffChoice
-from loopid.identification.delay import Delay
-from loopid.identification.force_models import ForceModel
-from loopid.identification.information import Identifiability
-from loopid.identification.leaving_out import repeated_share
-from loopid.identification.log_mistakes import LogFaults
-from loopid.identification.missing import MissingForce
-from loopid.identification.model_choice import ModelChoice
-from loopid.identification.notes import checks_of, notes_of
-from loopid.identification.options import FitOptions
-from loopid.identification.prediction import Candidate, error_ratio
-from loopid.identification.problem import FitSamples
-from loopid.identification.result import Fit
-from loopid.identification.sensor_noise import sensor_noise
-from loopid.identification.unseen import UnseenErrors
-from loopid.identification.verdict import Verdict, findings_of
+from loopid.identification.candidate import Candidate
+from loopid.identification.force_models import parted
+from loopid.identification.friction import friction_findings
+from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
+from loopid.identification.outcome import ALL, FRACTION, Outcome
+from loopid.identification.selection import Reduction, eliminate, judge_essential
+from loopid.identification.verdict import Verdict, findings_of, insignificant
 from loopid.logs.recording import Recording
 from loopid.numbers import root
 from loopid.parameters import html_table
 from loopid.records import record
+from loopid.regressors.joint_terms import NO_TERMS
 
-if TYPE_CHECKING:
-    from loopid.identification.selection import Reduction
-
-# Of the moving samples that are fitted where many models are compared.
-FRACTION = 0.6
-CLEARLY_BETTER = 1.25  # ratio of errors above which another candidate is worth a word
-# Names of the candidates.
-ROBOT_FILE, ALL = "robot file", "all parameters"
+NAMED = 4  # parameters that a note names
+IDLE = 0.3  # part of a motor's samples left out, above which it is worth a word
 
 
 @record
-class Identification:
+class Identification(Outcome):
     """What recordings say about a robot; candidates and parameters are found by name.
 
     Attributes
@@ -77,124 +58,14 @@ class Identification:
         The model that the recordings ask for; None where a full one was given.
     """
 
-    force_model: ForceModel
-    training: tuple[Recording, ...]
-    validation: tuple[Recording, ...]
-    friction: tuple[Recording, ...]
-    data: FitSamples
-    new: FitSamples
-    identifiability: Identifiability
-    candidates: Mapping[str, Candidate]
-    options: FitOptions
-    cutoff: CutoffChoice | None = None
-    delay: Delay | None = None
-    log_faults: tuple[LogFaults, ...] = ()
-    missing: tuple[MissingForce, ...] = ()
-    choice: ModelChoice | None = None
-
-    def __getitem__(self, name: str) -> Candidate:
-        if name not in self.candidates:
-            raise OptionError.unknown("candidate", name, self.candidates)
-        return self.candidates[name]
-
-    @property
-    def baseline(self) -> Candidate:
-        """Bodies of the robot file, joint terms fitted to the training data."""
-        return self[ROBOT_FILE]
-
-    @property
-    def recommended(self) -> Candidate:
-        """What to predict and to export with.
-
-        Consistent parameters, unless they are clearly worse on new data than the baseline; where
-        an estimator was chosen, all parameters by that.
-        """
-        if CONSISTENT not in self.candidates:
-            return self[ALL]
-        return self.baseline if self[CONSISTENT].loses_to_baseline else self[CONSISTENT]
-
-    @property
-    def advantage(self) -> float | None:
-        """How much smaller errors of all parameters are on new data than the recommended ones.
-
-        The ratio of these, the geometric mean over the motors; None where it is not clearly more
-        than 1.25.
-        """
-        ratio, error = error_ratio(self.new, self[ALL].predicted, self.recommended.predicted)[0]
-        clear = ratio + 2 * error < CLEARLY_BETTER**-2
-        return float(ratio**-0.5) if clear else None
-
-    @property
-    def parts(self) -> tuple[FitSamples, FitSamples]:
-        """Samples to fit and others to judge, for comparisons of many models.
-
-        Without validation the first and the last part of the training, both with all rows.
-        """
-        if self.validation:
-            return self.data, self.new
-        moving = np.cumsum(self.data.used.any(axis=1))
-        first = (moving <= FRACTION * moving[-1])[:, None]
-        used = self.data.used
-        return replace(self.data, used=used & first), replace(self.data, used=used & ~first)
-
-    @property
-    def fit(self) -> Fit:
-        """The recommended values with their uncertainty."""
-        return self.recommended.fit
-
-    @cached_property
-    def unseen(self) -> UnseenErrors:
-        """Errors of the recommended fit on data that it was not fitted to, by where."""
-        runs = self.validation or self.training
-        return UnseenErrors.of(self.recommended, self.force_model, self.new, runs)
-
-    @cached_property
-    def repeated(self) -> float:
-        """Part of the fitted samples whose states come back in other segments, or logs."""
-        return repeated_share(self.data, self.training)
-
-    @cached_property
-    def sensor_noise(self) -> FloatArray:
-        """Noise (dof,) of the sensors of force in N or N m; NaN where it is undetermined."""
-        every = np.array([sensor_noise(run) for run in self.training])
-        known = ~np.isnan(every).all(axis=0)
-        return np.where(known, np.nan_to_num(every, nan=0.0).max(axis=0), np.nan)
-
-    @checked
-    def relative_errors(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
-        """Errors on new data (dof,) in parts of each motor's force, and their standard errors.
-
-        Root mean squares; NaN without samples.
-        """
-        force = self.new.problem.force_rms
-        force = np.where(force > 0, force, np.nan)
-        return candidate.validation.residual_rms / force, candidate.rms_errors[1] / force
-
-    @property
-    def prior_deviation(self) -> float | None:
-        """Scale of the inertia prior, relative to the bodies; of consistent fits."""
-        weighed = self.candidates.get(CONSISTENT)
-        found = None if weighed is None else weighed.fit.deviation
-        return None if found is None else found.common
-
-    @property
-    def mistakes(self) -> tuple[Finding, ...]:
-        """Mistakes in the logs: no figure counts before they are mended."""
-        found = (each for one in self.log_faults for each in one.mistakes)
-        return tuple(each for each in found if each.severity == "mistake")
-
     @cached_property
     def reduction(self) -> Reduction:
         """The essential parameters, by backward elimination."""
-        from loopid.identification.selection import eliminate  # stands on this
-
         return eliminate(self)
 
     @cached_property
     def essential(self) -> Candidate:
         """These fitted, the others as in the robot file."""
-        from loopid.identification.selection import judge_essential  # stands on this
-
         return judge_essential(self, self.reduction)
 
     @cached_property
@@ -205,7 +76,27 @@ class Identification:
     @property
     def checks(self) -> tuple[tuple[bool, str], ...]:
         """What was checked, and whether it passed."""
-        return checks_of(self)
+        delay, told, cutoff = self.delay, self.identifiability, self.cutoff
+        every, known = told.structural_rank, told.well_determined
+        said = [
+            (not self.mistakes, "signs, units and order of motors", "a mistake is suspected"),
+            (told.rank == every, "all combinations excited", f"{every - told.rank} not excited"),
+            (
+                known == every,
+                "all known better than by the file",
+                f"{every - known} less known than by the file",
+            ),
+            (
+                self.recommended.beats_baseline,
+                "fitted bodies predict better",
+                "fitted bodies do not predict clearly better",
+            ),
+        ]
+        if delay is not None:
+            said.insert(1, (not delay.clear, "no clear delay", "a delay, undone"))
+        if cutoff is not None:
+            said.append((not cutoff.bound, "filter within its range", "filter at a bound"))
+        return tuple((bool(good), text if good else other) for good, text, other in said)
 
     @property
     def verdict(self) -> Verdict:
@@ -238,6 +129,50 @@ class Identification:
         return "".join(said) + html_table((*head, "±"), rows)
 
 
+def notes_of(found: Outcome) -> Iterator[Finding]:
+    """What is good to know, and nothing wrong."""
+    fit, told, cutoff = found.fit, found.identifiability, found.training[0].cutoff
+    runs = (*found.training, *found.validation)
+    filtered = "unfiltered" if cutoff is None else f"filtered at {cutoff:.3g} Hz"
+    terms, _ = parted(found.force_model.joint_terms)
+    choice = NO_TERMS if terms is None else terms.choice(found.force_model.robot)
+    unclear = insignificant(fit)
+    idle = [float(1 - run.used.mean(axis=0).min()) for run in runs]
+    notes = [
+        (f"recommended: {found.recommended.name}", _recommendation(found)),
+        (
+            f"the data were {filtered}",
+            "the condition number of the weighted regressor is "
+            f"{found['all parameters'].fit.condition_number:.4g}",
+        ),
+        (f"the joint terms are {choice}", ""),
+    ]
+    if unclear:
+        title = f"{len(unclear)} values may as well be zero"
+        notes.append((title, first_of(unclear, NAMED)))
+    if max(idle) > IDLE:
+        why = f"there, up to {100 * max(idle):.0f} % of a motor's samples are left out"
+        notes.append(("motors stand still for much of the log", why))
+    if frames := dict.fromkeys(frame for run in runs for frame in run.wrenches):
+        notes.append(("measured wrenches are part of the forces", f"on {', '.join(frames)}"))
+    notes += friction_findings(fit)
+    notes += [hysteresis_loop(fit, joint).finding for joint in hysteretic_joints(fit)]
+    if told.unidentifiable:
+        title = "unidentifiable combinations are as in the robot file"
+        notes.append((title, f"the values of {', '.join(told.assumed)} rest on it"))
+    yield from (Finding("note", *note) for note in notes)
+
+
+def _recommendation(found: Outcome) -> str:
+    said = f"Recommended, and written to parameters.yaml: {found.recommended.name}"
+    if found.recommended is found.baseline:
+        return f"{said} with fitted joint terms, as fitted bodies are clearly worse on new data."
+    deviation = found.fit.deviation
+    if deviation is None:
+        return f"{said} by {found.fit.estimator}."
+    return f"{said} parameters, every body solid; {deviation.sentence}."
+
+
 @checked
 def split_recordings(
     recordings: Sequence[Recording], fraction: float = FRACTION
@@ -263,7 +198,7 @@ def split_recordings(
     --------
     >>> import loopid
     >>> robot = loopid.load("five_bar")
-    >>> log = loopid.read_log("urdf/logs/five_bar.csv", robot)
+    >>> log = loopid.read_log(robot, "urdf/logs/five_bar.csv")
     >>> run = loopid.prepare(robot, log)
     >>> training, validation = loopid.identification.split_recordings([run], 0.75)
     >>> len(training[0]) + len(validation[0]) == len(run)

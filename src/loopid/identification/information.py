@@ -12,7 +12,7 @@ in the root mean square over the data.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,7 +25,8 @@ from loopid.identification.estimator import LEAST_EXCITATION, Estimator, excited
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_models import ForceModel, samples_of
 from loopid.identification.problem import FitProblem, FitSamples
-from loopid.identification.result import Fit, fit_quality
+from loopid.identification.quality import fit_quality
+from loopid.identification.result import Fit
 from loopid.logs.recording import Recording
 from loopid.parameters import KINDS, ParameterSet
 from loopid.records import record
@@ -169,6 +170,22 @@ def excited_samples(samples: FitSamples, prior: FloatArray, excitation: Excitati
     return samples.less(samples.predicted(prior)).along(excitation.excited)
 
 
+def _excited(
+    samples: FitSamples,
+    prior: FloatArray,
+    excitation: Excitation,
+    fit: Callable[[FitSamples], Fit],
+) -> tuple[Fit, Excitation]:
+    """A fit of what the data excite, without the least excited directions until there is one."""
+    while True:
+        try:
+            return fit(excited_samples(samples, prior, excitation)), excitation
+        except (DataError, RankError):
+            if excitation.rank <= 1:
+                raise
+            excitation = replace(excitation, rank=excitation.rank - 1)
+
+
 def fit_excited(
     samples: FitSamples,
     prior: FloatArray,
@@ -183,14 +200,9 @@ def fit_excited(
     have a part there are ``assumed``. A motor of few rows that is fitted without error counts for
     so much that others are lost: the least excited directions are left out until it is not.
     """
-    while True:
-        try:
-            found = quiet_fit(excited_samples(samples, prior, excitation), estimator)
-            break
-        except (DataError, RankError):
-            if excitation.rank <= 1:
-                raise
-            excitation = replace(excitation, rank=excitation.rank - 1)
+    found, excitation = _excited(
+        samples, prior, excitation, lambda part: quiet_fit(part, estimator)
+    )
     B, U = excitation.excited, excitation.unidentifiable
     values, covariance = prior + B @ found.values, B @ found.covariance @ B.T + U @ U.T
     return replace(
@@ -209,14 +221,13 @@ def determined_values(
     samples: FitSamples, prior: FloatArray, excitation: Excitation, estimator: Estimator
 ) -> FloatArray:
     """Values (n,) of ``fit_excited`` without uncertainty; the prior where they are undetermined."""
-    for rank in range(excitation.rank, 0, -1):
-        part = replace(excitation, rank=rank)
-        try:
-            found = estimator.fit_samples(excited_samples(samples, prior, part)).result
-        except (DataError, RankError):
-            continue
-        return np.asarray(prior + part.excited @ found.values)
-    return np.array(prior)
+    try:
+        found, excitation = _excited(
+            samples, prior, excitation, lambda part: estimator.fit_samples(part).result
+        )
+    except (DataError, RankError):
+        return np.array(prior)
+    return np.asarray(prior + excitation.excited @ found.values)
 
 
 # Standard error, in sizes by the robot file, above which a combination is weakly identifiable.
@@ -385,8 +396,14 @@ def identifiability(
 
     Parameters
     ----------
+    force_model : ForceModel
     data : FitSamples, or sequence of Recording
         Samples may be of some of the parameters only, if the others are not to be fitted.
+
+    Returns
+    -------
+    Identifiability
+        Ranks of both, and the combinations that are not excited.
 
     Raises
     ------

@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg.lapack import dpotrf, dtrtri
 
 from loopid.arguments import FloatArray, IntArray, row_blocks
 from loopid.errors import DataWarning, warn
@@ -78,11 +79,9 @@ class Jackknife:
                 scores[k] += x.T @ r[own].ravel()
         changes, parts = np.zeros((2, m, n))
         for k in np.flatnonzero(sums.any(axis=(1, 2))):
-            shares, turn = np.linalg.eigh(sums[k])
-            told = shares < MOST_SHARE
-            A = inverse @ turn[:, told] / (1.0 - shares[told])
-            changes[k] = A @ (turn[:, told].T @ scores[k])
-            parts[k] = (A**2) @ shares[told]  # by errors that are independent
+            A = inverse @ _beside(sums[k])
+            changes[k] = A @ scores[k]
+            parts[k] = (A @ sums[k] * A).sum(axis=1)  # by errors that are independent
         squares, present = (parts**2).sum(axis=0), sums.any(axis=(1, 2))
         freedom = np.divide(parts.sum(axis=0) ** 2, squares, out=np.ones(n), where=squares > 0)
         known = np.zeros((0, n)) if fit.prior is None else fit.prior[:, :n]
@@ -112,6 +111,18 @@ class Jackknife:
         """Forces (N, dof) of each group by the estimates without it."""
         values = fit.result.values - self.changes[self.groups]
         return np.asarray((fit.samples.regressor @ values[:, :, None])[:, :, 0])
+
+
+def _beside(G: FloatArray) -> FloatArray:
+    """(I - G)⁻¹ (n, n), without the combinations that a group of samples alone determines."""
+    R, failed = dpotrf(np.eye(len(G)) - G)
+    root = np.zeros_like(G) if failed else dtrtri(R)[0]
+    # Its squares sum up to the trace, which is more than 1 / (1 - share) of any share.
+    if not failed and np.square(root).sum() * (1.0 - MOST_SHARE) < 1.0:
+        return np.asarray(root @ root.T)
+    shares, turn = np.linalg.eigh(G)
+    told = shares < MOST_SHARE
+    return np.asarray((turn[:, told] / (1.0 - shares[told])) @ turn[:, told].T)
 
 
 def with_scatter(found: WorkingFit, *, quiet: bool = True) -> WorkingFit:

@@ -60,7 +60,7 @@ class LeftOut:
         values: dict[str, list[FloatArray]] = {name: [] for name in refits}
         with warnings.catch_warnings():  # the same as of all data
             warnings.simplefilter("ignore")
-            for kept in kept_without(segments, data, recordings):
+            for kept in kept_without(segments, recordings):
                 part = replace(data, used=data.used & kept[:, None])
                 for name, refit in refits.items():
                     values[name].append(refit(part))
@@ -110,16 +110,14 @@ def repeated_share(data: FitSamples, recordings: Sequence[Recording]) -> float:
 
     states, segments = _states(recordings), segments_of(data, recordings)
     near = 0
-    for k, kept in enumerate(kept_without(segments, data, recordings)):
+    for k, kept in enumerate(kept_without(segments, recordings)):
         if kept.any():
             far, _ = cKDTree(states[kept]).query(states[segments == k])
             near += int((far < SAME * np.sqrt(states.shape[1])).sum())
     return near / len(states)
 
 
-def kept_without(
-    segments: IntArray, data: FitSamples, recordings: Sequence[Recording]
-) -> Iterator[BoolArray]:
+def kept_without(segments: IntArray, recordings: Sequence[Recording]) -> Iterator[BoolArray]:
     """For each segment the samples (N,) that are beyond the filter's reach of it."""
     time = np.concatenate([run.motion.time for run in recordings])
     gaps = [PERIODS / run.cutoff if run.cutoff else 0.0 for run in recordings]

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
+from loopid.errors import first_of
 from loopid.findings import Finding
 from loopid.identification.evidence import Evidence, Explanation, Undone
 from loopid.identification.force_models import parted
@@ -115,6 +116,14 @@ def log_faults(
     -------
     LogFaults
         Empty where too few samples of each motor can be used.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> loopid.identification.log_faults(robot, [run]).mistakes
+    ()
     """
     log = recordings[0].log
     held = () if log is None else tuple(held_values(log))
@@ -365,9 +374,8 @@ def _hidden(model: Evidence, found: Explanation) -> Finding | None:
     said = []
     kinds = [KINDS[name].hidden.removeprefix("its ").removesuffix(" of") for name in unknown]
     for name, of in unknown.items():
-        first = model.names[min(of)[0]] if KINDS[name].motors else ""
-        more = f" and {len(of) - 1} more" if len(of) > 1 else ""
-        said.append(f"{KINDS[name].hidden} {first}".rstrip() + more)
+        names = [model.names[each[0]] for each in sorted(of)] if KINDS[name].motors else [""]
+        said.append(f"{KINDS[name].hidden} {first_of(names, 1)}".rstrip())
     return Finding(
         # A log that tells its time axis has all but what little some motors carry.
         "warning" if "factor" in unknown else "note",

@@ -12,7 +12,6 @@ from loopid.arguments import FloatArray
 from loopid.findings import Finding
 from loopid.identification.delay import directions
 from loopid.identification.evidence import LEAST_SAMPLES, MODEL_ERROR, TINY
-from loopid.kinematics.projection import closed_motion
 from loopid.logs.log import Log
 from loopid.logs.preparing import PROVISIONAL
 from loopid.logs.recording import Recording
@@ -109,10 +108,7 @@ def _errors_by_lag(robot: Robot, recording: Recording) -> tuple[FloatArray, Floa
     count = part.stop - part.start
     most = min(2 * count // 3, round(LATEST / step))
     lags, length = np.arange(-most, most + 1), 1 << (2 * count - 1).bit_length()
-    whole = closed_motion(
-        robot, motion.configurations[part], motion.velocities[part], motion.accelerations[part]
-    )
-    bodies = motion_regressor(robot, whole) @ robot.standard_parameters("full")
+    bodies = motion_regressor(robot, motion.closed(robot, part)) @ robot.standard_parameters("full")
     own = directions(recording)[part], motion.velocities[part], motion.accelerations[part]
     total = np.zeros(len(lags))
     # Samples that are no more than one, of signals in twice the band of the motion: a parameter

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from loopid.arguments import FloatArray
+from loopid.errors import first_of
 from loopid.findings import Finding, Severity
 from loopid.identification.correlation import (
     Autoregression,
@@ -136,7 +137,7 @@ def _finding(alike: Sequence[MissingForce]) -> Finding:
             first.do,
         )
     do = first.do.replace("{terms}", "; ".join(f"{each.motor}: {each.term}" for each in alike))
-    motors = first.motor + (f" and {len(alike) - 1} more" if len(alike) > 1 else "")
+    motors = first_of([each.motor for each in alike], 1)
     number = f"{first.number:.3g} {first.unit}"
     if first.certainty == "hidden":
         return Finding(
@@ -373,6 +374,8 @@ class _Test:
             for own, size in rows
         ]
         self.runs = [run_lengths(used, samples.pieces) for used in samples.used.T]
+        none = Spectra.of(np.zeros((0, len(samples))), samples.pieces)
+        self.densities = [none.densities(model) for model in self.models]
 
     def of(self, columns: FloatArray) -> tuple[float, FloatArray, FloatArray, FloatArray]:
         """Chance, coefficients (k,), their errors (k,) and bias (n,) of columns (N, dof, k)."""
@@ -391,16 +394,18 @@ class _Test:
         beside[:, own] += c
         # Errors are what is left with the columns.
         left, models = self.residual - beside @ np.linalg.solve(G, s), list(self.models)
-        for i in own:
-            models[i] = Autoregression.of_covariances(burg_covariances(left[:, i], self.runs[i]))
-        V = sum(
-            Spectra.of(beside[:, i].T, pieces).turned(model) @ beside[:, i]
-            for i, model in enumerate(models)
-            if model.variance > 0
-        )
+        V = np.zeros((k, k))
+        for i, model in enumerate(models):
+            spectra, densities = Spectra.of(beside[:, i].T, pieces), self.densities[i]
+            if i in own:
+                covariances = burg_covariances(left[:, i], self.runs[i])
+                models[i] = model = Autoregression.of_covariances(covariances)
+                densities = spectra.densities(model)
+            if model.variance > 0:
+                V += spectra.covariance(densities)
         if self.prior is not None:
             moved = self.prior @ turned
-            V = V + moved.T @ moved
+            V += moved.T @ moved
         counts = self.used[:, own].sum(axis=0)
         freedom = sum(counts / [max(2 * models[i].order, 1) for i in own]) - k
         told = np.linalg.solve(V, np.column_stack([s, G]))
@@ -500,13 +505,6 @@ def _squares(fit: WorkingFit, groups: np.ndarray) -> FloatArray:
     return np.asarray((left**2).sum(axis=0))
 
 
-class _Chances(NamedTuple):
-    """That as clear a law of all motors comes by chance: this law, and any that is tried."""
-
-    one: float
-    any: float
-
-
 class _Tried(NamedTuple):
     """A law of a motor, what it stands for, and what the test says of it."""
 
@@ -537,7 +535,6 @@ class _Search:
         # Bonferroni: each motor, all of them together, and lengths.
         self.families = len(self.motors) + 2
         self.together = {law.said: self._of_all(law) for law in LAWS}
-        self.likely = {said for said, chances in self.together.items() if chances.one < LIKELY}
 
     def _asked(self, motor: str) -> list[_Law]:
         """Laws that no joint term of a motor has, and that the evidence has not decided about."""
@@ -556,15 +553,14 @@ class _Search:
         columns[:, self.rows[motor]] = own
         return columns
 
-    def _of_all(self, law: _Law) -> _Chances:
-        """Chances of a law of all motors that are tested for it."""
+    def _of_all(self, law: _Law) -> float:
+        """Chance of a law of all motors that are tested for it together."""
         asked = [self._columns(motor, law) for motor in self.motors if law in self.laws[motor]]
         if len(asked) < 2:
-            return _Chances(1.0, 1.0)
-        columns, tests = np.concatenate(asked, axis=2), len(LAWS) * self.families
-        one = self.test.of(columns)[0]
-        one = self.test.confirmed(columns) if one < LIKELY else one
-        return _Chances(one, tests * one)
+            return 1.0
+        columns = np.concatenate(asked, axis=2)
+        chance = self.test.of(columns)[0]
+        return self.test.confirmed(columns) if chance < LIKELY else chance
 
     def of_motor(self, motor: str) -> list[MissingForce]:
         """The likeliest force of a motor, if one is clear; else its springs."""
@@ -584,7 +580,7 @@ class _Search:
 
     def _doubtful(self, motor: str, one: _Tried) -> MissingForce:
         """A spring that is not clear: likely, or as much of it as would not show."""
-        likely = one.law.said in self.likely
+        likely = self.together[one.law.said] < LIKELY
         if likely or (one.chance < CHANCE and self._confirmed(motor, one) < CHANCE):
             return self._missing(motor, one, "likely")
         times = HIDDEN * one.errors / one.x
@@ -596,7 +592,7 @@ class _Search:
 
     def _chance(self, one: _Tried, alone: float) -> float:
         """Of what is tried for a motor that shows it by some chance: its own, or that of all."""
-        of_all = self.together[one.law.said].any if one.law.said in self.together else 1.0
+        of_all = len(LAWS) * self.families * self.together.get(one.law.said, 1.0)
         return min(one.tests * alone, of_all if alone < ONE_OF_ALL else 1.0)
 
     def _missing(self, motor: str, one: _Tried, certainty: str) -> MissingForce:

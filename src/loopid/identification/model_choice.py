@@ -15,14 +15,14 @@ import numpy as np
 from loopid.arguments import FloatArray, checked
 from loopid.errors import DataError, OptionError
 from loopid.findings import Finding
+from loopid.identification.candidate import error_ratio
 from loopid.identification.delay import drive_columns
 from loopid.identification.estimator import UNKNOWN, nearest_to_file
 from loopid.identification.force_models import AUTOMATIC
 from loopid.identification.information import body_sizes
 from loopid.identification.leaving_out import LeftOut
-from loopid.identification.prediction import error_ratio
 from loopid.identification.problem import FitSamples
-from loopid.kinematics.projection import ClosedMotion, closed_motion
+from loopid.kinematics.projection import ClosedMotion
 from loopid.logs.recording import Recording
 from loopid.parameters import MODELS, ParameterSet
 from loopid.records import record
@@ -132,6 +132,11 @@ def choose_model(robot: Robot, recordings: Sequence[Recording]) -> ModelChoice:
     recordings : sequence of Recording
         At least one.
 
+    Returns
+    -------
+    ModelChoice
+        ``"gravity"`` or ``"full"``, and why.
+
     Raises
     ------
     DataError
@@ -141,7 +146,7 @@ def choose_model(robot: Robot, recordings: Sequence[Recording]) -> ModelChoice:
     --------
     >>> import loopid
     >>> robot = loopid.load("five_bar")
-    >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
     >>> loopid.identification.choose_model(robot, [run]).model
     'full'
     """
@@ -149,8 +154,7 @@ def choose_model(robot: Robot, recordings: Sequence[Recording]) -> ModelChoice:
         raise DataError("a model is chosen for recordings: give at least one")
     step = max(1, -(-sum(map(len, recordings)) // SAMPLES))
     runs = [run.select(slice(None, None, step)) for run in recordings]
-    states = [(m.configurations, m.velocities, m.accelerations) for m in (r.motion for r in runs)]
-    motions = [closed_motion(robot, *state) for state in states]
+    motions = [run.motion.closed(robot) for run in runs]
     fits = {model: _Fit(robot, runs, motions, model) for model in MODELS}
     gravity, full = fits["gravity"], fits["full"]
     inertia = full.forces_of_file - gravity.forces_of_file

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from loopid.errors import OptionError
 from loopid.identification.estimator import ESTIMATORS, Estimator
-from loopid.identification.force_models import AUTOMATIC, chosen_terms
+from loopid.identification.force_models import AUTOMATIC, ForceModel, chosen_terms
 from loopid.identification.model_choice import require_model
 from loopid.records import record
 from loopid.robot.robot import Robot
@@ -72,15 +72,22 @@ class FitOptions:
             )
         require_processes(self.n_jobs, "n_jobs")
 
-    def require_terms(self, robot: Robot) -> None:
+    def require_terms(self, robot: Robot | ForceModel) -> None:
         """Refuse joint terms that a robot cannot have, before any work is done.
 
         Raises
         ------
         OptionError
-            Naming the joint or the word.
+            Naming the joint or the word; when a force model, which has its own, comes with others.
         """
         model = require_model(self.model)
+        if isinstance(robot, ForceModel):
+            if (self.model, self.terms) != (AUTOMATIC, AUTOMATIC):
+                raise OptionError(
+                    "the force model that is given has a model and terms of its own: choose them "
+                    "by force_model, or give the robot in its place"
+                )
+            return
         chosen_terms(robot, "full" if model == AUTOMATIC else model, self.terms)
 
     def require_references(self, count: int) -> None:

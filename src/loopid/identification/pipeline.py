@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from loopid.arguments import FloatArray, checked, spread_rows
-from loopid.errors import DataError, DataWarning, OptionError, RankError, warn
+from loopid.errors import DataError, DataWarning, RankError, warn
+from loopid.identification.candidate import Candidate, judge, quality_of
 from loopid.identification.consistent import (
     CONSISTENT,
     consistent_parameters,
@@ -21,13 +21,13 @@ from loopid.identification.consistent import (
     quiet_consistent_fit,
     warn_of_bodies,
 )
-from loopid.identification.data import each_of, recordings_of
+from loopid.identification.data import read
 from loopid.identification.delay import in_time, with_delay_errors
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
 from loopid.identification.force_models import AUTOMATIC, ForceModel, force_model, samples_of
 from loopid.identification.friction import motor_use, with_friction
-from loopid.identification.identification import ALL, ROBOT_FILE, Identification, split_recordings
+from loopid.identification.identification import Identification, split_recordings
 from loopid.identification.information import (
     Excitation,
     Identifiability,
@@ -41,14 +41,13 @@ from loopid.identification.log_mistakes import log_faults_by_log
 from loopid.identification.missing import MissingForce, missing_forces, with_missing
 from loopid.identification.model_choice import ModelChoice, choose_model
 from loopid.identification.options import FitOptions
+from loopid.identification.outcome import ALL, ROBOT_FILE
 from loopid.identification.plausibility import absurdities
-from loopid.identification.prediction import Candidate, judge, quality_of
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import Fit, NoiseModel, fit_quality, of_all
+from loopid.identification.quality import NoiseModel, fit_quality
+from loopid.identification.result import Fit, of_all
 from loopid.identification.terms import choose_terms
-from loopid.logs.mapping import LogMapping
 from loopid.logs.preparing import at_cutoff
-from loopid.logs.reading import locked_as_logged
 from loopid.logs.recording import Recording
 from loopid.motion.joints import JointMotion
 from loopid.parameters import ParameterSet
@@ -111,7 +110,7 @@ def identify(
     validation: Any = None,
     friction: Any = (),
     references: Sequence[JointMotion] = (),
-    mapping: LogMapping | str | Path | None = None,
+    mapping: Any = None,
     options: FitOptions = FitOptions(),
 ) -> Identification:
     """Fit a model of a robot to data, and judge the fit on data that it has not seen.
@@ -135,6 +134,11 @@ def identify(
     mapping : LogMapping or path, optional
         Which columns of paths and tables are what.
     options : FitOptions
+
+    Returns
+    -------
+    Identification
+        The recommended fit, its verdict, and the candidates that it was compared with.
 
     Raises
     ------
@@ -162,7 +166,8 @@ def identify(
     """
     options.require_references(len(references))
     others = () if validation is None else validation, friction
-    robot, (recordings, judging, friction) = _read(robot, mapping, options, data, *others)
+    options.require_terms(robot)
+    robot, (recordings, judging, friction) = read(robot, data, *others, mapping=mapping)
     own = robot if isinstance(robot, Robot) else robot.robot
     require_forces(own, recordings)
     choice, force_model = _model_of(robot, recordings, options)
@@ -198,7 +203,7 @@ def identify(
             if first is not None and force_model.automatic:
                 force_model, known = _friction_alone(force_model, first, friction, options)
                 data = force_model.widened(data, training)
-            solid = fit_solid_bodies(force_model, data, whole.noise, known=known, options=options)
+            solid = fit_solid_bodies(force_model, data, whole.noise, known=known)
         missing = missing_forces(solid, force_model, training)
     least = whole.noise if solid is None else solid.result.noise
     start = fit_joint_terms(force_model, data, noise=least)
@@ -250,34 +255,11 @@ def identify(
     )
 
 
-def _read(
-    robot: Robot | ForceModel,
-    mapping: LogMapping | str | Path | None,
-    options: FitOptions,
-    *data: Any,
-) -> tuple[Robot | ForceModel, list[tuple[Recording, ...]]]:
-    """The recordings of several data, and the robot, locked where the first log has it."""
-    if isinstance(robot, Robot):
-        options.require_terms(robot)
-        first = next(iter(each_of(data[0])), None)
-        if isinstance(first, str | Path):
-            robot = locked_as_logged(robot, first, mapping=mapping)
-    own = robot if isinstance(robot, Robot) else robot.robot
-    return robot, [recordings_of(own, each, mapping) for each in data]
-
-
 def _model_of(
     robot: Robot | ForceModel, recordings: Sequence[Recording], options: FitOptions
 ) -> tuple[ModelChoice | None, ForceModel]:
     """The model of a robot that recordings ask for; a gravity model that is given is looked at."""
-    kind = options.model
-    if isinstance(robot, ForceModel):
-        if (kind, options.terms) != (AUTOMATIC, AUTOMATIC):
-            raise OptionError(
-                "the force model that is given has a model and terms of its own: choose them by "
-                "force_model, or give the robot in its place"
-            )
-        kind = robot.model
+    kind = robot.model if isinstance(robot, ForceModel) else options.model
     own = robot if isinstance(robot, Robot) else robot.robot
     choice = None if kind == "full" else choose_model(own, recordings)
     if choice is not None and kind != AUTOMATIC:
@@ -352,9 +334,7 @@ def _refits(
         if known is None and noise is not None:
             standard = consistent_parameters(force_model, part, noise, like=fits[CONSISTENT])
             return force_model.base.values(standard)
-        return fit_solid_bodies(
-            force_model, part, noise, known=known, options=options
-        ).result.values
+        return fit_solid_bodies(force_model, part, noise, known=known).result.values
 
     noise = fits[ALL].noise
     found = {ROBOT_FILE: terms, ALL: every, CONSISTENT: solid}
@@ -421,12 +401,19 @@ def fit_all(
 
     Parameters
     ----------
+    force_model : ForceModel
     data : FitSamples
         Of all parameters.
     excited : Identifiability
         Identifiability of those that are fitted to them.
     first : FitSamples, optional
         Of an experiment that the joint terms are taken from.
+    options : FitOptions
+        Estimator, and what to do of unidentifiable combinations.
+
+    Returns
+    -------
+    Fit
 
     Raises
     ------
@@ -438,6 +425,18 @@ def fit_all(
     DataWarning
         Of parameters that vary between recordings, as ``fit``. What is not significant, the verdict
         tells of the recommended fit.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> model = loopid.force_model(robot, "full", "Fc,Fv")
+    >>> data = loopid.identification.samples_of(model, [run])
+    >>> excited = loopid.identification.identifiability(model, data)
+    >>> fit = loopid.identification.fit_all(model, data, excited)
+    >>> round(fit["left_crank_joint.Fc"].value, 2)
+    0.1
     """
     estimator, plain = chosen_estimator(options.estimator), force_model.plain_columns
     part = data.select(plain) if len(plain) < len(data.parameters) else data
@@ -497,6 +496,29 @@ def fit_joint_terms(
     negative. Bodies are ``assumed``: their covariance is zero, their intervals are infinite. Those
     of joint terms hold by how much the bodies seem to be off, by errors beyond the ``noise`` of a
     better fit.
+
+    Parameters
+    ----------
+    force_model : ForceModel
+    data : FitSamples
+        Of all parameters.
+    noise : NoiseModel, optional
+        Of a better fit; by default the fit's own.
+
+    Returns
+    -------
+    Fit
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> model = loopid.force_model(robot, "full", "Fc,Fv")
+    >>> data = loopid.identification.samples_of(model, [run])
+    >>> fit = loopid.identification.fit_joint_terms(model, data)
+    >>> fit["left_crank_joint.Fc"].value > 0, len(fit.assumed)
+    (True, 11)
     """
     values = np.array(force_model.prior)
     joints = np.intersect1d(force_model.joint_columns, force_model.plain_columns)
@@ -533,16 +555,37 @@ def fit_solid_bodies(
     noise: NoiseModel | None,
     *,
     known: Fit | None = None,
-    options: FitOptions = FitOptions(),
 ) -> WorkingFit:
     """Fit all parameters with the robot file weighed, every body solid: as ``consistent_fit``.
 
     Parameters
     ----------
+    force_model : ForceModel
+    data : FitSamples
+        Of all parameters.
     noise : NoiseModel
         Of the forces, as of a fit of all parameters.
     known : Fit, optional
         Joint terms of an experiment of their own, known to their errors.
+    options : FitOptions
+        As of ``identify``.
+
+    Returns
+    -------
+    WorkingFit
+        ``result`` is the fit.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> model = loopid.force_model(robot, "full", "Fc,Fv")
+    >>> data = loopid.identification.samples_of(model, [run])
+    >>> noise = loopid.identification.fit(data).noise
+    >>> fit = loopid.identification.fit_solid_bodies(model, data, noise).result
+    >>> round(fit["left_crank_joint.Fc"].value, 2)
+    0.1
     """
     if noise is None:
         raise DataError(

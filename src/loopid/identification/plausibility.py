@@ -13,10 +13,10 @@ import numpy as np
 
 from loopid.arguments import checked
 from loopid.errors import OptionError
+from loopid.identification.estimates import Estimates
 from loopid.identification.force_models import ForceModel
-from loopid.identification.friction import friction_curve, frictional_joints
+from loopid.identification.friction_curves import friction_curve, frictional_joints
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import Fit
 from loopid.parameters import KINDS
 from loopid.regressors.joint_laws import joint_term
 from loopid.regressors.joint_terms import JointTerms
@@ -33,7 +33,7 @@ SANE = 'identify with terms="Fc,Fv" and estimator="wls"'
 
 
 @checked
-def absurdities(force_model: ForceModel, fit: Fit, data: FitSamples) -> tuple[str, ...]:
+def absurdities(force_model: ForceModel, fit: Estimates, data: FitSamples) -> tuple[str, ...]:
     """Laws that a fit breaks, a sentence each; none for a sane one.
 
     Friction of a motor does not drive, clear of its band, nor is it by a tenth more than the
@@ -53,7 +53,7 @@ def absurdities(force_model: ForceModel, fit: Fit, data: FitSamples) -> tuple[st
     return tuple(found)
 
 
-def require_sane(fit: Fit, anyway: bool) -> None:
+def require_sane(fit: Estimates, anyway: bool) -> None:
     """Refuse a fit that breaks a law, on its logs or by its values, unless ``anyway`` is given.
 
     Raises
@@ -73,7 +73,7 @@ def require_sane(fit: Fit, anyway: bool) -> None:
         )
 
 
-def require_fit_for_use(fit: Fit, anyway: bool) -> None:
+def require_fit_for_use(fit: Estimates, anyway: bool) -> None:
     """Refuse a fit of a log with a mistake, or one that breaks a law, unless ``anyway`` is given.
 
     Raises
@@ -89,7 +89,7 @@ def require_fit_for_use(fit: Fit, anyway: bool) -> None:
     require_sane(fit, anyway)
 
 
-def _of_friction(fit: Fit, joint_terms: JointTerms | None) -> Iterator[str]:
+def _of_friction(fit: Estimates, joint_terms: JointTerms | None) -> Iterator[str]:
     """Of joints whose rates and forces in the log are known."""
     if fit.use is None:
         return
@@ -119,13 +119,13 @@ def _of_friction(fit: Fit, joint_terms: JointTerms | None) -> Iterator[str]:
                 break
 
 
-def _units(fit: Fit, joint: str) -> tuple[str, str]:
+def _units(fit: Estimates, joint: str) -> tuple[str, str]:
     """Of the force and of the rate of a joint."""
     turns = any(each.unit.startswith("N m") for each in fit.parameters if each.link == joint)
     return ("N m", "rad/s") if turns else ("N", "m/s")
 
 
-def _of_terms(force_model: ForceModel, fit: Fit, data: FitSamples, row: int) -> Iterator[str]:
+def _of_terms(force_model: ForceModel, fit: Estimates, data: FitSamples, row: int) -> Iterator[str]:
     """Of the contributions to the force of a motor."""
     used, motor = data.used[:, row], data.actuators[row]
     W, most = data.regressor[used, row], float(np.abs(data.force[used, row]).max())

@@ -112,6 +112,7 @@ class FitProblem:
         Rows (k, n + 1) of a prior are included as they are.
         """
         rows = (weights[:, None, None] * self.factors).reshape(-1, self.factors.shape[-1])
+        rows = rows[rows.any(axis=1)]  # a motor senses few of all parameters
         return triangular_factor(rows if prior is None else np.concatenate([rows, prior]))
 
     def residual_squares(self, values: FloatArray) -> FloatArray:
@@ -233,8 +234,11 @@ class FitSamples:
         """Some rows at once as triangular factors, each row (L, dof) times a factor."""
         used, force = self.used[rows], self.force[rows]
         scale = used if factors is None else used * factors
-        augmented = np.concatenate([self.regressor[rows], force[:, :, None]], axis=2)
-        triangles = triangular_factor((augmented * scale[:, :, None]).transpose(1, 0, 2))
+        # Column by column in memory, as LAPACK has it.
+        columns = np.empty((force.shape[1], self.regressor.shape[2] + 1, len(force)))
+        columns[:, :-1], columns[:, -1] = self.regressor[rows].transpose(1, 2, 0), force.T
+        columns *= scale.T[:, None]
+        triangles = triangular_factor(columns.swapaxes(1, 2))
         counts = used.sum(axis=0)
         mean = (force * scale).sum(axis=0) / np.maximum(counts, 1)
         numbers = counts, mean, self.least_errors
@@ -260,7 +264,7 @@ class FitSamples:
         return replace(
             self,
             parameters=self.parameters.select(chosen),
-            regressor=np.take(W, chosen, axis=2),
+            regressor=_own(np.take(W, chosen, axis=2)),
             instruments=None if Z is None else np.take(Z, chosen, axis=2),
         )
 
@@ -275,27 +279,33 @@ class FitSamples:
         return replace(
             self,
             parameters=self.parameters + parameters,
-            regressor=np.concatenate([self.regressor, columns], axis=2),
+            regressor=_own(np.concatenate([self.regressor, columns], axis=2)),
         )
 
-    def along(self, directions: FloatArray) -> FitSamples:
+    def along(self, directions: FloatArray, parameters: ParameterSet | None = None) -> FitSamples:
         """The same forces with combinations of parameters only, the columns of (n, k).
 
-        Each is named by a parameter with a large part in it, which names no other.
+        Without ``parameters`` (k,) each is named by a parameter with a large part in it, which
+        names no other: no more than n have such names.
         """
-        W, Z = self.regressor, self.instruments
+        if parameters is None:
+            parameters = self._led(directions)
+        Z = self.instruments
+        return replace(
+            self,
+            parameters=parameters,
+            regressor=self.regressor @ directions,
+            instruments=None if Z is None else Z @ directions,
+        )
+
+    def _led(self, directions: FloatArray) -> ParameterSet:
         largest = np.abs(directions).max(axis=1, initial=0.0, keepdims=True)
         shares, leads = np.abs(directions) / np.where(largest > 0, largest, 1.0), list[str]()
         for share in shares.T:
             lead = int(np.argmax(share))
             leads.append(f"sum with {self.parameters.labels[lead]}")
             shares[lead] = -1.0
-        return replace(
-            self,
-            parameters=ParameterSet.from_labels(leads),
-            regressor=W @ directions,
-            instruments=None if Z is None else Z @ directions,
-        )
+        return ParameterSet.from_labels(leads)
 
     def reduced(self, columns: Iterable[int], values: FloatArray) -> FitSamples:
         """Some of the parameters only, with the forces of the others at values (n,) subtracted."""
@@ -323,7 +333,7 @@ class FitSamples:
         W, tau = self.regressor, self.force
         return replace(
             self,
-            regressor=W - unit[:, :, None] * np.einsum("ti,tik->ik", unit, W),
+            regressor=_own(W - unit[:, :, None] * np.einsum("ti,tik->ik", unit, W)),
             force=tau - unit * (unit * tau).sum(axis=0),
         )
 
@@ -369,6 +379,12 @@ class FitSamples:
             least_errors=np.max([part.least_errors for part in parts], axis=0),
             instruments=np.concatenate(instruments) if instruments else None,
         )
+
+
+def _own(array: FloatArray) -> FloatArray:
+    """A new array, read-only: records copy those that others may write to."""
+    array.setflags(write=False)
+    return array
 
 
 def _shaped(array: NDArray[Any], name: str, shape: tuple[int, ...]) -> NDArray[Any]:

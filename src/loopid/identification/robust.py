@@ -26,7 +26,7 @@ from loopid.identification.estimator import (
     solved,
 )
 from loopid.identification.problem import ROUND_OFF, FitProblem, FitSamples
-from loopid.identification.result import Robustness, fit_quality
+from loopid.identification.quality import Robustness, fit_quality
 from loopid.records import record
 from loopid.workers import one_blas_thread
 

@@ -20,18 +20,17 @@ from typing import Annotated, Any, Final, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError
 
-from loopid.arguments import LARGEST, FloatArray, Number, checked, finite, frozen
+from loopid.arguments import LARGEST, FloatArray, Number, finite, frozen
 from loopid.base_parameters.base import BaseParameters, expression
 from loopid.base_parameters.choice import SearchResult
 from loopid.base_parameters.structure import Structure, analyse
 from loopid.border import refusal
 from loopid.errors import DataError, FileError, OptionError
-from loopid.files import require_other_file, why_no_file, write_file
+from loopid.files import why_no_file
+from loopid.identification.estimates import Estimates
 from loopid.identification.force_models import ForceModel
-from loopid.identification.plausibility import require_sane
-from loopid.identification.result import (
+from loopid.identification.quality import (
     FileDeviation,
-    Fit,
     MotorUse,
     NoiseModel,
     Quality,
@@ -196,7 +195,7 @@ class FitFile(_Section):
     digest: str | None = None
 
     @classmethod
-    def of(cls, fit: Fit) -> FitFile:
+    def of(cls, fit: Estimates) -> FitFile:
         """What is written of a fit, which knows its model."""
         model = fit.require_model()
         _require_own_bodies(fit, model)
@@ -271,20 +270,20 @@ class FitFile(_Section):
 
     # What it is made into.
 
-    def fit(self, model: ForceModel | None = None) -> Fit:
-        """The fit, the same to the bit; with its force model, where that is made."""
+    @property
+    def estimates(self) -> dict[str, Any]:
+        """What a ``Fit`` is made of but its force model, the same to the bit."""
         standard = np.array([each.value for each in self.standard_parameters], dtype=np.float64)
         estimate = dict(self.estimate)
         if (known := self.estimate.uncertainty) is not None:
             estimate["uncertainty"] = StandardUncertainty(self.standard, **dict(known))
-        return Fit(
-            parameters=self.parameters,
-            values=np.array([base.value for base in self.base_parameters]),
-            covariance=self.covariance,
-            standard_parameters=None if np.isnan(standard).any() else standard,
-            model=model,
+        return {
             **estimate,
-        )
+            "parameters": self.parameters,
+            "values": np.array([base.value for base in self.base_parameters]),
+            "covariance": self.covariance,
+            "standard_parameters": None if np.isnan(standard).any() else standard,
+        }
 
     @property
     def standard(self) -> ParameterSet:
@@ -320,7 +319,7 @@ class FitFile(_Section):
         if file is None and not own.path:
             raise FileError(
                 f"the robot of the fit, {own.name}, was made in Python: make it again, for "
-                "load_fit(path, robot)",
+                "load_fit(path, robot=...)",
                 robot=own.name,
             )
         try:
@@ -372,53 +371,7 @@ class FitFile(_Section):
         )
 
 
-@checked
-def load_fit(path: str | Path, robot: Robot | str | Path | None = None) -> Fit:
-    """Read a fit that ``Fit.save`` wrote, the same to the bit, with its force model.
-
-    Parameters
-    ----------
-    path : path
-        Ending in .yaml, .yml or .json.
-    robot : Robot or path, optional
-        The robot, or its file; by default from where it was, loaded as it was.
-
-    Raises
-    ------
-    FileError
-        When there is no such file, or the robot is no longer where it was.
-    DataError
-        When it is no saved fit, or was changed; when the robot is another one.
-    OptionError
-        When the name ends otherwise.
-
-    Examples
-    --------
-    >>> import loopid, tempfile
-    >>> model = loopid.force_model(loopid.load("five_bar"), joint_terms=None)
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = model.fit_of(1.1 * model.prior).save(f"{folder}/fit.yaml")
-    ...     fit = loopid.load_fit(path)
-    >>> fit.robot.name, fit.parameters == model.parameters
-    ('five_bar', True)
-    """
-    file = FitFile.read(path)
-    own = robot if isinstance(robot, Robot) else file.load_robot(robot)
-    return file.fit(file.model_of(own))
-
-
-def on_robot(fit: Fit, robot: Robot | ForceModel, *, anyway: bool = False) -> ForceModel:
-    """The force model of a fit, of a robot that is the fit's or has other inertials alone."""
-    if fit.model is None and isinstance(robot, ForceModel):
-        fit = robot.fit_of(fit)
-    own = robot if isinstance(robot, Robot) else robot.robot
-    require_sane(fit, anyway)
-    if fit.robot != own:
-        fit = FitFile.of(fit).model_of(own).fit_of(fit)
-    return fit.require_model()
-
-
-def _require_own_bodies(fit: Fit, model: ForceModel) -> None:
+def _require_own_bodies(fit: Estimates, model: ForceModel) -> None:
     """Refuse bodies that make other base parameters than those of the fit."""
     bodies = fit.standard_parameters
     if bodies is None:
@@ -434,21 +387,6 @@ def _require_own_bodies(fit: Fit, model: ForceModel) -> None:
         )
 
 
-def save(fit: Fit, path: str | Path, *, anyway: bool = False) -> Path:
-    """Write a fit; see ``Fit.save``."""
-    text = content(fit, path, anyway=anyway)
-    require_other_file(path, *own_files(fit.robot))
-    write_file(path, text)
-    return Path(path)
-
-
-def content(fit: Fit, path: str | Path, *, anyway: bool = False) -> str:
-    """The content of a file of that name: JSON, which is YAML, but read 16 times faster."""
-    _ending(path)
-    require_sane(fit, anyway)
-    return as_file(fit.record())
-
-
 def as_file(record: dict[str, Any]) -> str:
     """The record of a fit as it stands in its file."""
     return json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
@@ -456,7 +394,7 @@ def as_file(record: dict[str, Any]) -> str:
 
 def _document(path: Path) -> bytes | str:
     """The content of a file as JSON, also of a YAML that was written otherwise."""
-    ending = _ending(path)
+    ending = require_ending(path)
     if reason := why_no_file(path):
         kind = FileError if reason == "does not exist" else DataError
         raise kind(f"{path} {reason}", file=path)
@@ -477,7 +415,8 @@ def digest(record: dict[str, Any]) -> str:
     return sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
 
 
-def _ending(path: str | Path) -> str:
+def require_ending(path: str | Path) -> str:
+    """The ending of a path, one that files of fits have."""
     ending = Path(path).suffix.lower()
     if ending not in ENDINGS:
         raise OptionError.unknown(f"ending of {path}", ending, ENDINGS)
@@ -540,7 +479,7 @@ def _differences(file: FitFile, robot: Robot) -> Iterator[str]:
 
 def _other_numbers(file: FitFile, model: ForceModel, R: FloatArray) -> Iterator[str]:
     """Forces and coefficients of another robot; R is the triangular factor of all columns."""
-    fit, at = file.fit(model), file.check
+    fit, at = Estimates(**file.estimates, model=model), file.check
     loaded = fit.require_model()
     found = _forces(loaded, fit.values, at.configurations, at.velocities, at.accelerations)
     apart = np.abs(found - at.forces).max(axis=0)
@@ -563,7 +502,7 @@ def _place(robot: Robot) -> str:
         return ""
     name = robot.path.stem
     bundled = robot.path == bundled_directory() / f"{name}.yaml"
-    return name if bundled else str(robot.path)
+    return name if bundled else str(robot.path.absolute())
 
 
 def _hashes(robot: Robot) -> dict[str, str]:

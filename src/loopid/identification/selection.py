@@ -10,21 +10,23 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from loopid.arguments import FloatArray, checked, finite, variances
-from loopid.errors import DataError
-from loopid.identification.correlation import mean_of_series
+from loopid.errors import DataError, first_of
+from loopid.identification.candidate import Candidate, judge
+from loopid.identification.correlation import means_of_series
+from loopid.identification.estimates import relative_deviation
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator
 from loopid.identification.fitting import quiet_fit, working_fit
-from loopid.identification.identification import Identification
 from loopid.identification.information import Excitation
-from loopid.identification.prediction import Candidate, judge
+from loopid.identification.outcome import Outcome
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import Fit, of_all, relative_deviation
+from loopid.identification.result import Fit, of_all
 from loopid.parameters import ParameterSet, html_table
 from loopid.records import record
 
 # Standard errors of a difference that make it clear, and the relative difference of mean squared
 # errors that is worth no parameter.
 CLEARLY, NO_CONSEQUENCE = 2.0, 0.02
+NAMED = 12  # parameters in a ``repr``
 
 
 @record
@@ -94,11 +96,10 @@ class Reduction:
 
     def __repr__(self) -> str:
         names = self.result.parameters.names
-        more = f" and {len(names) - 12} more" if len(names) > 12 else ""
         return (
             f"Reduction to {len(names)} of {len(self.parameters)} parameters, validation error "
             f"{self.chosen.error.mean:.4g} (all: {self.steps[0].error.mean:.4g}):\n  "
-            f"{', '.join(names[:12])}{more}"
+            f"{first_of(names, NAMED)}"
         )
 
     def _repr_html_(self) -> str:
@@ -111,12 +112,30 @@ class Reduction:
 
 
 @checked
-def eliminate(found: Identification) -> Reduction:
+def eliminate(found: Outcome) -> Reduction:
     """Find the parameters of an identification that predictions need; ``eliminate_parameters``.
 
     Dropped ones go back to the robot file, and joint terms that it gives no value of to zero; what
     is unidentifiable is dropped from the start. Joint terms whose size the evidence decides stay.
     What is essential is not for a prior to say: weighted least squares stands in for Bayes.
+
+    Parameters
+    ----------
+    found : Identification
+
+    Returns
+    -------
+    Reduction
+        All steps, and the one that is chosen.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
+    >>> reduction = loopid.identification.eliminate(found)
+    >>> len(reduction.chosen.labels) < len(reduction.parameters)
+    True
     """
     model, estimator = found.force_model, chosen_estimator(found.options.estimator)
     plain, prior = model.plain_columns, np.array(model.prior)
@@ -147,7 +166,7 @@ def eliminate(found: Identification) -> Reduction:
 
 
 @checked
-def judge_essential(found: Identification, reduction: Reduction) -> Candidate:
+def judge_essential(found: Outcome, reduction: Reduction) -> Candidate:
     """The essential parameters as one more candidate of an identification."""
     data, new = found.parts
     return judge(
@@ -292,35 +311,23 @@ def prediction_errors(
     scale : FloatArray
         (dof,), that residuals are multiplied by; 0 leaves an actuator out.
     """
-    squares = [_squares(validation, values, scale) for values in candidates]
-    means = [_mean(validation, series, scale) for series in squares]
-    best, found = int(np.argmin([mean for mean, _ in means])), list[PredictionError]()
-    for k, (mean, error) in enumerate(means):
-        # Of the differences at each time: what both share, as a disturbance that neither explains,
-        # does not count as uncertainty.
-        excess, excess_error = 0.0, 0.0
-        if k != best:
-            excess, excess_error = _mean(validation, squares[k] - squares[best], scale)
-        # One standard error of the best is wide where a disturbance that none explains makes all
-        # of them uncertain; two of the difference are not.
-        uncertainty = min(means[best][1], CLEARLY * excess_error)
-        as_good = excess <= max(uncertainty, NO_CONSEQUENCE * means[best][0])
-        found.append(PredictionError(mean, error, excess, excess_error, as_good))
-    return found
-
-
-def _squares(samples: FitSamples, values: FloatArray, scale: FloatArray) -> FloatArray:
-    """Squared scaled residuals of all actuators together (N,); a scale of 0 leaves one out."""
-    squares = (samples.residual(values) * scale) ** 2 * (samples.used & (scale > 0))
-    return np.asarray(squares.sum(axis=1), dtype=np.float64)
-
-
-def _mean(samples: FitSamples, series: FloatArray, scale: FloatArray) -> tuple[float, float]:
-    """Mean of a series (N,) by forces that count, and its standard error."""
-    counts = (samples.used & (scale > 0)).sum(axis=1)
+    present = validation.used & (scale > 0)
+    counts = present.sum(axis=1)
     if not counts.any():
         raise DataError("there is no validation sample of an actuator that was fitted")
-    return mean_of_series(series, counts, samples.pieces)
+    residuals = (validation.residual(values) for values in candidates)
+    squares = np.array([np.square(each * scale * present).sum(axis=1) for each in residuals])
+    means, errors = means_of_series(squares, counts, validation.pieces)
+    best = int(np.argmin(means))
+    # Of the differences at each time: what both share, as a disturbance that neither explains,
+    # does not count as uncertainty.
+    excess, excess_errors = means_of_series(squares - squares[best], counts, validation.pieces)
+    # One standard error of the best is wide where a disturbance that none explains makes all
+    # of them uncertain; two of the difference are not.
+    uncertainty = np.minimum(errors[best], CLEARLY * excess_errors)
+    as_good = excess <= np.maximum(uncertainty, NO_CONSEQUENCE * means[best])
+    columns = (each.tolist() for each in (means, errors, excess, excess_errors, as_good))
+    return [PredictionError(*numbers) for numbers in zip(*columns, strict=True)]
 
 
 @checked
@@ -338,10 +345,24 @@ def influence(data: FitSamples, values: FloatArray) -> FloatArray:
     values : FloatArray
         (r,).
 
+    Returns
+    -------
+    FloatArray
+        (r,), in %.
+
     Raises
     ------
     DataError
         When the values have another shape, or the forces are all zero.
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> names = loopid.parameters.ParameterSet.from_labels(["arm.mx", "elbow.Fc"])
+    >>> W = np.random.default_rng(0).normal(size=(500, 1, 2))
+    >>> samples = loopid.identification.FitSamples.of(names, ["elbow"], W, W @ [4.0, 3.0])
+    >>> loopid.identification.influence(samples, np.array([4.0, 3.0])).round(6)[1:]
+    array([100.])
     """
     factor, phi = _factor(data, values)
     size = float(np.linalg.norm(factor[:, -1]))

@@ -18,11 +18,11 @@ import numpy as np
 
 from loopid.arguments import FloatArray, checked
 from loopid.errors import DataError, RankError
+from loopid.identification.estimates import LEAST_FREEDOM
 from loopid.identification.estimator import LEAST_EXCITATION, scaled_svd
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import LEAST_FREEDOM
 from loopid.parameters import Parameter
 from loopid.regressors.joint_terms import terms_of_file
 from loopid.workers import one_blas_thread
@@ -43,6 +43,7 @@ def choose_terms(force_model: ForceModel, data: FitSamples) -> ForceModel:
 
     Parameters
     ----------
+    force_model : ForceModel
     data : FitSamples
         Those that are fitted, of all parameters.
 
@@ -50,6 +51,16 @@ def choose_terms(force_model: ForceModel, data: FitSamples) -> ForceModel:
     -------
     ForceModel
         The same one where all offsets are identifiable.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> model = loopid.force_model(robot, "full", "Fc,Fv")
+    >>> data = loopid.identification.samples_of(model, [run])
+    >>> loopid.identification.choose_terms(model, data) is model  # it has no offsets
+    True
     """
     usual, offsets = force_model.joint_terms, list(_offsets(force_model))
     if usual is None or not (force_model.automatic and offsets):

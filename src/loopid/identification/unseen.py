@@ -12,13 +12,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, IntArray
+from loopid.identification.candidate import Candidate
 from loopid.identification.force_models import ForceModel
-from loopid.identification.friction import friction_columns, friction_curve
+from loopid.identification.friction_curves import friction_columns, friction_curve
 from loopid.identification.leaving_out import segments_of
-from loopid.identification.prediction import Candidate
 from loopid.identification.problem import FitSamples
 from loopid.identification.result import Fit
-from loopid.logs.recording import MaskOptions, Recording
+from loopid.logs.preparing import IDLE
+from loopid.logs.recording import Recording
 from loopid.records import record
 
 SLOW = 10.0  # percentile of the rates of a motor's samples that are slow
@@ -127,7 +128,7 @@ def _standing(
 ) -> tuple[FloatArray, BoolArray]:
     """Forces (N, dof) beyond breakaway, and where motors stand (N, dof)."""
     left, loads = new.residual(fit.values), np.abs(force_model.loads(new.regressor))
-    standing = ~new.used & (rates <= MaskOptions().idle * np.percentile(rates, 99, axis=0))
+    standing = ~new.used & (rates <= IDLE * np.percentile(rates, 99, axis=0))
     for k, motor in enumerate(new.actuators):
         own = [j for j, p in enumerate(fit.parameters) if (p.link, p.kind) == (motor, "Ft")]
         columns = friction_columns(fit, motor)

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 
+from loopid.errors import first_of
 from loopid.findings import PAGE, Finding, most_important_first
 from loopid.identification.consistent import UNSETTLED
 from loopid.identification.missing import missing_findings
+from loopid.identification.outcome import Outcome
 from loopid.identification.result import Fit
 from loopid.numbers import number
 from loopid.records import record
 from loopid.regressors.joint_laws import grouped
-
-if TYPE_CHECKING:
-    from loopid.identification.identification import Identification
 
 # Error on new data as a part of a motor's force, in the root mean square: what a controller's
 # feedforward can be built on, and what it still profits from.
@@ -82,7 +80,7 @@ class Verdict:
     where: str = "whole"
 
     @classmethod
-    def of(cls, found: Identification) -> Verdict:
+    def of(cls, found: Outcome) -> Verdict:
         """Of an identification."""
         where, worst, error = found.unseen.worst
         count = sum(not grouped(each.kind) for each in found.fit.parameters)
@@ -153,7 +151,7 @@ JUDGED = {
 AT = {"slow": ", at low speed", "standstill": ", at standstill"}
 
 
-def _better(found: Identification) -> Finding | None:
+def _better(found: Outcome) -> Finding | None:
     """Of all parameters, where they predict clearly better than the recommended ones."""
     times = found.advantage
     if times is None:
@@ -166,13 +164,13 @@ def _better(found: Identification) -> Finding | None:
     )
 
 
-def _of_model(found: Identification) -> Finding | None:
+def _of_model(found: Outcome) -> Finding | None:
     """What to know of a gravity model: that inertia does not show, or is missing."""
     gravity = found.force_model.model == "gravity"
     return found.choice.finding if gravity and found.choice is not None else None
 
 
-def _use(found: Identification, error: float) -> str:
+def _use(found: Outcome, error: float) -> str:
     if found.fit.broken:
         return f"{NOT_FIT}, as {found.fit.broken[0]}"
     if not error <= ROUGH:
@@ -189,7 +187,7 @@ def _use(found: Identification, error: float) -> str:
     return f"{use} in motions like these, but not parameter by parameter"
 
 
-def _doubtful(found: Identification) -> bool:
+def _doubtful(found: Outcome) -> bool:
     """Whether anything says that the model is wrong, so that intervals may not hold."""
     deviation = found.fit.deviation
     far = deviation is not None and bool(deviation.fault)
@@ -201,7 +199,7 @@ def _doubtful(found: Identification) -> bool:
     return doubtful or found.advantage is not None or _noisy(found) is not None
 
 
-def _noisy(found: Identification) -> tuple[str, float] | None:
+def _noisy(found: Outcome) -> tuple[str, float] | None:
     """The motor whose errors are largest beside its sensor's noise, and how many times that."""
     errors, noise = found.fit.unseen_rms, found.sensor_noise
     ratios = np.full(len(noise), np.nan) if errors is None else errors / noise
@@ -211,7 +209,7 @@ def _noisy(found: Identification) -> tuple[str, float] | None:
     return found.data.actuators[worst], float(ratios[worst])
 
 
-def _model_findings(found: Identification) -> Iterator[Finding]:
+def _model_findings(found: Outcome) -> Iterator[Finding]:
     """What the model lacks, and where the data do not decide."""
     model = _of_model(found)
     yield from () if model is None else (model,)
@@ -236,7 +234,7 @@ def _model_findings(found: Identification) -> Iterator[Finding]:
         )
 
 
-def _improvement(found: Identification) -> tuple[tuple[str, ...], str]:
+def _improvement(found: Outcome) -> tuple[tuple[str, ...], str]:
     """Parameters that a further motion should excite, and what would improve the fit most.
 
     Another motion does not help where forces are not explained.
@@ -249,10 +247,10 @@ def _improvement(found: Identification) -> tuple[tuple[str, ...], str]:
     if (unexplained := _unexplained(found)) is not None:
         return (), unexplained.do
     excite = found.identifiability.leads or _least_known(found)
-    return excite, f"excite {_listed(excite)}" if excite else "record a longer log"
+    return excite, f"excite {first_of(excite, NAMED)}" if excite else "record a longer log"
 
 
-def findings_of(found: Identification) -> tuple[Finding, ...]:
+def findings_of(found: Outcome) -> tuple[Finding, ...]:
     """What to know beside the numbers, the most important first."""
     said = [each for one in found.log_faults for each in one.mistakes]
     told, deviation, unexplained = found.identifiability, found.fit.deviation, _unexplained(found)
@@ -280,14 +278,14 @@ def findings_of(found: Identification) -> tuple[Finding, ...]:
     return most_important_first([*said, *told.findings, *bounds])
 
 
-def _unexplained(found: Identification) -> Finding | None:
+def _unexplained(found: Outcome) -> Finding | None:
     """Forces that no parameters explain, or that the recommended fit does not."""
     explained = found["all parameters"].fit.quality.r_squared
     noise = [name for name, r in zip(found.data.actuators, explained, strict=True) if r < NOISE]
     if noise:
         return Finding(
             "warning",
-            f"force of {_listed(noise)} does not follow the motion",
+            f"force of {first_of(noise, NAMED)} does not follow the motion",
             f"all parameters together explain {100 * max(np.nanmin(explained), 0.0):.2g} % of its "
             "variance",
             "look at its column, its time stamps, and whether the motor drives the robot",
@@ -306,7 +304,7 @@ def _unexplained(found: Identification) -> Finding | None:
     )
 
 
-def _least_known(found: Identification) -> tuple[str, ...]:
+def _least_known(found: Outcome) -> tuple[str, ...]:
     """Parameters whose estimates are not clear from zero, the least known first."""
     alone = found.recommended is found.baseline  # of the bodies it has no estimates
     fit = found["all parameters"].fit if alone else found.fit
@@ -320,8 +318,3 @@ def insignificant(fit: Fit) -> tuple[str, ...]:
     """Names of parameters not clearly different from zero; points of a curve are none."""
     kinds = {each.name: each.kind for each in fit.parameters}
     return tuple(name for name in fit.insignificant() if not grouped(kinds[name]))
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = len(names) - NAMED
-    return ", ".join(names[:NAMED]) + (f" and {more} more" if more > 0 else "")

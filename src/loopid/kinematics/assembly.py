@@ -129,6 +129,7 @@ def assemble(
 
     Parameters
     ----------
+    robot : Robot
     values : FloatArray
         (N, c), measured coordinates in m or rad.
     coordinates : sequence of str or "platform", optional
@@ -274,10 +275,7 @@ def _in_steps(
 
 
 def _predicted(
-    measured: MeasuredCoordinates,
-    start: FloatArray,
-    at: Linearisation,
-    way: FloatArray,
+    measured: MeasuredCoordinates, start: FloatArray, at: Linearisation, way: FloatArray
 ) -> FloatArray:
     """Where the tangents lead that are short enough to be trusted; else the starts."""
     if measured.holds:

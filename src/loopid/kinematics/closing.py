@@ -100,8 +100,28 @@ def displaced(
     """Move closed configurations (N, nq) by steps (N, dof) of the independent coordinates.
 
     The way for coordinates that have no value of their own, such as the spin of a rod in a ball
-    joint: u̇ is integrated along G, and Newton steps of the others keep the loops closed. Gives
-    configurations (N, nq) and the residual (N,) left, in m: large where the way met a singularity.
+    joint: u̇ is integrated along G, and Newton steps of the others keep the loops closed.
+
+    Parameters
+    ----------
+    robot : Robot
+    configurations, steps : FloatArray
+        Steps are in rad or m.
+
+    Returns
+    -------
+    configurations : FloatArray
+    residual : FloatArray
+        (N,), what is left of it in m: large where the way met a singularity.
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load("five_bar")
+    >>> step = np.array([[0.1, 0.0]])
+    >>> q, residual = loopid.kinematics.displaced(robot, robot.reference[None], step)
+    >>> q.shape, bool(residual[0] < 1e-9)
+    ((1, 4), True)
     """
     chosen, dependent = partition(robot)
     longest = float(np.abs(steps / robot.coordinate_scales[chosen]).max(initial=0.0))
@@ -168,11 +188,7 @@ def _polished(at: _Points, movable: IntArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _tried(
-    at: _Points,
-    rows: IntArray,
-    movable: IntArray,
-    goal: FloatArray,
-    damping: FloatArray,
+    at: _Points, rows: IntArray, movable: IntArray, goal: FloatArray, damping: FloatArray
 ) -> FloatArray:
     """Configurations after a damped step, in which joints that their limits stop take no part."""
     robot, q = at.robot, at.q[rows]
@@ -401,15 +417,10 @@ class _LoopPoses:
         for k in np.flatnonzero(good):
             if all(np.abs(points[k] - other.points).max() > SAME for other in found):
                 turning = self._turning(jacobian[k], frames.angular[k])
-                parallel = _pairs(turning, PARALLEL)
-                found.append(_Solution(q[k], points[k], self._distance(q[k]), parallel))
+                away = difference(robot, self.drawn[None], q[k, None])[0] / robot.coordinate_scales
+                distance = float(np.linalg.norm(away[self.passive]))
+                found.append(_Solution(q[k], points[k], distance, _pairs(turning, PARALLEL)))
         return found
-
-    def _distance(self, q: FloatArray) -> float:
-        """How far the passive joints are from where they are drawn."""
-        steps = difference(self.robot, self.drawn[None], q[None])[0]
-        steps /= self.robot.coordinate_scales
-        return float(np.linalg.norm(steps[self.passive]))
 
     def _turning(self, jacobian: FloatArray, angular: FloatArray) -> FloatArray:
         """Rates (F, 3 k) of turning against the first link, per unit of what drives the loop."""

@@ -27,11 +27,7 @@ class Constraint:
     """All closures and couplings of a robot at configurations (N, nq)."""
 
     def __init__(
-        self,
-        robot: Robot,
-        q: FloatArray,
-        jacobians: bool = True,
-        poses: FramePoses | None = None,
+        self, robot: Robot, q: FloatArray, jacobians: bool = True, poses: FramePoses | None = None
     ) -> None:
         self.robot, self.q, self.prepared = robot, q, prepared(robot)
         if poses is None:
@@ -135,14 +131,52 @@ class Constraint:
 
 @checked
 def constraint_residual(robot: Robot, configurations: FloatArray) -> FloatArray:
-    """Residual (N, rows) of all closures: m or rad."""
+    """Residual of all closures, zero where the loops are closed.
+
+    Parameters
+    ----------
+    robot : Robot
+    configurations : FloatArray
+        (N, nq).
+
+    Returns
+    -------
+    FloatArray
+        (N, rows), in m or rad.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> loopid.kinematics.constraint_residual(robot, robot.reference).shape
+    (1, 3)
+    """
     q = samples(configurations, robot.model.nq, "configurations")
     return _in_blocks(q, lambda k: Constraint(robot, q[k], jacobians=False).residual())
 
 
 @checked
 def constraint_jacobian(robot: Robot, configurations: FloatArray) -> FloatArray:
-    """Jacobian A (N, rows, nv): the exact derivative of the residual."""
+    """Jacobian A of all closures: the exact derivative of the residual.
+
+    Parameters
+    ----------
+    robot : Robot
+    configurations : FloatArray
+        (N, nq).
+
+    Returns
+    -------
+    FloatArray
+        (N, rows, nv), in m or rad per rad or m.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> loopid.kinematics.constraint_jacobian(robot, robot.reference).shape
+    (1, 3, 4)
+    """
     q = samples(configurations, robot.model.nq, "configurations")
     return _in_blocks(q, lambda k: Constraint(robot, q[k]).jacobian())
 
@@ -155,10 +189,23 @@ def constraint_drift(
 
     Parameters
     ----------
+    robot : Robot
     configurations : FloatArray
         (N, nq).
     velocities : FloatArray
         (N, nv), rad/s or m/s.
+
+    Returns
+    -------
+    FloatArray
+        In m/s² or rad/s².
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load("five_bar")
+    >>> loopid.kinematics.constraint_drift(robot, robot.reference, np.zeros(4))
+    array([[0., 0., 0.]])
     """
     q = samples(configurations, robot.model.nq, "configurations")
     v = samples(velocities, robot.model.nv, "velocities", len(q))

@@ -52,16 +52,21 @@ class Mobility:
 
 @checked
 def mobility(
-    robot: Robot,
-    configuration: FloatArray | None = None,
-    around: FloatArray | None = None,
+    robot: Robot, configuration: FloatArray | None = None, around: FloatArray | None = None
 ) -> Mobility:
-    """Mobility at a configuration (nq,), by default the reference.
+    """Mobility at a configuration.
 
     Parameters
     ----------
+    robot : Robot
+    configuration : FloatArray, optional
+        (nq,), by default the reference.
     around : FloatArray, optional
         (n, nq), closed configurations around it, where they are known.
+
+    Returns
+    -------
+    Mobility
 
     Raises
     ------

@@ -173,10 +173,27 @@ def measured_coordinates(
 
     They are made once for a robot and a choice.
 
+    Parameters
+    ----------
+    robot : Robot
+    coordinates : str or sequence of str, optional
+
+    Returns
+    -------
+    MeasuredCoordinates
+        Which reads them from configurations, and writes them there.
+
     Raises
     ------
     MobilityError
         When they are too few or too many to determine the motion at the reference.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> loopid.kinematics.measured_coordinates(robot).read(robot.reference[None]).shape
+    (1, 2)
     """
     key = coordinates if isinstance(coordinates, str | None) else tuple(coordinates)
     known = prepared(robot).measured
@@ -222,7 +239,18 @@ def declared_platform(robot: Robot) -> Platform:
 
 @checked
 def platform_coordinates(robot: Robot, configurations: FloatArray) -> FloatArray:
-    """Platform coordinates (N, c) that the robot file declares, at configurations (N, nq).
+    """Platform coordinates that the robot file declares.
+
+    Parameters
+    ----------
+    robot : Robot
+    configurations : FloatArray
+        (N, nq).
+
+    Returns
+    -------
+    FloatArray
+        (N, c), in m or rad.
 
     Raises
     ------
@@ -259,10 +287,7 @@ def platform_jacobian(robot: Robot, q: FloatArray, G: FloatArray) -> FloatArray:
 
 @checked
 def platform_motion(
-    robot: Robot,
-    configurations: FloatArray,
-    rates: FloatArray,
-    accelerations: FloatArray,
+    robot: Robot, configurations: FloatArray, rates: FloatArray, accelerations: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Velocities and accelerations (N, nv) of all joints from those (N, c) of the platform."""
     platform = declared_platform(robot)

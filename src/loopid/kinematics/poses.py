@@ -253,12 +253,31 @@ def torque_regressors(
     model: str = "full",
     G: FloatArray | None = None,
 ) -> FloatArray:
-    """Pinocchio's torque regressor Y, projected to Gᵀ Y where G (N, nv, dof) is given.
+    """Pinocchio's torque regressor Y, projected to Gᵀ Y where G is given.
+
+    Parameters
+    ----------
+    robot : Robot
+    q : FloatArray
+        (N, nq).
+    v, a : FloatArray, optional
+        (N, nv), of the tree; by default zero.
+    model : str
+        ``"full"`` or ``"gravity"``.
+    G : FloatArray, optional
+        (N, nv, dof), as ``project`` gives it.
 
     Returns
     -------
     FloatArray
         (N, nv or dof, n), columns of ``robot.parameters(model)``.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> loopid.kinematics.torque_regressors(robot, robot.reference[None]).shape
+    (1, 4, 40)
     """
     own = prepared(robot)
     tree, data = own.model, own.memory.data
@@ -350,7 +369,27 @@ def integrate(robot: Robot, configurations: FloatArray, steps: FloatArray) -> Fl
 
 
 def difference(robot: Robot, origin: FloatArray, target: FloatArray) -> FloatArray:
-    """Tangent steps (N, nv) between configurations (N, nq), which ``integrate`` would take."""
+    """Tangent steps between configurations, which ``integrate`` would take.
+
+    Parameters
+    ----------
+    robot : Robot
+    origin, target : FloatArray
+        (N, nq).
+
+    Returns
+    -------
+    FloatArray
+        (N, nv), in rad or m.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> first, second = loopid.random_configurations(robot, 2)[:, None]
+    >>> loopid.kinematics.difference(robot, first, second).shape
+    (1, 4)
+    """
     model = robot.model
     if model.nq == model.nv:
         return np.asarray(target - origin, dtype=np.float64)

@@ -248,19 +248,22 @@ class ClosedMotion:
 
 @checked
 def project(
-    robot: Robot,
-    configurations: FloatArray,
-    *,
-    independent: Sequence[str] | None = None,
+    robot: Robot, configurations: FloatArray, *, independent: Sequence[str] | None = None
 ) -> Projection:
     """Project the motion onto independent joints, by default the actuated ones.
 
     Parameters
     ----------
+    robot : Robot
     configurations : FloatArray
         (N, nq), closed.
     independent : sequence of str, optional
         Names of the independent joints.
+
+    Returns
+    -------
+    Projection
+        G (N, nv, dof), joint velocities from independent ones.
 
     Raises
     ------
@@ -301,12 +304,18 @@ def closed_motion(
 
     Parameters
     ----------
+    robot : Robot
     configurations : FloatArray
         (N, nq), closed.
     velocities, accelerations : FloatArray
         (N, dof) of the independent joints.
     independent : sequence of str, optional
         Their names.
+
+    Returns
+    -------
+    ClosedMotion
+        Velocities and accelerations (N, nv) of all joints.
 
     Raises
     ------

@@ -37,6 +37,11 @@ def bearing_forces(
 
     Parameters
     ----------
+    robot : Robot
+    motion : ClosedMotion
+        Of N samples.
+    joints : sequence of int
+        J of them.
     standard_parameters : FloatArray, optional
         (n,) of ``robot.parameters()``; by default the bodies of the robot file.
 
@@ -50,6 +55,14 @@ def bearing_forces(
     ------
     OptionError
         When the robot has redundant motors: how they work against each other is not known.
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load("five_bar")
+    >>> rest = loopid.kinematics.closed_motion(robot, robot.reference, np.zeros(2), np.zeros(2))
+    >>> loopid.kinematics.bearing_forces(robot, rest, [1, 2])[1]
+    array([False, False])
     """
     if robot.redundant:
         raise OptionError(

@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from loopid.arguments import FloatArray, checked, frozen, random_generator, require_count
+from loopid.arguments import MOST_SAMPLES, Count, FloatArray, checked, frozen, random_generator
 from loopid.errors import AssemblyError
 from loopid.kinematics.assembly import AssemblyOptions, follow_paths, largest_opening
 from loopid.kinematics.closing import displaced, nearby_configurations
@@ -55,11 +55,7 @@ class SamplingOptions:
 
 @checked
 def random_configurations(
-    robot: Robot,
-    count: int,
-    seed: int = 0,
-    *,
-    options: SamplingOptions | None = None,
+    robot: Robot, count: Count, seed: int = 0, *, options: SamplingOptions | None = None
 ) -> FloatArray:
     """Draw closed configurations on the reference's branch.
 
@@ -70,6 +66,7 @@ def random_configurations(
 
     Parameters
     ----------
+    robot : Robot
     count : int
     seed : int
         Same seed, same configurations; a larger count only adds more.
@@ -92,7 +89,6 @@ def random_configurations(
     >>> loopid.random_configurations(robot, 10, seed=1).shape
     (10, 4)
     """
-    require_count(count, "count")
     return np.concatenate(list(configuration_batches(robot, count, seed, options=options)))
 
 
@@ -101,7 +97,6 @@ def configuration_batches(
 ) -> Iterator[FloatArray]:
     """Yield the rows of ``random_configurations`` a few at a time."""
     options = SamplingOptions() if options is None else options
-    require_count(count, "samples")
     if options.margin is None:
         options = replace(options, margin=robot.margin)
     drawn = prepared(robot).drawn
@@ -128,7 +123,10 @@ def _drawn(robot: Robot, seed: int, options: SamplingOptions) -> Iterator[FloatA
     steps = max(MOST_STEPS * options.spread, LEAST_STEPS)
     paths = AssemblyOptions(shortest_step=SHORTEST_STEP, most_steps=steps)
     spread = min(options.spread, MANY_LOOPS / max(len(robot.loops), 1))
-    least = _least_margin(robot, options)
+    least = options.margin
+    if least is None:  # where the reference hardly keeps it, poses around it do not
+        own = float(singularity_measure(robot, robot.reference[None])[0])
+        least = max(LEAST_MARGIN, min(DEFAULT_MARGIN, 0.5 * own))
     drawn, found, broken = 0, 0, np.zeros(robot.model.nq)
     while True:
         if drawn > options.attempts * (found + BATCH):
@@ -148,14 +146,6 @@ def _drawn(robot: Robot, seed: int, options: SamplingOptions) -> Iterator[FloatA
         found, drawn = found + len(regular), drawn + BATCH
         if len(regular):
             yield regular
-
-
-def _least_margin(robot: Robot, options: SamplingOptions) -> float:
-    """The margin to begin with: where the reference hardly keeps it, poses around it do not."""
-    if options.margin is not None:
-        return options.margin
-    own = float(singularity_measure(robot, robot.reference[None])[0])
-    return max(LEAST_MARGIN, min(DEFAULT_MARGIN, 0.5 * own))
 
 
 def _ranges(measured: MeasuredCoordinates) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -210,15 +200,33 @@ def _completed(robot: Robot, q: FloatArray, generator: np.random.Generator) -> F
 
 @checked
 def random_motions(
-    robot: Robot, count: int, seed: int | np.random.Generator = 0
+    robot: Robot,
+    count: Annotated[int, Field(ge=0, le=MOST_SAMPLES)],
+    seed: int | np.random.Generator = 0,
 ) -> tuple[FloatArray, FloatArray]:
     """Draw independent velocities and accelerations (count, dof) each.
 
     They are uniform and as large as a fall over the characteristic length would make them, so
     that inertial and gravity forces have one order of magnitude.
+
+    Parameters
+    ----------
+    robot : Robot
+    count : int
+    seed : int or numpy.random.Generator
+
+    Returns
+    -------
+    velocities, accelerations : FloatArray
+        Of ``robot.independent``, in rad or m and s.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> v, a = loopid.kinematics.random_motions(loopid.load("five_bar"), 10)
+    >>> v.shape
+    (10, 2)
     """
-    if count != 0:
-        require_count(count, "count")
     generator = seed if isinstance(seed, np.random.Generator) else random_generator(seed)
     independent, _ = partition(robot)
     unit = robot.coordinate_scales[independent]

@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from loopid.errors import MobilityError, ModelWarning, OptionError, RobotFileError, naming, warn
 from loopid.loading.checks import warn_of_findings
-from loopid.loading.description import LARGEST_ROUNDING, Description, merged
+from loopid.loading.description import Description, merged
 from loopid.loading.model_closures import find_closures, find_couplings, frame_named, joint_named
 from loopid.loading.reference import close_reference, with_lengths
 from loopid.loading.tree import TreeSource, build_tree, written_reference
@@ -38,9 +38,6 @@ def build_robot(
     ``given`` has the last word over what the tree's own file says. ``path`` is the file that was
     named, ``options`` are what loads the same robot from it again.
     """
-    if rounding is not None and not 0 <= rounding <= LARGEST_ROUNDING:
-        least_most = f"from 0 to {LARGEST_ROUNDING:g} m and rad"
-        raise OptionError(f"rounding must be {least_most}, not {rounding:g}", given=rounding)
     if source.model.nv > MOST_COORDINATES:
         raise RobotFileError(
             f"{source.file} has joints of {source.model.nv:,} coordinates: at most "

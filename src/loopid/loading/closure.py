@@ -31,6 +31,8 @@ class Closure:
         Of the rod of a ``"distance"``, in m.
     joint : str, optional
         Whose coordinate is the length of a ``"cable"``.
+    name : str, optional
+        By default of its frames.
 
     Raises
     ------
@@ -50,6 +52,7 @@ class Closure:
     axes: tuple[Axis, Axis] | Axis | None = None
     length: float | None = None
     joint: str | None = None
+    name: str | None = None
 
     def __post_init__(self) -> None:
         if self.kind in (JointCoupling.kind, *JointCoupling.aliases):
@@ -69,7 +72,7 @@ class Closure:
         content: dict[str, Any] = {"type": self.kind, "frames": (self.frame_a, self.frame_b)}
         if self.axes is not None:
             content["axes"] = [list(x) if isinstance(x, tuple) else x for x in self.axes]
-        optional = {"length": self.length, "joint": self.joint}
+        optional = {"length": self.length, "joint": self.joint, "name": self.name}
         content |= {key: value for key, value in optional.items() if value is not None}
         what = f"closure {self.frame_a}-{self.frame_b}"
         return validated(ClosureDescription, content, what, OptionError)

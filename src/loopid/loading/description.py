@@ -27,7 +27,7 @@ JointType = Annotated[
 ]  # fmt: skip
 
 
-LARGEST_ROUNDING = 1e-2  # m and rad
+Rounding = Annotated[float, Field(ge=0, le=1e-2)]  # m and rad
 LARGEST, LEAST = 1e30, 1e-30  # of coefficients and offsets
 
 
@@ -212,9 +212,7 @@ class Description(Section):
         {}, "Joint to lower and upper limit, in m or rad; null for none."
     )
     gravity: tuple[Component, Component, Component] | None = key(None, "In m/s².")
-    rounding: float | None = key(
-        None, "To what numbers are rounded, in m and rad; 0: exact.", ge=0, le=LARGEST_ROUNDING
-    )
+    rounding: Rounding | None = key(None, "To what numbers are rounded, in m and rad; 0: exact.")
     margin: float | None = key(None, "Least singularity measure of random poses.", ge=0, lt=1)
     closure_rank_tolerance: float | None = key(
         None, "Part of the largest singular value that counts as zero.", gt=0, lt=1

@@ -54,7 +54,7 @@ def find_closures(
 def _closure(
     where: object, model: pin.Model, closure: ClosureDescription, frame_a: str, frame_b: str
 ) -> LoopClosure:
-    name, ids = f"{frame_a}-{frame_b}", (frame_named(model, frame_a), frame_named(model, frame_b))
+    name, ids = closure.label, (frame_named(model, frame_a), frame_named(model, frame_b))
     joints = [model.frames[frame].parentJoint for frame in ids]
     if joints[0] == joints[1] and closure.joint is None:
         raise RobotFileError(
@@ -75,7 +75,7 @@ def _closure(
             )
         indices = sliding.idx_q, sliding.idx_v
     numbers = closure.length or 0.0, closure.joint, indices
-    return LoopClosure(closure.type, frame_a, frame_b, ids, axes, *numbers)
+    return LoopClosure(closure.type, frame_a, frame_b, ids, axes, *numbers, name=name)
 
 
 def _unit(axis: Vector) -> Vector:
@@ -129,7 +129,11 @@ def _coupling(
         moving = {name: c for name, c in moving.items() if c != 0}
     if not moving:
         return None
-    models = [_single_joint(model, name) for name in moving]
+    models = [joint_named(model, name, "in a coupling") for name in moving]
+    for name, joint in zip(moving, models, strict=True):
+        if joint.nq != 1:
+            said = f"joint {name} in a coupling has {joint.nv} coordinates"
+            raise RobotFileError(said, joint=name)
     return JointCoupling(
         joints=tuple(moving),
         coefficients=tuple(moving.values()),
@@ -139,13 +143,6 @@ def _coupling(
         argument=tuple(argument.get(name, 0.0) for name in moving) if argument else (),
         powers=tuple(powers),
     )
-
-
-def _single_joint(model: pin.Model, name: str) -> pin.JointModel:
-    joint = joint_named(model, name, "in a coupling")
-    if joint.nq != 1:
-        raise RobotFileError(f"joint {name} in a coupling has {joint.nv} coordinates", joint=name)
-    return joint
 
 
 def _refuse_contradictions(where: object, couplings: list[JointCoupling]) -> None:

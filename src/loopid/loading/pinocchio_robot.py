@@ -12,11 +12,11 @@ from loopid.arguments import FloatArray, checked, shaped
 from loopid.errors import OptionError
 from loopid.loading.build import build_robot
 from loopid.loading.closure import Closure, Coupling, with_more
-from loopid.loading.description import Description
+from loopid.loading.description import Description, Rounding
 from loopid.loading.model_closures import frame_named
-from loopid.loading.tree import Reference, TreeSource, read_joint
+from loopid.loading.tree import Reference, TreeSource
 from loopid.robot.closures import CLOSURE_KINDS
-from loopid.robot.robot import LeftOut, Robot, coordinate_names, link_frames
+from loopid.robot.robot import LeftOut, Robot, coordinate_names, link_frames, position_of
 
 # Where Pinocchio's model has joint terms, by their kinds.
 MODEL_FIELDS = {"Ia": "armature", "Fv": "damping", "Fc": "friction"}
@@ -34,7 +34,7 @@ def from_pinocchio(
     motors: Sequence[str] | None = None,
     reference: Mapping[str, Reference] | FloatArray | None = None,
     lock: Sequence[str] = (),
-    rounding: float | None = None,
+    rounding: Rounding | None = None,
 ) -> Robot:
     """A robot from a model of its open tree and the constraints that close its loops.
 
@@ -156,7 +156,7 @@ def _closure(tree: pin.Model, given: Any, number: str, notes: list[str]) -> Clos
     first, second = (
         _frame_at(tree, *end, f"{name}_{side}") for side, end in zip("ab", ends, strict=True)
     )
-    return Closure(first, second, kind)
+    return Closure(first, second, kind, name=getattr(constraint, "name", "") or None)
 
 
 def _frame_at(tree: pin.Model, joint: int, placement: pin.SE3, new: str) -> str:
@@ -236,7 +236,7 @@ def _values(
         return reference or {}
     q = shaped(reference, "reference", tree.nq)
     return {
-        tree.names[k]: read_joint(own, q)
+        tree.names[k]: float(position_of(own, q))
         if own.nv == 1
         else q[own.idx_q : own.idx_q + own.nq].tolist()
         for k, own in enumerate(tree.joints)

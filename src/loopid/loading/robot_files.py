@@ -14,6 +14,7 @@ from loopid.arguments import checked
 from loopid.errors import OptionError
 from loopid.loading.build import build_robot
 from loopid.loading.closure import Closure, Coupling, with_more
+from loopid.loading.description import Rounding
 from loopid.loading.files import RobotFiles, find_files
 from loopid.loading.tree import Reference, TreeSource
 from loopid.registry import robot_formats
@@ -37,7 +38,7 @@ def load(
     motors: Sequence[str] | None = None,
     reference: Mapping[str, Reference] | None = None,
     lock: Sequence[str] = (),
-    rounding: float | None = None,
+    rounding: Rounding | None = None,
     tied: bool = False,
     **reading: Unpack[Reading],
 ) -> Robot:
@@ -112,7 +113,10 @@ def load(
 
 def _source(files: RobotFiles, reading: Reading) -> TreeSource:
     """The tree as the reader of its file's ending reads it, with the options that this takes."""
-    own = {key: _word(value) for key, value in files.given.xacro.items()}
+    own = {
+        key: str(value).lower() if isinstance(value, bool) else str(value)
+        for key, value in files.given.xacro.items()
+    }
     options: dict[str, Any] = {"floating_base": files.given.floating_base, **reading}
     options["floating_base"] |= files.given.floating_base
     options["xacro"] = {**own, **reading.get("xacro", {})}
@@ -129,7 +133,3 @@ def _source(files: RobotFiles, reading: Reading) -> TreeSource:
             )
     source: TreeSource = reader(files.tree, **asked)
     return source
-
-
-def _word(value: str | float | bool) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)

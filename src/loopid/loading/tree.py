@@ -13,7 +13,7 @@ from loopid.arguments import LARGEST, FloatArray
 from loopid.errors import OptionError, RobotFileError
 from loopid.loading.description import Description
 from loopid.loading.model_closures import frame_named, joint_named
-from loopid.robot.robot import LeftOut, motion_subspace
+from loopid.robot.robot import LeftOut, motion_subspace, position_of
 
 HINGES = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}
 # Index of the first number of a quaternion, or of cosine and sine.
@@ -188,7 +188,7 @@ def _locked_values(source: TreeSource, names: Mapping[str, None]) -> dict[str, f
     # A list is for what has taken the place of the joint.
     at = {k: v for k, v in reference.items() if k in joints and not isinstance(v, list)}
     q = written_reference(model, at)
-    return {**names, **{name: read_joint(joint, q) for name, joint in joints.items()}}
+    return {**names, **{name: float(position_of(joint, q)) for name, joint in joints.items()}}
 
 
 def _hinges(axes: str) -> Chain:
@@ -346,12 +346,6 @@ def _joint_value(joint: pin.JointModel, name: str, value: Reference) -> FloatArr
             raise RobotFileError(f"{what} must end in a unit vector, not one of length {size:.3g}")
         turn /= size
     return given
-
-
-def read_joint(joint: pin.JointModel, q: FloatArray) -> float:
-    """Value of a joint with one coordinate in a configuration."""
-    first = joint.idx_q
-    return float(np.arctan2(q[first + 1], q[first]) if joint.nq == 2 else q[first])
 
 
 def write_joint(joint: pin.JointModel, q: FloatArray, value: float) -> None:

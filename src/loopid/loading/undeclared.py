@@ -60,7 +60,10 @@ def _pairs(robot: Robot, around: FloatArray, tree: TreeSource) -> dict[tuple[str
         if frame.name not in used and (link or (says_so and frame.name not in links)):
             links[frame.name] = k, bare or says_so
     bodies = {name: model.frames[k].parentJoint for name, (k, _) in links.items()}
-    poses = around if robot.rows else _random_poses(robot)
+    poses, nv = around, model.nv
+    if not robot.rows:
+        steps = random_generator(0).uniform(-FAR, FAR, (POSES, nv)) * robot.coordinate_scales
+        poses = integrate(robot, np.repeat(robot.reference[None], POSES, axis=0), steps)
     meeting = _meeting(robot, poses, [k for k, _ in links.values()])
     found = {}
     for (one, first), (other, second) in combinations(enumerate(links), 2):
@@ -87,13 +90,6 @@ def _split(name: str) -> tuple[str, str]:
     """A name without its last word, and that word in lower case."""
     found = LAST_WORD.search(name)
     return (name[: found.start()], found[0].lower()) if found else (name, "")
-
-
-def _random_poses(robot: Robot) -> FloatArray:
-    """Poses (n, nq) of an open tree."""
-    generator, nv = random_generator(0), robot.model.nv
-    steps = generator.uniform(-FAR, FAR, (POSES, nv)) * robot.coordinate_scales
-    return integrate(robot, np.repeat(robot.reference[None], POSES, axis=0), steps)
 
 
 def _meeting(robot: Robot, poses: FloatArray, frames: list[int]) -> BoolArray:

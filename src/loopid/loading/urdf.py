@@ -68,10 +68,7 @@ class Dialect:
 
 
 def read_urdf(
-    path: Path,
-    floating_base: bool = False,
-    free_mimics: bool = False,
-    root: Element | None = None,
+    path: Path, floating_base: bool = False, free_mimics: bool = False, root: Element | None = None
 ) -> TreeSource:
     """Read the tree of a URDF, and what the file says of closures, motors and forces.
 

@@ -10,9 +10,19 @@ import numpy as np
 
 from loopid.arguments import FloatArray
 from loopid.errors import DataWarning, LogError, OptionError, warn
-from loopid.logs.grid import BAD_ROWS, LEAST_ROWS, Dropped, Stream, continued, rows_text, stream_of
+from loopid.logs.grid import (
+    BAD_ROWS,
+    LEAST_ROWS,
+    Dropped,
+    Stream,
+    continued,
+    off_grid,
+    rows_text,
+    stream_of,
+)
 from loopid.logs.log import Log
-from loopid.logs.signals import POSE, QUANTITIES
+from loopid.logs.signals import POSE
+from loopid.logs.table import QUANTITIES
 from loopid.robot.robot import Robot, link_frames, lock_options
 
 # Factors that would make a unit of another one.
@@ -23,6 +33,9 @@ OTHER_ANGLES = {"pi/180 (deg to rad)": np.pi / 180, "0.001 (mrad to rad)": 1e-3}
 SHORTEST_STEP, LONGEST_STEP = 1e-5, 0.2
 # Parts of a joint's range that positions may be outside its limits: without a word, and at all.
 OUTSIDE, FAR_OUTSIDE = 1e-3, 1.0
+# Part of a step by which samples may be off even steps: those of logs on a grid are within a tenth
+# of it.
+UNEVEN = 0.1
 GLITCH = 100.0  # forces this many times their 99th percentile are none
 # Measured rates and changes of the position: relative difference (root mean square) that passes
 # without a word, and ratio, or its inverse, from which on the rates are something else.
@@ -36,6 +49,15 @@ def check_log(robot: Robot, log: Log) -> Log:
     """The log without impossible samples; warns of what looks wrong, as ``read_log`` does.
 
     One that was compared with its robot before stays as it is.
+
+    Parameters
+    ----------
+    robot : Robot
+    log : Log
+
+    Returns
+    -------
+    Log
 
     Raises
     ------
@@ -52,8 +74,15 @@ def check_log(robot: Robot, log: Log) -> Log:
     Traceback (most recent call last):
     loopid.errors.LogError: log: no position ever changes, so nothing moves
     """
-    if log.checked or len(log) < LEAST_ROWS:
+    if log.checked:
         return log
+    if len(log) < LEAST_ROWS:
+        raise LogError(
+            f"{log.name} has {len(log)} rows of numbers: it takes at least {LEAST_ROWS}",
+            source=log.name,
+            rows=len(log),
+        )
+    _require_even_segments(log)
     given = {name: getattr(log, name) for name in QUANTITIES if getattr(log, name) is not None}
     whole = stream_of(log.name, log.joints, log.time, given, log.slides)
     stream = check_stream(robot, whole)
@@ -66,6 +95,21 @@ def check_log(robot: Robot, log: Log) -> Log:
     log = replace(log, checked=True, **found)
     check_rates(log)
     return log
+
+
+def _require_even_segments(log: Log) -> None:
+    """Refuse a log whose steps are not even between gaps: only one that no maker put on a grid."""
+    for part in log.parts():
+        time = log.time[part]
+        off, step = off_grid(time), 1 / log.rate(part) if len(time) > 1 else 0.0
+        if off > UNEVEN * step:
+            raise LogError(
+                f"{log.name}: time stamps of segment {log.segments[part.start]} are up to "
+                f"{off:.3g} s off even steps of {step:.3g} s: make the log by Log.from_arrays, "
+                "which splits it at gaps and puts it on an even grid",
+                source=log.name,
+                tolerance=UNEVEN,
+            )
 
 
 def check_stream(robot: Robot, stream: Stream) -> Stream:
@@ -179,7 +223,7 @@ def _unwrapped(robot: Robot, stream: Stream) -> Stream:
 
 def _warn_of_excess(stream: Stream, what: str, limit: float, sizes: FloatArray) -> None:
     """Warn of sizes (R,) beyond a limit; zero stands for none, as exporters write it."""
-    beyond = sizes > (limit * (1 + EXCESS) if limit > 0 else np.inf)
+    beyond = (limit > 0) & (sizes / (1 + EXCESS) > limit)
     if beyond.any():
         warn(
             f"{stream.source}: {what} exceeds its limit of {limit:g} in "

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,8 +18,8 @@ from numpy.typing import ArrayLike
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, finite, samples
 from loopid.errors import DataError, DataWarning, LogError, warn
-from loopid.logs.signals import POSE, QUANTITIES, Channel, TimeColumn
-from loopid.logs.table import NO_STAMP, Table, numbers_in
+from loopid.logs.signals import POSE, Channel, TimeColumn
+from loopid.logs.table import NO_STAMP, QUANTITIES, Table, numbers_in
 from loopid.records import record
 
 if TYPE_CHECKING:
@@ -98,10 +99,7 @@ class Stream:
 
 
 def make_stream(
-    source: str,
-    table: Table,
-    time: TimeColumn,
-    channels: tuple[Channel, ...],
+    source: str, table: Table, time: TimeColumn, channels: tuple[Channel, ...]
 ) -> Stream:
     """Turn cells into numbers, and leave out rows that are no samples; too many are refused."""
     columns = [c.scale * numbers_in(source, table.cells[c.column]) + c.offset for c in channels]
@@ -316,6 +314,11 @@ def _outside(time: FloatArray, grids: Sequence[FloatArray], step: float) -> Iter
             yield Dropped.at("not in all streams", time[start:end])
 
 
+def off_grid(time: FloatArray) -> float:
+    """How far times are off an even grid, in s."""
+    return float(np.abs(time - np.linspace(time[0], time[-1], len(time))).max())
+
+
 def on_even_grid(
     name: str, joints: tuple[str, ...], time: FloatArray, signals: dict[str, FloatArray]
 ) -> tuple[FloatArray, dict[str, FloatArray], IntArray, tuple[Dropped, ...]]:
@@ -324,12 +327,34 @@ def on_even_grid(
     median = float(np.median(steps)) if len(steps) else 0.0
     segments = np.cumsum(np.append(False, steps > GAP * median))
     parts = np.split(time, np.flatnonzero(np.diff(segments)) + 1)
-    off = (np.abs(part - np.linspace(part[0], part[-1], len(part))).max() for part in parts)
-    if max(off) <= EVEN * median and (steps > 0).all():
+    if max(map(off_grid, parts)) <= EVEN * median and (steps > 0).all():
         return time, signals, segments, ()
     stream = with_increasing_stamps(stream_of(name, joints, time, signals))
     aligned = align([stream], joints)
     return aligned.time + time[0], aligned.signals, aligned.segments, aligned.dropped
+
+
+def on_even_grids(
+    name: str,
+    joints: tuple[str, ...],
+    time: FloatArray,
+    signals: dict[str, FloatArray],
+    segments: IntArray,
+) -> tuple[FloatArray, dict[str, FloatArray], IntArray, tuple[Dropped, ...]]:
+    """The same of each segment (N,) on its own, in which there may be more gaps."""
+    ends = [0, *(np.flatnonzero(np.diff(segments)) + 1).tolist(), len(time)]
+    found = [
+        on_even_grid(name, joints, time[a:b], {one: signals[one][a:b] for one in signals})
+        for a, b in pairwise(ends)
+    ]
+    times, tables, numbers, dropped = zip(*found, strict=True)
+    first = np.cumsum([0, *(own[-1] + 1 for own in numbers[:-1])])
+    return (
+        np.concatenate(times),
+        {one: np.concatenate([table[one] for table in tables]) for one in signals},
+        np.concatenate([own + k for own, k in zip(numbers, first, strict=True)]),
+        tuple(one for each in dropped for one in each),
+    )
 
 
 # ---- poses --------------------------------------------------------------------------------------

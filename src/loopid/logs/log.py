@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -27,11 +28,10 @@ from loopid.logs.grid import (
     free_values,
     make_stream,
     on_even_grid,
+    on_even_grids,
     on_joints,
 )
 from loopid.logs.signals import (
-    COMPONENTS,
-    QUANTITIES,
     UNITS,
     ColumnFinder,
     Unit,
@@ -40,7 +40,7 @@ from loopid.logs.signals import (
     unit_of,
     wrench_name,
 )
-from loopid.logs.table import array_table
+from loopid.logs.table import COMPONENTS, QUANTITIES, array_table
 from loopid.records import Tabular, columns_of, record
 
 if TYPE_CHECKING:
@@ -91,8 +91,6 @@ class ExternalWrench:
     def __post_init__(self) -> None:
         values = samples(self.values, len(COMPONENTS), f"the wrench on {self.frame}")
         object.__setattr__(self, "values", values)
-        if self.about is not None and not np.isfinite(self.about).all():
-            raise DataError(f"moments must be about a point, not {self.about}", argument="about")
 
     def __len__(self) -> int:
         return len(self.values)
@@ -168,12 +166,8 @@ class Log(Tabular):
         if not self.joints:
             raise DataError("joints must name the motors of a log", argument="joints")
         time = _row(self.time)
-        numbers = rectangular(self.segments, "segments")
-        whole = numbers.shape == time.shape and numbers.dtype.kind in "iu"
-        if not whole or (np.diff(numbers) < 0).any():
-            raise DataError(f"segments must be {len(time)} whole numbers that ascend")
         object.__setattr__(self, "time", time)
-        object.__setattr__(self, "segments", numbers.astype(np.int64, copy=False))
+        object.__setattr__(self, "segments", _segments(self.segments, len(time)))
         for name in QUANTITIES:
             if name in ("position", "force") or getattr(self, name) is not None:
                 values = samples(getattr(self, name), len(self.joints), name, len(time))
@@ -225,7 +219,7 @@ class Log(Tabular):
             From "time", "position", "force", "velocity" or "acceleration" to a unit such as
             "ms", "deg" or "kN", or to one a joint; by default s, m or rad, N or N m.
         segments : array, optional
-            (N,), ascending numbers of the parts without gaps, each with even steps. By default a
+            (N,), ascending numbers of the parts without gaps. By default, and within each part, a
             step of more than five median steps is a gap, and uneven samples are interpolated
             linearly on an even grid, as ``read_log`` does.
         saturation : array, optional
@@ -280,15 +274,17 @@ class Log(Tabular):
             free_name(joint): free_values(joint, own, len(at))
             for joint, own in (free or {}).items()
         }
-        dropped: tuple[Dropped, ...] = ()
         if segments is None:
-            at, signals, segments, dropped = on_even_grid(name, joints, at, signals)
+            at, signals, numbers, dropped = on_even_grid(name, joints, at, signals)
+        else:
+            told = _segments(segments, len(at))
+            at, signals, numbers, dropped = on_even_grids(name, joints, at, signals, told)
         return cls(
             name=name,
             joints=joints,
             time=at,
             **_by_field(signals, wrenches),
-            segments=np.asarray(segments),
+            segments=numbers,
             saturation=None if saturation is None else np.asarray(saturation),
             idle_speed=idle_speed,
             dropped=dropped,
@@ -301,7 +297,7 @@ class Log(Tabular):
         frame: Any,
         joints: Sequence[str],
         *,
-        mapping: LogMapping | None = None,
+        mapping: LogMapping | str | Path | None = None,
         name: str = "frame",
     ) -> Log:
         """A log from a table in memory, its columns found as those of a file are.
@@ -313,7 +309,7 @@ class Log(Tabular):
             with fields. Times may be dates or durations, and those of pandas its index.
         joints : sequence of str
             The m motors.
-        mapping : LogMapping, optional
+        mapping : LogMapping or path, optional
             Which columns are what, and their units; by default as their names say, in SI units.
 
         Raises
@@ -334,9 +330,9 @@ class Log(Tabular):
         >>> loopid.Log.from_frame(polars.DataFrame(columns), ["crank_joint"])
         <Log 'frame': 200 samples of crank_joint over 1.99 s in 1 segment>
         """
-        from loopid.logs.mapping import LogMapping  # arrays need no models of files
+        from loopid.logs.mapping import mapping_of  # arrays need no models of files
 
-        mapping, joints = mapping or LogMapping(), tuple(joints)
+        mapping, joints = mapping_of(mapping), tuple(joints)
         mapping.stream_delays(name, joints, [name])
         columns = _columns_of(frame)
         finder = ColumnFinder(name, {name: tuple(columns)}, mapping)
@@ -350,11 +346,7 @@ class Log(Tabular):
 
     @classmethod
     def from_streams(
-        cls,
-        name: str,
-        streams: Sequence[Stream],
-        joints: tuple[str, ...],
-        mapping: LogMapping,
+        cls, name: str, streams: Sequence[Stream], joints: tuple[str, ...], mapping: LogMapping
     ) -> Log:
         """A log from streams of signals with time stamps, put on one grid."""
         saturation = None
@@ -507,6 +499,16 @@ def _row(time: ArrayLike, *, repeated: bool = False) -> FloatArray:
     if values.ndim != 1 or not len(values) or back(np.diff(values), 0).any():
         raise DataError("the time of a log must be a row of increasing numbers", argument="time")
     return values
+
+
+def _segments(given: ArrayLike, count: int) -> IntArray:
+    """Numbers (N,) of segments."""
+    numbers = rectangular(given, "segments")
+    whole = numbers.shape == (count,) and numbers.dtype.kind in "iu"
+    if not whole or (np.diff(numbers) < 0).any():
+        message = f"segments must be {count} whole numbers that ascend"
+        raise DataError(message, argument="segments")
+    return numbers.astype(np.int64, copy=False)
 
 
 def _columns(values: ArrayLike, width: int, name: str, count: int) -> FloatArray:

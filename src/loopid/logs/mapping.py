@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -13,10 +12,10 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationError,
 from loopid.arguments import NotNegative, Positive, checked
 from loopid.border import Section, refusal, unknown
 from loopid.errors import LogError, OptionError
-from loopid.logs.signals import COMPONENTS, QUANTITIES
+from loopid.logs.table import COMPONENTS, QUANTITIES
 from loopid.records import digest
 from loopid.registry import log_formats
-from loopid.yaml_files import read_yaml, yaml_writer
+from loopid.yaml_files import read_yaml, yaml_text
 
 # Condition number from which a joint map is no true one.
 LARGEST_CONDITION = 1e6
@@ -299,10 +298,7 @@ class LogMapping(Section):
     @property
     def content(self) -> str:
         """As it stands in a file."""
-        stream = io.StringIO()
-        written = self.model_dump(exclude_defaults=True, exclude_none=True)
-        yaml_writer().dump(written, stream)
-        return stream.getvalue()
+        return yaml_text(self.model_dump(exclude_defaults=True, exclude_none=True))
 
     def by_joint(self, source: str, key: str, joints: Sequence[str]) -> list[Any]:
         """What is given for all or by joint, in the order of the motors.
@@ -328,6 +324,13 @@ class LogMapping(Section):
 def _rounded(value: float) -> float:
     """To digits that a gain is known to, and more."""
     return float(f"{value:.6g}")
+
+
+def mapping_of(given: LogMapping | str | Path | None) -> LogMapping:
+    """A mapping, that of a file, or one that says nothing."""
+    if isinstance(given, LogMapping):
+        return given
+    return LogMapping() if given is None else read_mapping(given)
 
 
 @checked

@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,8 +31,6 @@ from loopid.kinematics.projection import project, singularity_measure
 from loopid.logs.checks import check_log, require_known_motion
 from loopid.logs.grid import Dropped
 from loopid.logs.log import ExternalWrench, Log, renumbered
-from loopid.logs.mapping import LogMapping
-from loopid.logs.reading import read_log
 from loopid.logs.recording import FilterOptions, MaskOptions, RateHistory, Recording, reach_of
 from loopid.motion.filtering import LowPass, differentiate
 from loopid.motion.joints import JointMotion
@@ -53,9 +50,19 @@ ENCODER_STEPS = 20  # tell a speed
 # Redundant motors may be off by this part of a rad or of the robot's length, or of their range:
 # joints have play, and lengths are not exact.
 OFF = 0.01
-# Clipped forces are equal, to this relative accuracy, far more often than any other size from
-# this part of the largest on: a coarse converter has few sizes.
-EQUAL, PILE, NEARLY = 1e-6, 4, 0.5
+# Clipped forces are equal, to this relative accuracy, in some samples of the motion and far more
+# often than any other size from this part of the largest on: a coarse converter has few sizes.
+EQUAL, CLIPPED, PILE, NEARLY = 1e-6, 20, 4, 0.5
+# Forces within a part of the saturation are saturated; a limit that more than a part of the forces
+# exceeds is none.
+NEAR_SATURATION, OTHER_LIMIT = 0.01, 0.1
+# A motor stands at or below a part of the 99th percentile of its own speed, or of that of the
+# fastest motor of its kind: its encoder only dithers.
+IDLE, DITHER = 0.05, 0.01
+# Periods of six times the motion's band that it must be slow for to stand, not to turn back.
+STANDSTILL = 0.5
+FROZEN = 20  # equal positions in a row that may be a frozen encoder
+UNASSEMBLED = 0.5  # part of the samples whose loops may stay open
 
 
 @checked
@@ -111,7 +118,7 @@ def prepare(
     >>> import loopid
     >>> from loopid.loading import bundled_directory
     >>> robot = loopid.load("five_bar")
-    >>> log = loopid.read_log(bundled_directory() / "logs" / "five_bar.csv", robot)
+    >>> log = loopid.read_log(robot, bundled_directory() / "logs" / "five_bar.csv")
     >>> loopid.prepare(robot, log)
     <Recording 'five_bar': 735 samples, filtered at 5.36 Hz, forces used: ...>
     """
@@ -124,9 +131,9 @@ def prepare(
             valid=robot.actuated,
         )
     read = check_log(robot, log)
-    log = without_frozen(read, masks)
+    log = without_frozen(read)
     lowpass = filter.lowpass(provisional_cutoff(robot, log))
-    limits = saturation_of(robot, log, masks)
+    limits = saturation_of(robot, log)
     log = long_enough(log, lowpass)
     signals = filter_log(log, lowpass)
     rows, ends = kept_rows(log, lowpass, filter)
@@ -135,8 +142,8 @@ def prepare(
     found = assemble_samples(robot, log, measured, rows, masks, known=known, progress=progress)
     segments, rows = renumbered(log.segments[rows], found.good), rows[found.good]
     compare_encoders(robot, log, told.configurations[rows], found.configurations)
-    saturated = near_saturation(log, limits, lowpass, masks)[rows]
-    idle = standing(robot, log, signals.velocity, rows, lowpass, masks)
+    saturated = near_saturation(log, limits, lowpass)[rows]
+    idle = standing(robot, log, signals.velocity, rows, lowpass)
     if (idle | saturated).all():
         said = f"{log.name}: no force can be used, as all motors stand or are saturated"
         raise LogError(said, source=log.name)
@@ -151,7 +158,7 @@ def prepare(
     history, parts = None, tuple(log.parts())
     if lowpass is not None:
         rates = log.joints, signals.velocity, parts, tuple(map(log.rate, parts))
-        slow = idle_samples(robot, log, signals.velocity, rows, masks)
+        slow = idle_samples(robot, log, signals.velocity, rows)
         history = RateHistory(*rates, lowpass, slow, rows, (rows, motion))
     recording = Recording(
         name=log.name,
@@ -230,29 +237,14 @@ def in_motion_band(robot: Robot, recording: Recording) -> Recording:
     return found
 
 
-@checked
-def read_recordings(
-    robot: Robot,
-    paths: Sequence[str | Path],
-    mapping: LogMapping | str | Path | None = None,
-    *,
-    rows: tuple[int, int | None] | None = None,
-    filter: FilterOptions = FilterOptions(),  # noqa: A002
-    progress: Progress | None = None,
-) -> tuple[Recording, ...]:
-    """Read logs and make them ready; see ``read_log`` and ``prepare``."""
-    logs = (read_log(path, robot, mapping=mapping, rows=rows) for path in paths)
-    return tuple(prepare(robot, log, filter=filter, progress=progress) for log in logs)
-
-
 # ---- encoders that freeze ----------------------------------------------------------------------
 
 
-def without_frozen(log: Log, masks: MaskOptions) -> Log:
+def without_frozen(log: Log) -> Log:
     """The log without samples in which a position is frozen: all motions there are wrong."""
     lost, dropped = np.zeros(len(log), dtype=bool), []
     for k, joint in enumerate(log.joints):
-        flags = np.concatenate([_frozen(log.position[part], k, masks) for part in log.parts()])
+        flags = np.concatenate([_frozen(log.position[part], k) for part in log.parts()])
         if flags.any():
             dropped.append(Dropped.at(f"position of {joint} is frozen", log.time[flags]))
             warn(f"{log.name}: {dropped[-1]}: it jumps to or from a standstill", DataWarning)
@@ -260,12 +252,12 @@ def without_frozen(log: Log, masks: MaskOptions) -> Log:
     return log if not lost.any() or lost.all() else log.select(~lost, *dropped)
 
 
-def _frozen(positions: FloatArray, k: int, masks: MaskOptions) -> BoolArray:
+def _frozen(positions: FloatArray, k: int) -> BoolArray:
     """Samples (N,) of a segment (N, m) in which motor k rests without slowing down before."""
     position, flags = positions[:, k], np.zeros(len(positions), dtype=bool)
     steps = np.abs(np.diff(position))
     bounds = np.flatnonzero(np.diff(np.r_[0, (steps == 0).view(np.int8), 0]))
-    runs = [(a, b) for a, b in bounds.reshape(-1, 2).tolist() if b - a >= masks.frozen]
+    runs = [(a, b) for a, b in bounds.reshape(-1, 2).tolist() if b - a >= FROZEN]
     if not (runs and steps.any()):
         return flags
     way = steps[steps > 0]
@@ -438,13 +430,13 @@ def assemble_samples(
         part = 1 - float(good.mean())
         if part > MANY_OPEN:
             said += _with_exchanged(robot, measured)
-        if part > masks.unassembled or part == 1:
+        if part > UNASSEMBLED:
             raise AssemblyError(
                 f"{said}: is the robot on another branch than the start, or are these not its "
                 "positions?",
                 source=log.name,
                 part=part,
-                tolerance=masks.unassembled,
+                tolerance=UNASSEMBLED,
             )
         warn(f"{said}: left out", DataWarning)
     regular = measure >= masks.singularity
@@ -552,47 +544,44 @@ def standing(
     velocity: FloatArray,
     rows: IntArray,
     lowpass: LowPass | None,
-    masks: MaskOptions,
 ) -> BoolArray:
     """Where each motor is at or near a standstill (K, m), of some rows (K,).
 
     Friction can be anything while a motor stands, and the filter spreads it. A motor that turns
     back is slow for less long: there friction shows how it builds up.
     """
-    idle, cutoff = idle_samples(robot, log, velocity, rows, masks), provisional_cutoff(robot, log)
+    idle, cutoff = idle_samples(robot, log, velocity, rows), provisional_cutoff(robot, log)
     for part in log.parts():
         rate = log.rate(part)
-        half = int(masks.standstill * rate / (2 * cutoff))
+        half = int(STANDSTILL * rate / (2 * cutoff))
         long = ~_within_reach(~idle[part], half)  # slow for a whole standstill
         idle[part] |= _within_reach(long, half + reach_of(lowpass, rate))
     return idle[rows]
 
 
-def idle_samples(
-    robot: Robot, log: Log, velocity: FloatArray, rows: IntArray, masks: MaskOptions
-) -> BoolArray:
+def idle_samples(robot: Robot, log: Log, velocity: FloatArray, rows: IntArray) -> BoolArray:
     """Where each motor of a log is slow (N, m), as it is in a standstill and where it turns back.
 
     Rows (K,) show its usual speed.
     """
     if log.idle_speed is None:
-        speeds = idle_speeds(robot, velocity[rows], masks)
+        speeds = idle_speeds(robot, velocity[rows])
     else:  # at a speed of zero no motor counts as standing
         speeds = np.full(len(log.joints), log.idle_speed or -np.inf)
     return np.asarray(np.abs(velocity) <= speeds)
 
 
-def idle_speeds(robot: Robot, velocity: FloatArray, masks: MaskOptions) -> FloatArray:
+def idle_speeds(robot: Robot, velocity: FloatArray) -> FloatArray:
     """Speeds (m,) at or below which motors with velocities (N, m) count as standing."""
     usual = np.percentile(np.abs(velocity), 99, axis=0)
     straight = np.isin(robot.velocity_indices(robot.actuated), robot.prismatic)
     fastest = np.empty_like(usual)
     for kind in (straight, ~straight):
         fastest[kind] = usual[kind].max(initial=0.0)
-    return np.maximum(masks.idle * usual, masks.dither * fastest)
+    return np.maximum(IDLE * usual, DITHER * fastest)
 
 
-def saturation_of(robot: Robot, log: Log, masks: MaskOptions) -> FloatArray:
+def saturation_of(robot: Robot, log: Log) -> FloatArray:
     """Forces (m,) from which drives saturate; infinite for those that do not.
 
     Commands beyond an effort limit of the robot file are not the forces that act. A limit that many
@@ -602,11 +591,11 @@ def saturation_of(robot: Robot, log: Log, masks: MaskOptions) -> FloatArray:
         return log.saturation
     limits = robot.model.upperEffortLimit[robot.velocity_indices(robot.actuated)]
     beyond = (np.abs(log.force) > limits).mean(axis=0)
-    limits = np.where((limits > 0) & (beyond <= masks.other_limit), limits, np.inf)
-    return np.minimum(limits, clipped_from(log, masks))
+    limits = np.where((limits > 0) & (beyond <= OTHER_LIMIT), limits, np.inf)
+    return np.minimum(limits, clipped_from(log))
 
 
-def clipped_from(log: Log, masks: MaskOptions) -> FloatArray:
+def clipped_from(log: Log) -> FloatArray:
     """Sizes (m,) from which the forces of a log are clipped; infinite where they are not."""
     found = np.full(len(log.joints), np.inf)
     for k, joint in enumerate(log.joints):
@@ -618,7 +607,7 @@ def clipped_from(log: Log, masks: MaskOptions) -> FloatArray:
         near = size[size >= NEARLY * largest] / largest
         _, counts = np.unique(np.round(near / EQUAL), return_counts=True)
         count = int(counts[-1])
-        if count > max(masks.clipped, PILE * counts[:-1].max(initial=0)):
+        if count > max(CLIPPED, PILE * counts[:-1].max(initial=0)):
             found[k] = largest
             warn(
                 f"{log.name}: the force of {joint} stays at {largest:.4g} N or N m, its largest, "
@@ -629,11 +618,9 @@ def clipped_from(log: Log, masks: MaskOptions) -> FloatArray:
     return found
 
 
-def near_saturation(
-    log: Log, limits: FloatArray, lowpass: LowPass | None, masks: MaskOptions
-) -> BoolArray:
+def near_saturation(log: Log, limits: FloatArray, lowpass: LowPass | None) -> BoolArray:
     """Where each force (N, m) is at its limit (m,), or within the filter's reach of that."""
-    flags = np.abs(log.force) >= limits * (1.0 - masks.near_saturation)
+    flags = np.abs(log.force) >= limits * (1.0 - NEAR_SATURATION)
     for part in log.parts():
         flags[part] = _within_reach(flags[part], reach_of(lowpass, log.rate(part)))
     return flags

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,9 +20,12 @@ from loopid.logs.checks import (
 )
 from loopid.logs.grid import Stream, make_stream, on_joints
 from loopid.logs.log import Log
-from loopid.logs.mapping import LogMapping, read_mapping
+from loopid.logs.mapping import LogMapping, mapping_of
+from loopid.logs.preparing import prepare
+from loopid.logs.recording import FilterOptions, Recording
 from loopid.logs.signals import ColumnFinder
 from loopid.logs.table import LogFormat, numbers_in, stream_name
+from loopid.progress import Progress
 from loopid.registry import log_formats
 from loopid.robot.robot import Robot
 
@@ -34,8 +37,8 @@ ARM = 3
 
 @checked
 def read_log(
-    path: str | Path,
     robot: Robot,
+    path: str | Path,
     *,
     mapping: LogMapping | str | Path | None = None,
     rows: tuple[int, int | None] | None = None,
@@ -44,12 +47,12 @@ def read_log(
 
     Parameters
     ----------
+    robot : Robot
     path : path
         A table of text (.csv, .txt, .tsv, also .gz), Parquet, an .npz, a folder with one table a
         stream; with the extra ``logs`` also HDF5, or a bag of ROS 1 or 2 (.bag, .mcap, .db3, or
         the folder of one) with messages of type ``sensor_msgs/JointState``. More formats may be
         registered in ``loopid.registry.log_formats``.
-    robot : Robot
     mapping : LogMapping or path, optional
         Which columns are what, and their units; by default as their names say, in SI units.
     rows : tuple of int, optional
@@ -83,10 +86,10 @@ def read_log(
     >>> import loopid
     >>> from loopid.loading import bundled_directory
     >>> robot = loopid.load("five_bar")
-    >>> loopid.read_log(bundled_directory() / "logs" / "five_bar.csv", robot)
+    >>> loopid.read_log(robot, bundled_directory() / "logs" / "five_bar.csv")
     <Log 'five_bar': 2241 samples of left_crank_joint, right_crank_joint over 22.40 s in 1 segment>
     """
-    mapping = _mapping(mapping)
+    mapping = mapping_of(mapping)
     require_known_motion(robot, mapping.free)
     place = _existing(path)
     for wrench in mapping.wrenches:
@@ -100,10 +103,19 @@ def read_log(
     return replace(log, checked=True)
 
 
-def _mapping(given: LogMapping | str | Path | None) -> LogMapping:
-    if isinstance(given, LogMapping):
-        return given
-    return LogMapping() if given is None else read_mapping(given)
+@checked
+def read_recordings(
+    robot: Robot,
+    paths: Sequence[str | Path],
+    mapping: LogMapping | str | Path | None = None,
+    *,
+    rows: tuple[int, int | None] | None = None,
+    filter: FilterOptions = FilterOptions(),  # noqa: A002
+    progress: Progress | None = None,
+) -> tuple[Recording, ...]:
+    """Read logs and make them ready; see ``read_log`` and ``prepare``."""
+    logs = (read_log(robot, path, mapping=mapping, rows=rows) for path in paths)
+    return tuple(prepare(robot, log, filter=filter, progress=progress) for log in logs)
 
 
 def _existing(path: str | Path) -> Path:
@@ -134,7 +146,16 @@ def read_streams(
     log = open_log(path, mapping)
     source = str(path)
     finder = ColumnFinder(source, log.columns(), mapping, log.ordered, log.choice)
-    refuse_moved(source, log, finder, locked or {})
+    locked = locked or {}
+    for joint, value in _elsewhere(source, log, finder, locked).items():
+        raise LogError(
+            f"{source}: {joint} is locked at {locked[joint]:.6g}, but stands at {value:.6g}: load "
+            f'the robot with lock=["{joint}={value:.6g}"]',
+            source=source,
+            joint=joint,
+            given=value,
+            tolerance=LOCKED,
+        )
     streams: list[Stream] = []
     channels_of = finder.channels(mapping.measured(source, joints))
     delays = mapping.stream_delays(source, joints, [*channels_of])
@@ -151,21 +172,6 @@ def read_streams(
             stream = stream.earlier(delays.get(name, 0.0))
             streams.append(on_joints(stream, mapping.joint_maps))
     return streams
-
-
-def refuse_moved(
-    source: str, log: LogFormat, finder: ColumnFinder, locked: Mapping[str, float | None]
-) -> None:
-    """Refuse a log in which a joint that is locked stands elsewhere, or moves."""
-    for joint, value in _elsewhere(source, log, finder, locked).items():
-        raise LogError(
-            f"{source}: {joint} is locked at {locked[joint]:.6g}, but stands at {value:.6g}: load "
-            f'the robot with lock=["{joint}={value:.6g}"]',
-            source=source,
-            joint=joint,
-            given=value,
-            tolerance=LOCKED,
-        )
 
 
 def _elsewhere(
@@ -208,7 +214,7 @@ def locked_as_logged(
 
     if robot.path is None:
         return robot
-    mapping = _mapping(mapping)
+    mapping = mapping_of(mapping)
     require_known_motion(robot, mapping.free)
     log = open_log(_existing(path), mapping)
     finder = ColumnFinder(str(path), log.columns(), mapping, log.ordered, log.choice)

@@ -20,11 +20,11 @@ from loopid.arguments import (
 )
 from loopid.errors import DataError, LogError, OptionError
 from loopid.kinematics.poses import frame_poses
-from loopid.kinematics.projection import ClosedMotion, closed_motion, project
+from loopid.kinematics.projection import ClosedMotion, project
 from loopid.logs.checks import frame_index
 from loopid.logs.grid import Dropped
 from loopid.logs.log import ExternalWrench, Log
-from loopid.logs.signals import COMPONENTS
+from loopid.logs.table import COMPONENTS
 from loopid.motion.filtering import LowPass
 from loopid.motion.joints import JointMotion
 from loopid.parameters import html_table
@@ -35,6 +35,7 @@ from loopid.robot.robot import Robot
 # to a signal after this many periods of its cut-off.
 REACH = 1.0
 RATE_ROUNDING = 1e-3  # relative error of measured rates
+OVERSAMPLING = 5.0  # samples a period of the cut-off, at least, where filtered ones are thinned
 FINEST = 1e-6  # step of an encoder, relative to the range of its positions, that counts as none
 
 
@@ -50,9 +51,7 @@ class FilterOptions:
     order : int
         Of each of the filter's two passes.
     decimate : bool
-        Whether to keep only as many samples as the cut-off calls for:
-    oversampling : float
-        at least this many a period of the cut-off.
+        Whether to keep only as many samples as the cut-off calls for: five a period of it.
 
     Examples
     --------
@@ -64,7 +63,6 @@ class FilterOptions:
     cutoff: float | Literal["auto"] | None = "auto"
     order: int = 2
     decimate: bool = True
-    oversampling: NotNegative = 5.0
 
     def __post_init__(self) -> None:
         self.lowpass(1.0)  # a LowPass checks itself
@@ -80,7 +78,7 @@ class FilterOptions:
         if lowpass is None or not self.decimate:
             return 1
         # A rate a little short of a whole number of times is meant to be it.
-        most = (1 + RATE_ROUNDING) * rate / (self.oversampling * lowpass.cutoff)
+        most = (1 + RATE_ROUNDING) * rate / (OVERSAMPLING * lowpass.cutoff)
         return max(int(most), 1)
 
 
@@ -103,17 +101,6 @@ class MaskOptions:
     """
 
     singularity: NotNegative = 5e-3  # samples with a smaller singularity measure are left out
-    unassembled: NotNegative = 0.5  # part of the samples whose loops may stay open
-    # A motor stands at or below this part of the 99th percentile of its own speed, ...
-    idle: NotNegative = 0.05
-    # ... or of that of the fastest motor of its kind: its encoder only dithers.
-    dither: NotNegative = 0.01
-    # Periods of six times the motion's band that it must be slow for to stand, not to turn back.
-    standstill: NotNegative = 0.5
-    near_saturation: NotNegative = 0.01  # forces within this part of the saturation are saturated
-    other_limit: NotNegative = 0.1  # a limit that more than this part of the forces exceeds is none
-    clipped: int = 20  # samples in motion in which a clipped force has its largest size
-    frozen: int = 20  # equal positions in a row that may be a frozen encoder
 
 
 @record
@@ -151,8 +138,7 @@ class RateHistory:
         samples, motion = self.whole
         parts = []
         for rows in row_blocks(len(samples)):
-            state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
-            parts.append(signal(closed_motion(robot, *state)))
+            parts.append(signal(motion.closed(robot, rows)))
         return np.interp(np.arange(len(self.velocity)), samples, np.concatenate(parts))
 
     def lowpassed(self, signal: FloatArray) -> FloatArray:
@@ -386,6 +372,7 @@ def wrench_forces(
 
     Parameters
     ----------
+    robot : Robot
     configurations : FloatArray
         (N, nq), closed.
     wrenches : sequence of ExternalWrench

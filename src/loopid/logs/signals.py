@@ -19,17 +19,13 @@ import numpy as np
 
 from loopid.arguments import IntArray
 from loopid.errors import DataWarning, LogError, warn
-from loopid.logs.table import MOST_LISTED, NANOSECONDS, NO_STAMP, stamps_in
+from loopid.logs.table import COMPONENTS, MOST_LISTED, NANOSECONDS, NO_STAMP, QUANTITIES, stamps_in
 
 if TYPE_CHECKING:
     import polars
 
     from loopid.logs.mapping import Columns, LogMapping, StreamColumns, TimeColumns
 
-# All that is read, in this order.
-QUANTITIES = ("position", "force", "velocity", "acceleration")
-# The components of a wrench, in the order of their columns: force, then moment.
-COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
 # Columns of the pose of a floating base; a joint with one coordinate has one.
 POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 
@@ -182,16 +178,8 @@ TIME_PAIRS = tuple(
     for prefix in ("time_", "", "stamp_", "header_stamp_")
     for seconds, rest in (("sec", "nanosec"), ("secs", "nsecs"))
 )
-TIMES = {
-    "time",
-    "t",
-    "timestamp",
-    "timestamps",
-    "time_stamp",
-    "stamp",
-    "elapsed_time",
-    "header_stamp",
-}
+TIMES = {"time", "t", "timestamp", "timestamps", "time_stamp", "stamp", "elapsed_time"}
+TIMES |= {"header_stamp"}
 # of quantities, with the name of a joint,
 WITH_JOINT = {
     "position": ("position", "pos", "angle", "q", "theta", "θ"),

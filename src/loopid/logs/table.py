@@ -16,12 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from loopid.arguments import FloatArray, IntArray, number
-from loopid.errors import LogError, LoopidError, MissingExtraError
+from loopid.errors import LogError, LoopidError
 from loopid.registry import log_formats
 
 if TYPE_CHECKING:  # slow to import, and only needed to read a log
     import polars
 
+# All that is read, in this order.
+QUANTITIES = ("position", "force", "velocity", "acceleration")
+# The components of a wrench, in the order of their columns: force, then moment.
+COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
 PACKED = ".gz"
 AROUND_CELLS = " \t\r\"'"
 # Larger numbers (in the file's units) are no measurements, and would overflow later.
@@ -85,6 +89,10 @@ class LogFormat(ABC):
     def source(self, stream: str) -> str:
         """What a stream is called in messages."""
         return str(self.path)
+
+    def refused(self, said: str, **facts: object) -> LogError:
+        """An error that names the log."""
+        return LogError(f"{self.path} {said}", file=self.path, **facts)
 
 
 def stream_name(path: Path) -> str:
@@ -258,15 +266,6 @@ def refusals(path: Path, kind: str) -> Iterator[None]:
         raise LogError(f"{path} is no {kind}, or is damaged: {said:.200}", file=path) from error
 
 
-@contextmanager
-def optional(package: str) -> Iterator[None]:
-    """Name the extra that brings a library which is not installed."""
-    try:
-        yield
-    except ImportError as error:
-        raise MissingExtraError.of(package, "logs") from error
-
-
 # ---- formats of arrays --------------------------------------------------------------------------
 
 
@@ -298,7 +297,7 @@ class ArrayFormat(LogFormat):
     def columns(self) -> Mapping[str, tuple[str, ...]]:
         found = {name: tuple(columns) for name, columns in self._streams.items() if columns}
         if not found:
-            raise LogError(f"{self.path} holds no arrays with one or two axes", file=self.path)
+            raise self.refused("holds no arrays with one or two axes")
         return found
 
     def tables(self, stream: str, times: Sequence[str], values: Sequence[str]) -> Sequence[Table]:
@@ -312,11 +311,8 @@ class ArrayFormat(LogFormat):
         """Add the columns of an array, of other names than those there."""
         for name, place in places.items():
             if name in columns:
-                raise LogError(
-                    f"{self.path} has column {name!r} in {columns[name].array} and {array}",
-                    file=self.path,
-                    column=name,
-                )
+                both = f"{columns[name].array} and {array}"
+                raise self.refused(f"has column {name!r} in {both}", column=name)
             columns[name] = Column(array, place)
 
 

@@ -346,6 +346,10 @@ def read_motion_program(path: str | Path) -> MotionProgram:
         A YAML file (see docs/motion_files.md), or the name of a robot with bundled motions such as
         ``"3ups_rpu"``.
 
+    Returns
+    -------
+    MotionProgram
+
     Raises
     ------
     FileError

@@ -12,7 +12,7 @@ from loopid.arguments import BoolArray, FloatArray, IntArray, NotNegative, check
 from loopid.errors import DataError, OptionError
 from loopid.kinematics.assembly import assemble
 from loopid.kinematics.measured import platform_motion
-from loopid.kinematics.projection import closed_motion, singularity_measure
+from loopid.kinematics.projection import ClosedMotion, closed_motion, singularity_measure
 from loopid.kinematics.sampling import DEFAULT_MARGIN
 from loopid.motion.files import MotionProgram
 from loopid.motion.trajectories import Motion
@@ -60,6 +60,11 @@ class JointMotion:
         """Some of the samples, by a mask (N,), by number or as a slice."""
         return JointMotion(*(getattr(self, field.name)[rows] for field in fields(self)))
 
+    def closed(self, robot: Robot, rows: IntArray | slice = slice(None)) -> ClosedMotion:
+        """The motion of all joints, of all samples or some."""
+        state = self.configurations, self.velocities, self.accelerations
+        return closed_motion(robot, *(each[rows] for each in state))
+
 
 @checked
 def joint_motion(robot: Robot, motion: Motion) -> JointMotion:
@@ -67,6 +72,7 @@ def joint_motion(robot: Robot, motion: Motion) -> JointMotion:
 
     Parameters
     ----------
+    robot : Robot
     motion : Motion
         Named after the platform coordinates of the robot file, or after joints that determine the
         motion.
@@ -178,6 +184,18 @@ def review_motion(
     robot: Robot, motion: JointMotion, margin: NotNegative = DEFAULT_MARGIN
 ) -> MotionReview:
     """Check a motion against joint limits and a singularity margin.
+
+    Parameters
+    ----------
+    robot : Robot
+    motion : JointMotion
+    margin : float
+        Singularity measure below which a pose is a problem.
+
+    Returns
+    -------
+    MotionReview
+        Ranges, speeds and problems.
 
     Raises
     ------

@@ -19,7 +19,7 @@ from loopid.arguments import (
 from loopid.errors import DataError, OptionError
 from loopid.files import csv_text
 from loopid.kinematics.measured import JointCoordinates
-from loopid.kinematics.projection import ClosedMotion, closed_motion
+from loopid.kinematics.projection import ClosedMotion
 from loopid.motion.joints import JointMotion, joint_motion
 from loopid.motion.trajectories import Motion
 from loopid.parameters import KINDS
@@ -90,6 +90,7 @@ def simulate(
 
     Parameters
     ----------
+    robot : Robot
     motion : JointMotion
         At any sample rate.
     noise : Noise, optional
@@ -100,6 +101,11 @@ def simulate(
         (n,) of ``robot.parameters()``; by default those of the robot file.
     joint_terms, joint_values : JointTerms and FloatArray, optional
         Drives and friction, and their parameters (k,).
+
+    Returns
+    -------
+    Measurement
+        Positions in m or rad, and forces in N or N m, at the times of the motion.
 
     Raises
     ------
@@ -144,13 +150,29 @@ def scaled_bodies(robot: Robot, deviation: NotNegative, seed: int = 0) -> FloatA
 
     Parameters
     ----------
+    robot : Robot
     deviation : float
         Standard deviation of the factor's logarithm: 0.2 for some 20 %.
+    seed : int
+        Same seed, same bodies.
+
+    Returns
+    -------
+    FloatArray
+        (n,), of ``robot.parameters()``: kg, kg m and kg m².
 
     Raises
     ------
     OptionError
         When the deviation is negative or not finite.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> bodies = loopid.motion.scaled_bodies(robot, 0.2, 1)
+    >>> (bodies / robot.standard_parameters())[::10].round(2)
+    array([1.07, 1.18, 1.07, 0.77])
     """
     values = robot.standard_parameters("full")
     factors = np.exp(random_generator(seed).normal(scale=deviation, size=len(values) // len(KINDS)))
@@ -201,8 +223,7 @@ def _motor_forces(
     fastest = float(np.abs(motion.velocities).max(initial=0.0))
     slips = {} if terms is None else terms.slips(robot, motion.configurations)
     for rows in row_blocks(len(motion.time), CHUNK):
-        state = motion.configurations[rows], motion.velocities[rows], motion.accelerations[rows]
-        whole = _at_rest(robot, closed_motion(robot, *state), fastest)
+        whole = _at_rest(robot, motion.closed(robot, rows), fastest)
         bodies = values[: len(robot.parameters())]
         K = motion_regressor(
             robot,

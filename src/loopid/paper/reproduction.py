@@ -29,7 +29,8 @@ from loopid.identification.force_models import ForceModel, force_model, samples_
 from loopid.identification.identification import split_recordings
 from loopid.identification.prediction import prediction_reach
 from loopid.identification.problem import FitSamples
-from loopid.identification.result import Fit, fit_quality
+from loopid.identification.quality import fit_quality
+from loopid.identification.result import Fit
 from loopid.identification.selection import influence, truncated_values
 from loopid.loading.robot_files import load
 from loopid.logs.log import Log
@@ -139,8 +140,7 @@ class Experiment:
 
 def friction_forces(samples: FitSamples) -> FloatArray:
     """Forces (N, 4) of the friction along a trajectory."""
-    force: FloatArray = samples.regressor[:, :, BODIES.stop :] @ FRICTION
-    return force
+    return np.asarray(samples.regressor[:, :, BODIES.stop :] @ FRICTION)
 
 
 def with_noise(samples: FitSamples, seed: int, *part: int) -> FitSamples:
@@ -151,10 +151,7 @@ def with_noise(samples: FitSamples, seed: int, *part: int) -> FitSamples:
 
 
 def run_experiment(
-    robot: Robot,
-    rate: float,
-    progress: Progress | None = None,
-    names: Sequence[str] = (),
+    robot: Robot, rate: float, progress: Progress | None = None, names: Sequence[str] = ()
 ) -> Experiment:
     """Move the robot through the nine trajectories, or some, at a sample rate (Hz)."""
     friction = JointTerms(robot.actuated, ("Fc", "Fv"), dead_zone=STANDING)
@@ -415,10 +412,7 @@ class PaperReproduction:
 
 @checked
 def reproduce_paper(
-    logs: Sequence[str] = (),
-    seed: int = 0,
-    stage: Stage | None = None,
-    rate: float = RATE,
+    logs: Sequence[str] = (), seed: int = 0, stage: Stage | None = None, rate: float = RATE
 ) -> PaperReproduction:
     """Compute the paper's tables and figures.
 
@@ -446,7 +440,7 @@ def reproduce_paper(
     robot = load("3ups_rpu")
     # First, so that a seed or a log that cannot be used is refused at once.
     derived_seed(seed)
-    recordings = [prepare(robot, read_log(log, robot)) for log in logs]
+    recordings = [prepare(robot, read_log(robot, log)) for log in logs]
     symbolic, base = compare_symbolic(robot, seed), compare_base_parameters(robot)
     with stage("nine trajectories") as report:
         experiment = run_experiment(robot, rate, report)

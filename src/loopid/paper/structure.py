@@ -68,12 +68,7 @@ TIMES = {
     "all combinations": ("155.12 million combinations", "not given", "yes, all tried", "30 min"),
 }
 # The same of ``python benchmarks/search.py --full``.
-EXHAUSTIVE = (
-    "155,117,520 combinations",
-    "2.2370",
-    "yes, one of 4,096",
-    "minutes",
-)
+EXHAUSTIVE = "155,117,520 combinations", "2.2370", "yes, one of 4,096", "minutes"
 
 POSES = 200  # at which symbolic and numeric regressors are compared
 TIMED_RUNS = 7

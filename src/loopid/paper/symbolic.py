@@ -20,13 +20,11 @@ from numpy.typing import ArrayLike
 from ruamel.yaml import YAML
 
 from loopid.arguments import FloatArray, samples
-from loopid.errors import MissingExtraError, SingularityError
+from loopid.errors import SingularityError, optional
 from loopid.parameters import GRAVITY_KINDS
 
-try:
+with optional("sympy", "symbolic"):
     import sympy as sp
-except ImportError as error:
-    raise MissingExtraError.of("sympy", "symbolic") from error
 
 GRAVITY = 9.81  # m/s², against Z_F
 # Below this reciprocal condition number of J the forces are round-off.
@@ -37,16 +35,10 @@ POSE: tuple[sp.Symbol, ...] = sp.symbols("x_m z_m theta psi")
 
 # Link name -> index of the link in the paper's symbols (m_11 ... m_42, m_m).
 PAPER_INDEX = {
-    "leg1_cylinder": "11",
-    "leg1_stem": "12",
-    "leg2_cylinder": "21",
-    "leg2_stem": "22",
-    "leg3_cylinder": "31",
-    "leg3_stem": "32",
-    "leg4_cylinder": "41",
-    "leg4_stem": "42",
-    "platform": "m",
-}
+    f"leg{limb}_{part}": f"{limb}{k}"
+    for limb in range(1, 5)
+    for k, part in ((1, "cylinder"), (2, "stem"))
+} | {"platform": "m"}
 GRAVITY_LABELS = tuple(f"{link}.{kind}" for link in PAPER_INDEX for kind in GRAVITY_KINDS)
 
 Points = tuple[sp.ImmutableMatrix, sp.ImmutableMatrix, sp.ImmutableMatrix]

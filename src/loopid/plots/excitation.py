@@ -13,7 +13,25 @@ from loopid.plots.structure import force_unit
 
 @checked
 def motion_chart(found: ExcitationDesign) -> Chart:
-    """Position of each motor with its limits, and its force below."""
+    """Position of each motor with its limits, and its force below.
+
+    Parameters
+    ----------
+    found : ExcitationDesign
+
+    Returns
+    -------
+    Chart
+
+    Examples
+    --------
+    >>> import loopid
+    >>> model = loopid.force_model(loopid.load("parallelogram"), joint_terms=None)
+    >>> options = loopid.DesignOptions(duration=4.0, starts=1, evaluations=2, solver="slsqp")
+    >>> found = loopid.design_motion(model, options=options)
+    >>> [panel.title for panel in loopid.plots.motion_chart(found).panels]
+    ['position (rad)', 'force (N m)']
+    """
     motors, robot, panels = found.motors, found.force_model.robot, list[Panel]()
     limits = {check.name: (check.lower, check.upper) for check in found.checks}
     span = motors.time[[0, -1]]
@@ -33,7 +51,25 @@ def motion_chart(found: ExcitationDesign) -> Chart:
 
 @checked
 def errors_chart(found: ExcitationDesign) -> Chart:
-    """Standard errors of the parameters, before and after."""
+    """Standard errors of the parameters, before and after.
+
+    Parameters
+    ----------
+    found : ExcitationDesign
+
+    Returns
+    -------
+    Chart
+
+    Examples
+    --------
+    >>> import loopid
+    >>> model = loopid.force_model(loopid.load("parallelogram"), joint_terms=None)
+    >>> options = loopid.DesignOptions(duration=4.0, starts=1, evaluations=2, solver="slsqp")
+    >>> found = loopid.design_motion(model, options=options)
+    >>> loopid.plots.errors_chart(found).panels[0].labels
+    ('rocker.mx + 2 more', 'rocker.my + 1 more')
+    """
     before, after = found.before.standard_errors, found.standard_errors
     place, earlier = np.arange(float(len(after))), "logs" if found.after_logs else "first motion"
     marks = (

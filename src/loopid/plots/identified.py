@@ -10,7 +10,8 @@ import numpy as np
 from loopid.arguments import FloatArray, checked, spread_rows
 from loopid.identification.cutoff import CutoffChoice
 from loopid.identification.delay import Delay
-from loopid.identification.friction import (
+from loopid.identification.estimates import Estimate
+from loopid.identification.friction_curves import (
     friction_columns,
     friction_curve,
     friction_summary,
@@ -21,7 +22,6 @@ from loopid.identification.identification import Identification
 from loopid.identification.information import body_sizes
 from loopid.identification.log_mistakes import LogFaults
 from loopid.identification.prediction import INTERVAL
-from loopid.identification.result import Estimate
 from loopid.identification.unseen import WHERE
 from loopid.identification.verdict import GOOD
 from loopid.logs.recording import Recording
@@ -47,6 +47,24 @@ def model_errors_chart(found: Identification, *, worst: str = "") -> Chart:
     """Errors on new data of each motor, by the robot file and by the fit, the largest first.
 
     Below stands where the fit's errors are largest: that is what a verdict counts.
+
+    Parameters
+    ----------
+    found : Identification
+    worst : str
+        The motor that is marked.
+
+    Returns
+    -------
+    Chart
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
+    >>> loopid.plots.model_errors_chart(found).name
+    'errors'
     """
     robot, panels = found.force_model.robot, list[Panel]()
     fits = (
@@ -94,7 +112,26 @@ def _by_motor(name: str, caption: str, x_label: str, panels: Sequence[Panel]) ->
 
 @checked
 def friction_chart(found: Identification, *, worst: str = "") -> Chart:
-    """Friction of each motor by the recommended fit, over the forces that it explains."""
+    """Friction of each motor by the recommended fit, over the forces that it explains.
+
+    Parameters
+    ----------
+    found : Identification
+    worst : str
+        The motor that is marked.
+
+    Returns
+    -------
+    Chart
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
+    >>> [panel.motor for panel in loopid.plots.friction_chart(found).panels]
+    ['left_crank_joint', 'right_crank_joint']
+    """
     fit, data, robot = found.fit, found.data, found.force_model.robot
     velocities = np.concatenate([run.motion.velocities for run in found.training])
     rows, panels, summary = spread_rows(len(data), DOTS), list[Panel](), friction_summary(fit)
@@ -142,7 +179,26 @@ def value_text(each: Estimate, assumed: Sequence[str] = ()) -> str:
 
 @checked
 def hysteresis_chart(found: Identification, *, worst: str = "") -> Chart:
-    """Friction of motors whose friction builds up after a reversal, by the recommended fit."""
+    """Friction of motors whose friction builds up after a reversal, by the recommended fit.
+
+    Parameters
+    ----------
+    found : Identification
+    worst : str
+        The motor that is marked.
+
+    Returns
+    -------
+    Chart
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
+    >>> loopid.plots.hysteresis_chart(found).panels  # friction of these motors does not build up
+    ()
+    """
     fit, robot, panels = found.fit, found.force_model.robot, list[Panel]()
     for joint in hysteretic_joints(fit):
         loop = hysteresis_loop(fit, joint, joint_terms=found.force_model.joint_terms)
@@ -158,7 +214,24 @@ def hysteresis_chart(found: Identification, *, worst: str = "") -> Chart:
 
 @checked
 def parameters_chart(found: Identification) -> Chart:
-    """Parameters of bodies, and sums of them, beside the robot file."""
+    """Parameters of bodies, and sums of them, beside the robot file.
+
+    Parameters
+    ----------
+    found : Identification
+
+    Returns
+    -------
+    Chart
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
+    >>> loopid.plots.parameters_chart(found).panels[0].title
+    'Bodies'
+    """
     alone = found.recommended is found.baseline
     fit = found["all parameters"].fit if alone else found.fit
     model = found.force_model
@@ -202,7 +275,24 @@ def _from_file(title: str, changes: FloatArray, **rows: Any) -> Panel:
 
 @checked
 def joints_chart(found: Identification) -> Chart:
-    """Joint terms of the recommended fit by their kind, all motors of a kind on one scale."""
+    """Joint terms of the recommended fit by their kind, all motors of a kind on one scale.
+
+    Parameters
+    ----------
+    found : Identification
+
+    Returns
+    -------
+    Chart
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
+    >>> len(loopid.plots.joints_chart(found).panels)
+    4
+    """
     fit, kinds = found.fit, dict[tuple[str, str], list[tuple[str, Estimate]]]()
     for parameter, each in zip(fit.parameters, fit.estimates, strict=True):
         kind = parameter.kind
@@ -232,7 +322,24 @@ def joints_chart(found: Identification) -> Chart:
 
 @checked
 def masses_chart(found: Identification) -> Chart:
-    """Masses of the bodies of the recommended robot beside the robot file."""
+    """Masses of the bodies of the recommended robot beside the robot file.
+
+    Parameters
+    ----------
+    found : Identification
+
+    Returns
+    -------
+    Chart
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
+    >>> loopid.plots.masses_chart(found).panels[0].labels
+    ('left_crank', 'left_coupler', 'right_crank', 'right_coupler')
+    """
     robot, file = found.fit.standard, found.force_model.standard_prior.tolist()
     known = dict(zip(found.force_model.base.parameters.labels, file, strict=True))
     masses = [each for each in robot.values() if each.name.endswith(".m") and known.get(each.name)]
@@ -257,7 +364,26 @@ def masses_chart(found: Identification) -> Chart:
 
 @checked
 def used_chart(robot: Robot, recordings: Mapping[str, Sequence[Recording]]) -> Chart:
-    """When each motor's samples were used, a panel a recording, by what they were used for."""
+    """When each motor's samples were used, a panel a recording, by what they were used for.
+
+    Parameters
+    ----------
+    robot : Robot
+    recordings : mapping of str to sequence of Recording
+        By their use: ``"fitted"``, or ``"new data, not fitted"``.
+
+    Returns
+    -------
+    Chart
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
+    >>> loopid.plots.used_chart(robot, {"fitted": found.training}).panels[0].labels
+    ('1 left_crank_joint', '2 right_crank_joint')
+    """
     looks, panels = {"fitted": "measured", "new data, not fitted": "other"}, list[Panel]()
     for use, runs in recordings.items():
         for run in runs:
@@ -275,7 +401,26 @@ def used_chart(robot: Robot, recordings: Mapping[str, Sequence[Recording]]) -> C
 
 @checked
 def gains_chart(robot: Robot, log_faults: Sequence[LogFaults]) -> Chart:
-    """Measured forces over expected ones, of each motor with a determined gain; 1 is right."""
+    """Measured forces over expected ones, of each motor with a determined gain; 1 is right.
+
+    Parameters
+    ----------
+    robot : Robot
+    log_faults : sequence of LogFaults
+        One a log.
+
+    Returns
+    -------
+    Chart
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
+    >>> loopid.plots.gains_chart(robot, found.log_faults).name
+    'gains'
+    """
     panels = []
     for each in (each for each in log_faults if each.gains):
         known = {gain.joint: (gain.gain, *gain.interval) for gain in each.gains}
@@ -287,7 +432,27 @@ def gains_chart(robot: Robot, log_faults: Sequence[LogFaults]) -> Chart:
 
 @checked
 def delays_chart(robot: Robot, delay: Delay) -> Chart:
-    """How late the forces of each motor are."""
+    """How late the forces of each motor are.
+
+    Parameters
+    ----------
+    robot : Robot
+    delay : Delay
+
+    Returns
+    -------
+    Chart
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> from loopid.identification.delay import Delay
+    >>> robot, each = loopid.load("five_bar"), np.array([0.004, 0.005])  # s
+    >>> delay = Delay(robot.actuated, 0.0045, (0.004, 0.005), each,
+    ...     each[:, None] + [-1e-3, 1e-3], 0.01, np.full(2, 0.0045), np.array([2e-4]))
+    >>> loopid.plots.delays_chart(robot, delay).panels[0].title
+    'Delay of the forces (ms)'
+    """
     values = 1e3 * np.column_stack([delay.each, delay.intervals])
     each = dict(zip(delay.joints, values.tolist(), strict=True))
     panel = motors_panel(robot, "Delay of the forces (ms)", each, 0.0)
@@ -299,7 +464,27 @@ def delays_chart(robot: Robot, delay: Delay) -> Chart:
 
 @checked
 def filter_chart(found: CutoffChoice) -> Chart:
-    """How far predicted forces move from each cut-off that was tried to the next."""
+    """How far predicted forces move from each cut-off that was tried to the next.
+
+    Parameters
+    ----------
+    found : CutoffChoice
+
+    Returns
+    -------
+    Chart
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> model = loopid.force_model(robot, "full", "Fc,Fv")
+    >>> data = loopid.identification.samples_of(model, [run])
+    >>> choice = loopid.identification.choose_cutoff(model, [run])
+    >>> loopid.plots.filter_chart(choice).x_label
+    'cut-off (Hz)'
+    """
     between, changes = np.sqrt(found.cutoffs[:-1] * found.cutoffs[1:]), 100 * found.changes
     good = found.equally_good
     marks = (

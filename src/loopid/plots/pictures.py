@@ -9,11 +9,12 @@ import numpy as np
 
 from loopid.arguments import FloatArray, checked, spread_rows
 from loopid.errors import OptionError
+from loopid.identification.estimates import Estimate
 from loopid.identification.prediction import Prediction
-from loopid.identification.result import Estimate, Fit
+from loopid.identification.result import Fit
 from loopid.numbers import interval, number, with_error
 from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel, forest, segments
-from loopid.plots.structure import force_unit
+from loopid.plots.structure import force_unit, motor_numbers
 from loopid.regressors.joint_laws import grouped
 from loopid.robot.robot import Robot
 
@@ -26,8 +27,7 @@ ZOOM = "Drag along time to zoom in, double-click to see all again."
 
 def of_motor(robot: Robot, name: str, worst: str = "") -> dict[str, Any]:
     """What a panel says of a motor: name, number, and whether it is the worst."""
-    number = robot.independent.index(name) + 1
-    return {"motor": name, "number": number, "worst": name == worst}
+    return {"motor": name, "number": motor_numbers(robot)[name], "worst": name == worst}
 
 
 def motors_panel(
@@ -50,8 +50,8 @@ def motors_panel(
 
 def numbered(robot: Robot, name: str) -> str:
     """A joint, a motor with its number on the page."""
-    motors = robot.independent
-    return f"{motors.index(name) + 1} {name}" if name in motors else name
+    number = motor_numbers(robot).get(name)
+    return f"{number} {name}" if number else name
 
 
 @checked
@@ -70,12 +70,29 @@ def forces_chart(
 
     Parameters
     ----------
+    robot : Robot
+    found : Prediction
     motors : sequence of str, optional
         Some of the motors, in the order in which they are shown.
     file : FloatArray, optional
         (N, dof), the forces that the robot file predicts.
     worst : str
         The motor that is marked.
+    name : str
+        Of the chart.
+
+    Returns
+    -------
+    Chart
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
+    >>> prediction = found.fit.predict("urdf/logs/five_bar.csv")
+    >>> loopid.plots.forces_chart(robot, prediction, motors=["left_crank_joint"]).panels[0].title
+    'measured force (N m)'
     """
     run, panels = found.recording, list[Panel]()
     time = run.motion.time
@@ -125,6 +142,25 @@ def comparison_chart(fits: Mapping[str, Fit], *, clear: Collection[str] = ()) ->
     """Values of fits by the name of their run with 95 % intervals, each less their mean.
 
     Of more than three fits three have a panel. Clear are expressions that are said to differ.
+
+    Parameters
+    ----------
+    fits : mapping of str to Fit
+    clear : collection of str
+        Expressions that are said to differ.
+
+    Returns
+    -------
+    Chart
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
+    >>> fits = {"recommended": found.fit, "all": found["all parameters"].fit}
+    >>> loopid.plots.comparison_chart(fits).panels[0].title
+    'Parameters; * clearly different'
     """
     known = {each.expression: each for fit in fits.values() for each in alone(fit)}
     own = [{e.expression: (e.value, e.standard_error) for e in alone(f)} for f in fits.values()]

@@ -28,12 +28,38 @@ def force_unit(robot: Robot, joint: str) -> str:
     return "N" if robot.velocity_indices([joint])[0] in robot.prismatic else "N m"
 
 
+def motor_numbers(robot: Robot) -> dict[str, int]:
+    """What motors are called on all charts: first those with a row of the forces, then redundant.
+
+    Free coordinates have a row, too.
+    """
+    return {name: k for k, name in enumerate((*robot.independent, *robot.redundant), start=1)}
+
+
 @checked
 def robot_chart(robot: Robot, configuration: FloatArray | None = None, *, worst: str = "") -> Chart:
     """Links, motors by their numbers, passive joints and closures at a configuration (nq,).
 
     By default that is the reference. A flat robot is seen from its front, any other from a corner.
     The worst motor is marked.
+
+    Parameters
+    ----------
+    robot : Robot
+    configuration : FloatArray, optional
+        (nq,).
+    worst : str
+        The motor that is marked.
+
+    Returns
+    -------
+    Chart
+
+    Examples
+    --------
+    >>> import loopid
+    >>> len(loopid.plots.robot_chart(loopid.load("five_bar")).panels)
+    1
     """
     q = robot.reference if configuration is None else configuration
     rods = link_rods(robot)
@@ -48,7 +74,7 @@ def robot_chart(robot: Robot, configuration: FloatArray | None = None, *, worst:
     right, up = np.eye(3)[[*flat[0]]] if flat else ACROSS
     fixed = np.array([first == 0 for (first, _), _ in rods], dtype=bool)
     gaps = np.concatenate([ends, np.full((len(ends), 1, 3), np.nan)], axis=1)
-    number = {name: str(k) for k, name in enumerate(robot.independent, start=1)}
+    number = motor_numbers(robot)
     motors = np.isin(robot.joints, robot.actuated)
     bad = np.array([name == worst for name in robot.joints])
     marks = [
@@ -65,7 +91,7 @@ def robot_chart(robot: Robot, configuration: FloatArray | None = None, *, worst:
             (name, "measured", own & ~bad),
             ("largest error", "fit", own & bad),
         ):
-            texts = tuple(number.get(robot.joints[k], "") for k in np.flatnonzero(rows))
+            texts = tuple(str(number.get(robot.joints[k], "")) for k in np.flatnonzero(rows))
             marks.append(Mark(said, x[rows], y[rows], look, kind, texts=texts))
     motors_said = "; ".join(f"{k} {name}" for name, k in number.items())
     caption = f"{motors_said}. It is {extent.max():.3g} m large."
@@ -93,6 +119,14 @@ def _apart(x: FloatArray, y: FloatArray, least: float) -> FloatArray:
 @checked
 def search_chart(searches: Sequence[SearchResult]) -> Chart:
     """Condition numbers of the combinations that subgroup searches tried, a panel a search.
+
+    Parameters
+    ----------
+    searches : sequence of SearchResult
+
+    Returns
+    -------
+    Chart
 
     Raises
     ------

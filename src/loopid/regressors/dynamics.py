@@ -65,8 +65,9 @@ from loopid.kinematics.projection import (
 )
 from loopid.parameters import ParameterSet
 from loopid.regressors.joint_laws import HYSTERESIS, JointState, JointTerm, joint_term
-from loopid.regressors.joint_terms import JointTerms, joint_position
-from loopid.robot.robot import Robot, lock_options
+from loopid.regressors.joint_terms import JointTerms
+from loopid.regressors.maxwell_slip import slipped
+from loopid.robot.robot import Robot, lock_options, position_of
 
 # Newton steps this short, in rad or characteristic lengths, leave G and q at one point to round-off
 SHORT = 1e-11
@@ -396,6 +397,12 @@ class Dynamics:
             When the robot has independent coordinates that no joint position gives.
         """
         if isinstance(u, Pose):
+            if u.robot is not self.robot and u.robot != self.robot:
+                raise OptionError(
+                    f"the pose is of another robot ({u.robot.name}) than the dynamics "
+                    f"({self.robot.name}): make it by pose() of these",
+                    argument="u",
+                )
             return u
         if u is not None:
             if np.ndim(u) == 1:
@@ -438,7 +445,10 @@ class Dynamics:
             memory.positions = self._measured.read(self.start[None].copy())[0]
         if np.abs(u - memory.positions).max(initial=0.0) > self.near:
             before = memory.pose
-            memory.pose = self._stepped(before, u) or self._followed(before, u)
+            memory.pose = self._stepped(before, u)
+            if memory.pose is None:
+                path = follow_paths(self._measured, before.configurations, u[None], self.options)
+                memory.pose = self.pose(q=required(path)[0])
             memory.positions = u
             if self._slipping:
                 self._slide(before.configurations, memory.pose.configurations)
@@ -468,10 +478,6 @@ class Dynamics:
             q = integrate(robot, q, measured.tangent(step))
             longest = CONTRACTION * length
         return None
-
-    def _followed(self, before: Pose, u: FloatArray) -> Pose:
-        found = follow_paths(self._measured, before.configurations, u[None], self.options)
-        return self.pose(q=required(found)[0])
 
     # How it moves.
 
@@ -638,19 +644,12 @@ class Dynamics:
 
     def _signals(self, pose: Pose, v: FloatArray, a: FloatArray, laws: list[_Law]) -> FloatArray:
         """What the coefficients of all joint terms multiply, (N, k, t); 0 of other laws."""
-        found = np.zeros((*v.shape[:2], len(self._joints)))
-        loads = self._loads_of(pose, v, a, laws)
+        found, loads = np.zeros((*v.shape[:2], len(self._joints))), None
+        if self._loads is not None and any(law.needs("torque") for law in laws):
+            loads = np.abs(self._loads.forces(pose, v, a))  # of what moves the bodies
         for law in laws:
             found[:, :, law.columns] = self._signal(pose, law, v, a, loads)
         return found
-
-    def _loads_of(
-        self, pose: Pose, v: FloatArray, a: FloatArray, laws: list[_Law]
-    ) -> FloatArray | None:
-        """Sizes (N, k, dof) of the forces that move the bodies, where laws need them."""
-        if self._loads is None or not any(law.needs("torque") for law in laws):
-            return None
-        return np.abs(self._loads.forces(pose, v, a))
 
     def _signal(
         self, pose: Pose, law: _Law, v: FloatArray, a: FloatArray, loads: FloatArray | None
@@ -659,7 +658,7 @@ class Dynamics:
         position: Any = None
         if law.needs("position"):
             q = pose.configurations
-            each = [joint_position(self.robot, q, name) for name in law.names]
+            each = [position_of(self.robot.joint(name), q) for name in law.names]
             position = np.stack(each, axis=-1)[:, None]
         state = JointState(position, v.take(law.joints, axis=2), a.take(law.joints, axis=2))
         state = self._terms.state(state, self._carried(pose, law, v, a))
@@ -710,7 +709,7 @@ class Dynamics:
     def _slide(self, before: FloatArray, after: FloatArray) -> None:
         """Let the elements go on from configurations (1, nq) to others."""
         ends = (
-            np.array([joint_position(self.robot, q, joint)[0] for joint, _ in self._slipping])
+            np.array([position_of(self.robot.joint(joint), q)[0] for joint, _ in self._slipping])
             for q in (before, after)
         )
         first, last = ends
@@ -718,7 +717,7 @@ class Dynamics:
         turns = [self.robot.joint(joint).nq == 2 for joint, _ in self._slipping]
         way = np.where(turns, np.mod(way + np.pi, 2 * np.pi) - np.pi, way)
         moved = way / np.array([at for _, at in self._slipping])
-        self._memory.slips = np.clip(self.slips + moved, -1.0, 1.0)
+        self._memory.slips = slipped(self.slips, moved)
 
     # Arguments.
 

@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from math import isfinite, nan
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -54,7 +54,7 @@ ONE_UNIT = r"(?:N|m|rad|s|kg)[²³]?"
 NO_UNIT = "1"
 UNIT = re.compile(rf"|(?:{NO_UNIT}|{ONE_UNIT}(?: {ONE_UNIT})*)(?:/{ONE_UNIT}(?: {ONE_UNIT})*)?")
 OF_RATE = {"sign": "rate", "slip": "rate"}  # what the state has it from
-NEEDS = "position", "rate", "acceleration", "load", "torque", "sign", "slip"
+Need = Literal["position", "rate", "acceleration", "load", "torque", "sign", "slip"]
 
 
 @record
@@ -128,7 +128,7 @@ class JointTerm:
     name: str
     units: tuple[str, str]
     law: Callable[[JointState, float], Any]
-    needs: tuple[str, ...] = ()
+    needs: tuple[Need, ...] = ()
     beside: tuple[str, ...] = ()
     at: float = 0.0
     positive: bool = False
@@ -146,9 +146,6 @@ class JointTerm:
                 )
         plain = tuple("" if unit == NO_UNIT else unit for unit in self.units)
         object.__setattr__(self, "units", plain)
-        for need in self.needs:
-            if need not in NEEDS:
-                raise OptionError.unknown(f"need of {self.name}", need, NEEDS)
 
     def signal(self, joint: JointState, count: int) -> FloatArray:
         """What the coefficient multiplies in ``count`` states of a joint, (count,).

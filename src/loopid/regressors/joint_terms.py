@@ -22,7 +22,7 @@ from loopid.parameters import KINDS, Parameter, ParameterSet
 from loopid.records import record
 from loopid.regressors.joint_laws import JointState, joint_term
 from loopid.regressors.maxwell_slip import Slips, slips_along
-from loopid.robot.robot import Robot, shortened
+from loopid.robot.robot import Robot, position_of, shortened
 
 # In a choice of terms: whatever the robot file gives, nothing, and all joints without a motor.
 OF_FILE, NO_TERMS, PASSIVE = "file", "none", "passive"
@@ -279,15 +279,12 @@ class JointTerms:
         They begin without a force.
         """
         return {
-            joint: slips_along([joint_position(robot, configurations, joint)], own)
+            joint: slips_along([position_of(robot.joint(joint), configurations)], own)
             for joint, own in self.displacements.items()
         }
 
     def loads(
-        self,
-        robot: Robot,
-        motion: ClosedMotion,
-        standard_parameters: FloatArray | None = None,
+        self, robot: Robot, motion: ClosedMotion, standard_parameters: FloatArray | None = None
     ) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
         """Forces (N,) that the bearings of joints with load-dependent friction carry, in N.
 
@@ -374,20 +371,12 @@ def _index(robot: Robot, joint: str, kinds: tuple[str, ...]) -> int:
     return int(indices[0])
 
 
-def joint_position(robot: Robot, configurations: FloatArray, name: str) -> FloatArray:
-    """Positions (N,) of a joint with one coordinate in configurations (N, nq)."""
-    joint = robot.joint(name)
-    q = configurations[:, joint.idx_q : joint.idx_q + joint.nq]
-    # A continuous joint is stored as the cosine and sine of its angle.
-    return np.asarray(q[:, 0] if joint.nq == 1 else np.arctan2(q[:, 1], q[:, 0]))
-
-
 def joint_state(robot: Robot, motion: ClosedMotion, name: str) -> JointState:
     """State (N,) of a coordinate; without position where it is one of several of a joint."""
     (index,) = robot.velocity_indices([name])
     position: Any = None
     if name in robot.joints:
-        position = joint_position(robot, motion.configurations, name)
+        position = position_of(robot.joint(name), motion.configurations)
     return JointState(position, motion.velocities[:, index], motion.accelerations[:, index])
 
 

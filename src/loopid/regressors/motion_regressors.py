@@ -29,6 +29,7 @@ def gravity_regressor(robot: Robot, configurations: FloatArray) -> FloatArray:
 
     Parameters
     ----------
+    robot : Robot
     configurations : FloatArray
         (N, nq), closed.
 
@@ -72,13 +73,37 @@ def motion_regressor(
     standard_parameters: FloatArray | None = None,
     slips: Slips | None = None,
 ) -> FloatArray:
-    """Actuator forces (N, dof, n) per unit of the parameters of all bodies, then of joint terms.
+    """Actuator forces per unit of the parameters of all bodies, then of joint terms.
 
-    The model is ``"full"``, or ``"gravity"`` for what holds the robot at rest in each
-    configuration; joint terms are those of the motion in either. ``motion_parameters`` names the
-    columns. Loads of joints are those of the bodies of the robot file, or of other
-    ``standard_parameters`` (n,) of the full model. Hysteresis needs ``JointTerms.slips`` of the
-    whole motion; without, friction is that of steady motion.
+    ``motion_parameters`` names the columns.
+
+    Parameters
+    ----------
+    robot : Robot
+    motion : ClosedMotion
+        Of N samples.
+    model : str
+        ``"full"``, or ``"gravity"`` for what holds the robot at rest in each configuration; joint
+        terms are those of the motion in either.
+    joint_terms : JointTerms, optional
+    standard_parameters : FloatArray, optional
+        (n,) of the full model, of the bodies that load joints; by default the robot file's.
+    slips : mapping, optional
+        ``JointTerms.slips`` of the whole motion, for hysteresis; by default friction is that of
+        steady motion.
+
+    Returns
+    -------
+    FloatArray
+        (N, dof, n).
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> robot = loopid.load("five_bar")
+    >>> rest = loopid.kinematics.closed_motion(robot, robot.reference, np.zeros(2), np.zeros(2))
+    >>> loopid.regressors.motion_regressor(robot, rest).shape
+    (1, 2, 40)
     """
     q, G = motion.configurations, motion.projection.G
     rates = (motion.velocities, motion.accelerations) if model == "full" else ()
@@ -116,12 +141,17 @@ def force_parts(
 
     Parameters
     ----------
+    robot : Robot
     configurations : FloatArray
         (N, nq), closed.
     velocities, accelerations : FloatArray
         (N, dof) of the independent coordinates.
     standard_parameters : FloatArray, optional
         (n,) of ``robot.parameters()``; by default those of the robot file.
+
+    Returns
+    -------
+    ForceParts
 
     Raises
     ------

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked, derived_seed, random_generator
+from loopid.arguments import Count, FloatArray, checked, derived_seed, random_generator
 from loopid.kinematics.loop_motion import closed_nearby, loop_motion
 from loopid.kinematics.rounding import Accuracy, geometry_accuracy, within_accuracy
 from loopid.kinematics.sampling import SamplingOptions, configuration_batches
@@ -33,7 +33,7 @@ def structural_observation(
     robot: Robot,
     model: str = "gravity",
     *,
-    samples: int | None = None,
+    samples: Count | None = None,
     seed: int = 0,
     joint_terms: JointTerms | None = None,
     options: SamplingOptions | None = None,
@@ -46,6 +46,7 @@ def structural_observation(
 
     Parameters
     ----------
+    robot : Robot
     model : str
         ``"gravity"`` (mass and first moments, at rest) or ``"full"``.
     samples : int, optional

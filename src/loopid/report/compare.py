@@ -45,7 +45,7 @@ def comparison_report(files: dict[str, FitFile]) -> Report:
     """
     if len(files) < 2:
         raise OptionError(f"two fits or more can be compared, not {len(files)}", given=len(files))
-    fits = {name: file.fit() for name, file in files.items()}
+    fits = {name: Fit(**file.estimates) for name, file in files.items()}
     pairs = _pairs(files, fits)
     record = _record(files, fits, pairs)
     shown = {each.expression for fit in fits.values() for each in alone(fit)}

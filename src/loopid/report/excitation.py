@@ -25,7 +25,25 @@ FOUND = (
 
 
 def excitation_report(found: ExcitationDesign) -> Report:
-    """A designed motion: its information, and its limits."""
+    """A designed motion: its information, and its limits.
+
+    Parameters
+    ----------
+    found : ExcitationDesign
+
+    Returns
+    -------
+    Report
+
+    Examples
+    --------
+    >>> import loopid
+    >>> model = loopid.force_model(loopid.load("parallelogram"), joint_terms=None)
+    >>> options = loopid.DesignOptions(duration=4.0, starts=1, evaluations=2, solver="slsqp")
+    >>> found = loopid.design_motion(model, options=options)
+    >>> loopid.report.excitation_report(found).title
+    'parallelogram, gravity model, excitation'
+    """
     model, before, after = found.force_model, found.before.standard_errors, found.standard_errors
     known, told, count = np.isfinite(before), int(np.isfinite(after).sum()), len(after)
     broken = ", ".join(check.name for check in found.checks if check.violations)

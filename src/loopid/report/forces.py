@@ -26,7 +26,27 @@ from loopid.robot.robot import Robot
 
 
 def prediction_report(robot: Robot, predictions: Sequence[Prediction]) -> Report:
-    """Forces of logs beside those of a fit."""
+    """Forces of logs beside those of a fit.
+
+    Parameters
+    ----------
+    robot : Robot
+    predictions : sequence of Prediction
+        One a log.
+
+    Returns
+    -------
+    Report
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
+    >>> prediction = found.fit.predict("urdf/logs/five_bar.csv")
+    >>> loopid.report.prediction_report(robot, [prediction]).title
+    'five_bar: forces predicted'
+    """
     errors = (
         (part, name, found.recording.name)
         for found in predictions
@@ -108,7 +128,27 @@ def _prediction_table(robot: Robot, found: Prediction) -> Table:
 
 
 def payload_report(robot: Robot, found: PayloadFit) -> Report:
-    """A body that was carried."""
+    """A body that was carried.
+
+    Parameters
+    ----------
+    robot : Robot
+    found : PayloadFit
+
+    Returns
+    -------
+    Report
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> model = loopid.force_model(robot, "gravity", "Fc,Fv")
+    >>> found = loopid.identify_payload(model, run, run, link="left_coupler")
+    >>> loopid.report.payload_report(robot, found).name
+    'payload'
+    """
     record, ends = _payload_record(found), found.intervals()
     motors, mass, centre = found.motors, record["mass"], _centre(record)
     apart = None if motors is None else motors.disagreement
@@ -216,7 +256,26 @@ def _payload_record(found: PayloadFit) -> dict[str, Any]:
 
 
 def gains_report(robot: Robot, found: GainFit) -> Report:
-    """Gains of drives, by a payload that is known."""
+    """Gains of drives, by a payload that is known.
+
+    Parameters
+    ----------
+    robot : Robot
+    found : GainFit
+
+    Returns
+    -------
+    Report
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> from loopid.diagnosis.gains import GainFit
+    >>> gains = GainFit(
+    ...     ("left_crank_joint",), np.ones(1), 1e-4 * np.eye(1), 50.0, ("right_crank_joint",))
+    >>> loopid.report.gains_report(loopid.load("five_bar"), gains).verdict.partition(",")[0]
+    'True forces are 1 to 1 times the logged ones'
+    """
     ends, count = found.intervals(), len(found.gains)
     off = sum(low > 1 or high < 1 for low, high in ends)
     panel = motors_panel(robot, "True force over logged force", _by_motor(found, found.gains), 1.0)

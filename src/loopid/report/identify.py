@@ -8,10 +8,11 @@ from typing import Any
 from rich.table import Table
 
 from loopid.errors import DataWarning, OptionError, counted, warn
+from loopid.identification.candidate import Candidate
 from loopid.identification.identification import Identification
 from loopid.identification.information import WeakDirection
 from loopid.identification.plausibility import require_sane
-from loopid.identification.prediction import Candidate, Prediction, prediction_reach
+from loopid.identification.prediction import Prediction, prediction_reach
 from loopid.identification.saved import as_file
 from loopid.identification.unseen import WHERE
 from loopid.identification.verdict import GOOD, NOT_FIT, ROUGH, Verdict
@@ -40,6 +41,26 @@ def identification_report(
     """What an identification found; the command designs the motion that its verdict asks for.
 
     Without a file of the recommended fit where that breaks a law, unless forced.
+
+    Parameters
+    ----------
+    found : Identification
+    command : str
+        That designs the motion which the verdict asks for.
+    anyway : bool
+        Write a fit that breaks a law, too.
+
+    Returns
+    -------
+    Report
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
+    >>> loopid.report.identification_report(found).name
+    'identification'
     """
     judged, robot, rows = found.verdict, found.force_model.robot, list[tuple[str, ...]]()
     for each in alone(found.fit):

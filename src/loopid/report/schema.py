@@ -28,8 +28,8 @@ from loopid.excitation.search import Check
 from loopid.findings import Finding
 from loopid.identification.cutoff import CutoffChoice
 from loopid.identification.delay import Delay
+from loopid.identification.estimates import Estimate
 from loopid.identification.log_mistakes import LogFaults
-from loopid.identification.result import Estimate
 from loopid.identification.verdict import Verdict
 from loopid.motion.joints import MotionReview
 from loopid.report.excitation import CRITERIA, FOUND
@@ -207,6 +207,10 @@ def json_schema(name: str) -> dict[str, Any]:
     ----------
     name : str
         A key of ``FORMS``, as in the record's ``schema``: ``"loopid check 1"`` is ``check``.
+
+    Returns
+    -------
+    dict
 
     Raises
     ------

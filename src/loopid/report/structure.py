@@ -49,7 +49,23 @@ GROUP = "valid", "deficient", "least", "share"
 
 
 def check_report(robot: Robot) -> Report:
-    """What a robot is: joints, closures, mobility, distance to singularity."""
+    """What a robot is: joints, closures, mobility, distance to singularity.
+
+    Parameters
+    ----------
+    robot : Robot
+
+    Returns
+    -------
+    Report
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> loopid.report.check_report(robot).verdict.partition(",")[0]
+    'The robot closes its loops to 1.1e-16 m'
+    """
     found = check_record(robot)
     joints, *tables = check_tables(found)
     signs = list(_wrong(robot, found))
@@ -307,7 +323,30 @@ def base_report(
     base: BaseParameters,
     motors_alone: BaseParameters | None = None,
 ) -> Report:
-    """Base parameters, and how sure they are."""
+    """Base parameters, and how sure they are.
+
+    Parameters
+    ----------
+    robot : Robot
+    model : str
+        ``"gravity"`` or ``"full"``.
+    base : BaseParameters
+    motors_alone : BaseParameters, optional
+        Of the motors alone, where coordinates are free.
+
+    Returns
+    -------
+    Report
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> base = loopid.force_model(robot, "gravity", None).base
+    >>> report = loopid.report.base_report(robot, "gravity", base)
+    >>> report.title
+    'five_bar, gravity model'
+    """
     found = base_record(robot, model, base, motors_alone)
     parameters, *others = base_tables(found)
     account = subgroup_facts(found["search"]) if found["search"]["subgroups"] else {}
@@ -564,7 +603,31 @@ def groups_table(search: dict[str, Any], title: str = "subgroups in turn") -> Ta
 def motions_report(
     robot: str, reviews: Mapping[str, MotionReview], seconds: Mapping[str, float]
 ) -> Report:
-    """Motions beside the robot's limits."""
+    """Motions beside the robot's limits.
+
+    Parameters
+    ----------
+    robot : str
+        Its name.
+    reviews : mapping of str to MotionReview
+    seconds : mapping of str to float
+        Durations in s.
+
+    Returns
+    -------
+    Report
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> plan = loopid.motion.read_motion_program("five_bar").motion("sweep", 20)
+    >>> motion = loopid.motion.joint_motion(robot, plan)
+    >>> review = loopid.motion.review_motion(robot, motion)
+    >>> report = loopid.report.motions_report("five_bar", {"sweep": review}, {"sweep": 12.0})
+    >>> report.verdict.partition(":")[0]
+    '1 of 1 motions can be run'
+    """
     found = motions_record(robot, reviews, seconds)
     motions = found["motions"]
     wrong = [motion for motion in motions if motion["problems"]]

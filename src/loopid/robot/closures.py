@@ -389,9 +389,11 @@ class LoopClosure:
     joint: str | None = None  # the sliding joint whose coordinate is the length of a cable
     # Positions of that coordinate in configurations and in velocities
     indices: tuple[int, int] | None = None
+    name: str = ""  # by default ``<frame a>-<frame b>``
 
     def __post_init__(self) -> None:
         CLOSURE_KINDS[self.kind]  # or an OptionError
+        object.__setattr__(self, "name", self.name or f"{self.frame_a}-{self.frame_b}")
         for axis in self.axes:
             if not abs(np.linalg.norm(axis) - 1) <= UNIT:
                 raise OptionError(f"closure {self.name}: axis {axis} must be a unit vector")
@@ -400,11 +402,6 @@ class LoopClosure:
     def equations(self) -> tuple[Equations, ...]:
         """Its equations, in the order of its rows."""
         return CLOSURE_KINDS[self.kind].equations(self)
-
-    @property
-    def name(self) -> str:
-        """Text form, ``<frame a>-<frame b>``."""
-        return f"{self.frame_a}-{self.frame_b}"
 
     @property
     def rows(self) -> int:

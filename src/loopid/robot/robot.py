@@ -296,9 +296,9 @@ class Robot:
         values: dict[str, float | list[float]] = {}
         for name in self.joints:
             joint = self.joint(name)
-            part = q[joint.idx_q : joint.idx_q + joint.nq]
-            if joint.nv == 1 and joint.nq == 2:  # the cosine and sine of an angle
-                part = np.arctan2(part[1:], part[:1])
+            part = (
+                q[joint.idx_q : joint.idx_q + joint.nq] if joint.nv > 1 else [position_of(joint, q)]
+            )
             rounded = [round(float(value), 6) + 0.0 for value in part]
             values[name] = rounded[0] if len(rounded) == 1 else rounded
         return values
@@ -667,6 +667,15 @@ def gear_ratios(slopes: FloatArray, moving: BoolArray) -> FloatArray:
             bodies = own & moving
             ratios[own] /= ratios[bodies if bodies.any() else own].min()
     return ratios
+
+
+def position_of(joint: pin.JointModel, q: FloatArray) -> FloatArray:
+    """Positions (...) of a joint with one coordinate in configurations (..., nq).
+
+    A continuous joint is stored as the cosine and sine of its angle.
+    """
+    own = q[..., joint.idx_q]
+    return np.asarray(own if joint.nq == 1 else np.arctan2(q[..., joint.idx_q + 1], own))
 
 
 def coordinate_names(name: str, joint: pin.JointModel) -> tuple[str, ...]:

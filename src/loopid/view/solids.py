@@ -86,7 +86,8 @@ def _of_mjcf(robot: Robot, tree: Path) -> Iterator[Solid]:
         place = frame.placement * pin.SE3(turn, compiled.geom_pos[k])
         material = compiled.geom_matid[k]
         look = compiled.mat_rgba[material] if material >= 0 else compiled.geom_rgba[k]
-        yield frame.parentJoint, _color(look), _placed(mesh, place, scale)
+        mesh.apply_transform(place.homogeneous @ np.diag([*scale, 1.0]))
+        yield frame.parentJoint, _color(look), mesh
 
 
 def _mesh(compiled: Any, k: int) -> trimesh.Trimesh:
@@ -94,10 +95,6 @@ def _mesh(compiled: Any, k: int) -> trimesh.Trimesh:
     corners = compiled.mesh_vert[first : first + compiled.mesh_vertnum[k]]
     faces = compiled.mesh_face[face : face + compiled.mesh_facenum[k]]
     return trimesh.Trimesh(corners, faces, process=False)
-
-
-def _placed(mesh: trimesh.Trimesh, place: pin.SE3, size: FloatArray) -> trimesh.Trimesh:
-    return mesh.apply_transform(place.homogeneous @ np.diag([*size, 1.0]))
 
 
 def _color(part: FloatArray) -> Color:

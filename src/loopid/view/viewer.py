@@ -20,23 +20,20 @@ from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from loopid.arguments import FloatArray, checked, spread_rows
-from loopid.errors import MissingExtraError, OptionError
-from loopid.identification.result import Fit
-from loopid.identification.saved import load_fit
-from loopid.logs.preparing import read_recordings
+from loopid.errors import OptionError, optional
+from loopid.identification.result import Fit, load_fit
+from loopid.logs.reading import read_recordings
 from loopid.motion.files import read_motion_program
 from loopid.motion.joints import JointMotion, joint_motion
 from loopid.robot.robot import Robot
 from loopid.view.masses import BodyMass, body_masses, fitted_masses
 from loopid.view.scene import Pose, Scene
 
-try:
+with optional("viser", "view"):
     import viser
     from trimesh import creation
 
     from loopid.view.solids import read_solids
-except ImportError as error:
-    raise MissingExtraError.of("viser", "view") from error
 
 # Of the user, with some above to go on to: the server waits for ever for one that cannot be had.
 Port: TypeAlias = Annotated[int, Field(ge=1024, le=65_000)]
@@ -224,10 +221,7 @@ class Viewer:
 
     def _batch(self, name: str, shape: Any, sizes: FloatArray, color: Any, **look: Any) -> Any:
         """Many of one shape, with their sizes (N, 3)."""
-        turns, colors = (
-            np.tile([1.0, 0.0, 0.0, 0.0], (len(sizes), 1)),
-            np.tile(color, (len(sizes), 1)),
-        )
+        turns, colors = (np.tile(each, (len(sizes), 1)) for each in ((1.0, 0.0, 0.0, 0.0), color))
         return self._server.scene.add_batched_meshes_simple(
             name, shape.vertices, shape.faces, turns, np.zeros((len(sizes), 3)),
             batched_scales=sizes, batched_colors=colors, cast_shadow=False, receive_shadow=False,
@@ -258,14 +252,10 @@ class Viewer:
             for box, bodies, batch in self._masses:
                 batch.visible = box.value
                 if box.value:
-                    joints, centres = (
-                        [b.joint for b in bodies],
-                        np.array([b.centre for b in bodies]),
-                    )
-                    R = pose.rotations[joints]
-                    batch.batched_positions = pose.origins[joints] + np.einsum(
-                        "nij,nj->ni", R, centres
-                    )
+                    joints = [body.joint for body in bodies]
+                    R, centres = pose.rotations[joints], np.array([b.centre for b in bodies])
+                    away = np.einsum("nij,nj->ni", R, centres)
+                    batch.batched_positions = pose.origins[joints] + away
                     axes = _turn(R @ np.array([body.axes for body in bodies]))
                     batch.batched_wxyzs = axes.as_quat(scalar_first=True)
             closures = zip(self._labels, self.scene.robot.closures, strict=True)
@@ -378,17 +368,29 @@ def open_viewer(robot: Robot, files: Sequence[str | Path] = (), *, port: Port = 
 
     Parameters
     ----------
+    robot : Robot
     files : sequence of path
         Saved fits, and a log or a motion file, whose first motion is meant, or a bundled robot's
         name for its motion.
     port : int
         See ``Viewer``.
+
+    Returns
+    -------
+    Viewer
+
+    Examples
+    --------
+    >>> import loopid
+    >>> with loopid.view.open_viewer(loopid.load("five_bar"), ["five_bar"]) as viewer:
+    ...     viewer.motion is not None
+    True
     """
     motions, fits = dict[str, JointMotion](), dict[str, Fit]()
     for path in map(str, files):
         text = Path(path).suffix in (".yaml", ".yml", ".json")
         if text and "loopid fit" in Path(path).read_text(errors="replace")[:200]:
-            fits[path] = load_fit(path, robot)
+            fits[path] = load_fit(path, robot=robot)
         elif text or not Path(path).exists():
             planned = read_motion_program(path).motion(rate=RATE)
             motions[path] = joint_motion(robot, planned)

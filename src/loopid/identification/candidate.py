@@ -1,0 +1,218 @@
+"""Candidates: values judged on data that they were not fitted to."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from loopid.arguments import FloatArray, checked
+from loopid.identification.correlation import means_of_series
+from loopid.identification.problem import ROUND_OFF, FitSamples
+from loopid.identification.quality import Quality
+from loopid.identification.result import Fit
+from loopid.numbers import root
+from loopid.records import record
+
+# Segments of time whose errors count as independent of each other: few, hence long, as errors
+# are autocorrelated over seconds.
+BATCHES = 8
+MUCH_WORSE = 2.0  # ratio of errors of a motor
+WORSE = 1.05  # ratio of errors: less is not worth bodies whose intervals nobody knows
+NO_DIFFERENCE = 1e-9  # of mean squared errors: smaller ones are round-off
+
+
+@record
+class Candidate:
+    """Values for all parameters of a force model, beside those of a baseline.
+
+    Attributes
+    ----------
+    name : str
+    fit : Fit
+        All n values, with their uncertainty.
+    validation : Quality
+        On data that were not fitted.
+    predicted : FloatArray
+        (N, dof) forces on these data, by fits that have not seen them.
+    rms_errors : tuple of FloatArray
+        Standard errors (dof,) of the rms on training and on validation data, in N or N m.
+    error_ratio : tuple of float
+        Mean squared validation error over that of the baseline, the geometric mean over the motors;
+        and its standard error.
+    motor_ratios : FloatArray
+        (dof,), that of each motor; NaN without samples.
+    regions : FloatArray or None
+        (dof,), root mean square errors on regions of states that were left out; None where these
+        were not.
+    """
+
+    name: str
+    fit: Fit
+    validation: Quality
+    predicted: FloatArray
+    rms_errors: tuple[FloatArray, FloatArray]
+    error_ratio: tuple[float, float]
+    motor_ratios: FloatArray
+    regions: FloatArray | None = None
+
+    @property
+    def fitted(self) -> int:
+        """Number of parameters that the data alone determine; the others rest on assumptions."""
+        return len(self.fit.values) - len(self.fit.assumed)
+
+    @property
+    def values(self) -> FloatArray:
+        """Values (n,)."""
+        return self.fit.values
+
+    @property
+    def training(self) -> Quality:
+        """On the data of the fit."""
+        return self.fit.quality
+
+    @property
+    def beats_baseline(self) -> bool:
+        """Whether the validation error is smaller by more than two standard errors."""
+        ratio, error = self.error_ratio
+        return 1.0 - ratio > 2 * error + NO_DIFFERENCE
+
+    @property
+    def loses_to_baseline(self) -> bool:
+        """Whether the validation error is clearly larger than the baseline's.
+
+        By a twentieth and by more than two standard errors; or it is larger, and more than twice
+        that of the baseline in some motor.
+        """
+        ratio, error = self.error_ratio
+        if float(np.nanmax(self.motor_ratios, initial=0.0)) > MUCH_WORSE**2:
+            return ratio > 1.0 + NO_DIFFERENCE
+        return ratio > max(1.0 + 2 * error, WORSE**2)
+
+    @property
+    def verdict(self) -> str:
+        """How much better or worse than the baseline: one sentence."""
+        verdict = "not clearly better than"
+        if self.beats_baseline or self.loses_to_baseline:
+            verdict = "better than" if self.beats_baseline else "worse than"
+        ratio, error = root(*self.error_ratio)
+        worst = np.sqrt(np.nanmax(self.motor_ratios, initial=0.0))
+        name = self.name if self.name.endswith("parameters") else f"{self.name} parameters"
+        return (
+            f"With {name} errors on new data are {ratio:.2f} ± {error:.2f} times those of the "
+            f"robot file with fitted joint terms (geometric mean over the motors, "
+            f"{worst:.2f} for the worst): {verdict} them."
+        )
+
+
+@checked
+def judge(
+    fit: Fit,
+    data: FitSamples,
+    new: FitSamples,
+    *,
+    name: str,
+    against: Fit,
+    predicted: tuple[FloatArray, FloatArray] | None = None,
+) -> Candidate:
+    """Judge a fit of data on new data, beside a baseline.
+
+    Parameters
+    ----------
+    fit : Fit
+    data, new : FitSamples
+        Of all parameters: what was fitted, and what was not.
+    name : str
+        Of the candidate.
+    against : Fit
+        The baseline.
+    predicted : tuple of FloatArray, optional
+        Forces (N, dof) on the new data, of the fit and of the baseline, where those were not
+        predicted by these values but by fits that have not seen them.
+
+    Returns
+    -------
+    Candidate
+        Errors on both, and their ratio to the baseline's.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> model = loopid.force_model(robot, "full", "Fc,Fv")
+    >>> data = loopid.identification.samples_of(model, [run])
+    >>> file = loopid.identification.fit_joint_terms(model, data)
+    >>> fit = loopid.identification.fit(data)
+    >>> judged = loopid.identification.judge(fit, data, data, name="all", against=file)
+    >>> judged.loses_to_baseline
+    False
+    """
+    own, other = predicted or (new.predicted(fit.values), new.predicted(against.values))
+    errors = tuple(
+        _rms_errors(samples, samples.force - forces)
+        for samples, forces in ((data, data.predicted(fit.values)), (new, own))
+    )
+    return Candidate(
+        name,
+        fit,
+        quality_of(new, own),
+        own,
+        (errors[0], errors[1]),
+        *error_ratio(new, own, other),
+    )
+
+
+def quality_of(samples: FitSamples, predicted: FloatArray) -> Quality:
+    """Errors of predicted forces (N, dof) where these are used."""
+    squares = (np.where(samples.used, samples.force - predicted, 0.0) ** 2).sum(axis=0)
+    return Quality.of(samples.problem, squares)
+
+
+def _rms_errors(samples: FitSamples, residual: FloatArray) -> FloatArray:
+    """Standard errors (dof,) of the rms of residuals (N, dof), to first order; NaN for none."""
+    errors = np.full(len(samples.actuators), np.nan)
+    for k in np.flatnonzero(samples.problem.samples):
+        used = samples.used[:, k]
+        squares = np.where(used, residual[:, k], 0.0) ** 2
+        if squares.any():
+            mean, error = means_of_series(squares[None], used, samples.pieces)
+            errors[k] = error[0] / (2 * np.sqrt(mean[0]))
+    return errors
+
+
+@checked
+def error_ratio(
+    samples: FitSamples, own: FloatArray, other: FloatArray
+) -> tuple[tuple[float, float], FloatArray]:
+    """Mean squared error of predicted forces (N, dof) over that of other ones.
+
+    Returns
+    -------
+    ratio : tuple of float
+        The geometric mean over the motors with samples, and its standard error by the jackknife
+        over segments of time [Efron1982].
+    motors : FloatArray
+        (dof,), of each; NaN without samples.
+    """
+    problem, rows = samples.problem, np.arange(len(samples))
+    least = np.maximum(samples.least_errors, ROUND_OFF * problem.force_rms) ** 2
+    batches = np.array_split(rows, min(BATCHES, len(rows)))
+
+    def sums(predicted: FloatArray) -> FloatArray:
+        """Of squares (B, dof), which are never less than round-off."""
+        squares = np.where(samples.used, (samples.force - predicted) ** 2 + least, 0.0)
+        return np.array([squares[batch].sum(axis=0) for batch in batches])
+
+    def logarithm(parts: tuple[FloatArray, FloatArray]) -> FloatArray:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.log(parts[0]) - np.log(parts[1])
+
+    A, B = sums(own), sums(other)
+    motors = logarithm((A.sum(axis=0), B.sum(axis=0)))
+    present = np.isfinite(motors)
+    ratio = float(np.exp(motors[present].mean())) if present.any() else np.nan
+    without = logarithm((A.sum(axis=0) - A, B.sum(axis=0) - B))[:, present]
+    count = len(batches)
+    if count < 2 or not np.isfinite(without).all():
+        return (ratio, np.nan), np.exp(motors)
+    spread = np.std(without.mean(axis=1)) * np.sqrt(count - 1)
+    return (ratio, ratio * float(spread)), np.exp(motors)

@@ -1,0 +1,277 @@
+"""Estimated parameters with their uncertainty, found by their names or sums."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import field
+from difflib import SequenceMatcher
+from typing import Any
+
+import numpy as np
+
+from loopid.arguments import FloatArray, finite, frozen, variances
+from loopid.errors import DataError, OptionError
+from loopid.identification.force_models import ForceModel
+from loopid.identification.quality import (
+    FileDeviation,
+    MotorUse,
+    NoiseModel,
+    OfArrays,
+    Quality,
+    Robustness,
+    StandardUncertainty,
+    TermDeviations,
+)
+from loopid.parameters import ParameterSet, html_table
+from loopid.records import Tabular, record
+from loopid.robot.robot import Robot
+
+# Fewer degrees of freedom determine no interval.
+LEAST_FREEDOM = 1.0
+# Lines of a ``repr`` that list parameters.
+LISTED = 7
+# Part of the file's variance that the data must take away for a value to count as theirs.
+DETERMINED = 0.5
+
+
+@record
+class Estimate:
+    """All numbers about one parameter.
+
+    Attributes
+    ----------
+    value, standard_error : float
+    interval : tuple of float
+        Of 95 %; infinite where the data determine none.
+    unit : str
+    name : str
+        A combination is ``<leading parameter> + 3 more``.
+    expression : str
+        The whole sum.
+    determined : bool
+        Whether the data determine it; otherwise only the robot file does.
+    """
+
+    value: float
+    standard_error: float
+    interval: tuple[float, float]
+    unit: str
+    name: str
+    expression: str = ""
+    determined: bool = True
+
+    @property
+    def relative_std(self) -> float:
+        """Standard error in % of the value; infinite for a value of zero."""
+        return 100 * self.standard_error / abs(self.value) if self.value else np.inf
+
+    def __str__(self) -> str:
+        low, high = self.interval
+        if not self.standard_error and np.isinf(high):
+            return f"{self.name}: {self.value:.5g} {self.unit}".rstrip() + ", assumed"
+        return (
+            f"{self.name}: {self.value:.5g} ± {self.standard_error:.2g} {self.unit}".rstrip()
+            + f" ({self.relative_std:.1f} %), 95 %: {low:.5g} to {high:.5g}"
+        )
+
+
+@record
+class Estimates(OfArrays, Tabular):
+    """What a ``Fit`` knows; there, what each attribute is, and what it becomes."""
+
+    estimator: str
+    parameters: ParameterSet
+    actuators: tuple[str, ...]
+    values: FloatArray
+    covariance: FloatArray
+    condition_number: float
+    degrees_of_freedom: FloatArray
+    quality: Quality
+    weights: FloatArray
+    noise: NoiseModel | None = None
+    assumed: tuple[str, ...] = ()
+    robustness: Robustness | None = None
+    standard_parameters: FloatArray | None = None
+    uncertainty: StandardUncertainty | None = None
+    deviation: FileDeviation | None = None
+    cutoff: float | None = None
+    term_deviations: TermDeviations | None = None
+    use: MotorUse | None = None
+    model: ForceModel | None = field(default=None, compare=False, repr=False)
+    settled: bool = True
+    mistakes: tuple[str, ...] = ()
+    unseen_rms: FloatArray | None = None
+    broken: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        freedom = np.broadcast_to(self.degrees_of_freedom, self.values.shape)
+        object.__setattr__(self, "degrees_of_freedom", frozen(freedom))
+        for name in self.assumed:
+            if name not in self.parameters.names:
+                raise OptionError.unknown("assumed parameter", name, self.parameters.names)
+        model = self.model
+        if model is None:
+            return
+        if self.parameters != model.parameters or self.values.shape != (len(model.base),):
+            raise DataError(
+                f"a fit of {len(self.parameters)} parameters with values {self.values.shape} is "
+                f"none of the {len(model.base)} base parameters of the force model"
+            )
+        loaded = model.with_loads(self.values, self.standard_parameters)
+        object.__setattr__(self, "model", loaded)
+
+    def require_model(self) -> ForceModel:
+        """The force model.
+
+        Raises
+        ------
+        OptionError
+            Where it is not known.
+        """
+        if self.model is None:
+            raise OptionError(
+                "the fit does not know its force model: give it one, fit = Fit.of(model, fit)"
+            )
+        return self.model
+
+    @property
+    def robot(self) -> Robot:
+        """The robot of the force model."""
+        return self.require_model().robot
+
+    @property
+    def standard_errors(self) -> FloatArray:
+        """Standard deviations (n,) of the estimates."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)), dtype=np.float64)
+
+    @property
+    def relative_std(self) -> FloatArray:
+        """Standard errors (n,) in % of the estimates; infinite for an estimate of zero."""
+        return relative_deviation(self.standard_errors, self.values)
+
+    def intervals(self, level: float = 0.95) -> FloatArray:
+        """Confidence intervals (n, 2) at a level between 0 and 1, by Student's distribution.
+
+        Infinite where fewer than one degree of freedom is left, and for parameters that are
+        assumed.
+        """
+        from scipy.special import stdtrit  # here, as it takes a while to import
+
+        if not 0 < level < 1:
+            raise OptionError(f"level must be between 0 and 1, not {level}")
+        reach = stdtrit(self.degrees_of_freedom, 0.5 + level / 2) * self.standard_errors
+        reach[self.degrees_of_freedom < LEAST_FREEDOM] = np.inf
+        reach[[name in self.assumed for name in self.parameters.names]] = np.inf
+        return np.stack([self.values - reach, self.values + reach], axis=1)
+
+    def __getitem__(self, name: str) -> Estimate:
+        names, sums = self.parameters.names, self.parameters.expressions
+        if name in sums:
+            return self.estimates[sums.index(name)]
+        if name in names:
+            return self.estimates[names.index(name)]
+        with_it = [one.name for one in self.parameters if name in (one.label, *one.others)]
+        if with_it:
+            alone = f'; of the robot, it is fit.standard["{name}"]'
+            of_robot = alone if name in self.standard else ""
+            raise OptionError(
+                f"the data determine no {name} alone, but in sums: ask for "
+                f"{' or '.join(with_it)}{of_robot}",
+                given=name,
+                valid=tuple(with_it),
+            )
+        near = sorted(self.parameters, key=lambda p: -SequenceMatcher(None, name, p.label).ratio())
+        raise OptionError.unknown("parameter", name, [each.name for each in near])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.parameters.names)
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """All numbers about each parameter."""
+        columns = self.values.tolist(), self.standard_errors.tolist(), self.intervals().tolist()
+        none = {*self.assumed}
+        return tuple(
+            Estimate(value, error, (low, high), p.unit, p.name, p.expression, p.name not in none)
+            for p, value, error, (low, high) in zip(self.parameters, *columns, strict=True)
+        )
+
+    @property
+    def standard(self) -> dict[str, Estimate]:
+        """Masses, first moments, inertias and joint terms of the robot, by their labels.
+
+        Empty for fits of base parameters alone. Of what only the robot file gives the interval is
+        by how far off the file is.
+        """
+        from scipy.special import stdtrit  # here, as it takes a while to import
+
+        known, values = self.uncertainty, self.standard_parameters
+        if known is None or values is None:
+            return {}
+        variance = known.beside + variances(known.gain, self.covariance)
+        errors = np.sqrt(variance)
+        freedom = np.minimum(known.degrees_of_freedom, self.degrees_of_freedom.min())
+        reach = stdtrit(freedom, 0.975) * errors
+        determined = variance < (1 - DETERMINED) * known.file
+        numbers = (values, errors, values - reach, values + reach, determined)
+        rows = zip(known.parameters, *(each.tolist() for each in numbers), strict=True)
+        return {
+            p.label: Estimate(value, error, (low, high), p.unit, p.label, determined=of_data)
+            for p, value, error, low, high, of_data in rows
+        }
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """Rows of a table, one a parameter."""
+        return [
+            {"parameter": e.name, "value": e.value, "standard_error": e.standard_error}
+            | {"low": e.interval[0], "high": e.interval[1], "unit": e.unit}
+            | {"expression": e.expression or e.name}
+            for e in self.estimates
+        ]
+
+    def _table(self) -> list[dict[str, Any]]:
+        return self.rows
+
+    def insignificant(self) -> tuple[str, ...]:
+        """Names of the parameters whose 95 % interval includes zero."""
+        low, high = self.intervals().T
+        return tuple(self.parameters.names[j] for j in np.flatnonzero((low <= 0) & (high >= 0)))
+
+    def forces(self, regressor: FloatArray) -> FloatArray:
+        """Forces (..., dof) of a regressor (..., dof, n)."""
+        W = finite(regressor, "regressor")
+        dof, n = len(self.actuators), len(self.parameters)
+        if W.shape[-2:] != (dof, n):
+            raise DataError(f"the regressor must have shape (..., {dof}, {n}), not {W.shape}")
+        return np.asarray(W @ self.values, dtype=np.float64)
+
+    def __str__(self) -> str:
+        return "\n".join(str(estimate) for estimate in self.estimates)
+
+    def __repr__(self) -> str:
+        more = len(self.values) - LISTED
+        lines = [
+            f"Fit by {self.estimator!r}: {len(self.values)} parameters from "
+            f"{int(self.quality.samples.sum())} forces of {len(self.actuators)} actuators, "
+            f"condition number {self.condition_number:.4g}",
+            *map(str, self.estimates[:LISTED]),
+            *([f"... and {more} more: print() lists all"] if more > 0 else []),
+        ]
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        head = ("parameter", "value", "standard error", "unit", "% std", "95 % from", "to")
+        rows = [
+            (e.name, e.value, e.standard_error, e.unit, e.relative_std, *e.interval)
+            for e in self.estimates
+        ]
+        return html_table(head, rows)
+
+
+def relative_deviation(errors: FloatArray, values: FloatArray) -> FloatArray:
+    """Standard errors (n,) in % of values (n,); infinite for a value of zero."""
+    relative = np.full(len(values), np.inf)
+    np.divide(100 * errors, np.abs(values), out=relative, where=values != 0)
+    return relative

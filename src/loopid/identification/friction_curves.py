@@ -1,0 +1,317 @@
+"""Friction of a fit: curves over the rate, and the line that is nearest to each.
+
+The curve is identified between the slowest and the fastest rate of the fitted samples. Below, it
+stays as it is there; above, it goes on as the line; in both its band widens.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from loopid.arguments import FloatArray, checked, finite
+from loopid.errors import DataError, OptionError
+from loopid.identification.estimates import Estimate, Estimates
+from loopid.identification.hysteresis import with_reach
+from loopid.identification.quality import MotorUse
+from loopid.parameters import KINDS
+from loopid.records import Tabular, record
+from loopid.regressors.joint_laws import (
+    ALIKE,
+    ASYMMETRY,
+    CURVE,
+    RATIO,
+    JointState,
+    JointTerm,
+    grouped,
+    joint_term,
+)
+from loopid.regressors.joint_terms import JointTerms
+
+# Part of the friction at the slowest, or fastest, rate that it may differ by far beyond: Stribeck
+# friction of half as much more, two deviations, is not unusual.
+DOUBT = 0.25
+LINE_POINTS = 200  # rates that a line is fitted at
+
+
+@record
+class FrictionCurve(Tabular):
+    """Friction of a joint over its rate, with a 95 % band.
+
+    Attributes
+    ----------
+    joint : str
+    rates : FloatArray
+        (k,), in m/s or rad/s.
+    values : FloatArray
+        (k,), in N or N m, along the rate.
+    band : FloatArray
+        (k, 2), ends of the 95 % intervals.
+    """
+
+    joint: str
+    rates: FloatArray
+    values: FloatArray
+    band: FloatArray
+
+    def _table(self) -> dict[str, FloatArray]:
+        low, high = self.band.T
+        return {"rate": self.rates, "friction": self.values, "low": low, "high": high}
+
+
+@checked
+def friction_curve(
+    fit: Estimates, joint: str, rates: FloatArray, *, joint_terms: JointTerms | None = None
+) -> FrictionCurve:
+    """Friction of a joint over its rate, of all its terms that depend on the rate alone.
+
+    Beyond the rates of the samples that were fitted (``fit.use``) the band holds, too, what a
+    curve may do there.
+
+    Parameters
+    ----------
+    fit : Fit
+    joint : str
+    rates : FloatArray
+        (k,), in m/s or rad/s.
+    joint_terms : JointTerms, optional
+        Those of the force model, where they have a dead zone or are smoothed.
+
+    Returns
+    -------
+    FrictionCurve
+        Values (k,) and their band (k, 2), in N or N m.
+
+    Raises
+    ------
+    OptionError
+        When the joint has no friction.
+
+    Examples
+    --------
+    >>> import loopid, numpy as np
+    >>> names = loopid.parameters.ParameterSet.from_labels(["elbow.Fc", "elbow.Fv"])
+    >>> rng = np.random.default_rng(0)
+    >>> rate = rng.normal(size=(500, 1))
+    >>> W = np.stack([np.sign(rate), rate], axis=2)
+    >>> force = W @ [2.0, 0.5] + 0.1 * rng.normal(size=(500, 1))
+    >>> samples = loopid.identification.FitSamples.of(names, ["elbow"], W, force)
+    >>> fit = loopid.identification.fit(samples)
+    >>> curve = loopid.identification.friction_curve(fit, "elbow", np.array([-1.0, 1.0]))
+    >>> curve.values.round(1), bool((np.ptp(curve.band, axis=1) < 0.1).all())
+    (array([-2.5,  2.5]), True)
+    """
+    columns = friction_columns(fit, joint)
+    if not columns:
+        raise OptionError.unknown("joint with friction", joint, frictional_joints(fit))
+    rate = finite(rates, "rates")
+    if rate.ndim != 1:
+        raise DataError(f"rates must have shape (k,), not {rate.shape}", argument="rates")
+    state = (joint_terms or JointTerms(())).state(JointState(None, rate, None))
+    terms = [joint_term(fit.parameters[j].kind) for j in columns]
+    laws = np.stack([term.signal(state, len(rate)) for term in terms], axis=1)
+    doubt = _doubt(fit, joint, rate, np.abs(laws @ fit.values[columns]))
+    values, reach = with_reach(fit, columns, laws, doubt)
+    return FrictionCurve(joint, rate, values, np.stack([values - reach, values + reach], axis=1))
+
+
+@record
+class FrictionSummary(Tabular):
+    """Friction of each motor in four numbers, ``Estimate`` or None where it has none.
+
+    Attributes
+    ----------
+    joints : tuple of str
+    coulomb, viscous : tuple of Estimate
+        Of the line that the curve goes on as.
+    standstill : tuple of Estimate
+        How much more there is at standstill than the line's Coulomb friction.
+    load : tuple of Estimate
+        Part of the motor's force that its gear loses.
+    """
+
+    joints: tuple[str, ...]
+    coulomb: tuple[Estimate | None, ...]
+    viscous: tuple[Estimate | None, ...]
+    standstill: tuple[Estimate | None, ...]
+    load: tuple[Estimate | None, ...]
+
+    def _table(self) -> list[dict[str, Any]]:
+        return [
+            {"joint": joint}
+            | {name: getattr(own[k], "value", None) for name, own in self.parts.items()}
+            for k, joint in enumerate(self.joints)
+        ]
+
+    @property
+    def parts(self) -> dict[str, tuple[Estimate | None, ...]]:
+        """The four columns by their names."""
+        names = "coulomb", "viscous", "standstill", "load"
+        return {name: getattr(self, name) for name in names}
+
+
+@checked
+def friction_summary(fit: Estimates) -> FrictionSummary:
+    """Friction of each joint of a fit, in four numbers with intervals.
+
+    Parameters
+    ----------
+    fit : Fit
+
+    Returns
+    -------
+    FrictionSummary
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> found = loopid.identify(loopid.force_model(robot, "full"), [run])
+    >>> friction = loopid.identification.friction_summary(found.fit)
+    >>> friction.joints, round(friction.coulomb[0].value, 2)
+    (('left_crank_joint', 'right_crank_joint'), 0.1)
+    """
+    joints = dict.fromkeys((*frictional_joints(fit), *_loaded_joints(fit)))
+    places = {each.label: j for j, each in enumerate(fit.parameters)}
+    every = fit.estimates
+
+    def of(joint: str, beginning: str) -> Estimate | None:
+        found = [j for label, j in places.items() if label.startswith(f"{joint}.{beginning}")]
+        return every[found[0]] if found else None
+
+    kinds = "Fc", "Fv", "Fk0~", "Ft"
+    return FrictionSummary(
+        tuple(joints), *(tuple(of(joint, kind) for joint in joints) for kind in kinds)
+    )
+
+
+def _loaded_joints(fit: Estimates) -> list[str]:
+    return [each.link for each in fit.parameters if each.kind == "Ft"]
+
+
+def _doubt(fit: Estimates, joint: str, rates: FloatArray, sizes: FloatArray) -> FloatArray:
+    """Deviation (k,) of friction of sizes (k,) between the points of its curves, and beyond.
+
+    A curve is linear between its points, its prior is not. Beyond the rates that samples have
+    it is at least a part of the friction.
+    """
+    if fit.use is None or joint not in fit.use.joints:
+        return np.zeros(len(rates))
+    ends, speeds = fit.use.of(joint), np.maximum(np.abs(rates), np.finfo(float).tiny)
+    beyond = np.maximum(np.log(ends[0] / speeds), np.log(speeds / ends[1])).clip(min=0.0)
+    variance = (DOUBT * sizes) ** 2 * (1.0 - np.exp(-((beyond / ALIKE) ** 2)))
+    groups = fit.term_deviations
+    for prior in (CURVE, ASYMMETRY):
+        if groups is None or f"{joint}: {prior.name}" not in groups.names:
+            continue
+        own = groups.own[groups.names.index(f"{joint}: {prior.name}")]
+        laws = [joint_term(fit.parameters[j].kind) for j in friction_columns(fit, joint)]
+        laws = [law for law in laws if law.prior is prior]
+        variance = np.maximum(variance, own**2 * _between(laws, speeds))
+    return np.sqrt(variance)
+
+
+def _between(laws: Sequence[JointTerm], speeds: FloatArray) -> FloatArray:
+    """Prior variance (k,) of a curve's departure from what its points make of it."""
+    at, prior = np.array([law.at for law in laws]), laws[0].prior
+    assert prior is not None
+    assert prior.correlation is not None
+    alike = prior.correlation(np.append(at, speeds), at)
+    state = JointState(None, speeds, None, math=np)
+    hats = np.stack([law.signal(state, len(speeds)) for law in laws], axis=1)
+    parts = np.concatenate([-hats.T, np.eye(len(speeds))])
+    return np.asarray(np.maximum((parts * (alike @ parts)).sum(axis=0), 0.0))
+
+
+def frictional_joints(fit: Estimates) -> tuple[str, ...]:
+    """Joints with terms that depend on the rate alone."""
+    return tuple(dict.fromkeys(name.link for name in fit.parameters if of_friction(name.kind)))
+
+
+def friction_columns(fit: Estimates, joint: str) -> list[int]:
+    """Columns of a joint's terms that depend on the rate alone."""
+    names = enumerate(fit.parameters)
+    return [j for j, name in names if name.link == joint and of_friction(name.kind)]
+
+
+def of_friction(kind: str) -> bool:
+    """Whether a kind of joint term depends on the rate alone."""
+    return kind not in KINDS and joint_term(kind).friction
+
+
+@record
+class FrictionLine:
+    """Coulomb and viscous friction that is nearest to a curve, for what knows no other.
+
+    Attributes
+    ----------
+    joint : str
+    coulomb, viscous : float
+    off : float
+        Largest distance of the curve from it, in N or N m.
+    rates : tuple of float
+        Between which, in m/s or rad/s.
+    """
+
+    joint: str
+    coulomb: float
+    viscous: float
+    off: float
+    rates: tuple[float, float]
+
+    @property
+    def sentence(self) -> str:
+        """How near it is."""
+        least, most = self.rates
+        return (
+            f"Fc = {self.coulomb:.3g} and Fv = {self.viscous:.3g} of {self.joint} are within "
+            f"{self.off:.2g} of its friction from {least:.2g} to {most:.2g}"
+        )
+
+
+@checked
+def nearest_line(
+    joint: str, terms: Mapping[str, float], use: MotorUse | None = None
+) -> FrictionLine:
+    """The line nearest to the friction of a joint, by least squares over the rates of the log.
+
+    Parameters
+    ----------
+    joint : str
+    terms : mapping
+        Values of its joint terms by their kinds.
+    use : MotorUse, optional
+        Rates and loads in the log; by default rates of the curve's points, and no load.
+
+    Returns
+    -------
+    FrictionLine
+        Coulomb and viscous friction, and how far the curve is off these.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> line = loopid.identification.nearest_line("elbow", {"Fc": 2.0, "Fv": 0.5})
+    >>> round(line.coulomb, 6), round(line.viscous, 6)
+    (1.960299, 0.559403)
+    """
+    from scipy.optimize import nnls  # slow to import
+
+    laws = [joint_term(kind) for kind in terms if grouped(kind)]
+    load, points = 0.0, [law.at for law in laws if law.at and "slip" not in law.needs]
+    least, most = (min(points), RATIO * max(points)) if points else (0.0, 1.0)
+    if use is not None and joint in use.joints:
+        least, most = use.of(joint)
+        load = float(use.load[use.joints.index(joint)])
+    rates, both = np.linspace(least, most, LINE_POINTS), np.zeros((2, LINE_POINTS))
+    own = [kind for kind in terms if grouped(kind) or kind in ("Fc", "Fv")]
+    for sign, way in zip((1.0, -1.0), both, strict=True):
+        state = JointState(None, sign * rates, None, math=np, torque=load)
+        for kind in own:
+            way += sign * terms[kind] * joint_term(kind).signal(state, LINE_POINTS)
+    line, _ = nnls(np.column_stack([np.ones(LINE_POINTS), rates]), both.mean(axis=0))
+    off = float(np.abs(both - line[0] - line[1] * rates).max())
+    return FrictionLine(joint, float(line[0]), float(line[1]), off, (least, most))

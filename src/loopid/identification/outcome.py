@@ -1,0 +1,147 @@
+"""What an identification found: models, samples and candidates, and which of these is best."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from loopid.arguments import FloatArray, checked
+from loopid.errors import OptionError
+from loopid.findings import Finding
+from loopid.identification.candidate import Candidate, error_ratio
+from loopid.identification.consistent import CONSISTENT
+from loopid.identification.cutoff import CutoffChoice
+from loopid.identification.delay import Delay
+from loopid.identification.force_models import ForceModel
+from loopid.identification.information import Identifiability
+from loopid.identification.leaving_out import repeated_share
+from loopid.identification.log_mistakes import LogFaults
+from loopid.identification.missing import MissingForce
+from loopid.identification.model_choice import ModelChoice
+from loopid.identification.options import FitOptions
+from loopid.identification.problem import FitSamples
+from loopid.identification.result import Fit
+from loopid.identification.sensor_noise import sensor_noise
+from loopid.identification.unseen import UnseenErrors
+from loopid.logs.recording import Recording
+from loopid.records import record
+
+# Of the moving samples that are fitted where many models are compared.
+FRACTION = 0.6
+CLEARLY_BETTER = 1.25  # ratio of errors above which another candidate is worth a word
+# Names of the candidates.
+ROBOT_FILE, ALL = "robot file", "all parameters"
+
+
+@record
+class Outcome:
+    """What an ``Identification`` found; there, what each attribute is, and what it says."""
+
+    force_model: ForceModel
+    training: tuple[Recording, ...]
+    validation: tuple[Recording, ...]
+    friction: tuple[Recording, ...]
+    data: FitSamples
+    new: FitSamples
+    identifiability: Identifiability
+    candidates: Mapping[str, Candidate]
+    options: FitOptions
+    cutoff: CutoffChoice | None = None
+    delay: Delay | None = None
+    log_faults: tuple[LogFaults, ...] = ()
+    missing: tuple[MissingForce, ...] = ()
+    choice: ModelChoice | None = None
+
+    def __getitem__(self, name: str) -> Candidate:
+        if name not in self.candidates:
+            raise OptionError.unknown("candidate", name, self.candidates)
+        return self.candidates[name]
+
+    @property
+    def baseline(self) -> Candidate:
+        """Bodies of the robot file, joint terms fitted to the training data."""
+        return self[ROBOT_FILE]
+
+    @property
+    def recommended(self) -> Candidate:
+        """What to predict and to export with.
+
+        Consistent parameters, unless they are clearly worse on new data than the baseline; where
+        an estimator was chosen, all parameters by that.
+        """
+        if CONSISTENT not in self.candidates:
+            return self[ALL]
+        return self.baseline if self[CONSISTENT].loses_to_baseline else self[CONSISTENT]
+
+    @property
+    def advantage(self) -> float | None:
+        """How much smaller errors of all parameters are on new data than the recommended ones.
+
+        The ratio of these, the geometric mean over the motors; None where it is not clearly more
+        than 1.25.
+        """
+        ratio, error = error_ratio(self.new, self[ALL].predicted, self.recommended.predicted)[0]
+        clear = ratio + 2 * error < CLEARLY_BETTER**-2
+        return float(ratio**-0.5) if clear else None
+
+    @property
+    def parts(self) -> tuple[FitSamples, FitSamples]:
+        """Samples to fit and others to judge, for comparisons of many models.
+
+        Without validation the first and the last part of the training, both with all rows.
+        """
+        if self.validation:
+            return self.data, self.new
+        moving = np.cumsum(self.data.used.any(axis=1))
+        first = (moving <= FRACTION * moving[-1])[:, None]
+        used = self.data.used
+        return replace(self.data, used=used & first), replace(self.data, used=used & ~first)
+
+    @property
+    def fit(self) -> Fit:
+        """The recommended values with their uncertainty."""
+        return self.recommended.fit
+
+    @cached_property
+    def unseen(self) -> UnseenErrors:
+        """Errors of the recommended fit on data that it was not fitted to, by where."""
+        runs = self.validation or self.training
+        return UnseenErrors.of(self.recommended, self.force_model, self.new, runs)
+
+    @cached_property
+    def repeated(self) -> float:
+        """Part of the fitted samples whose states come back in other segments, or logs."""
+        return repeated_share(self.data, self.training)
+
+    @cached_property
+    def sensor_noise(self) -> FloatArray:
+        """Noise (dof,) of the sensors of force in N or N m; NaN where it is undetermined."""
+        every = np.array([sensor_noise(run) for run in self.training])
+        known = ~np.isnan(every).all(axis=0)
+        return np.where(known, np.nan_to_num(every, nan=0.0).max(axis=0), np.nan)
+
+    @checked
+    def relative_errors(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
+        """Errors on new data (dof,) in parts of each motor's force, and their standard errors.
+
+        Root mean squares; NaN without samples.
+        """
+        force = self.new.problem.force_rms
+        force = np.where(force > 0, force, np.nan)
+        return candidate.validation.residual_rms / force, candidate.rms_errors[1] / force
+
+    @property
+    def prior_deviation(self) -> float | None:
+        """Scale of the inertia prior, relative to the bodies; of consistent fits."""
+        weighed = self.candidates.get(CONSISTENT)
+        found = None if weighed is None else weighed.fit.deviation
+        return None if found is None else found.common
+
+    @property
+    def mistakes(self) -> tuple[Finding, ...]:
+        """Mistakes in the logs: no figure counts before they are mended."""
+        found = (each for one in self.log_faults for each in one.mistakes)
+        return tuple(each for each in found if each.severity == "mistake")

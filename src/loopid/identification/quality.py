@@ -1,0 +1,177 @@
+"""How well values explain forces, what their errors are like, and what else a fit finds."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+
+from loopid.arguments import FloatArray, IntArray, checked, finite, frozen
+from loopid.errors import DataError
+from loopid.identification.problem import FitProblem
+from loopid.numbers import number
+from loopid.parameters import ParameterSet
+from loopid.records import record
+
+# Squared deviation of a force from its mean, relative to its square, that is but round-off.
+CONSTANT_FORCE = 1e-12
+
+
+class OfArrays:
+    """Lists, as files have them, become arrays."""
+
+    def __post_init__(self) -> None:
+        kinds = {"FloatArray": np.float64, "IntArray": np.int64, "FloatArray | None": np.float64}
+        for each in fields(self):  # type: ignore[arg-type]
+            given = getattr(self, each.name)
+            if each.type in kinds and given is not None:
+                object.__setattr__(self, each.name, frozen(given, kinds[each.type]))
+
+
+@record
+class Quality(OfArrays):
+    """Residuals of parameters on data, by actuator; NaN where it has no samples."""
+
+    residual_rms: FloatArray  # (dof,) in N or N m
+    # (dof,), 1 - residual over total squares about the mean; negative when worse than the mean, NaN
+    # for a constant force
+    r_squared: FloatArray
+    samples: IntArray  # (dof,)
+
+    @classmethod
+    def of(cls, problem: FitProblem, squares: FloatArray) -> Quality:
+        """Of sums of squared residuals (dof,) of a problem."""
+        force = problem.force_squares()
+        total = force - problem.samples * problem.mean_force**2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            mean = np.where(problem.samples > 0, squares / problem.samples, np.nan)
+            r_squared = np.where(total > CONSTANT_FORCE * force, 1.0 - squares / total, np.nan)
+        return cls(np.sqrt(mean), r_squared, problem.samples)
+
+
+@checked
+def fit_quality(problem: FitProblem, values: FloatArray) -> Quality:
+    """Residuals of a problem at parameter values (n,)."""
+    phi, width = finite(values, "values"), len(problem.parameters)
+    if phi.shape != (width,):
+        raise DataError(f"values must have shape ({width},), not {phi.shape}")
+    return Quality.of(problem, problem.residual_squares(phi))
+
+
+@record
+class NoiseModel(OfArrays):
+    """An autoregressive model of each actuator's errors, e_t = Σ c_k e_{t-k} + ε_t.
+
+    Actuators without samples have NaN for all that is not a count.
+    """
+
+    actuators: tuple[str, ...]
+    # (dof, order), c_k, padded with zeros; order 0 when the errors of all are independent
+    coefficients: FloatArray
+    innovation: FloatArray  # (dof,), standard deviation of ε in N or N m
+    deviation: FloatArray  # (dof,), standard deviation of e in N or N m
+    lag_one: FloatArray  # (dof,), correlation of neighbouring errors
+    samples: IntArray  # (dof,)
+    # (dof,), number of independent samples that would determine a mean as well; at most ``samples``
+    effective_samples: FloatArray
+
+
+@record
+class Robustness(OfArrays):
+    """Scale and weights of the residuals of a robust fit, by actuator; NaN without samples."""
+
+    # (dof,) in N or N m, standard deviation of errors without outliers, from the median
+    scale: FloatArray
+    # (dof,), share of the samples that count less than half: some 1 % of normal errors
+    down_weighted: FloatArray
+
+
+# Deviations of the robot file as a whole that the data may choose, in parts of its bodies, and the
+# largest of a single one. The least is 0.4: evidence averages ten parameters, and a wrong mass
+# spoils one.
+LEAST_OFF, LARGEST_OFF, LARGEST_OF_BODY = 0.4, 1.0, 3.0
+
+
+@record
+class FileDeviation(OfArrays):
+    """How far the bodies of the robot file are off, as the data say, in parts of themselves."""
+
+    common: float  # of all bodies
+    bodies: tuple[str, ...]  # those with a mass
+    own: FloatArray  # (bodies,), of each: larger for one that is far off while the others are right
+
+    @property
+    def sentence(self) -> str:
+        """How far the file is trusted; at a bound that is no finding of the data."""
+        bound = not LEAST_OFF < self.common < LARGEST_OFF
+        off = (f"{name} {number(100 * own, 2)} %" for name, own in self.rows if own > self.common)
+        also = ", ".join(off)
+        return (
+            f"the given bodies {'are assumed' if bound else 'count as'} right to "
+            f"{number(100 * self.common, 2)} %{f', but {also}' if also else ''}"
+        )
+
+    @property
+    def far(self) -> tuple[str, ...]:
+        """Bodies that are as far off as they may be."""
+        return tuple(self.bodies[k] for k in np.flatnonzero(self.own >= LARGEST_OF_BODY))
+
+    @property
+    def rows(self) -> list[tuple[str, float]]:
+        """Each body with its deviation."""
+        return list(zip(self.bodies, self.own.tolist(), strict=True))
+
+    @property
+    def fault(self) -> str:
+        """What a deviation at its bound says: a sentence, empty where none is."""
+        if self.common < LARGEST_OFF and not self.far:
+            return ""
+        who = f"bodies {', '.join(self.far)}" if self.far else "the bodies"
+        most = LARGEST_OF_BODY if self.far else LARGEST_OFF
+        return (
+            f"{who} would have to be off the robot file by {most:g} times themselves: it is of "
+            "another robot (a tool, a payload), or the model lacks a force"
+        )
+
+
+@record
+class TermDeviations(OfArrays):
+    """Prior deviations of groups of joint terms, as the evidence of the data chooses them."""
+
+    names: tuple[str, ...]  # of the groups, such as ``"elbow: friction curve"``
+    own: FloatArray  # (g,), deviation of each, in the unit of its terms
+    determined: FloatArray  # (g,), how many of its terms the data determine
+    # (g,), logarithm of how much likelier the data are with the group than without it
+    evidence: FloatArray
+
+
+@record
+class MotorUse(OfArrays):
+    """How the motors were used in the samples of a fit."""
+
+    joints: tuple[str, ...]
+    slowest: FloatArray  # (m,), slowest informative and fastest rate of each, in m/s or rad/s
+    fastest: FloatArray
+    load: FloatArray  # (m,), mean size of the force that moved the bodies, in N or N m
+    largest: FloatArray  # (m,), largest size of the force, in N or N m
+
+    @property
+    def columns(self) -> tuple[tuple[str, ...], list[float], list[float]]:
+        """Joints, slowest and fastest rates."""
+        return self.joints, self.slowest.tolist(), self.fastest.tolist()
+
+    def of(self, joint: str) -> tuple[float, float]:
+        """Slowest and fastest rate of a joint."""
+        k = self.joints.index(joint)
+        return float(self.slowest[k]), float(self.fastest[k])
+
+
+@record
+class StandardUncertainty(OfArrays):
+    """What the covariance of a fit, and the robot file, say of the p standard parameters."""
+
+    parameters: ParameterSet  # the standard parameters of the bodies, and the joint terms
+    gain: FloatArray  # (p, n), changes of these with the n base parameters
+    beside: FloatArray  # (p,), variances at known base parameters
+    file: FloatArray  # (p,), variances by the robot file alone; 0 for what no force depends on
+    degrees_of_freedom: FloatArray  # (p,)
