@@ -361,28 +361,19 @@ def _judged(
     regions: FloatArray | None,
 ) -> dict[str, Candidate]:
     """Candidates beside the first; ``regions`` (dof,) are the consistent one's errors there."""
-    fits = {
-        name: replace(fit, quality=fit_quality(data.problem, fit.values))
-        for name, fit in fits.items()
-    }
     forces = {
         name: left.predicted(name, new) if left else new.predicted(fit.values)
         for name, fit in fits.items()
     }
-    judged = {
-        name: judge(
-            *(fit, data, new),
-            name=name,
-            against=fits[ROBOT_FILE],
-            predicted=(forces[name], forces[ROBOT_FILE]),
-        )
-        for name, fit in fits.items()
-    }
-    # Fits know their errors on data that they have not seen.
-    for name, found in judged.items():
+    judged = dict[str, Candidate]()
+    for name, fit in fits.items():
+        fitted = replace(fit, quality=fit_quality(data.problem, fit.values))
+        both = forces[name], forces[ROBOT_FILE]
+        found = judge(fitted, data, new, name=name, against=fits[ROBOT_FILE], predicted=both)
+        # Fits know their errors on data that they have not seen.
         rms, own = found.validation.residual_rms, regions if name == CONSISTENT else None
-        fit = replace(found.fit, unseen_rms=rms if own is None else np.fmax(rms, own))
-        judged[name] = replace(found, fit=fit, regions=own)
+        fitted = replace(fitted, unseen_rms=rms if own is None else np.fmax(rms, own))
+        judged[name] = replace(found, fit=fitted, regions=own)
     return judged
 
 
@@ -526,18 +517,15 @@ def fit_joint_terms(
     # A joint term may lead a combination with bodies, of which the robot file knows a part.
     excitation = Excitation.of(force_model, left.problem) if len(joints) else None
     if excitation is None or not excitation.rank:
-        return Fit(
+        return replace(
+            Fit.of(force_model, values),
             estimator=ROBOT_FILE,
-            parameters=force_model.parameters,
-            actuators=data.actuators,
-            values=values,
-            covariance=np.zeros((len(values), len(values))),
             condition_number=1.0,
             degrees_of_freedom=np.array(float(data.problem.rows)),
             quality=fit_quality(data.problem, values),
             weights=equal_weights(data.problem),
-            assumed=force_model.parameters.names,
             standard_parameters=force_model.standard_prior,
+            model=None,
         )
     if excitation.rank == len(joints):
         terms = quiet_fit(left)

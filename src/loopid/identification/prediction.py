@@ -78,13 +78,10 @@ class Prediction(Tabular):
         return self._quality(~self.recording.used)
 
     def _quality(self, chosen: BoolArray) -> Quality:
-        force, residual, samples = self.recording.force, self.residual, chosen.sum(axis=0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            mean = np.where(chosen, force, 0.0).sum(axis=0) / samples
-            total = (np.where(chosen, force - mean, 0.0) ** 2).sum(axis=0)
-            squares = (np.where(chosen, residual, 0.0) ** 2).sum(axis=0)
-            rms, r_squared = np.sqrt(squares / samples), 1.0 - squares / total
-        return Quality(rms, np.where(total > 0, r_squared, np.nan), samples)
+        samples, force = chosen.sum(axis=0), np.where(chosen, self.recording.force, 0.0)
+        squares = (np.where(chosen, self.residual, 0.0) ** 2).sum(axis=0)
+        mean = force.sum(axis=0) / np.maximum(samples, 1)
+        return Quality.of_sums(samples, squares, (force**2).sum(axis=0), mean)
 
     def __repr__(self) -> str:
         errors = zip(self.recording.actuators, self.relative_errors, strict=True)

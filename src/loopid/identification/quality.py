@@ -41,12 +41,18 @@ class Quality(OfArrays):
     @classmethod
     def of(cls, problem: FitProblem, squares: FloatArray) -> Quality:
         """Of sums of squared residuals (dof,) of a problem."""
-        force = problem.force_squares()
-        total = force - problem.samples * problem.mean_force**2
+        return cls.of_sums(problem.samples, squares, problem.force_squares(), problem.mean_force)
+
+    @classmethod
+    def of_sums(
+        cls, samples: IntArray, squares: FloatArray, force: FloatArray, mean_force: FloatArray
+    ) -> Quality:
+        """Of sums of squared residuals and forces (dof,), and the means of these."""
+        total = force - samples * mean_force**2
         with np.errstate(divide="ignore", invalid="ignore"):
-            mean = np.where(problem.samples > 0, squares / problem.samples, np.nan)
+            mean = np.where(samples > 0, squares / samples, np.nan)
             r_squared = np.where(total > CONSTANT_FORCE * force, 1.0 - squares / total, np.nan)
-        return cls(np.sqrt(mean), r_squared, problem.samples)
+        return cls(np.sqrt(mean), r_squared, samples)
 
 
 @checked
