@@ -3,13 +3,19 @@
 import json
 import re
 import shlex
+import shutil
+from dataclasses import replace
 from pathlib import Path
 from runpy import run_path
 
+import jsonschema
 import pytest
-import typer
+from ruamel.yaml import YAML
+from typer.testing import CliRunner
 
+import loopid
 from loopid.cli import app
+from loopid.export.first_files import file_schema
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -30,16 +36,69 @@ def test_the_python_of_a_page_runs_from_top_to_bottom(page, tmp_path, monkeypatc
         exec(compile(block, f"{page.name}, block {number}", "exec"), names)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_the_commands_of_a_page_exist_with_their_options(page):
-    commands = typer.main.get_command(app).commands
+# Commands that take minutes or other files, and the tests that run them.
+ELSEWHERE = {"paper": "tests/paper", "payload": "tests/cli/test_simulate_and_predict.py"}
+# Of designs, so that they take a second.
+QUICK = ["--starts", "1", "--evaluations", "20"]
+LOG_ROWS = 600
+LONG = {"control", "excitation", "exports", "identification", "reports"}  # 25 s
+
+
+@pytest.fixture
+def desk(tmp_path, load_once, monkeypatch):
+    """A folder with what the pages say that their reader has: robots, a log, a fit of another."""
+    for name in ("urdf", "examples"):
+        shutil.copytree(ROOT / name, tmp_path / name)
+    shutil.copy(ROOT / "examples" / "leg.urdf", tmp_path)
+    model = loopid.force_model(load_once("five_bar"), "full", "Fc,Fv")
+    (tmp_path / "found").mkdir()
+    fit = loopid.Fit.of(model, model.prior)
+    fit = replace(fit, standard_parameters=model.standard_prior)
+    fit.save(tmp_path / "found" / "parameters.yaml")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("loopid.view.viewer.Viewer.wait", lambda viewer: None)
+    return tmp_path
+
+
+def commands(page):
+    """Commands of a page, as words; what is after ``>`` is the shell's."""
     for line in "\n".join(blocks(page, "sh")).replace("\\\n", " ").splitlines():
-        words = shlex.split(line, comments=True)
-        if not words or not words[0].endswith("loopid") or words[1].startswith("--"):
+        words = shlex.split(line.partition(" > ")[0], comments=True)
+        if words and words[0] == "loopid":
+            yield words[1:]
+
+
+def log_for(robot):
+    """The first rows of its bundled log."""
+    return "".join((ROOT / f"urdf/logs/{robot}.csv").read_text().splitlines(True)[:LOG_ROWS])
+
+
+@pytest.mark.usefixtures("nothing_suspected", "no_delay_sought")
+@pytest.mark.filterwarnings("ignore::UserWarning", "ignore::ResourceWarning")
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, marks=pytest.mark.validate if page.stem in LONG else (), id=page.name)
+        for page in PAGES
+        if blocks(page, "sh")
+    ],
+)
+def test_the_commands_of_a_page_run_from_top_to_bottom(page, desk):
+    made_there, robot = "--out run.csv" in page.read_text(), "five_bar"
+    for words in commands(page):
+        if words[0] in ELSEWHERE:
+            assert (ROOT / ELSEWHERE[words[0]]).exists()
             continue
-        options = {option for parameter in commands[words[1]].params for option in parameter.opts}
-        given = {word.partition("=")[0] for word in words[2:] if word.startswith("--")}
-        assert given <= options, line
+        if words[0] == "view" and "--out" in words:
+            continue  # by a browser: tests/view
+        robot = words[1] if words[1] in ("3ups_rpu", "five_bar") else robot
+        for name in ("LOG",) if made_there else ("LOG", "run.csv"):
+            (desk / name).with_suffix(".csv").write_text(log_for(robot))
+        if "other" in words:
+            shutil.copytree(desk / "found", desk / "other")
+        words = ["LOG.csv" if word == "LOG" else word for word in words]
+        done = CliRunner().invoke(app, [*words, *(QUICK if words[0] == "excite" else ())])
+        assert done.exit_code == 0, (words, done.output)
 
 
 def anchor(heading):
@@ -77,3 +136,17 @@ def test_tables_of_benchmarks_are_those_that_were_measured():
     assert own["with_tables"](page, stored) == page
     typed = re.sub(r"(?<=\| )\d", "9.", page)
     assert own["with_tables"](typed, stored) != typed
+
+
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if blocks(page, "yaml")], ids=lambda page: page.name
+)
+def test_the_yaml_of_a_page_is_valid(page):
+    """By the schema of the file that it is of, which may be shown in part."""
+    for block in blocks(page, "yaml"):
+        content = YAML(typ="safe").load(block)
+        if content is None:
+            continue  # a comment for editors
+        schemas = [file_schema(kind) for kind in ("robot", "mapping", "motions")]
+        schema = max(schemas, key=lambda each: len(each["properties"].keys() & content.keys()))
+        jsonschema.validate(content, {**schema, "required": []})

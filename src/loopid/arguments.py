@@ -160,6 +160,19 @@ def samples(array: ArrayLike, width: int, name: str, count: int | None = None) -
     return values
 
 
+def one_as_many(function: Callable[P, FloatArray]) -> Callable[P, FloatArray]:
+    """Let a function of many samples, its second argument, answer one without their axis."""
+    name = [*signature(function).parameters][1]
+
+    @wraps(function)
+    def answered(*args: P.args, **kwargs: P.kwargs) -> FloatArray:
+        found = function(*args, **kwargs)
+        given: Any = args[1] if len(args) > 1 else kwargs[name]
+        return np.asarray(found[0]) if np.ndim(given) == 1 else found
+
+    return answered
+
+
 def shaped(array: ArrayLike, name: str, *shape: int) -> FloatArray:
     """The array as finite floats, refused when it has another shape."""
     values = finite(array, name)

@@ -15,6 +15,8 @@ from loopid.identification.correlation import (
     ErrorModel,
     Spectra,
     burg_covariances,
+    means_of_series,
+    pairs_apart,
 )
 
 reflections = st.lists(st.floats(-0.9, 0.9), min_size=0, max_size=6)
@@ -58,8 +60,26 @@ def test_products_of_spectra_are_those_with_the_dense_covariance(reflected, leng
     model = model_of(reflected)
     lags = long_covariances(model, 60)
     dense = block_diag(*(toeplitz(lags[:length]) for length in lengths))
-    found = Spectra.of(np.eye(60), pieces).turned(model)
-    np.testing.assert_allclose(found, dense, atol=1e-6 * lags[0])
+    spectra = Spectra.of(np.eye(60), pieces)
+    np.testing.assert_allclose(spectra.turned(model), dense, atol=1e-6 * lags[0])
+    covariance = spectra.covariance(spectra.densities(model))
+    np.testing.assert_allclose(covariance, dense, atol=1e-6 * lags[0])
+    present = np.arange(60) % 7 != 2
+    variance = model.sum_variance(pairs_apart(present, pieces))
+    assert variance == pytest.approx(present @ dense @ present, abs=1e-3 * lags[0])
+
+
+def test_means_of_several_series_are_those_of_each():
+    rng, pieces = np.random.default_rng(0), (slice(0, 300), slice(300, 400))
+    used = rng.random(400) < 0.9
+    series = lfilter([1.0], [1.0, -0.8], rng.normal(size=(3, 400))) * used
+    series[1] = 0.0
+    found = means_of_series(series, used, pieces)
+    alone = [means_of_series(each[None], used, pieces) for each in series]
+    np.testing.assert_allclose(found, np.concatenate(alone, axis=1), rtol=1e-9)
+    np.testing.assert_allclose(found[0], series[:, used].mean(axis=1))
+    assert found[1][1] == 0.0
+    assert found[1][0] == pytest.approx(5 / np.sqrt(used.sum()), rel=0.4)
 
 
 @given(reflections, st.integers(0, 1000))

@@ -87,6 +87,43 @@ def test_one_sample_is_answered_as_many(dynamics, states):
             np.testing.assert_allclose(one, many[name][k], rtol=0, atol=1e-12 * scale)
 
 
+OF_CONFIGURATIONS = {
+    "residual": loopid.kinematics.constraint_residual,
+    "jacobian": loopid.kinematics.constraint_jacobian,
+    "drift": lambda robot, q: loopid.kinematics.constraint_drift(
+        robot, q, 0.1 * np.ones((*q.shape[:-1], robot.model.nv))
+    ),
+    "platform": platform_coordinates,
+    "gravity": loopid.regressors.gravity_regressor,
+    "wrench": lambda robot, q: loopid.logs.wrench_forces(
+        robot, q, [loopid.ExternalWrench("platform", np.ones((np.atleast_2d(q).shape[0], 6)))]
+    ),
+    "parts": lambda robot, q: (
+        loopid.regressors.force_parts(
+            robot,
+            configurations=q,
+            velocities=np.ones((*q.shape[:-1], 4)),
+            accelerations=0 * q[..., :4],
+        ).total
+    ),
+}
+
+
+@pytest.mark.parametrize("name", OF_CONFIGURATIONS)
+def test_functions_of_configurations_answer_one_sample_as_one(parallel, name):
+    robot, function = parallel.robot, OF_CONFIGURATIONS[name]
+    q = random_configurations(robot, 3, seed=4)
+    np.testing.assert_allclose(function(robot, q[0]), function(robot, q)[0], atol=1e-12)
+    np.testing.assert_array_equal(function(robot, q[:1])[0], function(robot, q[0]))
+
+
+def test_a_single_coordinate_may_be_a_number(load_once):
+    dynamics = Dynamics(load_once("four_bar"))
+    (u,) = measured_coordinates(dynamics.robot).read(dynamics.start[None].copy())[0]
+    assert dynamics.inverse(u, 0.1, 0.2) == dynamics.inverse([u], [0.1], [0.2])
+    assert dynamics.mass_matrix(u).shape == (1, 1)
+
+
 def test_positions_lead_to_poses_one_by_one_as_many(robot, dynamics, states):
     if robot.held:
         with pytest.raises(MobilityError, match=r"lock=\[.*dynamics\.pose\(q="):

@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from pydantic.json_schema import GenerateJsonSchema
+
 from loopid.arguments import checked
 from loopid.border import Section
 from loopid.errors import FileError, LogError, LoopidError, OptionError, counted, one_line
@@ -94,12 +96,21 @@ def write_first_files(
     return yaml, Path(folder, f"{stem}_mapping.yaml")
 
 
+class _AnyForm(GenerateJsonSchema):
+    """Forms that a function tells apart may fit one value both, which ``oneOf`` refuses."""
+
+    def tagged_union_schema(self, schema: Any) -> dict[str, Any]:
+        found = super().tagged_union_schema(schema)
+        return {"anyOf" if key == "oneOf" else key: each for key, each in found.items()}
+
+
 def file_schema(kind: str) -> dict[str, Any]:
     """JSON Schema of a kind of YAML, by which editors complete keys and mark what does not fit."""
     if kind not in FORMS:
         raise OptionError.unknown("kind of file", kind, FORMS)
     draft = {"$schema": "http://json-schema.org/draft-07/schema#"}
-    return draft | FORMS[kind].model_json_schema() | {"title": f"loopid {kind} file"}
+    schema = FORMS[kind].model_json_schema(schema_generator=_AnyForm)
+    return draft | schema | {"title": f"loopid {kind} file"}
 
 
 def _robot_text(drawn: Robot, tree: str, options: Mapping[str, Any]) -> str:

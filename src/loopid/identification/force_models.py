@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import CHUNK, FloatArray, IntArray, checked, row_blocks, samples
+from loopid.arguments import CHUNK, FloatArray, IntArray, checked, one_as_many, row_blocks, samples
 from loopid.base_parameters.base import BaseParameters, find_base
 from loopid.base_parameters.choice import KeptChoice, SearchStrategy
 from loopid.errors import DataError, ModelWarning, OptionError, warn
@@ -244,6 +244,7 @@ class ForceModel:
         q = random_configurations(self.robot, count)
         return self.standard_regressor(q, *random_motions(self.robot, count))
 
+    @one_as_many
     def standard_regressor(
         self,
         configurations: FloatArray,
@@ -252,14 +253,14 @@ class ForceModel:
         *,
         slips: Slips | None = None,
     ) -> FloatArray:
-        """Forces (N, dof, p) per unit of each standard parameter and joint term.
+        """Forces (dof, p) or (N, dof, p) per unit of each standard parameter and joint term.
 
         Parameters
         ----------
         configurations : FloatArray
-            (N, nq), closed.
+            (nq,) or (N, nq), closed.
         velocities, accelerations : FloatArray
-            (N, dof) of the independent coordinates.
+            (dof,) or (N, dof) of the independent coordinates.
         slips : mapping, optional
             ``JointTerms.slips``; without, friction is that of steady motion.
         """
@@ -309,6 +310,7 @@ class ForceModel:
         )
         return ForceModel(self.robot, self.model, terms, wide, self.automatic)
 
+    @one_as_many
     def regressor(self, motion: JointMotion | FloatArray, n_jobs: int = 1) -> FloatArray:
         """Forces (N, dof, n) per unit of each parameter along a motion, using ``n_jobs``.
 
@@ -317,8 +319,7 @@ class ForceModel:
         if not isinstance(motion, JointMotion):
             q = samples(motion, self.robot.model.nq, "configurations")
             still = np.zeros((len(q), len(self.robot.independent)))
-            K = self.loaded(self.base.regressor(self.standard_regressor(q, still, still)))
-            return K[0] if np.ndim(motion) == 1 else K
+            return self.loaded(self.base.regressor(self.standard_regressor(q, still, still)))
         q, v, a = motion.configurations, motion.velocities, motion.accelerations
         terms = self.joint_terms
         slips = {} if terms is None else terms.slips(self.robot, q)

@@ -65,7 +65,7 @@ class Identification(Outcome):
 
     @cached_property
     def essential(self) -> Candidate:
-        """These fitted, the others as in the robot file."""
+        """These fitted, the others at the robot file's values."""
         return judge_essential(self, self.reduction)
 
     @cached_property
@@ -158,7 +158,7 @@ def notes_of(found: Outcome) -> Iterator[Finding]:
     notes += friction_findings(fit)
     notes += [hysteresis_loop(fit, joint).finding for joint in hysteretic_joints(fit)]
     if told.unidentifiable:
-        title = "unidentifiable combinations are as in the robot file"
+        title = "unidentifiable combinations keep the robot file's values"
         notes.append((title, f"the values of {', '.join(told.assumed)} rest on it"))
     yield from (Finding("note", *note) for note in notes)
 

@@ -409,7 +409,7 @@ def fit_all(
     Raises
     ------
     RankError
-        Naming the unidentifiable combinations, unless they are to be as in the robot file.
+        Naming the unidentifiable combinations, unless they are to keep the robot file's values.
 
     Warns
     -----
@@ -452,7 +452,7 @@ def fit_told(
     estimator: Estimator,
     unidentifiable: str,
 ) -> Fit:
-    """Fit what data determine; the rest is as in the robot file (n,), or an error."""
+    """Fit what data determine; the rest keeps the robot file's values (n,), or an error."""
     if not excited.unidentifiable:
         try:
             return working_fit(data, estimator, quiet=False).result
@@ -463,7 +463,7 @@ def fit_told(
     if found.assumed and not excited.unidentifiable:
         warn(
             "weighted by the motors' errors, the data do not determine all of "
-            f"{', '.join(found.assumed)}: what is left open is as in the robot file",
+            f"{', '.join(found.assumed)}: what is left open keeps the robot file's values",
             DataWarning,
         )
     return found

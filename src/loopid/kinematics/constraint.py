@@ -15,7 +15,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, checked, samples
+from loopid.arguments import BoolArray, FloatArray, checked, one_as_many, samples
 from loopid.kinematics.poses import FramePoses, blocks, frame_motions, frame_poses, prepared
 from loopid.robot.closures import Equations, FramePair, PairRates
 from loopid.robot.robot import Robot
@@ -130,6 +130,7 @@ class Constraint:
 
 
 @checked
+@one_as_many
 def constraint_residual(robot: Robot, configurations: FloatArray) -> FloatArray:
     """Residual of all closures, zero where the loops are closed.
 
@@ -137,25 +138,26 @@ def constraint_residual(robot: Robot, configurations: FloatArray) -> FloatArray:
     ----------
     robot : Robot
     configurations : FloatArray
-        (N, nq).
+        (nq,) or (N, nq).
 
     Returns
     -------
     FloatArray
-        (N, rows), in m or rad.
+        (rows,) or (N, rows), in m or rad.
 
     Examples
     --------
     >>> import loopid
     >>> robot = loopid.load("five_bar")
     >>> loopid.kinematics.constraint_residual(robot, robot.reference).shape
-    (1, 3)
+    (3,)
     """
     q = samples(configurations, robot.model.nq, "configurations")
     return _in_blocks(q, lambda k: Constraint(robot, q[k], jacobians=False).residual())
 
 
 @checked
+@one_as_many
 def constraint_jacobian(robot: Robot, configurations: FloatArray) -> FloatArray:
     """Jacobian A of all closures: the exact derivative of the residual.
 
@@ -163,49 +165,50 @@ def constraint_jacobian(robot: Robot, configurations: FloatArray) -> FloatArray:
     ----------
     robot : Robot
     configurations : FloatArray
-        (N, nq).
+        (nq,) or (N, nq).
 
     Returns
     -------
     FloatArray
-        (N, rows, nv), in m or rad per rad or m.
+        (rows, nv) or (N, rows, nv), in m or rad per rad or m.
 
     Examples
     --------
     >>> import loopid
     >>> robot = loopid.load("five_bar")
     >>> loopid.kinematics.constraint_jacobian(robot, robot.reference).shape
-    (1, 3, 4)
+    (3, 4)
     """
     q = samples(configurations, robot.model.nq, "configurations")
     return _in_blocks(q, lambda k: Constraint(robot, q[k]).jacobian())
 
 
 @checked
+@one_as_many
 def constraint_drift(
     robot: Robot, configurations: FloatArray, velocities: FloatArray
 ) -> FloatArray:
-    """Drift (N, rows), the term of the residual's second derivative without acceleration.
+    """Drift, the term of the residual's second derivative without acceleration.
 
     Parameters
     ----------
     robot : Robot
     configurations : FloatArray
-        (N, nq).
+        (nq,) or (N, nq).
     velocities : FloatArray
-        (N, nv), rad/s or m/s.
+        (nv,) or (N, nv), rad/s or m/s.
 
     Returns
     -------
     FloatArray
-        In m/s² or rad/s².
+        (rows,) or (N, rows), in m/s² or rad/s².
 
     Examples
     --------
     >>> import loopid, numpy as np
     >>> robot = loopid.load("five_bar")
     >>> loopid.kinematics.constraint_drift(robot, robot.reference, np.zeros(4))
-    array([[0., 0., 0.]])
+    array([0., 0., 0.])
     """
     q = samples(configurations, robot.model.nq, "configurations")
     v = samples(velocities, robot.model.nv, "velocities", len(q))

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from loopid.arguments import FloatArray, IntArray, checked, samples
+from loopid.arguments import FloatArray, IntArray, checked, one_as_many, samples
 from loopid.errors import MobilityError, OptionError
 from loopid.kinematics.constraint import Constraint, scaled_residual
 from loopid.kinematics.poses import (
@@ -238,6 +238,7 @@ def declared_platform(robot: Robot) -> Platform:
 
 
 @checked
+@one_as_many
 def platform_coordinates(robot: Robot, configurations: FloatArray) -> FloatArray:
     """Platform coordinates that the robot file declares.
 
@@ -245,12 +246,12 @@ def platform_coordinates(robot: Robot, configurations: FloatArray) -> FloatArray
     ----------
     robot : Robot
     configurations : FloatArray
-        (N, nq).
+        (nq,) or (N, nq).
 
     Returns
     -------
     FloatArray
-        (N, c), in m or rad.
+        (c,) or (N, c), in m or rad.
 
     Raises
     ------
@@ -262,7 +263,7 @@ def platform_coordinates(robot: Robot, configurations: FloatArray) -> FloatArray
     >>> import loopid
     >>> robot = loopid.load("3ups_rpu")
     >>> loopid.kinematics.platform_coordinates(robot, robot.reference).shape
-    (1, 4)
+    (4,)
     """
     return coordinates_at(robot, samples(configurations, robot.model.nq, "configurations"))
 

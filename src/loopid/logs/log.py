@@ -80,7 +80,7 @@ class ExternalWrench:
     >>> weight = loopid.ExternalWrench("right_coupler", [[0, 0, -10.0, 0, 0, 0]], axes="world")
     >>> forces = loopid.logs.wrench_forces(robot, robot.reference, [weight])
     >>> forces.shape
-    (1, 2)
+    (2,)
     """
 
     frame: str

@@ -15,6 +15,7 @@ from loopid.arguments import (
     IntArray,
     NotNegative,
     checked,
+    one_as_many,
     row_blocks,
     samples,
 )
@@ -362,6 +363,7 @@ class Recording(Tabular):
 
 
 @checked
+@one_as_many
 def wrench_forces(
     robot: Robot, configurations: FloatArray, wrenches: Sequence[ExternalWrench]
 ) -> FloatArray:
@@ -374,14 +376,14 @@ def wrench_forces(
     ----------
     robot : Robot
     configurations : FloatArray
-        (N, nq), closed.
+        (nq,) or (N, nq), closed.
     wrenches : sequence of ExternalWrench
-        Of N samples each.
+        Of as many samples each.
 
     Returns
     -------
     FloatArray
-        (N, dof) in N or N m, to be added to the forces of the motors.
+        (dof,) or (N, dof) in N or N m, to be added to the forces of the motors.
 
     Raises
     ------
@@ -397,8 +399,8 @@ def wrench_forces(
     >>> import loopid, numpy as np
     >>> robot = loopid.load("four_bar")
     >>> down = loopid.ExternalWrench("coupler", np.array([[0, 0, -10, 0, 0, 0.0]]), axes="world")
-    >>> loopid.logs.wrench_forces(robot, robot.reference[None], [down]).shape
-    (1, 1)
+    >>> loopid.logs.wrench_forces(robot, robot.reference, [down]).shape
+    (1,)
     """
     q = samples(configurations, robot.model.nq, "configurations")
     forces = np.zeros((len(q), len(robot.independent)))

@@ -172,7 +172,7 @@ def _banded(x: FloatArray, values: FloatArray, band: FloatArray) -> list[Mark]:
 
 
 def value_text(each: Estimate, assumed: Sequence[str] = ()) -> str:
-    """A value with its standard error and unit; no error of what is as in the robot file."""
+    """A value with its standard error and unit; no error of what keeps the robot file's value."""
     value, error = with_error(each.value, 0.0 if each.name in assumed else each.standard_error)
     return f"{value} {f'± {error} ' * (error != '-')}{each.unit}".strip()
 

@@ -405,7 +405,8 @@ class Dynamics:
                 )
             return u
         if u is not None:
-            if np.ndim(u) == 1:
+            if np.ndim(u) < 2:
+                u = np.reshape(u, -1)  # a number of a single coordinate, too
                 return self._last(shaped(u, "positions", self._measured.width))
             targets = samples(u, self._measured.width, "positions")
             if trajectory:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked, samples
+from loopid.arguments import FloatArray, checked, one_as_many, samples
 from loopid.kinematics.poses import torque_regressors
 from loopid.kinematics.projection import ClosedMotion, project
 from loopid.parameters import ParameterSet
@@ -21,6 +21,7 @@ from loopid.robot.robot import Robot
 
 
 @checked
+@one_as_many
 def gravity_regressor(robot: Robot, configurations: FloatArray) -> FloatArray:
     """Actuator forces at rest per unit of mass and first moment.
 
@@ -31,12 +32,12 @@ def gravity_regressor(robot: Robot, configurations: FloatArray) -> FloatArray:
     ----------
     robot : Robot
     configurations : FloatArray
-        (N, nq), closed.
+        (nq,) or (N, nq), closed.
 
     Returns
     -------
     FloatArray
-        (N, dof, n), rows in the order of ``robot.independent``.
+        (dof, n) or (N, dof, n), rows in the order of ``robot.independent``.
 
     Raises
     ------
@@ -48,7 +49,7 @@ def gravity_regressor(robot: Robot, configurations: FloatArray) -> FloatArray:
     >>> import loopid
     >>> robot = loopid.load("3ups_rpu")
     >>> loopid.regressors.gravity_regressor(robot, robot.reference).shape
-    (1, 4, 36)
+    (4, 36)
     """
     q = samples(configurations, robot.model.nq, "configurations")
     return torque_regressors(robot, q, model="gravity", G=project(robot, q).G)
@@ -116,7 +117,7 @@ def motion_regressor(
 
 @record
 class ForceParts:
-    """Parts of the actuator forces, each (N, dof) in N or N m."""
+    """Parts of the actuator forces, each (dof,) or (N, dof) in N or N m."""
 
     inertial: FloatArray  # linear in the accelerations of the independent coordinates
     coriolis: FloatArray  # quadratic in their velocities, through the tree's own terms and γ
@@ -143,9 +144,9 @@ def force_parts(
     ----------
     robot : Robot
     configurations : FloatArray
-        (N, nq), closed.
+        (nq,) or (N, nq), closed.
     velocities, accelerations : FloatArray
-        (N, dof) of the independent coordinates.
+        (dof,) or (N, dof) of the independent coordinates.
     standard_parameters : FloatArray, optional
         (n,) of ``robot.parameters()``; by default those of the robot file.
 
@@ -166,9 +167,8 @@ def force_parts(
     >>> bool(np.allclose(parts.total, parts.gravity))
     True
     """
-    q = samples(configurations, robot.model.nq, "configurations")
     dynamics, still = Dynamics(robot, standard_parameters), np.zeros_like(velocities)
-    pose = dynamics.pose(q=q)
+    pose = dynamics.pose(q=configurations)
     gravity, moving, whole = (
         dynamics.inverse(pose, *rates)
         for rates in ((), (velocities, still), (velocities, accelerations))
