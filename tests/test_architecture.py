@@ -155,9 +155,16 @@ def reached_from(graph, start):
 def test_a_robot_from_pinocchio_needs_no_reader_of_files(graph):
     reached = reached_from(graph, "loopid.loading.pinocchio_robot")
     assert len(reached) < 32
-    readers = re.compile(r"\.(files|yaml_files|xml_elements|urdf\w*|load|formats\.\w+)$")
+    readers = re.compile(r"\.(files|yaml_files|xml_elements|urdf\w*|robot_files|formats\.\w+)$")
     assert not [name for name in reached if readers.search(name)]
     assert [name for name in graph["loopid.loading.robot_files"] if readers.search(name)]
+
+
+def test_a_fit_of_what_python_made_needs_no_reader_of_files(graph):
+    reached = reached_from(graph, "loopid.identification.pipeline")
+    readers = "yaml_files", "xml_elements", "urdf", "robot_files", "reading", "mapping"
+    assert "loopid.identification.result" in reached
+    assert not {name for name in reached if name.endswith(readers) or ".formats." in name}
 
 
 @pytest.mark.parametrize(

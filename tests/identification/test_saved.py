@@ -14,7 +14,7 @@ from ruamel.yaml import YAML
 
 import loopid
 from bank_robots import few_of
-from loopid import JointTerms, random_configurations, read_log
+from loopid import JointTerms, random_configurations, read_log, yaml_files
 from loopid.base_parameters import ExactSearch, SearchOptions, SearchStrategy
 from loopid.errors import DataError, FileError, OptionError
 from loopid.export.robot_file import export_robot_file
@@ -110,8 +110,12 @@ def test_a_yaml_that_another_program_wrote_is_read(model, fits, tmp_path, monkey
         yaml_writer().dump(saved.record(), file)
     assert load_fit(tmp_path / "fit.yaml").record() == saved.record()
     # A reader of YAML takes seconds: none is asked for what loopid has written.
-    monkeypatch.delattr("loopid.identification.saved.load_yaml")
+    read, load = list[str](), yaml_files.load_yaml
+    monkeypatch.setattr(yaml_files, "load_yaml", lambda f, *x: read.append(f.name) or load(f, *x))
     assert load_fit(saved.save(tmp_path / "own.yaml")).record() == saved.record()
+    assert "own.yaml" not in read
+    load_fit(tmp_path / "fit.yaml")
+    assert "fit.yaml" in read
 
 
 def test_values_alone_are_a_fit_without_errors(model, fits):

@@ -160,8 +160,7 @@ def motions(
     margin: float = Option(0.02, help="Least singularity measure."),
 ) -> None:
     """Check motions against limits and singularities."""
-    from loopid.motion.files import read_motion_program
-    from loopid.motion.joints import review_program
+    from loopid.motion.files import read_motion_program, review_program
     from loopid.report.structure import motions_report
 
     answer.require(robot.path, program)

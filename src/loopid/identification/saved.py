@@ -42,16 +42,14 @@ from loopid.kinematics.constraint import constraint_residual
 from loopid.kinematics.sampling import random_configurations
 from loopid.loading.closure import Closure, Coupling
 from loopid.loading.files import bundled_directory, own_files
-from loopid.loading.robot_files import load
 from loopid.parameters import Parameter, ParameterSet
 from loopid.regressors.joint_terms import JointTerms
 from loopid.regressors.motion_regressors import motion_parameters
 from loopid.regressors.structural import structural_observation
 from loopid.robot.robot import Robot
-from loopid.yaml_files import LARGE, load_yaml
 
 ENDINGS = (".yaml", ".yml", ".json")
-LARGEST_JSON = 5 * LARGE  # bytes: a line a number
+LARGEST_JSON = 20_000_000  # bytes: a line a number
 VERSION: Final = 3  # of the form: another one is refused
 STATES = 3  # of the robot, by which it is known again
 # Relative difference of closures, forces and columns of one robot; of base parameters from those of
@@ -322,6 +320,8 @@ class FitFile(_Section):
                 "load_fit(path, robot=...)",
                 robot=own.name,
             )
+        from loopid.loading.robot_files import load  # readers, which fits made in Python do without
+
         try:
             return load(own.path if file is None else file, **dict(own.options))
         except FileError:
@@ -403,6 +403,8 @@ def _document(path: Path) -> bytes | str:
     if len(content) > LARGEST_JSON:
         raise DataError(f"{path} is longer than the {LARGEST_JSON / 1e6:g} MB that are read")
     if ending != ".json" and not content.startswith(b"{"):
+        from loopid.yaml_files import LARGE, load_yaml  # for what another program wrote
+
         return json.dumps(load_yaml(path, DataError, LARGE), default=str)
     return content
 

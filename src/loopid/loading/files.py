@@ -12,7 +12,6 @@ from loopid.files import require_name, why_no_file
 from loopid.loading.description import Description
 from loopid.registry import robot_formats
 from loopid.robot.robot import Robot
-from loopid.yaml_files import read_yaml
 
 YAML = (".yaml", ".yml")
 MOTIONS = "_motions.yaml"
@@ -67,6 +66,8 @@ def find_files(path: str | Path) -> RobotFiles:
     file = _existing(path, ".yaml", bundled_robots(), "", "the bundled robots are")
     given, tree = Description(), file
     if file.suffix in YAML:
+        from loopid.yaml_files import read_yaml  # for robots of files alone
+
         given = read_yaml(file, Description)
         tree = _tree(file, given)
     if tree.suffix not in robot_formats:

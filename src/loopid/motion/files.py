@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -15,7 +15,9 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from loopid.arguments import FloatArray, Positive, checked
 from loopid.border import Section
 from loopid.errors import DataError, OptionError, RobotFileError
+from loopid.kinematics.sampling import DEFAULT_MARGIN
 from loopid.loading.files import find_motion_file
+from loopid.motion.joints import MotionReview, joint_motion, review_motion
 from loopid.motion.trajectories import (
     Arc,
     FourierCurve,
@@ -25,6 +27,7 @@ from loopid.motion.trajectories import (
     point_to_point,
 )
 from loopid.records import record
+from loopid.robot.robot import Robot
 from loopid.yaml_files import read_yaml, yaml_writer
 
 # Ways in a motion: nested repeats multiply, and a slip of the pen should not fill the memory.
@@ -420,3 +423,22 @@ def motion_text(
     content = {"coordinates": list(coordinates), "rate": rate, "motions": {name: motion}}
     yaml_writer().dump(content, text)
     return text.getvalue()
+
+
+@checked
+def review_program(
+    robot: Robot,
+    program: MotionProgram,
+    rate: float | None = None,
+    *,
+    margin: float = DEFAULT_MARGIN,
+    progress: Callable[[float, float], None] | None = None,
+) -> dict[str, MotionReview]:
+    """Reviews of every motion of a file by name; see ``review_motion``."""
+    reviews: dict[str, MotionReview] = {}
+    for name in program.motions:
+        motion = joint_motion(robot, program.motion(name, rate))
+        reviews[name] = review_motion(robot, motion, margin)
+        if progress is not None:
+            progress(len(reviews), len(program.motions))
+    return reviews

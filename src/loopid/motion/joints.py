@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import fields
 from html import escape
 
@@ -14,7 +13,6 @@ from loopid.kinematics.assembly import assemble
 from loopid.kinematics.measured import platform_motion
 from loopid.kinematics.projection import ClosedMotion, closed_motion, singularity_measure
 from loopid.kinematics.sampling import DEFAULT_MARGIN
-from loopid.motion.files import MotionProgram
 from loopid.motion.trajectories import Motion
 from loopid.parameters import html_table
 from loopid.records import record
@@ -227,22 +225,3 @@ def review_motion(
         margin=margin,
         speeds=dict(zip(robot.independent, map(float, fastest), strict=True)),
     )
-
-
-@checked
-def review_program(
-    robot: Robot,
-    program: MotionProgram,
-    rate: float | None = None,
-    *,
-    margin: float = DEFAULT_MARGIN,
-    progress: Callable[[float, float], None] | None = None,
-) -> dict[str, MotionReview]:
-    """Reviews of every motion of a file by name; see ``review_motion``."""
-    reviews: dict[str, MotionReview] = {}
-    for name in program.motions:
-        motion = joint_motion(robot, program.motion(name, rate))
-        reviews[name] = review_motion(robot, motion, margin)
-        if progress is not None:
-            progress(len(reviews), len(program.motions))
-    return reviews
