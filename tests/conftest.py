@@ -1,6 +1,7 @@
 """Robots that all rooms are tested on, and a reproducible hypothesis profile."""
 
 import fcntl
+import gc
 import importlib.metadata
 import importlib.util
 import os
@@ -43,6 +44,15 @@ settings.register_profile(
 settings.load_profile("reproducible")
 
 
+gc.disable()  # to collect thousands of tests makes no garbage
+
+
+def pytest_collection_finish():
+    """What was collected stays: no later search for garbage goes through it."""
+    gc.freeze()
+    gc.enable()
+
+
 @pytest.fixture(scope="session", autouse=True)
 def commands_built_once():
     """Typer builds all commands in every call, which takes longer than some of them."""
@@ -74,6 +84,18 @@ def no_delay_sought():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pipeline, "in_time", in_time)
+        yield
+
+
+@pytest.fixture(scope="module")
+def taken_as_prepared():
+    """Nor is a band sought: what is prepared is fitted."""
+
+    def in_time(_model, groups, **_):
+        return tuple(map(tuple, groups)), None, None
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(import_module("loopid.identification.pipeline"), "in_time", in_time)
         yield
 
 

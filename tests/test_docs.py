@@ -25,7 +25,7 @@ def blocks(page, language):
     return re.findall(rf"^```{language}\n(.*?)^```", page.read_text(), re.S | re.M)
 
 
-@pytest.mark.usefixtures("bundled_once", "nothing_suspected", "no_delay_sought")
+@pytest.mark.usefixtures("bundled_once", "nothing_suspected", "taken_as_prepared")
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("page", PAGES[1:], ids=lambda page: page.name)  # README: test_readme.py
 def test_the_python_of_a_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch):

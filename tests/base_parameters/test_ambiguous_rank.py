@@ -61,7 +61,7 @@ def test_noise_that_may_be_signal_does_not_count_and_is_listed(level, rank, doub
 def test_columns_far_shorter_than_others_leave_a_valid_choice(search, criterion):
     """What is chosen gives the regressor again, but for what is doubtful."""
     rng = np.random.default_rng(0)
-    for _ in range(60):
+    for _ in range(20):
         n = int(rng.integers(4, 10))
         r = int(rng.integers(2, n))
         W = rng.normal(size=(40, r)) @ rng.normal(size=(r, n))

@@ -420,11 +420,11 @@ def test_friction_from_its_own_log_needs_a_log_that_excites_it(crank_model, cran
 
 
 @pytest.fixture(scope="module")
-def logged(mechanism, real_recording, once):
+def logged(mechanism, real_recording, once, taken_as_prepared):
     def identified():
         terms = JointTerms(mechanism.actuated, ("Fc", "Fv"))
         model = loopid.force_model(mechanism, "gravity", terms)
-        return quietly(identify, model, [real_recording], options=FitOptions(undo_delay=False))
+        return quietly(identify, model, [real_recording])
 
     return once(f"identified {mechanism.name}", identified)
 

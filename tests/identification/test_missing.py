@@ -16,7 +16,7 @@ from loopid.motion import LowPass, Motion, joint_motion, scaled_bodies
 from loopid.parameters import KINDS
 from made_runs import quietly, record, unchecked, wander
 
-pytestmark = pytest.mark.usefixtures("nothing_suspected", "no_delay_sought")
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared")
 
 LEFT, RIGHT = "left_crank_joint", "right_crank_joint"
 

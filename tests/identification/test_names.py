@@ -14,7 +14,7 @@ from loopid.parameters import Parameter
 from loopid.report.compare import comparison_report
 from loopid.report.look import json_text
 
-pytestmark = pytest.mark.usefixtures("nothing_suspected", "no_delay_sought")
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared")
 
 
 @pytest.fixture(scope="module")

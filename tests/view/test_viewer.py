@@ -31,7 +31,7 @@ def five_bar(load_once):
 
 
 @pytest.fixture(scope="module")
-def fit_file(five_bar, tmp_path_factory, nothing_suspected, no_delay_sought):
+def fit_file(five_bar, tmp_path_factory, nothing_suspected, taken_as_prepared):
     with warnings.catch_warnings(action="ignore"):
         model = loopid.force_model(five_bar, "full")
         recording = loopid.prepare(five_bar, loopid.read_log(five_bar, LOG))
