@@ -41,7 +41,7 @@ ELSEWHERE = {"paper": "tests/paper", "payload": "tests/cli/test_simulate_and_pre
 # Of designs, so that they take a second.
 QUICK = ["--starts", "1", "--evaluations", "20"]
 LOG_ROWS = 600
-LONG = {"control", "excitation", "exports", "identification", "reports"}  # 25 s
+LONG = {"control", "excitation", "exports", "identification", "reports"}  # 35 s
 
 
 @pytest.fixture

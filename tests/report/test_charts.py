@@ -105,7 +105,7 @@ def test_a_length_is_the_same_both_ways_where_it_is_asked_for():
     panel = Panel("t", (Mark("a", np.array([0.0, 1.0]), np.array([0.0, 5.0])),), equal=True)
     across, high = panel.limits()
     (plot,) = panel.html().find_class("plot")
-    shape = float(plot.get("style").removeprefix("aspect-ratio:"))
+    shape = float(re.match(r"aspect-ratio:([\d.]+)", plot.get("style"))[1])
     assert shape == pytest.approx(np.ptp(across) / np.ptp(high), rel=1e-2)
 
 

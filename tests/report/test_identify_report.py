@@ -285,7 +285,7 @@ def test_a_mistake_is_the_verdict_everywhere_and_gains_are_listed(study):
     page = fromstring(report.files()["report.html"]).text_content()
     assert "✗ Not fit until a mistake is mended" in page
     assert "✗ MistakeThe force of leg1_stroke is in mN m" in page
-    assert "Do: set it to 0.001" in page
+    assert "Do: Set it to 0.001." in page
     assert "Next: set it to 0.001." in page
     assert [figure.sure for figure in report.card.figures] == [False, False, False, True]
 

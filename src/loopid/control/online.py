@@ -19,7 +19,7 @@ import numpy as np
 from pydantic import Field
 from scipy.linalg import lapack, solve_triangular
 
-from loopid.arguments import FloatArray, Positive, checked, finite, shaped
+from loopid.arguments import FloatArray, Number, Positive, checked, finite, shaped
 from loopid.errors import DataError, RankError
 
 Forgetting = Literal["none", "exponential", "directional"]
@@ -196,7 +196,7 @@ class ChangeDetector:
     ) -> None:
         self.drift, self.limit, self.sum = drift, limit, 0.0
 
-    def update(self, innovation: float, count: int) -> bool:
+    def update(self, innovation: Number, count: int) -> bool:
         """Take a squared innovation of this many forces; whether something has changed."""
         if count:
             self.sum = max(0.0, self.sum + innovation / count - self.drift)

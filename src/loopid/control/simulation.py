@@ -18,7 +18,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from loopid.arguments import FloatArray, Positive, checked, random_generator, samples
+from loopid.arguments import FloatArray, Number, Positive, checked, random_generator, samples
 from loopid.control.laws import Law, Reference, Signals
 from loopid.errors import OptionError
 from loopid.motion.simulation import Noise
@@ -84,7 +84,7 @@ class ControlRun:
     error: FloatArray
     force: FloatArray
 
-    def rms(self, first: float, last: float) -> FloatArray:
+    def rms(self, first: Number, last: Number) -> FloatArray:
         """Root mean square (dof,) of the errors between two times in s."""
         own = (self.time >= first) & (self.time < last)
         return np.asarray(np.sqrt((self.error[own] ** 2).mean(axis=0)))

@@ -14,6 +14,7 @@ from loopid.arguments import (
     FloatArray,
     IntArray,
     NotNegative,
+    Number,
     checked,
     one_as_many,
     row_blocks,
@@ -68,7 +69,7 @@ class FilterOptions:
     def __post_init__(self) -> None:
         self.lowpass(1.0)  # a LowPass checks itself
 
-    def lowpass(self, suggested: float) -> LowPass | None:
+    def lowpass(self, suggested: Number) -> LowPass | None:
         """The filter, with the suggested cut-off in Hz for "auto"."""
         if self.cutoff is None:
             return None
@@ -320,7 +321,7 @@ class Recording(Tabular):
             raise DataError(f"recording {self.name} has {len(self)} samples: too few to split")
         return self.select(slice(early)), self.select(slice(early, len(self)))
 
-    def between(self, start: float = 0.0, end: float = np.inf) -> Recording:
+    def between(self, start: Number = 0.0, end: Number = np.inf) -> Recording:
         """The samples from one time to another, in s from the start of the log.
 
         Raises

@@ -234,12 +234,12 @@ def base_table(comparison: BaseComparison) -> Table:
     """Table II, row by row."""
     base, values, rows = comparison.base, comparison.values, []
     for number, (printed, row) in enumerate(zip(TABLE_II, comparison.rows, strict=True), start=1):
-        own = "not found", "", ""
+        own = "not found", ""
         if row is not None:
             unit = base.parameters.select(base.base)[row].unit
-            own = base.expressions[row], f"{values[row]:.4f}", unit
+            own = base.expressions[row], f"{values[row]:.4f} {unit}"
         rows.append((number, paper_expression(printed), *own))
-    columns = (">", "paper", "loopid", ">CAD", "unit")
+    columns = (">", "paper", "loopid", ">CAD")
     return plain_table("Table II: base parameters of the 3UPS+RPU", columns, rows)
 
 
@@ -314,8 +314,8 @@ def _steps_table(steps: TwoSteps) -> Table:
     for k, parameter in enumerate(steps.together.parameters):
         name = paper_expression(TABLE_II[k]) if k < len(TABLE_II) else parameter.label
         values = (_reach(result, k, ".4g") for result in (steps.in_steps, steps.together))
-        rows.append((name, f"{steps.truth[k]:.4g}", *values, parameter.unit))
-    columns = ("parameter", ">true", ">in two steps ± 95 %", ">together ± 95 %", "unit")
+        rows.append((name, f"{steps.truth[k]:.4g} {parameter.unit}", *values))
+    columns = ("parameter", ">true", ">in two steps ± 95 %", ">together ± 95 %")
     title = "the indirect way, simulated: friction first, gravity second"
     return plain_table(title, columns, rows)
 
@@ -360,14 +360,11 @@ def _limb_chart(
 
 def share_charts(shares: ForceShares) -> tuple[Chart, Chart]:
     """Figures 2 and 3: what the simulated forces of limbs 1 and 4 are made of."""
-    parts = (("inertial", shares.inertial, "N", "file"), ("Coriolis", shares.coriolis, "mN", "fit"))
+    parts = ("inertial", shares.inertial, "file"), ("Coriolis", shares.coriolis, "fit")
     panels = tuple(
-        Panel(
-            f"limb {limb}: {name} ({unit})",
-            (Mark("", shares.time, force[:, limb - 1] * (1e3 if unit == "mN" else 1.0), look),),
-        )
+        Panel(f"limb {limb}: {name} (N)", (Mark("", shares.time, force[:, limb - 1], look),))
         for limb in LIMBS
-        for name, force, unit, look in parts
+        for name, force, look in parts
     )
     both = ("gravity", shares.gravity, "file"), ("friction", shares.friction, "fit")
     caption = "Figure 2: inertial, Coriolis and centrifugal forces of limbs 1 and 4, simulated."

@@ -17,8 +17,8 @@ from lxml.builder import ElementMaker
 from lxml.etree import tostring
 from lxml.html import HtmlElement, html_parser
 
-from loopid.arguments import FloatArray, IntArray, spread_rows
-from loopid.errors import one_line, short_name
+from loopid.arguments import BoolArray, FloatArray, IntArray, spread_rows
+from loopid.errors import counted, one_line, short_name
 from loopid.records import record
 
 # Colours by what is drawn. The style sheet of the page has the same, and those for dark screens.
@@ -37,7 +37,7 @@ STEPS = 250
 MOST_DOTS = 1500
 MOST_GROUPS, MOST_ROWS = 6, 40  # motors, and rows of a table, that are seen at first
 WIDE, HIGH = 10_000, 1_000  # of the square that marks are drawn in
-FEW, TEXTS = 4, 44  # columns with their full width, and the width of more, in rem
+TALLEST = 12  # height of a robot's picture on a page, in rem
 ROW = 100  # height of a row of a table with pictures
 MARGIN = 0.04  # of an axis beyond the marks, on either side
 ROOM = 0.08  # about a robot, in parts of it, for the signs at its ends
@@ -71,7 +71,7 @@ path.hole { color: #fff; stroke-width: 30; } .sign { fill: #fff; }
 
 def _add_text(element: HtmlElement, text: str) -> None:
     """Text of any origin, what is not printable but ends of lines as escapes."""
-    plain = "\n".join(map(one_line, text.split("\n")))
+    plain = text if text.isprintable() else "\n".join(map(one_line, text.split("\n")))
     if len(element):
         element[-1].tail = (element[-1].tail or "") + plain
     else:
@@ -194,8 +194,8 @@ class Panel:
         for at, text in x_ticks:
             yield _text(left + _place(at, across, width), self.height - 3, text, "middle")
         for at, text in y_ticks:
-            text = short_name(text, SHORT)
-            yield _text(left - 4, LINE + 3 + _place(at, high[::-1], height), text, "end")
+            down = LINE + 3 + _place(at, high[::-1], height)
+            yield _text(left - 4, down, short_name(text, SHORT), "end")
         for _, x, y, text in self._signs():
             down = LINE + 3 + _place(y, high[::-1], height)
             yield _text(_place(x, across, width), down, text, "sign middle")
@@ -234,7 +234,8 @@ class Panel:
             place = {"style": f"left:{left:.2f}%;top:{top:.2f}%"}
             plot.append(E.i({"class": f"sign {mark.kind} {mark.look}"}, place, text))
         if self.equal:
-            plot.set("style", f"aspect-ratio:{np.ptp(across) / np.ptp(high):.3f}")
+            shape = float(np.ptp(across) / np.ptp(high))
+            plot.set("style", f"aspect-ratio:{shape:.3f};width:{TALLEST * shape:.3g}rem")
         panel.append(E.div({"class": "up"}, *_ticks_html("bottom", y_ticks, high)))
         panel.append(plot)
         if ticked and not self.equal:
@@ -277,7 +278,6 @@ class Panel:
         places = ticks(*across, log="x" in self.log, count=TICKS if self.columns else 3)
         scale = E.div({"class": "across"}, *_ticks_html("left", places, across))
         heads = (E.th({"class": "number", "scope": "col"}, head) for head in self.columns)
-        named = E.th({"scope": "col"}, "")
         body, group = E.tbody(), ""
         for k in rows:
             if self.groups and self.groups[k] != group:
@@ -286,17 +286,15 @@ class Panel:
                 body.append(E.tr({"class": "group"}, E.th(above, group)))
             within = [_within(mark, k) for mark in self.marks]
             svg = self._svg(across, (k + 0.5, k - 0.5), within, (places, []), (WIDE, ROW))
-            name = E.td(
-                {"class": "name"},
-                short_or_whole(self.labels[k], self.wholes[k] if self.wholes else ""),
+            whole = self.wholes[k] if self.wholes else ""
+            name = E.td({"class": "name"}, short_or_whole(self.labels[k], whole))
+            texts = (
+                E.td({"class": "number", "data-head": column}, cells[k])
+                for column, cells in self.columns.items()
             )
-            texts = (E.td({"class": "number"}, column[k]) for column in self.columns.values())
             body.append(E.tr(name, E.td({"class": "picture"}, svg), *texts))
-        head = E.thead(E.tr(named, E.th({"class": "scale"}, scale), *heads))
-        table = E.table({"class": f"forest{' wide' * bool(self.columns)}"}, head, body)
-        if len(self.columns) > FEW:
-            table.set("style", f"--Value:{TEXTS / len(self.columns):.3g}rem")
-        return table
+        head = E.thead(E.tr(E.th({"scope": "col"}, ""), E.th({"class": "scale"}, scale), *heads))
+        return E.table({"class": f"forest{' wide' * bool(self.columns)}"}, head, body)
 
 
 @record(checked=True)
@@ -307,7 +305,7 @@ class Chart:
     caption: str
     x_label: str  # below the last panel
     panels: tuple[Panel, ...]
-    columns: int = 1  # of panels beside each other
+    columns: int = 1  # of panels beside each other, at most
     lanes: int = 1  # this many panels stay below each other, and have one x axis
     zoom: str = ""  # charts with the same text are zoomed together along time
 
@@ -317,22 +315,27 @@ class Chart:
         legend = (E.span(E.i({"class": f"key {kind} {look}"}), name) for name, kind, look in keys)
         lanes = [self.panels[k : k + self.lanes] for k in range(0, len(self.panels), self.lanes)]
         first, others = lanes[:MOST_GROUPS], lanes[MOST_GROUPS:]
-        figure = E.figure(
-            {"style": f"--Columns:{self.columns}"}, E.div({"class": "legend"}, *legend)
-        )
+        style = f"--Columns:{min(self.columns, len(lanes))}"
+        figure = E.figure({"style": style}, E.div({"class": "legend"}, *legend))
         if self.zoom:
             figure.set("data-zoom", self.zoom)
         figure.append(self._grid(first))
         if others:
             figure.append(unfolding(f"{len(others)} more", self._grid(others)))
         figure.append(E.figcaption(self.caption))
+        known = dict[str, str]()  # a long log has many shades, which are alike in all lanes
+        for k, path in enumerate(list[Any](figure.iter("path"))):
+            if "shade" in path.get("class"):
+                path.set("id", "-".join(f"{self.name} {k}".split()))
+                same = known.setdefault(path.get("d"), path.get("id"))
+                if same != path.get("id"):
+                    path.getparent().replace(path, E.use({"href": f"#{same}"}))
         return figure
 
     def _grid(self, lanes: Sequence[Sequence[Panel]]) -> HtmlElement:
         grid = E.div({"class": "panels"})
         for group in lanes:
-            ends = group[0], group[-1]
-            drawn = (p.html(headed=p is ends[0], ticked=p is ends[1]) for p in group)
+            drawn = (p.html(headed=p is group[0], ticked=p is group[-1]) for p in group)
             grid.append(E.div({"class": "lanes"}, *drawn))
             if self.x_label:
                 grid[-1].append(E.div({"class": "along"}, self.x_label))
@@ -358,7 +361,7 @@ class Chart:
         '<svg xmlns="http://www.w3.'
         """
         named = any(panel.labels for panel in self.panels)
-        columns = 1 if named or self.lanes > 1 else min(self.columns, 2)
+        columns = 1 if named or self.lanes > 1 else min(self.columns, len(self.panels) or 1, 2)
         wide, down, drawn = COLUMN / columns, 0, list[HtmlElement]()
         for k in range(0, len(self.panels), columns):
             row = self.panels[k : k + columns]
@@ -435,8 +438,7 @@ def in_parts(count: int, table: Callable[[range], HtmlElement]) -> list[HtmlElem
     """Rows of a table; those beyond ``MOST_ROWS`` unfold."""
     found, left = [table(range(min(count, MOST_ROWS)))], count - MOST_ROWS
     if left > 0:
-        title = f"{left} more {'row' if left == 1 else 'rows'}"
-        found.append(unfolding(title, table(range(MOST_ROWS, count))))
+        found.append(unfolding(counted(left, "more row"), table(range(MOST_ROWS, count))))
     return found
 
 
@@ -481,14 +483,19 @@ def _path(mark: Mark, log: str, across: Ends, high: Ends, size: tuple[int, int])
         return "".join(f"M{a:.0f} 0v{size[1]}" for a, _, _ in rows)
     if mark.kind in POINTS or mark.kind in SIGNS:
         return _moves([(round(a), round(b)) for a, b, _ in sorted(rows)])
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
-    parts = [slice(a, b) for a, b in edges.reshape(-1, 2).tolist()]
+    parts = [slice(first, end) for first, end in segments(known).tolist()]
     if mark.kind == "line":
         return "".join(_steps(x[part], y[part]) for part in parts)
     return "".join(
         _steps(np.r_[x[part], x[part][::-1]], np.r_[y[part], to[part][::-1]]) + "z"
         for part in parts
     )
+
+
+def segments(chosen: BoolArray) -> IntArray:
+    """Rows (n, 2) of the first sample of each segment, and of the first one behind it."""
+    edges = np.diff(np.concatenate([[False], chosen, [False]]).astype(int))
+    return np.flatnonzero(edges).reshape(-1, 2)
 
 
 def _steps(x: FloatArray, y: FloatArray) -> str:

@@ -46,9 +46,7 @@ def motion_chart(found: ExcitationDesign) -> Chart:
         panels.append(Panel(title, tuple(marks), **said))
         panels.append(Panel(f"force ({unit})", (force,), small=True))
     caption = f"Position with its limits, and force by the robot file. {ZOOM}"
-    return Chart(
-        "motion", caption, "time (s)", tuple(panels), min(2, len(motors.names)), 2, "motion"
-    )
+    return Chart("motion", caption, "time (s)", tuple(panels), 2, 2, "motion")
 
 
 @checked

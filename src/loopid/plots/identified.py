@@ -27,7 +27,7 @@ from loopid.identification.verdict import GOOD
 from loopid.logs.recording import Recording
 from loopid.numbers import number, with_error
 from loopid.parameters import KINDS, Parameter
-from loopid.plots.chart import Chart, Mark, Panel, forest
+from loopid.plots.chart import Chart, Mark, Panel, forest, segments
 from loopid.plots.pictures import motors_panel, numbered, of_motor
 from loopid.plots.structure import force_unit
 from loopid.regressors.joint_laws import grouped, joint_term
@@ -84,8 +84,7 @@ def model_errors_chart(found: Identification, *, worst: str = "") -> Chart:
         motor, marks, labels = robot.independent[k], [*limit], [name for name, *_ in fits]
         for y, ((name, look, kind, _), (error, spread)) in enumerate(zip(fits, parts, strict=True)):
             at, reach, row = error[[k]], INTERVAL * spread[k], np.full(1, float(y))
-            interval = "95 % interval" * (y > 0)
-            marks.append(Mark(interval, at - reach, row, look, "span", at + reach))
+            marks.append(Mark("95 % interval" * (y > 0), at - reach, row, look, "span", at + reach))
             marks.append(Mark(name, at, row, look, kind))
         if shares[:, k].any():
             at = shares[:, k].max(keepdims=True)
@@ -95,12 +94,10 @@ def model_errors_chart(found: Identification, *, worst: str = "") -> Chart:
         beside = f"{abs(change):.0f} % {'below' if change < 0 else 'above'} the file's"
         if not abs(change) >= 1:
             beside = "as by the file"
-        elif change >= 200:
-            beside = f"{ratios[k]:.2g} times the file's"
         size = " ± ".join(with_error(float(rms[k]), float(spreads[k])))
         note = f"{size} {force_unit(robot, motor)}, {beside}"
         said = of_motor(robot, motor, worst) | {"labels": tuple(labels), "note": note}
-        panels.append(Panel("", tuple(marks), x_limits=(0.0, most), **said))
+        panels.append(Panel("", tuple(marks), x_limits=(-0.04 * most, most), **said))
     caption = (
         "Root mean square of the error on data that were not fitted, in % of the motor's force, on "
         "one scale. The robot file stands with fitted joint terms."
@@ -110,8 +107,7 @@ def model_errors_chart(found: Identification, *, worst: str = "") -> Chart:
 
 def _by_motor(name: str, caption: str, x_label: str, panels: Sequence[Panel]) -> Chart:
     """A panel a motor, some beside each other."""
-    columns = min(len(panels), 2 if len(panels) in (2, 4) else 3) or 1
-    return Chart(name, caption, x_label, tuple(panels), columns)
+    return Chart(name, caption, x_label, tuple(panels), 2 if len(panels) in (2, 4) else 3)
 
 
 @checked
@@ -138,7 +134,9 @@ def friction_chart(found: Identification, *, worst: str = "") -> Chart:
     """
     fit, data, robot = found.fit, found.data, found.force_model.robot
     velocities = np.concatenate([run.motion.velocities for run in found.training])
-    rows, panels, notes = spread_rows(len(data), DOTS), list[Panel](), _friction_notes(found)
+    rows, panels, summary = spread_rows(len(data), DOTS), list[Panel](), friction_summary(fit)
+    words = "Coulomb", "viscous", "more at standstill", "part of the load"
+    friction = dict(zip(summary.joints, zip(*summary.parts.values(), strict=True), strict=True))
     residual = data.residual(fit.values)[rows]
     for joint in (joint for joint in frictional_joints(fit) if joint in data.actuators):
         k, own = data.actuators.index(joint), friction_columns(fit, joint)
@@ -153,10 +151,18 @@ def friction_chart(found: Identification, *, worst: str = "") -> Chart:
         # Next to standstill hardly anything is known: bands there would flatten the rest.
         most = ROOM * float(np.quantile(np.abs(curve.band), MOST))
         limits = (-most, most) if np.isfinite(most) and most else None
-        said = of_motor(robot, joint, worst) | {"note": notes.get(joint, ""), "y_limits": limits}
+        told = zip(words, friction[joint], strict=True)
+        note = ", ".join(f"{word} {value_text(each, fit.assumed)}" for word, each in told if each)
+        said = of_motor(robot, joint, worst) | {"note": note, "y_limits": limits}
         panels.append(Panel(f"friction ({force_unit(robot, joint)})", tuple(marks), **said))
     caption = "Friction over the rate of each motor, by the recommended fit."
-    return _by_motor("friction", caption, "rate (rad/s or m/s)", panels)
+    return _by_motor("friction", caption, f"rate ({_units(robot, 'rad/s', 'm/s')})", panels)
+
+
+def _units(robot: Robot, turning: str, sliding: str) -> str:
+    """Unit of all motors; both where some turn and some slide."""
+    both = {sliding if force_unit(robot, name) == "N" else turning for name in robot.actuated}
+    return " or ".join(sorted(both, reverse=True))
 
 
 def _banded(x: FloatArray, values: FloatArray, band: FloatArray) -> list[Mark]:
@@ -165,24 +171,8 @@ def _banded(x: FloatArray, values: FloatArray, band: FloatArray) -> list[Mark]:
     return [reach] * bool(np.isfinite(band).all()) + [Mark("friction", x, values, "fit")]
 
 
-def _friction_notes(found: Identification) -> dict[str, str]:
-    """Friction of each motor in at most four numbers, as text."""
-    summary = friction_summary(found.fit)
-    words = ("Coulomb", "viscous", "more at standstill", "part of the load")
-    return {
-        joint: ", ".join(
-            f"{word} {value_text(own[k], found.fit.assumed)}"
-            for word, own in zip(words, summary.parts.values(), strict=True)
-            if own[k] is not None
-        )
-        for k, joint in enumerate(summary.joints)
-    }
-
-
-def value_text(each: Estimate | None, assumed: Sequence[str] = ()) -> str:
+def value_text(each: Estimate, assumed: Sequence[str] = ()) -> str:
     """A value with its standard error and unit; no error of what keeps the robot file's value."""
-    if each is None:
-        return "-"
     value, error = with_error(each.value, 0.0 if each.name in assumed else each.standard_error)
     return f"{value} {f'± {error} ' * (error != '-')}{each.unit}".strip()
 
@@ -213,13 +203,13 @@ def hysteresis_chart(found: Identification, *, worst: str = "") -> Chart:
     for joint in hysteretic_joints(fit):
         loop = hysteresis_loop(fit, joint, joint_terms=found.force_model.joint_terms)
         marks = _banded(1e3 * loop.displacement, loop.force, loop.band)
-        said = of_motor(robot, joint, worst)
-        panels.append(Panel(f"friction ({force_unit(robot, joint)})", tuple(marks), **said))
+        title = f"friction ({force_unit(robot, joint)})"
+        panels.append(Panel(title, tuple(marks), **of_motor(robot, joint, worst)))
     caption = (
         "Friction over the displacement of a slow way to and fro, by the recommended fit: what "
         "builds up after each reversal."
     )
-    return _by_motor("hysteresis", caption, "displacement (mm or mrad)", panels)
+    return _by_motor("hysteresis", caption, f"displacement ({_units(robot, 'mrad', 'mm')})", panels)
 
 
 @checked
@@ -250,7 +240,7 @@ def parameters_chart(found: Identification) -> Chart:
     sizes = np.linalg.norm(base.matrix[bodies][:, : len(sizes)] * sizes, axis=1)
     known = fit.estimates
     estimates = [known[j] for j in bodies]
-    prior = model.prior[bodies]
+    prior, file = model.prior[bodies], file_values(found)
     ends = np.column_stack([fit.values, fit.intervals()])[bodies]
     panel = _from_file(
         "Bodies, all parameters fitted" if alone else "Bodies",
@@ -260,7 +250,7 @@ def parameters_chart(found: Identification) -> Chart:
         groups=tuple(Parameter.parse(fit.parameters.labels[j]).link for j in bodies),
         columns={
             "value ± std": tuple(value_text(each, fit.assumed) for each in estimates),
-            "robot file": tuple(number(x if abs(x) > ROUND_OFF else 0.0) for x in prior.tolist()),
+            "robot file": tuple(file[each.name] for each in estimates),
         },
     )
     caption = (
@@ -268,6 +258,13 @@ def parameters_chart(found: Identification) -> Chart:
         "squared), cut at 200 %. Of a sum only the whole is known; its first parameter names it."
     )
     return Chart("parameters", caption, "change (%)", (panel,))
+
+
+def file_values(found: Identification) -> dict[str, str]:
+    """Values of bodies by the robot file, by the names of the fit's parameters."""
+    model = found.force_model
+    prior = np.where(np.abs(model.prior) > ROUND_OFF, model.prior, 0.0).tolist()
+    return {found.fit.parameters.names[j]: number(prior[j]) for j in model.body_columns}
 
 
 def _from_file(title: str, changes: FloatArray, **rows: Any) -> Panel:
@@ -320,7 +317,7 @@ def joints_chart(found: Identification) -> Chart:
         )
         panels.append(panel)
     caption = "Of each kind, all motors on one scale."
-    return Chart("joints", caption, "", tuple(panels), min(2, len(panels)) or 1)
+    return Chart("joints", caption, "", tuple(panels), 2)
 
 
 @checked
@@ -392,10 +389,9 @@ def used_chart(robot: Robot, recordings: Mapping[str, Sequence[Recording]]) -> C
         for run in runs:
             marks, time = list[Mark](), run.motion.time
             for k in range(len(run.actuators)):
-                edges = np.diff(np.concatenate([[0], run.used[:, k].astype(int), [0]]))
-                first, last = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
+                first, end = segments(run.used[:, k]).T
                 place = np.full(len(first), float(k))
-                marks.append(Mark(use, time[first], place, looks[use], "span", time[last]))
+                marks.append(Mark(use, time[first], place, looks[use], "span", time[end - 1]))
             labels = tuple(numbered(robot, name) for name in run.actuators)
             parts = tuple(f"{100 * part:.0f} %" for part in run.used.mean(axis=0))
             panels.append(Panel(run.name, tuple(marks), labels=labels, columns={"used": parts}))
@@ -431,7 +427,7 @@ def gains_chart(robot: Robot, log_faults: Sequence[LogFaults]) -> Chart:
         title = f"Force over expected force, {each.recording}"
         panels.append(motors_panel(robot, title, known, 1.0))
     caption = "What motors gave, over what bodies and other motors make expected."
-    return Chart("gains", caption, "", tuple(panels), min(2, len(panels)) or 1)
+    return Chart("gains", caption, "", tuple(panels), 2)
 
 
 @checked

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, checked, spread_rows
+from loopid.arguments import FloatArray, checked, spread_rows
 from loopid.errors import OptionError
 from loopid.identification.estimates import Estimate
 from loopid.identification.prediction import Prediction
 from loopid.identification.result import Fit
 from loopid.numbers import interval, number, with_error
-from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel, forest
+from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel, forest, segments
 from loopid.plots.structure import force_unit, motor_numbers
 from loopid.regressors.joint_laws import grouped
 from loopid.robot.robot import Robot
@@ -21,6 +21,7 @@ from loopid.robot.robot import Robot
 ROOM = 1.06  # times the largest error, that an axis shows
 RUNS = "fit", "file", "other", "weak", "measured", "faint"  # looks of fits beside each other
 BESIDE = 3  # fits that a panel has room for
+NOT_JUDGED = "not judged: stands or is saturated"
 ZOOM = "Drag along time to zoom in, double-click to see all again."
 
 
@@ -36,14 +37,14 @@ def motors_panel(
     right: float,
     words: tuple[str, str, str] = ("", "differs", "as expected"),
 ) -> Panel:
-    """Values of motors with the ends of their intervals, which NaN says are undetermined."""
-    numbers = [*values.values()]
+    """Values of motors with the ends of their intervals; without ends they are undetermined."""
+    found = np.array([*values.values()]).reshape(-1, 3)
+    found[~np.isfinite(found).all(axis=1)] = np.nan
     columns = {
-        "value": tuple(with_error(x, (high - low) / 2)[0] for x, low, high in numbers),
-        "95 % interval": tuple(interval(low, high) for _, low, high in numbers),
+        "value": tuple(with_error(x, (high - low) / 2)[0] for x, low, high in found.tolist()),
+        "95 % interval": tuple(interval(low, high) for _, low, high in found.tolist()),
     }
     labels = tuple(numbered(robot, name) for name in values)
-    found = np.array(numbers).reshape(-1, 3)
     return forest(title, found, right, words, labels=labels, columns=columns)
 
 
@@ -103,7 +104,9 @@ def forces_chart(
             raise OptionError.unknown("motor", motor, run.actuators)
         k = run.actuators.index(motor)
         used, force, unit = run.used[:, k], run.force[:, k], force_unit(robot, motor)
-        shade = Mark("not judged: stands or is saturated", *_spans(time, ~used))
+        first, end = segments(~used).T
+        ends = time[np.minimum(end, len(time) - 1)]
+        shade = Mark(NOT_JUDGED, time[first], np.zeros(len(first)), "faint", "shade", ends)
         measured = Mark("measured force", time, force, "measured")
         said = of_motor(robot, motor, worst)
         panels.append(Panel(f"measured force ({unit})", (shade, measured), small=True, **said))
@@ -123,16 +126,9 @@ def forces_chart(
                 marks.insert(2, Mark("95 % of new forces", time[some], -half, look, "band", half))
             panels.append(Panel(title, tuple(marks), y_limits=(-most, most), small=True))
     caption = f"Of {run.name}. Lanes of errors have one scale a motor. {ZOOM}"
-    many, lanes = len(panels) > 1 + len(predictions), 1 + len(predictions)
-    return Chart(name, caption, "time (s)", tuple(panels), 2 if many else 1, lanes, run.name)
-
-
-def _spans(time: FloatArray, chosen: BoolArray) -> Any:
-    """Where some samples are, as a shade."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(int)))
-    first, last = edges.reshape(-1, 2).T
-    ends = time[np.minimum(last, len(time) - 1)]
-    return time[first], np.zeros(len(first)), "faint", "shade", ends
+    lanes = 1 + len(predictions)
+    columns = 3 if len(panels) == 3 * lanes else 2
+    return Chart(name, caption, "time (s)", tuple(panels), columns, lanes, run.name)
 
 
 def alone(fit: Fit) -> list[Estimate]:
@@ -167,11 +163,10 @@ def comparison_chart(fits: Mapping[str, Fit], *, clear: Collection[str] = ()) ->
     'Parameters; * clearly different'
     """
     known = {each.expression: each for fit in fits.values() for each in alone(fit)}
-    x, s = np.full((2, len(known), len(fits)), np.nan)
-    for k, fit in enumerate(fits.values()):
-        rows = [[*known].index(each.expression) for each in alone(fit)]
-        x[rows, k] = [each.value for each in alone(fit)]
-        s[rows, k] = [each.standard_error for each in alone(fit)]
+    own = [{e.expression: (e.value, e.standard_error) for e in alone(f)} for f in fits.values()]
+    lacking = np.nan, np.nan
+    rows = np.array([[each.get(text, lacking) for each in own] for text in known])
+    x, s = rows.reshape(-1, len(own), 2).transpose(2, 0, 1)
     size = np.nanmax(s, axis=1, keepdims=True)
     size = np.where(size > 0, size, np.nanmax(np.abs(x), axis=1, keepdims=True))
     size = np.where(size > 0, size, 1.0)

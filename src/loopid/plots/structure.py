@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, checked, shaped
+from loopid.arguments import FloatArray, checked, shaped
 from loopid.base_parameters.account import SubgroupAccount
 from loopid.base_parameters.choice import SearchResult
 from loopid.errors import OptionError
@@ -18,6 +18,8 @@ FLAT = 1e-6  # part of the largest extent below which a robot is flat
 VIEWS = (0, 2), (0, 1), (1, 2)  # axes that go right and up
 ACROSS = np.array([[0.82, -0.57, 0.0], [-0.25, -0.36, 0.9]])  # right and up, from a corner
 SIGN = 0.09  # least distance of signs of motors, in extents of the robot
+# Places that are tried for a sign, from one to the next by the golden angle.
+SPIRAL, GOLDEN = 4000, np.pi * (3 - np.sqrt(5))
 HIGHEST = 1e20  # condition number that is drawn; larger ones are drawn there
 
 
@@ -83,7 +85,8 @@ def robot_chart(robot: Robot, configuration: FloatArray | None = None, *, worst:
         Mark("passive joint", *_seen(joints[~motors], right, up), "measured", "joint"),
     ]
     kinds = (("motor", motors & ~slides, "motor"), ("sliding motor", motors & slides, "slide"))
-    x, y = _apart(*_seen(joints, right, up), motors, SIGN * extent.max())
+    x, y = _seen(joints, right, up)
+    x[motors], y[motors] = _apart(x[motors], y[motors], SIGN * extent.max())
     for name, own, kind in kinds:
         for said, look, rows in (
             (name, "measured", own & ~bad),
@@ -92,8 +95,7 @@ def robot_chart(robot: Robot, configuration: FloatArray | None = None, *, worst:
             texts = tuple(str(number.get(robot.joints[k], "")) for k in np.flatnonzero(rows))
             marks.append(Mark(said, x[rows], y[rows], look, kind, texts=texts))
     motors_said = "; ".join(f"{k} {name}" for name, k in number.items())
-    at = "at its reference" if configuration is None else "at a configuration"
-    caption = f"{motors_said}. It is {extent.max():.3g} m large {at}."
+    caption = f"{motors_said}. It is {extent.max():.3g} m large."
     panel = Panel("", tuple(mark for mark in marks if len(mark.x)), equal=True)
     return Chart("robot", caption, "", (panel,))
 
@@ -104,16 +106,15 @@ def _seen(points: FloatArray, right: FloatArray, up: FloatArray) -> tuple[FloatA
     return flat @ right, flat @ up
 
 
-def _apart(
-    x: FloatArray, y: FloatArray, some: BoolArray, least: float
-) -> tuple[FloatArray, FloatArray]:
-    """Places of which some are moved up and to the right until none covers another."""
-    x, y, put = x.copy(), y.copy(), list[int]()
-    for k in np.flatnonzero(some):
-        while any(np.hypot(x[k] - x[j], y[k] - y[j]) < least for j in put):
-            x[k], y[k] = x[k] + 0.5 * least, y[k] + 0.6 * least
-        put.append(int(k))
-    return x, y
+def _apart(x: FloatArray, y: FloatArray, least: float) -> FloatArray:
+    """Places (2, n) next to these, each where it covers none before it."""
+    turn = np.arange(SPIRAL)
+    nearest = 0.1 * least * np.sqrt(turn) * np.exp(1j * GOLDEN * turn)
+    put = np.zeros(0, dtype=complex)
+    for place in x + 1j * y:
+        free = (np.abs(place + nearest[:, None] - put) >= least).all(axis=1)
+        put = np.append(put, place + nearest[free.argmax()])
+    return np.stack([put.real, put.imag])
 
 
 @checked
@@ -149,7 +150,7 @@ def search_chart(searches: Sequence[SearchResult]) -> Chart:
         "Condition number of each combination tried, in turn; lines part the groups. Of those that "
         f"are rank-deficient it is round-off, drawn up to {HIGHEST:.0e}."
     )
-    return Chart("search", caption, "combination tried", panels, columns=len(panels) or 1)
+    return Chart("search", caption, "combination tried", panels, 2)
 
 
 def _tried_panel(account: SubgroupAccount) -> Panel:

@@ -7,14 +7,12 @@ from contextlib import suppress
 from itertools import combinations
 from typing import Any
 
-from rich.table import Table
-
 from loopid.diagnosis.agreement import Agreement, compare_fits
 from loopid.errors import DataError, OptionError, counted
 from loopid.identification.result import Fit
 from loopid.identification.saved import FitFile
 from loopid.plots.pictures import alone, comparison_chart
-from loopid.report.look import json_fields, json_value, plain_table, table_of
+from loopid.report.look import json_fields, json_value, table_of
 from loopid.report.page import Card, Figure, Report, Section, Tone, panel_table
 
 NAMED = 3  # parameters that a cell names
@@ -22,6 +20,17 @@ RUN = {
     **{"run": "name", "robot": "robot", "model": "model", "estimator": "estimator"},
     ">RMS errors of the motors' forces": lambda run: (
         ", ".join(f"{x:.3g}" for x in run["rms"] or ()) or "-"
+    ),
+}
+
+
+PAIR = {
+    "fits": lambda pair: ", ".join(pair["fits"]),
+    ">in common": "common",
+    ">below 1.96": lambda pair: f"{100 * pair['usual']:.0f} %",
+    ">largest": "largest:.2g",
+    "clearly different": lambda pair: (
+        ", ".join(pair["clear"][:NAMED]) + ", ..." * (len(pair["clear"]) > NAMED)
     ),
 }
 
@@ -43,20 +52,18 @@ def comparison_report(files: dict[str, FitFile]) -> Report:
     rows, names = [row for row in record["parameters"] if row["expression"] in shown], list(fits)
     clear = [row["expression"] for row in rows if row["differs"]]
     chart, verdict = comparison_chart(fits, clear=clear), _verdict(rows, names, pairs)
+    agreements = table_of("differences in their standard errors", PAIR, record["agreements"])
     return Report(
         name="comparison",
         title="Fits beside each other",
         under=", ".join(names),
         verdict=verdict,
         record=record,
-        brief=[
-            *([_pairs_table(pairs)] if len(pairs) > 1 else []),
-            *map(panel_table, chart.panels),
-        ],
+        brief=[*([agreements] if len(pairs) > 1 else []), *map(panel_table, chart.panels)],
         card=_card(names, pairs, verdict),
         sections=lambda: [
             Section("Parameters", (chart,)),
-            Section("Fits", (table_of("", RUN, record["runs"]), _pairs_table(pairs))),
+            Section("Fits", (table_of("", RUN, record["runs"]), agreements)),
         ],
     )
 
@@ -101,21 +108,6 @@ def _verdict(
     return f"{whose}{pairs[worst]}{others}"
 
 
-def _pairs_table(pairs: dict[tuple[str, str], Agreement]) -> Table:
-    cells = (
-        (
-            f"{one}, {other}",
-            str(len(found.expressions)),
-            f"{100 * found.usual:.0f} %",
-            f"{found.apart.max(initial=0.0):.2g}",
-            ", ".join(found.clear[:NAMED]) + (", ..." if len(found.clear) > NAMED else ""),
-        )
-        for (one, other), found in pairs.items()
-    )
-    columns = "fits", ">in common", ">below 1.96", ">largest", "clearly different"
-    return plain_table("differences in their standard errors", columns, cells)
-
-
 def _record(
     files: dict[str, FitFile], fits: dict[str, Fit], pairs: dict[tuple[str, str], Agreement]
 ) -> dict[str, Any]:
@@ -146,6 +138,7 @@ def _record(
     agreements = [
         {"fits": [*pair], "usual": found.usual, "clear": [*found.clear]}
         | {"common": len(found.expressions), "others": found.others}
+        | {"largest": float(found.apart.max(initial=0.0))}
         for pair, found in pairs.items()
     ]
     return {"runs": runs, "parameters": list(known.values()), "agreements": agreements}

@@ -11,6 +11,7 @@ from loopid.arguments import checked
 from loopid.excitation.design import ExcitationDesign
 from loopid.files import csv_text
 from loopid.motion.files import motion_text
+from loopid.numbers import number
 from loopid.plots.excitation import errors_chart, motion_chart
 from loopid.plots.structure import force_unit, robot_chart
 from loopid.report.look import json_fields, json_value, plain_table, table_of
@@ -60,10 +61,8 @@ def excitation_report(found: ExcitationDesign) -> Report:
         + ("." if found.converged else ", which more evaluations may improve.")
     )
     search = (
-        f"Criterion {found.options.criterion}: log det {found.criteria.log_det:.4g} (D), trace of "
-        f"the inverse {found.criteria.trace:.4g} (A), least eigenvalue "
-        f"{found.criteria.least_eigenvalue:.4g} (E), by {found.solver} in {found.evaluations} "
-        f"evaluations, {found.seconds:.1f} s."
+        f"Criterion {found.options.criterion} by {found.solver}: {found.evaluations} evaluations "
+        f"in {found.seconds:.1f} s."
     )
     columns = {
         **{"": "name", ">least": "lowest", ">most": "highest", ">from": "lower", ">to": "upper"},
@@ -91,9 +90,9 @@ def excitation_report(found: ExcitationDesign) -> Report:
         ),
         pictures=lambda: (robot_chart(model.robot),),
         sections=lambda: [
-            Section("Motion", (motion_chart(found),), lead=search),
+            Section("Motion", (motion_chart(found),)),
             Section("Expected accuracy", (chart, _noise(found))),
-            Section("What it keeps", (kept,)),
+            Section("What it keeps", (kept, search)),
         ],
         results=lambda: _motion_files(found),
     )
@@ -131,12 +130,10 @@ def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
 
 def _noise(found: ExcitationDesign) -> Table:
     robot, sizes = found.force_model.robot, np.sqrt((found.forces**2).mean(axis=0))
+    parts = 100 * found.noise / np.where(sizes > 0, sizes, np.nan)
     rows = (
-        (
-            *(name, f"{noise:.3g}", force_unit(robot, name)),
-            f"{100 * noise / size:.3g} %" if size else "",
-        )
-        for name, noise, size in zip(robot.actuated, found.noise, sizes, strict=True)
+        (name, f"{noise:.3g} {force_unit(robot, name)}", f"{number(part, 3)} %")
+        for name, noise, part in zip(robot.actuated, found.noise, parts, strict=True)
     )
-    title = f"noise that they assume, independent at {found.options.rate:g} Hz"
-    return plain_table(title, ("force of", ">± std", "unit", ">of its root mean square"), rows)
+    title = f"assumed noise, independent at {found.options.rate:g} Hz"
+    return plain_table(title, ("force of", ">± std", ">of its root mean square"), rows)

@@ -13,14 +13,14 @@ from rich.table import Table
 from loopid.arguments import FloatArray, checked
 from loopid.diagnosis.gains import GainFit
 from loopid.diagnosis.payload import MotorMasses, PayloadFit
-from loopid.errors import RankError
+from loopid.errors import RankError, counted
 from loopid.identification.prediction import Prediction
 from loopid.identification.verdict import GOOD, ROUGH
 from loopid.numbers import interval, number, with_error
 from loopid.plots.chart import Chart, Mark
-from loopid.plots.pictures import forces_chart, motors_panel
+from loopid.plots.pictures import forces_chart, motors_panel, numbered
 from loopid.plots.structure import force_unit, robot_chart
-from loopid.report.look import json_fields, json_value, plain_table
+from loopid.report.look import json_fields, json_value, table_of
 from loopid.report.page import Card, Figure, Report, Section, Tone, panel_table
 from loopid.robot.robot import Robot
 
@@ -57,52 +57,45 @@ def prediction_report(robot: Robot, predictions: Sequence[Prediction]) -> Report
         if np.isfinite(part)
     )
     worst, motor, log = max(errors, default=(np.nan, "", ""))
-    grade = "Good" if worst <= GOOD else "Rough" if worst <= ROUGH else "Bad"
-    tones: dict[str, Tone] = {"Good": "good", "Rough": "rough", "Bad": "bad"}
+    tone: Tone = "good" if worst <= GOOD else "rough" if worst <= ROUGH else "bad"
     samples = sum(int(found.moving.samples.sum()) for found in predictions)
     share, where = f"{number(100 * worst, 2)} %", f"({motor}, {log})"
     gauge = (worst, GOOD, ROUGH) if np.isfinite(worst) else ()
-    tables, names = [_prediction_table(robot, each) for each in predictions], list[str]()
+    shown = dict[str, tuple[Prediction, Table]]()  # by name
     for found in predictions:
         name = stem = PurePath(found.recording.name).name
-        while name in names:  # two logs of one name in different folders
-            name = f"{stem}_{len(names) + 1}"
-        names.append(name)
-    figures = (
-        Figure(share, f"of its force: largest error {where}", gauge=gauge),
-        Figure(f"{samples:,}", "samples in motion"),
-        Figure(str(len(predictions)), "log" if len(predictions) == 1 else "logs"),
-    )
+        while name in shown:  # two logs of one name in different folders
+            name = f"{stem}_{len(shown) + 1}"
+        shown[name] = found, _prediction_table(robot, found)
     return Report(
         name="prediction",
         title=f"{robot.name}: forces predicted",
         verdict=(
-            f"{grade} predictions: where motors move, errors are at most {share} of a motor's "
-            f"force {where}, over {samples:,} samples."
+            f"{tone.capitalize()} predictions: where motors move, errors are at most {share} of a "
+            f"motor's force {where}, over {samples:,} samples."
         ),
         card=Card(
-            tone=tones[grade],
-            word=grade,
+            tone=tone,
+            word=tone.capitalize(),
             use="predictions of forces where motors move",
-            figures=figures,
+            figures=(
+                Figure(share, f"of its force: largest error {where}", gauge=gauge),
+                Figure(f"{samples:,}", f"samples in motion, in {counted(len(shown), 'log')}"),
+            ),
             next="write the fit as C for a controller."
-            if grade == "Good"
+            if tone == "good"
             else "identify from this log, too.",
         ),
         pictures=lambda: (robot_chart(robot, worst=motor),),
         record={"recordings": [*map(_prediction_record, predictions)]},
-        brief=tables,
+        brief=[table for _, table in shown.values()],
         sections=lambda: [
             Section(
-                name,
-                (table, forces_chart(robot, found, worst=motor, name=f"prediction_{name}")),
+                name, (table, forces_chart(robot, found, worst=motor, name=f"prediction_{name}"))
             )
-            for name, found, table in zip(names, predictions, tables, strict=True)
+            for name, (found, table) in shown.items()
         ],
-        results=lambda: {
-            f"prediction_{name}.csv": found.csv()
-            for name, found in zip(names, predictions, strict=True)
-        },
+        results=lambda: {f"prediction_{name}.csv": f.csv() for name, (f, _) in shown.items()},
     )
 
 
@@ -123,18 +116,16 @@ def _prediction_record(found: Prediction) -> dict[str, Any]:
 
 def _prediction_table(robot: Robot, found: Prediction) -> Table:
     motors, moving, rest = found.recording.actuators, found.moving, found.standing
-    columns = "motor", ">moving", ">RMS error", ">of its force", ">at rest", ">RMS error", "unit"
-    rows = zip(
-        motors,
-        (f"{n:,}" for n in moving.samples.tolist()),
-        map(number, moving.residual_rms.tolist()),
-        (f"{number(100 * part, 2)} %" for part in found.relative_errors.tolist()),
-        (f"{n:,}" for n in rest.samples.tolist()),
-        map(number, rest.residual_rms.tolist()),
-        (force_unit(robot, motor) for motor in motors),
-        strict=True,
-    )
-    return plain_table(f"prediction of {found.recording.name}", columns, rows)
+    units = [force_unit(robot, motor) for motor in motors]
+    columns = {
+        "motor": lambda k: numbered(robot, motors[k]),
+        ">moving": lambda k: f"{moving.samples[k]:,}",
+        ">RMS error": lambda k: f"{number(float(moving.residual_rms[k]))} {units[k]}",
+        ">of its force": lambda k: f"{number(100 * float(found.relative_errors[k]), 2)} %",
+        ">at rest": lambda k: f"{rest.samples[k]:,}",
+        ">RMS error at rest": lambda k: f"{number(float(rest.residual_rms[k]))} {units[k]}",
+    }
+    return table_of(f"prediction of {found.recording.name}", columns, range(len(motors)))
 
 
 @checked
@@ -160,36 +151,47 @@ def payload_report(robot: Robot, found: PayloadFit) -> Report:
     >>> loopid.report.payload_report(robot, found).name
     'payload'
     """
-    told, motors, ends = _payload_record(found), _determined(found), found.intervals()
+    record, ends = _payload_record(found), found.intervals()
+    motors, mass, centre = found.motors, record["mass"], _centre(record)
     apart = None if motors is None else motors.disagreement
-    sure = sum(low > 0 or high < 0 for low, high in ends)
-    verdict, clear = "The forces determine no mass of the payload alone", f"{sure} of {len(ends)}"
-    rows = [
-        (name, f"{number(value)} {unit}", interval(*span))
-        for name, value, span, unit in zip(
-            *(told["parameters"], told["values"], ends, told["units"]), strict=True
-        )
-    ]
+    verdict, chips = "The forces determine no mass of the payload alone", list[tuple[Tone, str]]()
     card, charts = Card(tone="rough", word="No mass", use=verdict), list[Chart]()
-    if told["mass"] is not None:
-        span = ends[told["values"].index(told["mass"])]
-        mass, between = _of_width(told["mass"], span), interval(*span).replace("...", "to")
-        said = [f"{axis} {_of_width(x, own)}" for axis, x, own in _centre(found)]
-        centre = f"at {', '.join(said)} m in the link's frame" if said else "undetermined"
-        differ = "" if apart is None else f", on which motors disagree ({_span(motors)} kg)"
-        verdict = f"The payload weighs {mass} kg (95 %: {between}){differ}, its centre is {centre}"
-        rows += [
-            (f"centre of mass, {axis}", f"{number(x)} m", interval(*own))
-            for axis, x, own in _centre(found)
-        ]
-        card = _payload_card(found, mass, between)
-        charts = [] if motors is None else [_masses_chart(robot, motors, told["mass"], span)]
-    table = plain_table("", ("", ">value", ">95 % interval"), rows)
+    figures = [Figure(_of_width(x, own), f"centre along {axis}", "m") for axis, x, own in centre]
+    if mass is not None:
+        span, differ = ends[record["values"].index(mass)], ""
+        weight, between = _of_width(mass, span), interval(*span).replace("...", "to")
+        if motors is not None and motors.actuators:
+            each = f"{motors.values.min():.3g} to {motors.values.max():.3g}"
+            differ = f", on which motors disagree ({each} kg)" * bool(apart)
+            chips.append(("rough", "Motors disagree") if apart else ("good", "Motors agree"))
+            figures.append(Figure(each, "mass by each motor alone", "kg"))
+            charts.append(_masses_chart(robot, motors, mass, span))
+        said = ", ".join(f"{axis} {_of_width(x, own)}" for axis, x, own in centre)
+        where = f"at {said} m in the link's frame" if said else "undetermined"
+        verdict = f"The payload weighs {weight} kg (95 %: {between}){differ}, its centre is {where}"
+        card = Card(
+            tone="rough" if apart else "good",
+            word=f"{weight} kg",
+            use=f"on {found.link}, 95 %: {between} kg",
+            chips=tuple(chips),
+            figures=tuple(figures),
+            next=f"{apart.do}." if apart else "",
+        )
+    columns = {
+        "": lambda row: row[0],
+        ">value": lambda row: f"{number(row[1])} {row[2]}",
+        ">95 % interval": lambda row: interval(*row[3]),
+    }
+    rows = [
+        *zip(record["parameters"], record["values"], record["units"], ends, strict=True),
+        *((f"centre of mass, {axis}", x, "m", own) for axis, x, own in centre),
+    ]
+    table, clear = table_of("", columns, rows), sum(low > 0 or high < 0 for low, high in ends)
     return Report(
         name="payload",
         title=f"Payload on {found.link}",
-        verdict=f"{verdict}; {clear} values are significant.",
-        record=told,
+        verdict=f"{verdict}; {clear} of {len(ends)} values are significant.",
+        record=record,
         brief=[table, *(panel_table(chart.panels[0]) for chart in charts)],
         card=card,
         findings=() if apart is None else (apart,),
@@ -199,36 +201,6 @@ def payload_report(robot: Robot, found: PayloadFit) -> Report:
             Section("All values", (table,)),
         ],
     )
-
-
-def _determined(found: PayloadFit) -> MotorMasses | None:
-    """The mass by each motor, where any determines it."""
-    return found.motors if found.motors is not None and found.motors.actuators else None
-
-
-def _payload_card(found: PayloadFit, mass: str, between: str) -> Card:
-    """The mass, and whether the motors agree on it."""
-    motors, chips = _determined(found), list[tuple[Tone, str]]()
-    figures = [
-        Figure(_of_width(x, own), f"centre of mass along {axis}", "m")
-        for axis, x, own in _centre(found)
-    ]
-    apart = None if motors is None else motors.disagreement
-    if motors is not None:
-        chips.append(("rough", "Motors disagree") if apart else ("good", "Motors agree"))
-        figures.append(Figure(_span(motors), "mass by each motor alone", "kg"))
-    return Card(
-        tone="rough" if apart else "good",
-        word=f"{mass} kg",
-        use=f"on {found.link}, 95 %: {between} kg",
-        chips=tuple(chips),
-        figures=tuple(figures),
-        next=f"{apart.do}." if apart else "",
-    )
-
-
-def _span(motors: MotorMasses | None) -> str:
-    return "" if motors is None else f"{motors.values.min():.3g} to {motors.values.max():.3g}"
 
 
 def _masses_chart(robot: Robot, motors: MotorMasses, mass: float, span: FloatArray) -> Chart:
@@ -247,16 +219,16 @@ def _by_motor(found: MotorMasses | GainFit, values: FloatArray) -> dict[str, lis
     return dict(zip(found.actuators, numbers, strict=True)) | unknown
 
 
-def _of_width(value: float, ends: FloatArray) -> str:
+def _of_width(value: float, ends: Sequence[float]) -> str:
     """A value to two digits of half the width of its interval."""
-    return with_error(value, float(ends[1] - ends[0]) / 2)[0]
+    return with_error(value, (ends[1] - ends[0]) / 2)[0]
 
 
-def _centre(found: PayloadFit) -> list[tuple[str, float, FloatArray]]:
+def _centre(record: dict[str, Any]) -> list[tuple[str, float, list[float]]]:
     """Axes that the forces tell, with the centre of mass and its interval along them."""
-    centre, reach = found.centre()
-    axes = zip("xyz", centre.tolist(), reach, strict=True)
-    return [(axis, x, ends) for axis, x, ends in axes if np.isfinite(x)]
+    ends = record["centre_intervals_95_percent"] or ()
+    known = zip("xyz", record["centre"] or (), ends, strict=False)
+    return [(axis, x, own) for axis, x, own in known if x is not None]
 
 
 def _payload_record(found: PayloadFit) -> dict[str, Any]:
@@ -265,10 +237,10 @@ def _payload_record(found: PayloadFit) -> dict[str, Any]:
         mass, (centre, spread) = found.mass, found.centre()
     except RankError:
         mass = centre = spread = None  # type: ignore[assignment]
-    motors, known = found.motors, dict[str, Any]()
-    if motors is not None:
-        known = json_fields(motors, "actuators", "values", "chance", "undetermined")
-        known["intervals_95_percent"] = motors.intervals()
+    motors = found.motors and {
+        **json_fields(found.motors, "actuators", "values", "chance", "undetermined"),
+        "intervals_95_percent": found.motors.intervals(),
+    }
     record: dict[str, Any] = json_value(
         {
             "link": found.link,
@@ -279,7 +251,7 @@ def _payload_record(found: PayloadFit) -> dict[str, Any]:
             "mass": mass,
             "centre": centre,
             "centre_intervals_95_percent": spread,
-            "motors": known or None,
+            "motors": motors,
         }
     )
     return record
@@ -307,19 +279,26 @@ def gains_report(robot: Robot, found: GainFit) -> Report:
     >>> loopid.report.gains_report(loopid.load("five_bar"), gains).verdict.partition(",")[0]
     'True forces are 1 to 1 times the logged ones'
     """
-    ends = found.intervals()
+    ends, count = found.intervals(), len(found.gains)
     off = sum(low > 1 or high < 1 for low, high in ends)
-    title = "True force over logged force: multiply force_scale of the mapping by it"
-    panel = motors_panel(robot, title, _by_motor(found, found.gains), 1.0)
+    panel = motors_panel(robot, "True force over logged force", _by_motor(found, found.gains), 1.0)
     chart = Chart("gains", "A gain of 1 says that the log is right.", "", (panel,))
     unknown = f"; undetermined: {', '.join(found.undetermined)}" if found.undetermined else ""
     span = f"{found.gains.min():.3g} to {found.gains.max():.3g}"
+    step = "multiply force_scale of the mapping by the gains." if off else ""
     return Report(
         name="gains",
         title="Gains of the drives",
         verdict=(
-            f"True forces are {span} times the logged ones, clearly not 1 for {off} of {len(ends)} "
-            f"motors{unknown}."
+            f"True forces are {span} times the logged ones, clearly not 1 for {off} of {count} "
+            f"motors{unknown}.{f' Next: {step}' if step else ''}"
+        ),
+        card=Card(
+            tone="rough" if off else "good",
+            word="Gains are off" if off else "Gains are right",
+            use=f"for {off or count} of {count} motors{unknown}",
+            figures=(Figure(span, "true force over logged force"),),
+            next=step,
         ),
         record=json_fields(found, "actuators", "gains", "undetermined")
         | {"intervals_95_percent": json_value(ends)},

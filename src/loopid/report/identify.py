@@ -110,8 +110,6 @@ def _card(found: Identification, judged: Verdict, command: str) -> Card:
     tone, told, sure = TONES[judged.forces], found.identifiability, judged.mistake is None
     (ratio, spread), mistakes = root(*judged.ratio), len(found.mistakes)
     change, more = f"{100 * (ratio - 1):+.0f} %".replace("-", "−"), f"± {100 * spread:.1g} %"
-    if ratio >= 3:
-        change, more = f"{ratio:.2g} times", ""
     use = judged.use.removeprefix(NOT_FIT).removeprefix("Fit").removeprefix(" for rough")
     error = f"of its force: largest error on new data ({judged.motor}{WHERE[judged.where]})"
     better, of_all = "combinations known better than by the robot file", told.structural_rank
@@ -188,21 +186,14 @@ def _sections(found: Identification, worst: str) -> Iterator[Section]:
 
 def _forces(found: Identification, motors: tuple[str, ...], worst: str) -> Iterator[Part]:
     """On each recording that judges, by fits that have not seen it."""
-    first = 0
+    robot, fit, first = found.force_model.robot, found.fit, 0
     for k, run in enumerate(found.validation or found.training):
         rows = slice(first, first + len(run))
         own, file = (each.predicted[rows] for each in (found.recommended, found.baseline))
-        fit, W = found.fit, found.new.regressor[rows]
-        reach = prediction_reach(W, fit.covariance, fit.unseen_rms)
-        name, first = "forces" if not k else f"forces_{k + 1}", rows.stop
-        yield forces_chart(
-            found.force_model.robot,
-            Prediction(run, own, reach),
-            motors=motors,
-            file=file,
-            worst=worst,
-            name=name,
-        )
+        W, first = found.new.regressor[rows], rows.stop
+        new = Prediction(run, own, prediction_reach(W, fit.covariance, fit.unseen_rms))
+        name = "forces" if not k else f"forces_{k + 1}"
+        yield forces_chart(robot, new, motors=motors, file=file, worst=worst, name=name)
 
 
 def _changed(found: Identification) -> str:
@@ -328,13 +319,11 @@ def _candidate(candidate: Candidate) -> dict[str, Any]:
 
 def _estimates_table(found: Identification) -> Table:
     """All values of the recommended fit."""
-    fit, model = found.fit, found.force_model
-    bodies = {fit.parameters.names[j] for j in model.body_columns}
-    known = dict(zip(fit.parameters.names, model.prior.tolist(), strict=True))
+    fit, file = found.fit, charts.file_values(found)
     columns = {
         "parameter": "name",
         ">value ± std": lambda each: charts.value_text(each, fit.assumed),
-        ">robot file": lambda each: number(known[each.name]) if each.name in bodies else "-",
+        ">robot file": lambda each: file.get(each.name, "-"),
         ">95 % interval": lambda each: interval(*each.interval),
     }
     title = f"recommended: {found.recommended.name}, as in parameters.yaml"
@@ -348,10 +337,9 @@ def _robot_table(found: Identification) -> Table:
     bodies = {each.label: value for each, value in known if each.kind in KINDS}
     columns = {
         "parameter": "name",
-        ">value": lambda each: with_error(each.value, each.standard_error)[0],
+        ">value": lambda each: f"{with_error(each.value, each.standard_error)[0]} {each.unit}",
         ">95 % interval": lambda each: interval(*each.interval),
-        ">file": lambda each: number(bodies[each.name]) if each.name in bodies else "-",
-        "unit": "unit",
+        ">file": lambda each: number(bodies.get(each.name)),
         "by": lambda each: "log" if each.determined else "file",
     }
     title = f"robot: {found.recommended.name}"

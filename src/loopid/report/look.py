@@ -96,8 +96,8 @@ def folded(table: Table, console: Console) -> Table:
 
 
 def facts(title: str, entries: Mapping[str, object]) -> Table:
-    """A table of names and what is said of them."""
-    return plain_table(title, ("", ""), entries.items())
+    """A table of names and what is said of them, if anything is."""
+    return plain_table(title, ("", ""), ((name, said) for name, said in entries.items() if said))
 
 
 def table_of(title: str, columns: Mapping[str, Any], things: Iterable[Any]) -> Table:

@@ -11,7 +11,6 @@ import math
 import platform
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import field
 from functools import cached_property
 from importlib.metadata import version
 from importlib.resources import files
@@ -21,6 +20,7 @@ from typing import Any, Literal
 from lxml.html import HtmlElement, tostring
 from rich.table import Table
 
+from loopid.arguments import Number
 from loopid.errors import counted
 from loopid.findings import Finding, most_important_first
 from loopid.plots.chart import Chart, E, Panel, in_parts, short_or_whole, unfolding
@@ -37,6 +37,7 @@ TONES: dict[str, Tone] = {"mistake": "bad", "warning": "rough", "note": "info"} 
 SIGNS = {"mistake": "✗ ", "warning": "! ", "note": ""}
 COMMAND = ": loopid "  # after what it does
 TWO_LINES = 200  # letters of a finding that are seen at first
+LONG = 40  # letters of a cell that breaks
 DECADES = 3  # of a gauge, which ends at 100 %
 
 
@@ -84,7 +85,10 @@ def _table(table: Table, some: range) -> HtmlElement:
     found = E.table(E.tbody())
     for row in rows[some.start : some.stop]:
         cells = zip(sides, map(str, row), strict=True)
-        found[0].append(E.tr(*(E.td(side, text) for side, text in cells)))
+        long = {"class": "long"}
+        found[0].append(
+            E.tr(*(E.td(long if len(text) > LONG else side, text) for side, text in cells))
+        )
     if table.show_header:
         heads = zip(sides, (str(column.header) for column in table.columns), strict=True)
         found.insert(
@@ -103,7 +107,7 @@ class Figure:
     value: str
     what: str  # that it is
     more: str = ""  # small beside it
-    gauge: tuple[float, ...] = ()  # an error, and up to which it is good and rough, in parts of 1
+    gauge: tuple[Number, ...] = ()  # an error, and up to which it is good and rough, in parts of 1
     sure: bool = True  # whether it counts
 
     def html(self) -> HtmlElement:
@@ -115,13 +119,15 @@ class Figure:
 
     def _gauge(self) -> HtmlElement:
         at, good, rough = (
-            100 * min(max(1 + math.log10(max(x, 1e-9)) / DECADES, 0.0), 1.0) for x in self.gauge
+            f"{100 * min(max(1 + math.log10(max(x, 1e-9)) / DECADES, 0.0), 1.0):.0f}%"
+            for x in self.gauge
         )
-        widths = {"good": good, "rough": rough - good, "bad": 100 - rough}
-        parts = (E.i({"class": n, "style": f"width:{w:.0f}%"}) for n, w in widths.items())
-        ends = f"good up to {100 * self.gauge[1]:.3g} %, rough up to {100 * self.gauge[2]:.3g} %"
-        needle = E.b({"style": f"left:{at:.0f}%"})
-        return E.span({"class": "gauge", "title": ends}, *parts, needle)
+        return E.span(
+            {"class": "gauge", "style": f"--Good:{good};--Rough:{rough}"},
+            E.b({"style": f"left:{at}"}),
+            E.small({"style": f"left:{good}"}, f"{100 * self.gauge[1]:.3g}"),
+            E.small({"style": f"left:{rough}"}, f"{100 * self.gauge[2]:.3g} %"),
+        )
 
 
 @record(kw_only=True, checked=True)
@@ -158,14 +164,13 @@ class Card:
 
 def findings_html(findings: Sequence[Finding], checks: Sequence[tuple[bool, str]]) -> HtmlElement:
     """Mistakes and warnings with what to do, notes folded, checks in one line."""
-    serious, notes, passed = E.ol({"class": "findings"}), E.div({"class": "notes"}), E.ul()
-    passed.set("class", "checks")
+    serious, notes, passed = E.ol({"class": "findings"}), E.div({"class": "notes"}), list[Any]()
     for each in findings:
         title, kind = _sentence(each.title), f"{SIGNS[each.severity]}{each.severity.capitalize()}"
-        why, (do, *command) = _sentence(each.why), each.do.split(COMMAND)
+        why, (do, *command) = _sentence(each.why, "."), each.do.split(COMMAND)
         brief = short_or_whole(shorten(why, TWO_LINES, placeholder=" ..."), why)
         said = [E.div({"class": "why"}, brief)] if why else []
-        said += [E.p(E.b("Do: "), do)] if do else []
+        said += [E.p(E.b("Do: "), _sentence(do, "."))] if do else []
         said += [unfolding("Show the command", E.pre(f"loopid {text}")) for text in command]
         if each.severity == "note":
             notes.append(unfolding(title, *said))
@@ -176,13 +181,15 @@ def findings_html(findings: Sequence[Finding], checks: Sequence[tuple[bool, str]
         passed.append(
             E.li({"class": "good" if good else "rough"}, f"{'✓' if good else '!'} {text}")
         )
-    shown = (each for each in (serious, notes, passed) if len(each))
+    shown = (each for each in (serious, notes, E.ul({"class": "checks"}, *passed)) if len(each))
     return E.section({"id": "findings"}, E.h2("Findings, most important first"), *shown)
 
 
-def _sentence(text: str) -> str:
+def _sentence(text: str, end: str = "") -> str:
     """The text as a sentence; a name that it begins with stays as it is."""
-    return text[:1].upper() + text[1:] if text.split(" ")[0].strip(",:").isalpha() else text
+    end = end * bool(text and text[-1] != ".")
+    word = text.split(" ")[0].strip(",:")
+    return f"{text[:1].upper()}{text[1:]}{end}" if word.isalpha() else text + end
 
 
 @record(checked=True)
@@ -229,10 +236,8 @@ class Page:
 
     def _header(self) -> HtmlElement:
         under = [E.p({"class": "under"}, self.under)] if self.under else []
-        first = [] if self.card is None else [self.card.html()]
-        first += [each.html() for each in self.pictures[:1]]
-        rows = [E.div({"class": "first"}, *first)] if first else []
-        return E.header(E.h1(self.title), *under, *rows, *(p.html() for p in self.pictures[1:]))
+        first = [each.html() for each in (self.card, *self.pictures) if each is not None]
+        return E.header(E.h1(self.title), *under, E.div({"class": "first"}, *first))
 
     def _bar(self) -> HtmlElement:
         links = [
@@ -254,11 +259,10 @@ class Report:
     verdict: str  # one sentence, which comes first
     record: dict[str, Any]  # all findings in plain numbers, lists and texts
     brief: Sequence[Table]  # what the terminal shows below the verdict
-    # Of the page, by default what the terminal shows.
-    sections: Callable[[], Sequence[Section]] = field(default=None)  # type: ignore[assignment]
+    sections: Callable[[], Sequence[Section]]  # of the page
+    card: Card
     results: Callable[[], dict[str, bytes | str]] = dict  # more files, by name
     advice: str = ""  # a command that does what the verdict advises
-    card: Card = field(default=None)  # type: ignore[assignment]  # by default the verdict
     pictures: Callable[[], Sequence[Chart]] = tuple  # beside the card, and below both
     under: str = ""  # what it is of, below the title of the page
     findings: Sequence[Finding] = ()  # what to know beside the numbers
@@ -267,11 +271,6 @@ class Report:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "findings", most_important_first(self.findings))
-        if self.sections is None:
-            shown = Section("Results", tuple(self.brief))
-            object.__setattr__(self, "sections", lambda: [shown])
-        if self.card is None:
-            object.__setattr__(self, "card", Card(use=self.verdict))
 
     @cached_property
     def data(self) -> dict[str, Any]:

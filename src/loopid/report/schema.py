@@ -185,7 +185,7 @@ FORMS: dict[str, dict[Any, Any]] = {
             {"name expression unit": str, "values standard_errors": [Real]}
             | {"apart": Real, "differs": bool}
         ],
-        "agreements": [{"fits clear": [str], "usual": float, "common others": int}],
+        "agreements": [{"fits clear": [str], "usual largest": float, "common others": int}],
     },
     "paper": {
         **{"geometry": {str: float}, "base": _BASE, "rows": [int | None], "stand_in": bool},

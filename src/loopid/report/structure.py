@@ -71,9 +71,8 @@ def check_report(robot: Robot) -> Report:
     found = check_record(robot)
     joints, *tables = check_tables(found)
     signs = list(_wrong(robot, found))
-    # What comes before the first comma or colon is the title.
-    titled = [(*re.split("[,:] ", f"{text}, ", maxsplit=1), do) for text, do in signs]
-    wrong = [Finding("warning", title, why.removesuffix(", "), do) for title, why, do in titled]
+    parts = [(re.split("[,:] ", text, maxsplit=1), do) for text, do in signs]  # title, and why
+    wrong = [Finding("warning", said[0], "".join(said[1:]), do) for said, do in parts]
     closes = f"The robot closes its loops to {found['closure_residual']:.1e} m"
     first = "".join(f"{text}{f': {do}' * bool(do)}" for text, do in signs[:1])
     more = f", and {len(wrong) - 1} more below" if len(wrong) > 1 else ""
@@ -86,7 +85,6 @@ def check_report(robot: Robot) -> Report:
     )
     further = str(max(len(found["closures"]) - SOME, 0) or "")
     few = {"further closures": further, **_summary(found, FEW)}
-    few = {name: text for name, text in few.items() if text}
     freedoms, of_motors = _freedoms(found).split(" ", 1)
     figures = (
         Figure(freedoms, of_motors),
@@ -260,12 +258,14 @@ def check_tables(record: dict[str, Any]) -> list[Table]:
         "meets the drawn pose": lambda mode: "yes" if mode["meets_drawn_pose"] else "no",
         ">parallel pairs": "parallel_pairs",
     }
+    summary = _summary(record)
+    none = "; ".join(name for name, text in summary.items() if not text)
     of_file, left_out_title = record["in_file_not_in_model"], "in the file, not in the model"
     modes_title = "assembly modes of the drawn pose; the first is used"
     tables = [
         table_of("joints (m, rad)", joints, record["joints"]),
         _closures_table("closures", record["closures"]),
-        facts("at the reference", {n: text or "none" for n, text in _summary(record).items()}),
+        facts("at the reference", summary | {"none": none}),
         table_of(left_out_title, left_out, of_file),
         table_of(modes_title, modes, record["assembly_modes"]),
     ]
@@ -364,9 +364,9 @@ def base_report(
     proven = "proven best" if search["certified"] else "not proven"
     figures = (
         Figure(f"{found['rank']}", "combinations", f"of {found['standard_parameters']} parameters"),
-        Figure(f"{found['rank_gap'] or math.inf:.1e}", "gap of singular values"),
+        Figure(f"{found['rank_gap'] or math.inf:.0e}", "gap of singular values"),
         Figure(_conditions(found).split(", ")[0], "cond(V22), 1 is best"),
-        Figure(f"{search['candidates']:.3g}", "choices that were searched"),
+        Figure(f"{1e3 * search['seconds']:.3g} ms", f"for {search['candidates']:,} choices"),
     )
     tried = (search_chart([base.search]), groups_table(search)) if search["subgroups"] else ()
     return Report(
@@ -385,10 +385,7 @@ def base_report(
             tone=best if sure else "rough",
             word=proven.capitalize(),
             use=certificate(search).removeprefix("proven best, "),
-            chips=(
-                ("good" if sure else "rough", f"Rank: {'clear' if sure else 'not clear'}"),
-                (best, f"Choice: {proven}"),
-            ),
+            chips=(("good" if sure else "rough", f"Rank: {'clear' if sure else 'not clear'}"),),
             figures=figures,
             next="design a motion that excites them.",
         ),
@@ -649,8 +646,16 @@ def motions_report(
         + (f"; {wrong[0]['name']}: {wrong[0]['problems'][0]}." if wrong else ".")
     )
     table = motions_table(found)
-    title = f"{robot}: motions"
-    return Report(name="motions", title=title, verdict=verdict, record=found, brief=[table])
+    tone: Tone = "bad" if wrong else "good"
+    return Report(
+        name="motions",
+        title=f"{robot}: motions",
+        verdict=verdict,
+        record=found,
+        brief=[table],
+        card=Card(tone=tone, word="Look first" if wrong else "Can be run", use=verdict),
+        sections=lambda: [Section("Motions", (table,))],
+    )
 
 
 def motions_record(
