@@ -17,6 +17,7 @@ from loopid.identification.delay import (
     VAGUE,
     Delay,
     _disagreement,
+    _left_open,
     _over_bands,
     without_delay,
 )
@@ -200,6 +201,11 @@ def test_intervals_hold_a_delay_that_is_not_clear(case):
     assert (np.abs(fit.values - truth) < 4 * fit.standard_errors).all()
 
 
+@pytest.mark.parametrize(("step", "left"), [(0.004, 0.004), (0.05, 0.01)])
+def test_of_nothing_known_a_step_is_left_and_a_hundredth_of_a_second_at_most(step, left):
+    assert _left_open(0.0, 1e3, step) == pytest.approx(left)
+
+
 def test_what_data_do_not_tell_of_a_delay_is_a_usual_one(case):
     model, _, log = case
     found = find_delay(model, [prepared(model, noisy(log, noise=100 * NOISE))])
@@ -209,9 +215,9 @@ def test_what_data_do_not_tell_of_a_delay_is_a_usual_one(case):
 def test_motors_that_agree_share_a_delay_and_one_that_does_not_has_its_own(case):
     model, _, log = case
     alone = np.zeros(len(log.joints))
-    alone[0] = 0.03
+    alone[0] = 0.01
     found = find_delay(model, [prepared(model, noisy(log, alone, noise=NOISE / 5))])
-    assert found.undone[0] == found.each[0] == pytest.approx(0.03, abs=0.001)
+    assert found.undone[0] == found.each[0] == pytest.approx(0.01, abs=0.001)
     assert not found.undone[1:].any()
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import loopid
-from loopid.errors import OptionError, RobotFileError
+from loopid.errors import LoopidError, OptionError, RobotFileError
 from loopid.export.robot_file import export_robot_file
 
 AXES = (0.0, 0.0, 1.0), (0.0, 0.0, 1.0)
@@ -27,6 +27,16 @@ def test_arguments_are_as_good_as_a_yaml(given):
     assert (found.motors_listed, found.motors_known) == (True, True)
     np.testing.assert_allclose(found.reference, robot.reference, atol=1e-6)
     assert loopid.load(urdf, **found.options) == found
+
+
+def test_a_reference_may_be_a_configuration(given):
+    robot, urdf, options = given
+    found = loopid.load(urdf, **options | {"reference": robot.reference})
+    np.testing.assert_allclose(found.reference, robot.reference, atol=1e-9)
+    assert loopid.load(urdf, **found.options) == found
+    for wrong in (robot.reference[1:], "home", {robot.actuated[0]: "up"}):
+        with pytest.raises(LoopidError, match="reference"):
+            loopid.load(urdf, **options | {"reference": wrong})
 
 
 def test_a_reference_in_python_holds_the_motors(given):

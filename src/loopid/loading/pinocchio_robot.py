@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import FloatArray, checked, shaped
+from loopid.arguments import FloatArray, checked
 from loopid.errors import OptionError
 from loopid.loading.build import build_robot
 from loopid.loading.closure import Closure, Coupling, with_more
 from loopid.loading.description import Description, Rounding
 from loopid.loading.model_closures import frame_named
-from loopid.loading.tree import Reference, TreeSource
+from loopid.loading.tree import Reference, TreeSource, joint_values
 from loopid.robot.closures import CLOSURE_KINDS
-from loopid.robot.robot import LeftOut, Robot, coordinate_names, link_frames, position_of
+from loopid.robot.robot import LeftOut, Robot, coordinate_names, link_frames
 
 # Where Pinocchio's model has joint terms, by their kinds.
 MODEL_FIELDS = {"Ia": "armature", "Fv": "damping", "Fc": "friction"}
@@ -99,7 +99,7 @@ def from_pinocchio(
     for number, constraint in enumerate(constraint_models, start=1):
         more.append(_closure(tree, constraint, f"closure_{number}", notes))
     terms, left_out = _joint_terms(tree)
-    given = with_more(Description(), (*more, *closures), motors, _values(tree, reference))
+    given = with_more(Description(), (*more, *closures), motors, joint_values(tree, reference))
     inertias = [inertia.toDynamicParameters() for inertia in tree.inertias]
     source = TreeSource(
         name=tree.name,
@@ -226,19 +226,3 @@ def _joint_terms(tree: pin.Model) -> tuple[dict[str, dict[str, float | None]], l
     for field in (*MODEL_FIELDS.values(), "lowerDryFrictionLimit"):
         setattr(tree, field, np.zeros(tree.nv))
     return terms, left_out
-
-
-def _values(
-    tree: pin.Model, reference: Mapping[str, Reference] | FloatArray | None
-) -> Mapping[str, Reference]:
-    """Values of joints of a reference, which may be a configuration (nq,)."""
-    if reference is None or isinstance(reference, Mapping):
-        return reference or {}
-    q = shaped(reference, "reference", tree.nq)
-    return {
-        tree.names[k]: float(position_of(own, q))
-        if own.nv == 1
-        else q[own.idx_q : own.idx_q + own.nq].tolist()
-        for k, own in enumerate(tree.joints)
-        if k > 0
-    }

@@ -10,13 +10,13 @@ from typing import Any, Unpack
 from pydantic import ConfigDict, with_config
 from typing_extensions import TypedDict
 
-from loopid.arguments import checked
+from loopid.arguments import FloatArray, checked
 from loopid.errors import OptionError
 from loopid.loading.build import build_robot
 from loopid.loading.closure import Closure, Coupling, with_more
 from loopid.loading.description import Rounding
 from loopid.loading.files import RobotFiles, find_files
-from loopid.loading.tree import Reference, TreeSource
+from loopid.loading.tree import Reference, TreeSource, joint_values
 from loopid.registry import robot_formats
 from loopid.robot.robot import Robot
 
@@ -36,7 +36,7 @@ def load(
     *,
     closures: Sequence[Closure | Coupling] = (),
     motors: Sequence[str] | None = None,
-    reference: Mapping[str, Reference] | None = None,
+    reference: Mapping[str, Reference] | FloatArray | None = None,
     lock: Sequence[str] = (),
     rounding: Rounding | None = None,
     tied: bool = False,
@@ -53,9 +53,9 @@ def load(
         What closes loops, beside what the file says.
     motors : sequence of str, optional
         Joints with motors, in place of those of the file.
-    reference : mapping, optional
+    reference : mapping or FloatArray, optional
         Values of joints at the reference, in m or rad, over those of the file. A joint with several
-        coordinates takes a list.
+        coordinates takes a list. Or a configuration (nq,) of the file's tree.
     lock : sequence of str
         Joints, or turns of spherical joints such as ``"ball.wz"``, to lock at their reference, or
         with one coordinate at a value, as in ``"hip=0.5"``; in addition to those the YAML fixes.
@@ -95,17 +95,18 @@ def load(
     ('leg2_stroke', 'leg3_stroke', 'leg4_stroke')
     """
     files = find_files(path)
-    given = with_more(files.given, closures, motors, reference)
+    source = _source(files, reading)
+    values = joint_values(source.model, reference)
+    given = with_more(files.given, closures, motors, values)
     options = {
         "closures": tuple(closures),
         "motors": None if motors is None else tuple(motors),
-        "reference": None if reference is None else dict(reference),
+        "reference": None if reference is None else dict(values),
         "lock": tuple(lock),
         "rounding": rounding,
         "tied": tied,
         **{name: value for name, value in reading.items() if value},
     }
-    source = _source(files, reading)
     return build_robot(
         source, given, files.named, lock=lock, tied=tied, rounding=rounding, options=options
     )

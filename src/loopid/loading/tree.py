@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import LARGEST, FloatArray
+from loopid.arguments import LARGEST, FloatArray, finite, shaped
 from loopid.errors import OptionError, RobotFileError
 from loopid.loading.description import Description
 from loopid.loading.model_closures import frame_named, joint_named
@@ -352,3 +352,24 @@ def write_joint(joint: pin.JointModel, q: FloatArray, value: float) -> None:
     """Put the value of a joint with one coordinate into a configuration, in place."""
     coordinates = [np.cos(value), np.sin(value)] if joint.nq == 2 else [value]
     q[joint.idx_q : joint.idx_q + joint.nq] = coordinates
+
+
+def joint_values(
+    tree: pin.Model, reference: Mapping[str, Reference] | FloatArray | None
+) -> Mapping[str, Reference]:
+    """Values of joints of a reference, which may be a configuration (nq,)."""
+    if reference is None:
+        return {}
+    if isinstance(reference, Mapping):
+        return {
+            name: finite(value, f"reference of {name}").tolist()
+            for name, value in reference.items()
+        }
+    q = shaped(reference, "reference", tree.nq)
+    return {
+        tree.names[k]: float(position_of(own, q))
+        if own.nv == 1
+        else q[own.idx_q : own.idx_q + own.nq].tolist()
+        for k, own in enumerate(tree.joints)
+        if k > 0
+    }
