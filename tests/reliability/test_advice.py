@@ -924,7 +924,7 @@ DAMPED = '<dynamics damping="0.1"/>'
 OF_WARNINGS = {
     "motors that no file names": (
         drawn({*LOOPS, "reference"}),
-        "list the motors as 'name_mot' in a YAML beside it",
+        "list the motors as 'name_mot'",
         drawn({*LOOPS, "reference", "name_mot"}),
     ),
     "a drawn pose outside of limits": (
