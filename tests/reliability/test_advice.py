@@ -141,7 +141,7 @@ OF_LOGS = {
     ),
     "a number for another motor": (
         names(*NAMES, force_scale={"crank": 2.0}),
-        "give the motors crank_joint",
+        "did you mean 'crank_joint'?",
         names(*NAMES, force_scale={"crank_joint": 2.0}),
     ),
     "a delay of another motor": (
