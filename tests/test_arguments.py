@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 import loopid
 from loopid import random_configurations
 from loopid.arguments import MADE_BY, FloatArray, checked
-from loopid.errors import OptionError
+from loopid.errors import LoopidError, OptionError
 from loopid.kinematics import mobility, random_motions
 from loopid.regressors import structural_observation
 
@@ -124,10 +124,10 @@ def test_functions_mappings_paths_and_arrays():
     ) -> Thing:
         return thing
 
-    sound = (len, {}, iter(()), Path("a"), ["a"], Thing(np.zeros(2)), "checked where it is used")
+    sound = (len, {}, iter(()), Path("a"), ["a"], Thing(np.zeros(2)), [[1, 2]])
     assert function(*sound) is sound[5]
-    for place, wrong in enumerate((1, [1], 1, 1, "ab", 1)):
-        with pytest.raises(OptionError):
+    for place, wrong in enumerate((1, [1], 1, 1, "ab", 1, "text")):
+        with pytest.raises(LoopidError):
             function(*sound[:place], wrong, *sound[place + 1 :])
 
 

@@ -37,6 +37,95 @@ def test_a_file_is_refused_by_its_line(tmp_path, case):
     assert {"line": line, "key": key}.items() <= refused.value.facts.items()
 
 
+# What is written for what in a robot's YAML, the line and the keys that are named, and the words.
+AGAINST_THE_MODEL = {
+    "a frame": (
+        "left_coupler_end,",
+        "left_coupler_en,",
+        4,
+        "closed_loop.0.0",
+        "'left_coupler_end'",
+    ),
+    "a motor": ("name_mot: [left", "name_mot: [lft", 6, "name_mot.0", "'left_crank_joint'"),
+    "a joint": (
+        "  left_crank",
+        "  lft_crank",
+        9,
+        "reference.lft_crank_joint",
+        "'left_crank_joint'",
+    ),
+    "a list": ("2.088164806130812", "[1, 2]", 9, "reference.left_crank_joint", "one number"),
+    "a key again": (
+        "joint: 1.85",
+        "joint: 1.85\nname_mot: []\nrounding: 1",
+        13,
+        None,
+        "line 6 too",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", AGAINST_THE_MODEL)
+def test_what_the_model_refuses_has_its_line(tmp_path, case):
+    old, new, line, key, words = AGAINST_THE_MODEL[case]
+    folder = loopid.loading.bundled_directory()
+    text, file = (folder / "five_bar.yaml").read_text(), tmp_path / "five_bar.yaml"
+    file.write_text(text.replace(old, new))
+    file.with_suffix(".urdf").write_bytes((folder / "five_bar.urdf").read_bytes())
+    with pytest.raises(RobotFileError) as refused:
+        loopid.load(file)
+    place = f"{file}: line {line}" + (f", {key}" if key else "")
+    assert str(refused.value).startswith(f"{place}: ")
+    assert words in str(refused.value)
+
+
+# What a mapping says, and where it is refused.
+MAPPINGS = {
+    "force_scale: 0": "line 1, force_scale: must not be 0",
+    "time: t": "line 1, time: must hold keys among column, unit, seconds, nanoseconds, not 't'",
+    "position: {left_crank_jont: a}": "line 1, position.left_crank_jont: ",
+    "wrenches:\n  - {frame: bas, columns: [a, b, c, d, e, f]}": "line 2, wrenches.0.frame: ",
+}
+
+
+@pytest.mark.parametrize("content", MAPPINGS)
+def test_what_a_mapping_says_is_refused_by_its_line(tmp_path, content):
+    file = tmp_path / "mapping.yaml"
+    file.write_text(content)
+    log = loopid.loading.bundled_directory() / "logs" / "five_bar.csv"
+    with pytest.raises(LoopidError) as refused:
+        loopid.read_log(loopid.load("five_bar"), log, mapping=file)
+    assert str(refused.value).startswith(f"{file}: {MAPPINGS[content]}")
+
+
+def test_slips_in_motions_are_refused_by_their_lines(tmp_path):
+    text = (loopid.loading.bundled_directory() / "five_bar_motions.yaml").read_text()
+    for old, new, words in (
+        ("there_and_back", "there_and_bak", "line 11, motions.sweep.steps.1: unknown key"),
+        (
+            "to: {left_crank_joint: 2.5",
+            "to: {left_crnk_joint: 2.5",
+            "line 12, motions.sweep.steps.1",
+        ),
+    ):
+        file = tmp_path / "motions.yaml"
+        file.write_text(text.replace(old, new))
+        with pytest.raises(RobotFileError) as refused:
+            loopid.motion.read_motion_program(file)
+        assert str(refused.value).startswith(f"{file}: {words}")
+        assert "did you mean" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"), [("", "it is empty"), ('{"format": "loo', "it is cut short or damaged")]
+)
+def test_a_fit_that_is_none_is_refused_in_plain_words(tmp_path, content, words):
+    file = tmp_path / "fit.yaml"
+    file.write_text(content)
+    with pytest.raises(LoopidError, match=f"is not a saved fit: {words}"):
+        loopid.load_fit(file)
+
+
 def test_a_bundled_robot_is_meant():
     with pytest.raises(loopid.errors.FileError, match=r"exist \(did you mean 'five_bar'\?\), and"):
         loopid.load("five_br")

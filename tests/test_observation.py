@@ -136,7 +136,7 @@ def test_an_observation_cannot_be_changed():
     ],
 )
 def test_bad_matrices_are_refused(matrix, problem):
-    with pytest.raises(DataError, match=f"observation matrix.*{problem}"):
+    with pytest.raises(DataError, match=f"matrix.*{problem}"):
         Observation.from_matrix(matrix, named(2))
 
 

@@ -6,12 +6,14 @@ functions that take them, which know their shapes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+import builtins
+import sys
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import is_dataclass
 from functools import cache, wraps
-from inspect import signature
+from inspect import isfunction, signature, unwrap
 from numbers import Real
-from types import UnionType
+from types import NoneType, UnionType
 from typing import (
     Annotated,
     Any,
@@ -23,6 +25,7 @@ from typing import (
     get_args,
     get_origin,
     get_type_hints,
+    overload,
 )
 
 import numpy as np
@@ -32,22 +35,39 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    SkipValidation,
+    PlainValidator,
     ValidationError,
     validate_call,
 )
-from pydantic_core import ErrorDetails
+from pydantic_core import ErrorDetails, PydanticKnownError
 from pydantic_core.core_schema import is_instance_schema
 
 from loopid.border import worded
-from loopid.errors import DataError, OptionError
+from loopid.errors import DataError, LoopidError, OptionError
 
 P = ParamSpec("P")
 R = TypeVar("R")
-# Checked by the functions that take them.
-FloatArray = Annotated[NDArray[np.float64], SkipValidation]
-IntArray = Annotated[NDArray[np.int64], SkipValidation]
-BoolArray = Annotated[NDArray[np.bool_], SkipValidation]
+
+
+def _array(kinds: str, what: str) -> PlainValidator:
+    """Arrays of NumPy's kinds as they are, and lists as arrays; their shapes are not looked at."""
+
+    def taken(given: ArrayLike) -> NDArray[Any]:
+        values = given if type(given) is np.ndarray else _real(given, "", NoneType)
+        if values.dtype.kind not in kinds and values.size:
+            values = _real(values, "")
+            raise DataError(f"must be {what}, not {values.dtype}")
+        return values
+
+    return PlainValidator(taken)
+
+
+# Shapes, and whether numbers are finite, are checked by the functions that know them.
+FloatArray = Annotated[NDArray[np.float64], _array("biuf", "numbers")]
+IntArray = Annotated[NDArray[np.int64], _array("iu", "whole numbers")]
+BoolArray = Annotated[NDArray[np.bool_], _array("b", "True or False")]
+# A list will do as well.
+Numbers = Annotated[ArrayLike, _array("biuf", "numbers")]
 # A field that need not be finite; null in files where it is not.
 Number = Annotated[
     float, Field(allow_inf_nan=True), BeforeValidator(lambda x: np.nan if x is None else x)
@@ -81,7 +101,10 @@ def finite(array: ArrayLike, name: str) -> FloatArray:
 
     Numbers beyond ``LARGEST`` are refused too, whose products overflow.
     """
-    values = _real(array, name)
+    values: FloatArray = array  # type: ignore[assignment]
+    if type(array) is not np.ndarray or array.dtype != np.float64:
+        with np.errstate(over="ignore"):
+            values = _real(array, name).astype(np.float64, copy=False)
     if values.size and not (values.max() <= LARGEST and values.min() >= -LARGEST):
         first = tuple(int(i) for i in np.argwhere(~(np.abs(values) <= LARGEST))[0])
         bound = f" (at most {LARGEST:g})" if np.isfinite(values[first]) else ""
@@ -105,23 +128,24 @@ def rectangular(array: ArrayLike, name: str) -> NDArray[Any]:
         raise DataError(message, argument=name) from error
 
 
-def _real(array: ArrayLike, name: str) -> FloatArray:
-    """The array as floats: NumPy would read text and dates, and drop masks and imaginary parts."""
-    if type(array) is np.ndarray and array.dtype == np.float64:
-        return array
+def _real(array: ArrayLike, name: str, *missing: type) -> NDArray[Any]:
+    """The array of real numbers: NumPy would read text and dates, and drop masks and parts.
+
+    What is missing becomes NaN, as null in files.
+    """
     given = rectangular(array, name)
+    kind = "" if given.dtype.kind in "biuf" else KINDS.get(given.dtype.kind, str(given.dtype))
     if given.dtype.kind == "O":
-        strange = [x for x in given.flat if not isinstance(x, Real)]
+        strange = [x for x in given.flat if not isinstance(x, (Real, *missing))]
         kind = type(strange[0]).__name__ if strange else ""
-    else:
-        kind = "" if given.dtype.kind in "biuf" else KINDS.get(given.dtype.kind, str(given.dtype))
     if kind:
         raise DataError(f"{name} must be numbers, not {kind}", argument=name, given=kind)
     if np.ma.is_masked(array):
         raise DataError(f"{name} must be whole, but some of its entries are masked", argument=name)
+    if given.dtype.kind != "O":
+        return given
     try:
-        with np.errstate(over="ignore"):
-            return given.astype(np.float64, copy=False)
+        return given.astype(np.float64)
     except OverflowError as error:
         raise DataError(f"{name} must be finite: {error}", argument=name) from error
 
@@ -182,27 +206,58 @@ def shaped(array: ArrayLike, name: str, *shape: int) -> FloatArray:
     return values
 
 
+def for_each(array: ArrayLike, name: str, count: int) -> FloatArray:
+    """Finite numbers (count,), of which one may stand for all."""
+    values = finite(array, name)
+    if values.shape not in ((), (count,)):
+        message = f"{name} must be one number, or have shape {(count,)}, not {values.shape}"
+        raise DataError(message, argument=name, given=values.shape)
+    return np.broadcast_to(values, count)
+
+
 # Arguments of public functions.
 
 
-def checked(function: Callable[P, R]) -> Callable[P, R]:
+@overload
+def checked(thing: type[R]) -> type[R]: ...
+@overload
+def checked(thing: Callable[P, R]) -> Callable[P, R]: ...
+def checked(thing: Any) -> Any:
     """Refuse arguments that are not of the annotated types, among numbers also NaN.
 
-    Arrays are left to the function, which knows their shapes.
+    Of a class, arguments of ``__init__`` and of all public methods. Lists become arrays where
+    these are annotated, and arrays or columns of data frames lists; shapes of arrays are left to
+    the function, which knows them.
 
     Raises
     ------
     OptionError
         Naming the argument, what it must be, and what was given.
     """
+    if isinstance(thing, type):
+        for name, member in [*vars(thing).items()]:
+            bound = isinstance(member, classmethod | staticmethod)
+            own = member.__func__ if bound else member
+            if (name == "__init__" or name[0] != "_") and isfunction(own):
+                made = _checked(own, thing)
+                setattr(thing, name, type(member)(made) if bound else made)
+        return thing
+    return _checked(thing)
 
+
+def _checked(function: Callable[P, R], owner: type | None = None) -> Callable[P, R]:
     @cache  # made by the first call: importing loopid does not wait for it
     def validated() -> Callable[P, tuple[Any, Any]]:
         @wraps(function)
         def taken(*args: P.args, **kwargs: P.kwargs) -> Any:
             return args, kwargs
 
-        hints = get_type_hints(function, include_extras=True)
+        taken.__annotations__ = {k: v for k, v in taken.__annotations__.items() if k != "return"}
+        names = _Names()
+        for base in reversed(owner.__mro__ if owner else ()):  # fields may be of their modules
+            names |= vars(sys.modules[base.__module__])
+        names |= unwrap(function).__globals__
+        hints = get_type_hints(taken, {}, names, include_extras=True)
         taken.__annotations__ = {name: _instances(hint) for name, hint in hints.items()}
         config = ConfigDict(arbitrary_types_allowed=True, allow_inf_nan=False)
         return validate_call(config=config)(taken)
@@ -235,6 +290,22 @@ MADE_BY = {
     "Fit": "load_fit",
     "Estimates": "load_fit",
 }
+# What they are known as: these say only what is used of them.
+ABSTRACT = {"LinearModel": "ForceModel", "Values": "Fit"}
+
+
+class _Names(dict[str, Any]):
+    """What annotations name; classes that are imported for type checkers alone go by their name."""
+
+    def __missing__(self, name: str) -> Any:
+        def taken(given: Any) -> Any:
+            if name not in (kind.__name__ for kind in type(given).__mro__):
+                raise PydanticKnownError("is_instance_of", {"class": name})
+            return given
+
+        if hasattr(builtins, name):
+            return getattr(builtins, name)
+        return Annotated[object, PlainValidator(taken)]
 
 
 class _Instance:
@@ -249,7 +320,7 @@ def _instances(hint: Any) -> Any:
     """The annotation with instances for dataclasses, which pydantic would make of dictionaries."""
     kind, parts = get_origin(hint), get_args(hint)
     if isinstance(hint, type) and kind is None:
-        own = is_dataclass(hint) or issubclass(hint, BaseModel)
+        own = is_dataclass(hint) or issubclass(hint, BaseModel) or hasattr(hint, "_fields")
         return Annotated[hint, _Instance] if own else hint
     if kind is Annotated:
         return Annotated[(_instances(parts[0]), *parts[1:])]
@@ -257,30 +328,42 @@ def _instances(hint: Any) -> Any:
         return Union[tuple(map(_instances, parts))]  # noqa: UP007
     if kind in (None, Literal, Callable, Unpack):
         return hint
-    several = kind[tuple(map(_instances, parts))]
-    listed = kind in (Sequence, Iterable, Collection, list, tuple)
-    return Annotated[several, BeforeValidator(_listed)] if listed else several
+    several = (Sequence, list, tuple, Iterable, Collection)
+    # Pydantic would look at what an Iterable yields only when it is taken.
+    whole = (list if kind in several[3:] else kind)[tuple(map(_instances, parts))]
+    apart = (list, tuple, str, bytes) + (Mapping, Set) * (kind not in several[3:])
+    return Annotated[whole, BeforeValidator(_listed(apart))] if kind in several else whole
 
 
-def _listed(given: Any) -> Any:
-    """The list of an array's entries, as of names; all else as it is."""
-    return given.tolist() if hasattr(given, "tolist") and hasattr(given, "__len__") else given
+def _listed(apart: tuple[type, ...]) -> Callable[[Any], Any]:
+    """What lists the entries of arrays and columns, but not what is of a kind that stands apart."""
+
+    def taken(given: Any) -> Any:
+        if isinstance(given, np.ndarray):
+            return given.tolist()
+        known = isinstance(given, apart) or not isinstance(given, Iterable)
+        return given if known else [*given]
+
+    return taken
 
 
-def _refusal(details: list[ErrorDetails], names: list[str]) -> OptionError:
+def _refusal(details: list[ErrorDetails], names: list[str]) -> LoopidError:
     """What is first wrong with the arguments; of alternatives all that there are."""
     detail = details[0]
+    problem = detail.get("ctx", {}).get("error")
     place, *inside = detail["loc"]
     name = names[min(place, len(names) - 1)] if isinstance(place, int) else str(place)
     at = name + "".join(f"[{part!r}]" for part in inside if isinstance(part, int))
     said = worded(detail, _shown)
     if detail["type"] == "is_instance_of":
         same = (other.get("ctx", {}) for other in details if other["loc"][0] == place)
-        kinds = list(dict.fromkeys(each["class"].lstrip("_") for each in same if "class" in each))
+        kinds = [each["class"].lstrip("_") for each in same if "class" in each]
+        kinds = [*dict.fromkeys(ABSTRACT.get(each, each) for each in kinds)]
         makers = " or ".join(MADE_BY[each] for each in kinds if each in MADE_BY)
         said = f"must be of type {' or '.join(kinds)}, not {_shown(detail['input']):.60}"
         said += f": {makers} gives one" if makers else ""
-    return OptionError(f"{at} {said}", argument=name, given=detail["input"])
+    error = DataError if isinstance(problem, DataError) else OptionError
+    return error(f"{at} {said}", argument=name, given=detail["input"])
 
 
 def _shown(given: Any) -> str:

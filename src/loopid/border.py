@@ -26,6 +26,7 @@ WORDS = {
     "less_than": "must be below {lt:g}",
     "less_than_equal": "must be {le:g} or less",
     "sequence_str": "must be a sequence",
+    "json_invalid": "it is cut short or damaged ({error})",
 }
 SHORTER = {
     "Input should be": "must be",
@@ -36,7 +37,7 @@ SHORTER = {
 }
 UNKNOWN = "unknown_word"
 # Their sentences name the value themselves.
-COMPLETE = ("missing", "too_short", "too_long", "value_error", UNKNOWN)
+COMPLETE = ("missing", "json_invalid", "too_short", "too_long", "value_error", UNKNOWN)
 Form = TypeVar("Form", bound=BaseModel)
 
 
@@ -50,7 +51,12 @@ class Section(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _keys_are_known(cls, content: Any) -> Any:
-        for key in content if isinstance(content, dict) else ():
+        if isinstance(content, cls):
+            return content
+        if not isinstance(content, dict):
+            keys = ", ".join(cls.model_fields)
+            raise ValueError(f"must hold keys among {keys}, not {content!r:.60}")
+        for key in content:
             if key not in cls.model_fields:
                 raise unknown("key", key, cls.model_fields)
         return content
@@ -70,7 +76,7 @@ def worded(detail: ErrorDetails, shown: Callable[[Any], str] = repr) -> str:
     """
     kind, context, given = detail["type"], detail.get("ctx", {}), detail["input"]
     if kind == "value_error":
-        return str(context["error"])
+        return str(context["error"]).strip()
     if kind == "literal_error":
         valid = re.findall(r"'([^']*)'", context["expected"])
         return f"must be one of {', '.join(valid)}, not {shown(given):.60}{near(given, valid)}"

@@ -20,7 +20,6 @@ from loopid.arguments import (
     FloatArray,
     NotNegative,
     Positive,
-    checked,
     finite,
     frozen,
     row_blocks,
@@ -105,7 +104,6 @@ class Observation:
     motors_alone: Observation | None = None
 
     @classmethod
-    @checked
     def from_matrix(
         cls,
         matrix: FloatArray,
@@ -129,7 +127,6 @@ class Observation:
         return cls.from_parts([matrix], parameters, length=length, natural_size=natural_size)
 
     @classmethod
-    @checked
     def from_parts(
         cls,
         parts: Iterable[FloatArray],

@@ -46,7 +46,8 @@ def record(cls: Any = None, *, kw_only: bool = False, checked: bool = False) -> 
     kw_only : bool
         Whether all fields are given by their names.
     checked : bool
-        Whether fields are checked against their annotations, as ``arguments.checked`` does.
+        Whether fields, and arguments of public methods, are checked against their annotations, as
+        ``arguments.checked`` does.
 
     Examples
     --------
@@ -65,7 +66,7 @@ def record(cls: Any = None, *, kw_only: bool = False, checked: bool = False) -> 
 
 def _record(cls: type, kw_only: bool, is_checked: bool) -> type:
     made: Any = dataclass(frozen=True, eq=False, repr=False, kw_only=kw_only)(cls)
-    init = checked(made.__init__) if is_checked else made.__init__
+    init = (checked(made) if is_checked else made).__init__
 
     @wraps(init)
     def initialise(self: Any, *args: Any, **kwargs: Any) -> None:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel, ValidationError
 from ruamel.yaml import YAML
+from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent, ScalarEvent
 from ruamel.yaml.nodes import MappingNode, SequenceNode
@@ -21,6 +23,7 @@ from loopid.border import refusal
 from loopid.errors import FileError, LoopidError, RobotFileError
 from loopid.files import why_no_file
 
+ENDINGS = (".yaml", ".yml")
 # Far more than files that people write have: a few KB of YAML can ask for all the memory, and the
 # parser takes seconds for 100 KB.
 MOST_BYTES = 500_000
@@ -39,9 +42,6 @@ def read_yaml(
     """Read a YAML file of keys and values as a model; an empty file leaves all keys out."""
     content = load_yaml(path, failure)
     content = {} if content is None else content
-    if not isinstance(content, dict):
-        keys = ", ".join(model.model_fields)
-        raise failure(f"{path} must hold keys among {keys}, not {content!r:.60}")
     try:
         return model.model_validate(content)
     except ValidationError as error:
@@ -64,6 +64,64 @@ def line_of(path: Path, keys: Sequence[Any]) -> int | None:
     return line
 
 
+@contextmanager
+def placing(path: Path, but: Sequence[str] = ()) -> Iterator[None]:
+    """Name the line and the keys in a YAML file of what is refused inside.
+
+    An error gives the ``keys`` that lead there, or as ``given`` the word that stands there. What
+    is below the keys ``but`` was given otherwise.
+    """
+    try:
+        yield
+    except LoopidError as error:
+        facts = error.facts
+        word, keys, line = facts.get("given"), facts.get("keys"), None
+        if path.suffix not in ENDINGS or "line" in facts:
+            raise
+        if keys is None and isinstance(word, str):
+            node = YAML(typ="safe", pure=True).compose(path.read_text("utf-8"))
+            found = (each for each in _words(node) if each.text == word)
+            keys = next((each.keys for each in found), None)
+        if keys is None or keys[0] in but or (line := line_of(path, keys)) is None:
+            raise
+        key, said = ".".join(map(str, keys)), str(error).removeprefix(f"{path}: ")
+        more = {"key": key, **facts, "line": line}
+        raise type(error)(f"{path}: line {line}, {key}: {said}", **more) from error
+
+
+class _Word(NamedTuple):
+    """A word of a YAML file, and the keys that lead to it."""
+
+    text: str
+    keys: tuple[str | int, ...]
+    line: int
+    is_key: bool
+
+
+def _words(node: Any, keys: tuple[str | int, ...] = ()) -> Iterator[_Word]:
+    if isinstance(node, MappingNode):
+        for name, value in node.value:
+            own = (*keys, str(name.value))
+            yield _Word(str(name.value), own, name.start_mark.line + 1, is_key=True)
+            yield from _words(value, own)
+    elif isinstance(node, SequenceNode):
+        for k, each in enumerate(node.value):
+            yield from _words(each, (*keys, k))
+    elif node is not None:
+        yield _Word(node.value, keys, node.start_mark.line + 1, is_key=False)
+
+
+def _repetition(text: str) -> str:
+    """Which key stands in two lines."""
+    lines = dict[tuple[str | int, ...], int]()
+    for word in _words(YAML(typ="safe", pure=True).compose(text)):
+        if word.is_key and word.keys in lines:
+            return f"line {word.line}: key {word.text!r:.60} stands in line {lines[word.keys]} too"
+        if word.is_key:
+            lines[word.keys] = word.line
+    return "a key stands in it twice"
+
+
 def load_yaml(path: Path, failure: type[LoopidError], most_bytes: int = MOST_BYTES) -> Any:
     """Lists, dictionaries, texts and numbers of a YAML file that is no larger than it seems.
 
@@ -80,9 +138,12 @@ def load_yaml(path: Path, failure: type[LoopidError], most_bytes: int = MOST_BYT
             raise _BoundError(f"it is longer than the {most_bytes / 1e6:g} MB that are read")
         yaml = YAML(typ="safe", pure=True)
         yaml.Parser = _BoundedParser
-        return yaml.load(io.StringIO(data.decode("utf-8")))
+        text = data.decode("utf-8")
+        return yaml.load(io.StringIO(text))
     except _BoundError as error:
         raise failure(f"{path}: {error}") from error
+    except DuplicateKeyError as error:
+        raise failure(f"{path}: {_repetition(text)}") from error
     except OSError as error:
         raise failure(f"{path} cannot be read: {error.strerror}") from error
     except (YAMLError, ValueError, ArithmeticError, LookupError) as error:

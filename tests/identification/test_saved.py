@@ -259,7 +259,7 @@ def changed(record, value, *path):
         ("value", None, ("base_parameters", 0, "value")),
         ("value", 10**400, ("base_parameters", 0, "value")),
         ("joint_terms", ["Fz"], ("force_model", "joint_terms", "kinds")),
-        ("estimate.quality: .*many", ["many"], ("estimate", "quality", "samples")),
+        ("estimate.quality.samples: must be numbers", ["many"], ("estimate", "quality", "samples")),
         ("extra", 1, ("estimate", "quality", "extra")),
     ],
 )

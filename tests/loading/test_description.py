@@ -65,7 +65,11 @@ BROKEN_YAML = {
     ),
     # Grammar.
     "not YAML": ("type:", "type: ]", ("not YAML",)),
-    "key twice": ("name_mot:", "type: []\nname_mot:", ("not YAML", "duplicate key", "type")),
+    "key twice": (
+        "name_mot:",
+        "type: []\nname_mot:",
+        ("line 6", "key 'type' stands in line 5 too"),
+    ),
     "a list": (r"\A.+", "[leg1_stem, platform_B1]", ("keys", "leg1_stem")),
     "a number": (r"\A.+", "3", ("keys", "3")),
 }

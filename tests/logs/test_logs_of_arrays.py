@@ -124,7 +124,7 @@ def test_units_are_those_that_are_named(arrays, knee):
             Log.from_arrays(*arrays, knee.actuated, units=wrong)
         assert refusal.value.facts["given"] in ("furlong", "leg9", "weight")
     angle = Log.from_arrays(
-        [0, 1, 2, 3], [0, 90, 180, 90], np.ones(4), "a", units={"position": "deg"}
+        [0, 1, 2, 3], [0, 90, 180, 90], np.ones(4), ["a"], units={"position": "deg"}
     )
     np.testing.assert_allclose(angle.position[:, 0], [0, np.pi / 2, np.pi, np.pi / 2])
 

@@ -14,6 +14,7 @@ import loopid
 from bank_robots import few_of
 from linkages import LINKAGES, ORDINARY
 from loopid import Dynamics, random_configurations
+from loopid.base_parameters.rank import DoubtfulCombination
 from loopid.errors import AssemblyError, DataError, MobilityError, OptionError, SingularityError
 from loopid.kinematics import (
     AssemblyOptions,
@@ -426,7 +427,7 @@ def test_friction_curves_and_loads_are_those_of_the_force_model(load_once, terms
 def test_combinations_that_are_doubtful_keep_the_regressor(full_model, some_values):
     """There bodies would have what the combinations that count have not."""
     model, phi = full_model("five_bar"), some_values("five_bar")
-    lost = replace(model.base.structure, doubtful=("one",))
+    lost = replace(model.base.structure, doubtful=(DoubtfulCombination({}, 0.0, 0.0),))
     doubtful = replace(model, base=replace(model.base, structure=lost))
     for q, v, a in some_states(model):
         plain, u = at(model, phi, q)

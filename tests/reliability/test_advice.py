@@ -290,7 +290,7 @@ OF_ROBOTS = {
     ),
     "no motor": (
         edited("[crank_joint]", "[]"),
-        "choose 'name_mot' among crank_joint, coupler_joint",
+        "choose motors among crank_joint, coupler_joint",
         edited("[crank_joint]", "[coupler_joint]"),
     ),
     "an unknown frame": (

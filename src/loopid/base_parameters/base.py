@@ -43,7 +43,7 @@ LISTED = 3  # base parameters that a ``repr`` names
 LEAST_TIME = 0.01  # s, for a search after one that used all there was
 
 
-@record
+@record(checked=True)
 class BaseParameters(Tabular):
     """A minimal set of parameters that reproduces every force, W_B Φ_base = W Φ [Gautier1991].
 

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import PositiveInt
 
-from loopid.arguments import FloatArray, IntArray, Positive
+from loopid.arguments import FloatArray, IntArray, Number, Positive
 from loopid.base_parameters.account import SubgroupAccount
 from loopid.base_parameters.rank import pivots
 from loopid.base_parameters.structure import Structure, base_columns, regrouping_matrix
@@ -74,7 +74,7 @@ class SearchOptions:
     ties: PositiveInt = 20_000
     memory: PositiveInt = 2**30
 
-    def covering(self, error: float) -> float:
+    def covering(self, error: Number) -> float:
         """The tolerance, or in decades what covers a relative error four times."""
         if not error < inf:
             return inf
@@ -146,7 +146,7 @@ class ChoiceProblem:
             chosen = base_columns(self.size, chosen)
         return float(condition_numbers(self.vectors[chosen][None])[0])
 
-    def uncertainty(self, condition: float) -> float:
+    def uncertainty(self, condition: Number) -> float:
         """Relative error of condition numbers up to one given, by round-off in the vectors.
 
         All vectors of such a selection are at most ``condition`` times as long as its shortest: a

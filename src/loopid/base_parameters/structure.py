@@ -28,7 +28,7 @@ COARSE = 1e-6  # of the last value that counts, of columns of equal length: more
 COARSEST = 1e-2  # precision of null vectors that doubtful values leave at least
 
 
-@record
+@record(checked=True)
 class Structure:
     """Rank and null space of an observation.
 

@@ -66,6 +66,7 @@ class Controller:
         return np.asarray(sum(law.force(signals, reference) for law in self.laws))
 
 
+@checked
 class PID:
     """Kp e + Kd ė + Ki ∫e dt; PD without an integral gain.
 
@@ -77,7 +78,6 @@ class PID:
         Between samples in s, for the integral.
     """
 
-    @checked
     def __init__(
         self,
         proportional: FloatArray | float,
@@ -103,6 +103,7 @@ class PID:
         )
 
 
+@checked
 class Gravity:
     """Forces that hold the robot, by values that stay."""
 
@@ -114,6 +115,7 @@ class Gravity:
         return self.dynamics.gravity(signals.position)
 
 
+@checked
 class Friction:
     """Friction at the commanded velocity, by values that stay.
 
@@ -134,6 +136,7 @@ def _gravity_and_friction(dynamics: Dynamics, signals: Signals, reference: Refer
     return dynamics.regressor(u) + dynamics.friction_regressor(u, reference.velocity)
 
 
+@checked
 class OnlineCompensation:
     """Gravity and friction with values that are estimated while the robot moves.
 
@@ -169,7 +172,6 @@ class OnlineCompensation:
         Samples at which something began to change.
     """
 
-    @checked
     def __init__(
         self,
         dynamics: Dynamics,
@@ -237,6 +239,7 @@ class OnlineCompensation:
         return found, np.sqrt(spread.diagonal())
 
 
+@checked
 class AdaptiveCompensation:
     """Gravity and friction whose values adapt by what they miss: φ̇ = B γ Bᵀ Kᵀ s [Slotine1987].
 
@@ -256,7 +259,6 @@ class AdaptiveCompensation:
         λ in 1/s.
     """
 
-    @checked
     def __init__(
         self,
         dynamics: Dynamics,

@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.stats import chi2, norm
 
-from loopid.arguments import BoolArray, FloatArray, Positive, checked, finite
+from loopid.arguments import BoolArray, FloatArray, Positive, checked, for_each
 from loopid.control.laws import Signals
 from loopid.errors import DataError, OptionError
 from loopid.records import record
@@ -76,6 +76,7 @@ class WrenchEstimate:
         return tuple(np.array(COMPONENTS)[~np.isfinite(self.floor)].tolist())
 
 
+@checked
 class WrenchObserver:
     """Tells wrenches on a frame from the signals of the motors.
 
@@ -119,7 +120,6 @@ class WrenchObserver:
     (False, ('Fy',), (6, 2))
     """
 
-    @checked
     def __init__(
         self,
         dynamics: Dynamics,
@@ -133,9 +133,8 @@ class WrenchObserver:
     ) -> None:
         self.dynamics, self.interval, self.moving = dynamics, interval, MOVING
         self.part = gain * interval / (1.0 + gain * interval)  # of what is new in the filter
-        ones = np.ones(dynamics.dof)
-        self.noise = finite(noise, "noise") * ones
-        self.unmodelled = finite(unmodelled, "unmodelled") * ones
+        self.noise = for_each(noise, "noise", dynamics.dof)
+        self.unmodelled = for_each(unmodelled, "unmodelled", dynamics.dof)
         if not (self.noise + self.unmodelled).all():
             raise DataError("an observer needs deviations: give noise, or what is unmodelled")
         robot = dynamics.robot

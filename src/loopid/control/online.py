@@ -19,13 +19,14 @@ import numpy as np
 from pydantic import Field
 from scipy.linalg import lapack, solve_triangular
 
-from loopid.arguments import FloatArray, Positive, checked, finite, shaped
+from loopid.arguments import FloatArray, Number, Positive, checked, finite, shaped
 from loopid.errors import DataError, RankError
 
 Forgetting = Literal["none", "exponential", "directional"]
 LEAST = 1e-3  # of the largest excited direction: smaller ones do not forget
 
 
+@checked
 class RecursiveLeastSquares:
     """Base parameters φ from rows K φ = force, one sample after the other.
 
@@ -57,7 +58,6 @@ class RecursiveLeastSquares:
     [3.0, 2.0]
     """
 
-    @checked
     def __init__(
         self,
         values: FloatArray,
@@ -78,7 +78,8 @@ class RecursiveLeastSquares:
 
     def update(self, regressor: FloatArray, force: FloatArray) -> None:
         """Take a sample, K (dof, n) and forces (dof,); rows of zeros say nothing."""
-        n, rows = self._n, np.asarray(regressor) / self.deviations[:, None]
+        K, force = self._sample(regressor, force)
+        n, rows = self._n, K / self.deviations[:, None]
         if self.forgetting == "exponential":
             self._work[: n + 1] *= self._keep
         elif self.forgetting == "directional":
@@ -87,8 +88,12 @@ class RecursiveLeastSquares:
             kept = squares > LEAST**2 * max(squares[-1], np.finfo(float).tiny)
             Q = told @ (axes[:, kept] / np.sqrt(squares[kept]))
             self._work[:n] -= (1.0 - self._keep) * (Q @ (Q.T @ self._work[:n]))
-        self._work[n + 1 :, :n], self._work[n + 1 :, n] = rows, np.asarray(force) / self.deviations
+        self._work[n + 1 :, :n], self._work[n + 1 :, n] = rows, force / self.deviations
         self._triangle()
+
+    def _sample(self, regressor: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
+        dof = len(self.deviations)
+        return shaped(regressor, "regressor", dof, self._n), shaped(force, "force", dof)
 
     @property
     def values(self) -> FloatArray:
@@ -114,9 +119,10 @@ class RecursiveLeastSquares:
         Chi-squared with as many degrees of freedom while nothing has changed. Rows of zeros are no
         forces.
         """
-        used = np.asarray(regressor).any(axis=1)
-        K = np.asarray(regressor)[used] / self.deviations[used, None]
-        error = np.asarray(force)[used] / self.deviations[used] - K @ self.values
+        K, force = self._sample(regressor, force)
+        used = K.any(axis=1)
+        K = K[used] / self.deviations[used, None]
+        error = force[used] / self.deviations[used] - K @ self.values
         spread = solve_triangular(self._told(), K.T, trans="T", check_finite=False)
         S = spread.T @ spread + np.eye(len(K))
         return float(error @ np.linalg.solve(S, error)), int(used.sum())
@@ -126,8 +132,9 @@ class RecursiveLeastSquares:
 
         With ``Dynamics.payload_columns``, by a body on a link.
         """
-        B, values = finite(columns, "columns"), self.values
-        spread = self.covariance + (B * finite(deviations, "deviations") ** 2) @ B.T
+        sigma, values = np.atleast_1d(finite(deviations, "deviations")), self.values
+        B = shaped(columns, "columns", self._n, len(sigma))
+        spread = self.covariance + (B * sigma**2) @ B.T
         self._restart(_information_root(spread, values), values)
 
     def _restart(self, root: FloatArray, values: FloatArray) -> None:
@@ -162,6 +169,7 @@ def _information_root(covariance: FloatArray, values: FloatArray) -> FloatArray:
     return np.asarray(solve_triangular(L, np.diag(1.0 / scale), lower=True))
 
 
+@checked
 class ChangeDetector:
     """Tells from innovations that something has changed: a one-sided cumulative sum [Page1954].
 
@@ -183,13 +191,12 @@ class ChangeDetector:
     [False, False, False, False, True]
     """
 
-    @checked
     def __init__(
         self, *, drift: Annotated[float, Field(gt=1)] = 2.0, limit: Positive = 25.0
     ) -> None:
         self.drift, self.limit, self.sum = drift, limit, 0.0
 
-    def update(self, innovation: float, count: int) -> bool:
+    def update(self, innovation: Number, count: int) -> bool:
         """Take a squared innovation of this many forces; whether something has changed."""
         if count:
             self.sum = max(0.0, self.sum + innovation / count - self.drift)

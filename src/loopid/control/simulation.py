@@ -18,7 +18,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from loopid.arguments import FloatArray, Positive, checked, random_generator, samples
+from loopid.arguments import FloatArray, Number, Positive, checked, random_generator, samples
 from loopid.control.laws import Law, Reference, Signals
 from loopid.errors import OptionError
 from loopid.motion.simulation import Noise
@@ -67,7 +67,7 @@ class LoopOptions:
 USUAL = LoopOptions()
 
 
-@record
+@record(checked=True)
 class ControlRun:
     """What happened: N samples.
 
@@ -84,12 +84,13 @@ class ControlRun:
     error: FloatArray
     force: FloatArray
 
-    def rms(self, first: float, last: float) -> FloatArray:
+    def rms(self, first: Number, last: Number) -> FloatArray:
         """Root mean square (dof,) of the errors between two times in s."""
         own = (self.time >= first) & (self.time < last)
         return np.asarray(np.sqrt((self.error[own] ** 2).mean(axis=0)))
 
 
+@checked
 class ControlLoop:
     """A simulated robot and its controller.
 
@@ -128,7 +129,6 @@ class ControlLoop:
     True
     """
 
-    @checked
     def __init__(
         self, robot: Dynamics, controller: Law, *, options: LoopOptions = USUAL, seed: int = 0
     ) -> None:
@@ -161,7 +161,6 @@ class ControlLoop:
         self._dry = DryFriction(robot)
         self._bodies = [each.kind in KINDS for each in robot.parameters]
 
-    @checked
     def load(self, link: str, body: FloatArray) -> None:
         """Fix a body π (10,) to a link; of negative mass, it is taken off."""
         self.values = self.values + self.robot.payload_columns(link) @ samples(body, 10, "body")[0]

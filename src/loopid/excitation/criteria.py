@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 import scipy.linalg
 
-from loopid.arguments import FloatArray
+from loopid.arguments import FloatArray, Number
 from loopid.errors import OptionError
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_models import ForceModel
@@ -108,7 +108,7 @@ CRITERIA: Registry[Criterion] = Registry(
 )
 
 
-@record
+@record(checked=True)
 class Criteria:
     """All criteria of one motion, in SI units.
 
@@ -124,10 +124,10 @@ class Criteria:
         Of the weighted observation, √(λ_max / λ_min), to be small.
     """
 
-    log_det: float
-    trace: float
-    least_eigenvalue: float
-    condition_number: float
+    log_det: Number
+    trace: Number
+    least_eigenvalue: Number
+    condition_number: Number
 
     @classmethod
     def of(cls, factor: FloatArray) -> Criteria:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import FloatArray, finite, frozen, variances
+from loopid.arguments import FloatArray, Number, finite, frozen, variances
 from loopid.errors import DataError, OptionError
 from loopid.identification.force_models import ForceModel
 from loopid.identification.quality import (
@@ -75,7 +75,7 @@ class Estimate:
         )
 
 
-@record
+@record(checked=True)
 class Estimates(OfArrays, Tabular):
     """What a ``Fit`` knows; there, what each attribute is, and what it becomes."""
 
@@ -84,7 +84,7 @@ class Estimates(OfArrays, Tabular):
     actuators: tuple[str, ...]
     values: FloatArray
     covariance: FloatArray
-    condition_number: float
+    condition_number: Number
     degrees_of_freedom: FloatArray
     quality: Quality
     weights: FloatArray
@@ -105,7 +105,13 @@ class Estimates(OfArrays, Tabular):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        freedom = np.broadcast_to(self.degrees_of_freedom, self.values.shape)
+        shape, freedoms = self.values.shape, self.degrees_of_freedom.shape
+        if len(shape) != 1 or freedoms not in (shape, ()):
+            raise DataError(
+                f"a fit has values (n,), and degrees_of_freedom (n,) or one, not {shape} and "
+                f"{freedoms}"
+            )
+        freedom = np.broadcast_to(self.degrees_of_freedom, shape)
         object.__setattr__(self, "degrees_of_freedom", frozen(freedom))
         for name in self.assumed:
             if name not in self.parameters.names:

@@ -28,7 +28,7 @@ from loopid.registry import Registry
 from loopid.workers import one_blas_thread
 
 
-@record
+@record(checked=True)
 class WorkingFit:
     """A fit, and the least squares that it amounts to.
 

@@ -55,7 +55,7 @@ LEAST_STATES, ROWS_PER_COLUMN = 60, 3
 FEW = 5  # states that decide whether closures are redundant
 
 
-@record
+@record(checked=True)
 class ForceModel:
     """Forces of the independent coordinates, linear in the n parameters that can be identified.
 

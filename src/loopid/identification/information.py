@@ -86,7 +86,7 @@ def _weighed(
     return weights, R, K, 1.0 / np.where(joints > 0, joints, 1.0)
 
 
-@record
+@record(checked=True)
 class Excitation:
     """SVD of the scaled regressor of n parameters.
 

@@ -32,7 +32,7 @@ from loopid.workers import one_blas_thread
 LEAST_STRENGTH = 10.0
 
 
-@record
+@record(checked=True)
 class InstrumentalVariables(Estimator):
     """Estimates by instruments, which the samples bring (``FitSamples.with_instruments``).
 

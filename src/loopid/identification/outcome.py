@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked
+from loopid.arguments import FloatArray
 from loopid.errors import OptionError
 from loopid.findings import Finding
 from loopid.identification.candidate import Candidate, error_ratio
@@ -36,7 +36,7 @@ CLEARLY_BETTER = 1.25  # ratio of errors above which another candidate is worth 
 ROBOT_FILE, ALL = "robot file", "all parameters"
 
 
-@record
+@record(checked=True)
 class Outcome:
     """What an ``Identification`` found; there, what each attribute is, and what it says."""
 
@@ -123,7 +123,6 @@ class Outcome:
         known = ~np.isnan(every).all(axis=0)
         return np.where(known, np.nan_to_num(every, nan=0.0).max(axis=0), np.nan)
 
-    @checked
     def relative_errors(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
         """Errors on new data (dof,) in parts of each motor's force, and their standard errors.
 

@@ -16,15 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from loopid.arguments import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    checked,
-    finite,
-    rectangular,
-    row_blocks,
-)
+from loopid.arguments import BoolArray, FloatArray, IntArray, finite, rectangular, row_blocks
 from loopid.errors import DataError
 from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
@@ -34,7 +26,7 @@ from loopid.records import record
 ROUND_OFF = 1e-10
 
 
-@record
+@record(checked=True)
 class FitProblem:
     """Forces and regressors of several actuators, reduced to triangular factors.
 
@@ -125,7 +117,7 @@ class FitProblem:
         return np.asarray((self.factors[:, :, -1] ** 2).sum(axis=1), dtype=np.float64)
 
 
-@record
+@record(checked=True)
 class FitSamples:
     """Forces of several actuators over time, and their regressor.
 
@@ -174,7 +166,6 @@ class FitSamples:
     instruments: FloatArray | None = None
 
     @classmethod
-    @checked
     def of(
         cls,
         parameters: ParameterSet,

@@ -27,7 +27,7 @@ from loopid.robot.robot import Robot
 VALUES = "values"  # estimator of values that nothing was fitted to
 
 
-@record
+@record(checked=True)
 class Fit(Estimates):
     """Estimated parameters with their uncertainty, found by their names or sums.
 
@@ -103,7 +103,6 @@ class Fit(Estimates):
     """
 
     @classmethod
-    @checked
     def of(cls, force_model: ForceModel, fit: Fit | FloatArray) -> Fit:
         """A fit of the parameters of a force model, which it then knows.
 
@@ -219,7 +218,6 @@ class Fit(Estimates):
             )
         return self.standard_parameters
 
-    @checked
     def save(self, path: str | Path, *, anyway: bool = False) -> Path:
         """Write a file with all that it takes to use the fit, for ``load_fit``.
 
@@ -261,7 +259,6 @@ class Fit(Estimates):
         """All of it in plain numbers, lists and texts, as it stands in its file."""
         return FitFile.of(self).record()
 
-    @checked
     def to_robot_file(
         self, path: str | Path, *, overwrite: bool = False, anyway: bool = False
     ) -> Path:
@@ -300,7 +297,6 @@ class Fit(Estimates):
         found: Path = fit_exports["robot file"](self, path, overwrite=overwrite, anyway=anyway)
         return found
 
-    @checked
     def to_c(
         self, folder: str | Path, *, name: str | None = None, anyway: bool = False
     ) -> list[Path]:
@@ -330,7 +326,6 @@ class Fit(Estimates):
         found: list[Path] = fit_exports["C source"](self, folder, name=name, anyway=anyway)
         return found
 
-    @checked
     def to_pinocchio(self, *, anyway: bool = False) -> tuple[Any, Any]:
         """Pinocchio's model of the open tree with these bodies, and its closures' constraints.
 

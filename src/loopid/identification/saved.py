@@ -400,6 +400,8 @@ def _document(path: Path) -> bytes | str:
         raise kind(f"{path} {reason}", file=path)
     with path.open("rb") as stream:
         content = stream.read(LARGEST_JSON + 1)
+    if not content.strip():
+        raise DataError(f"{path} is not a saved fit: it is empty", file=path)
     if len(content) > LARGEST_JSON:
         raise DataError(f"{path} is longer than the {LARGEST_JSON / 1e6:g} MB that are read")
     if ending != ".json" and not content.startswith(b"{"):

@@ -85,7 +85,7 @@ class AssemblyOptions:
 USUAL = AssemblyOptions()
 
 
-@record
+@record(checked=True)
 class Assembly:
     """Assembled configurations."""
 

@@ -16,7 +16,7 @@ from itertools import combinations, islice
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, random_generator
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked, random_generator
 from loopid.kinematics.assembly import follow_paths, largest_opening
 from loopid.kinematics.constraint import Constraint, largest_residual
 from loopid.kinematics.measured import JointCoordinates
@@ -94,6 +94,7 @@ def close_by_continuation(
     return _polished(points, movable)
 
 
+@checked
 def displaced(
     robot: Robot, configurations: FloatArray, steps: FloatArray
 ) -> tuple[FloatArray, FloatArray]:

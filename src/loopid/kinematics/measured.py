@@ -166,6 +166,7 @@ class PlatformCoordinates(MeasuredCoordinates):
         return np.concatenate([frame.origin[:, 0] - origin, turn], 1)
 
 
+@checked
 def measured_coordinates(
     robot: Robot, coordinates: Sequence[str] | str | None = None
 ) -> MeasuredCoordinates:

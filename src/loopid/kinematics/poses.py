@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import FloatArray, IntArray
+from loopid.arguments import FloatArray, IntArray, checked
 from loopid.parameters import model_kinds
 from loopid.robot.closures import Equations, LoopClosure
 from loopid.robot.robot import Robot, scratch_data
@@ -244,6 +244,7 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(forth - a.take(BEFORE, axis=-1) * b.take(AFTER, axis=-1))
 
 
+@checked
 def torque_regressors(
     robot: Robot,
     q: FloatArray,
@@ -368,6 +369,7 @@ def integrate(robot: Robot, configurations: FloatArray, steps: FloatArray) -> Fl
     return moved
 
 
+@checked
 def difference(robot: Robot, origin: FloatArray, target: FloatArray) -> FloatArray:
     """Tangent steps between configurations, which ``integrate`` would take.
 

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray
+from loopid.arguments import BoolArray, FloatArray, checked
 from loopid.errors import OptionError
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.poses import blocks, tree_reactions
@@ -23,6 +23,7 @@ from loopid.robot.robot import Robot, motion_subspace
 UNDETERMINED = 1e-6  # part of a reaction along which closures may press without any effect
 
 
+@checked
 def bearing_forces(
     robot: Robot,
     motion: ClosedMotion,

@@ -116,13 +116,13 @@ def _motors(where: object, tree: TreeSource) -> tuple[str, ...]:
     parts = (part for name in left for part in tree.replaced.get(name, (name,)))
     motors = [part for part in parts if part not in tree.locked]
     for name in motors:
-        joint_named(model, name, "among the motors (name_mot)")
+        joint_named(model, name, "among the motors")
     if not motors:
-        key = "'name_mot'" if isinstance(where, Path) else "motors"
         raise MobilityError(
-            f"{where}: no joint has a motor, so no force would be known: choose {key} among "
+            f"{where}: no joint has a motor, so no force would be known: choose motors among "
             f"{', '.join(joints)}",
             file=str(where),
+            keys=("name_mot",),
             valid=tuple(joints),
         )
     return tuple(motors)
@@ -134,7 +134,7 @@ def _bodies(tree: TreeSource) -> tuple[Body, ...]:
     joint_ids = [model.frames[frames[link]].parentJoint for link in tree.inertial_links]
     moving = [joint for joint in dict.fromkeys(joint_ids) if joint > 0]
     if not moving:
-        raise RobotFileError(f"no moving link has an <inertial> in {tree.file}: nothing to do")
+        raise RobotFileError(f"no moving link of {tree.file} has an inertia: nothing to do")
     return tuple(Body(tree.child_links[model.names[joint]], int(joint)) for joint in moving)
 
 

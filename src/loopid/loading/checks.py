@@ -28,7 +28,8 @@ def warn_of_findings(robot: Robot, around: FloatArray, tree: TreeSource) -> None
         warn(f"{tree.file}: {note}", ModelWarning)
     forces = "; ".join(left.what for left in tree.left_out if left.is_force)
     if forces:
-        warn(f"{tree.file}: in the file, not in the model: {forces}", ModelWarning)
+        where = "model of Pinocchio" if robot.path is None else "file"
+        warn(f"{tree.file}: in the {where}, not in the model: {forces}", ModelWarning)
     if not robot.motors_known and (robot.redundant or tree.notes):
         follow = ", ".join(robot.redundant)
         place = "motors=[...]" if robot.path is None else "'name_mot' in a YAML beside it"

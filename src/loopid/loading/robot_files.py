@@ -19,6 +19,7 @@ from loopid.loading.files import RobotFiles, find_files
 from loopid.loading.tree import Reference, TreeSource, joint_values
 from loopid.registry import robot_formats
 from loopid.robot.robot import Robot
+from loopid.yaml_files import placing
 
 
 @with_config(ConfigDict(extra="forbid"))
@@ -107,9 +108,11 @@ def load(
         "tied": tied,
         **{name: value for name, value in reading.items() if value},
     }
-    return build_robot(
-        source, given, files.named, lock=lock, tied=tied, rounding=rounding, options=options
-    )
+    said = {"name_mot": motors, "reference": reference}  # in Python
+    with placing(files.named, [key for key, value in said.items() if value is not None]):
+        return build_robot(
+            source, given, files.named, lock=lock, tied=tied, rounding=rounding, options=options
+        )
 
 
 def _source(files: RobotFiles, reading: Reading) -> TreeSource:

@@ -333,12 +333,13 @@ def written_reference(model: pin.Model, values: Mapping[str, Reference]) -> Floa
 def _joint_value(joint: pin.JointModel, name: str, value: Reference) -> FloatArray:
     """The numbers of a joint in a reference, as many as it needs; quaternions are normalised."""
     what, given = f"joint {name} in reference", np.array(value, float, ndmin=1)
+    keys = ("reference", name)
     if not (np.abs(given) < LARGEST).all():
-        raise RobotFileError(f"{what} must be finite and below {LARGEST:g}, not {value}")
+        raise RobotFileError(f"{what} must be finite and below {LARGEST:g}, not {value}", keys=keys)
     wanted = 1 if joint.nv == 1 else joint.nq
     if len(given) != wanted:
         count = "one number" if wanted == 1 else f"a list of {wanted} numbers"
-        raise RobotFileError(f"{what} must be {count}, not {value}")
+        raise RobotFileError(f"{what} must be {count}, not {value}", keys=keys)
     turn = given[UNIT_PARTS.get(joint.shortname(), len(given)) :] if joint.nv > 1 else given[:0]
     if len(turn):
         size = float(np.linalg.norm(turn))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from loopid.arguments import FloatArray
+from loopid.arguments import FloatArray, checked
 from loopid.errors import DataWarning, LogError, OptionError, warn
 from loopid.logs.grid import (
     BAD_ROWS,
@@ -45,6 +45,7 @@ EXCESS = 1e-3  # relative, over a limit of speed or force: the round-off of how 
 COMPARED_OVER = 0.5  # s over which measured rates are compared with changes of the position
 
 
+@checked
 def check_log(robot: Robot, log: Log) -> Log:
     """The log without impossible samples; warns of what looks wrong, as ``read_log`` does.
 

@@ -16,7 +16,9 @@ from loopid.arguments import (
     FloatArray,
     IntArray,
     NotNegative,
+    Numbers,
     finite,
+    for_each,
     rectangular,
     samples,
 )
@@ -188,19 +190,19 @@ class Log(Tabular):
     @classmethod
     def from_arrays(  # noqa: PLR0913 (a column each)
         cls,
-        time: ArrayLike,
-        position: ArrayLike,
-        force: ArrayLike,
+        time: Numbers,
+        position: Numbers,
+        force: Numbers,
         joints: Sequence[str],
         *,
-        velocity: ArrayLike | None = None,
-        acceleration: ArrayLike | None = None,
+        velocity: Numbers | None = None,
+        acceleration: Numbers | None = None,
         units: Mapping[str, str | Mapping[str, str]] | None = None,
-        segments: ArrayLike | None = None,
-        saturation: ArrayLike | None = None,
+        segments: Numbers | None = None,
+        saturation: Numbers | None = None,
         idle_speed: float | None = None,
         wrenches: Sequence[ExternalWrench] = (),
-        free: Mapping[str, ArrayLike] | None = None,
+        free: Mapping[str, Numbers] | None = None,
         name: str = "log",
     ) -> Log:
         """A log of what was measured or simulated, from arrays or columns of a DataFrame.
@@ -247,7 +249,7 @@ class Log(Tabular):
         ...     units={"position": "deg"}, name="swing")
         <Log 'swing': 200 samples of crank_joint over 1.99 s in 1 segment>
         """
-        joints, units = (joints,) if isinstance(joints, str) else tuple(joints), units or {}
+        joints, units = tuple(joints), units or {}
         for quantity in units:
             if quantity not in UNITS:
                 raise OptionError.unknown("quantity with a unit", quantity, UNITS)
@@ -404,7 +406,7 @@ class Log(Tabular):
         kept["free"] = {joint: values[good] for joint, values in self.free.items()}
         return replace(self, **kept, dropped=(*self.dropped, *dropped))
 
-    def delayed(self, delay: float | Mapping[str, float] | ArrayLike) -> Log:
+    def delayed(self, delay: float | Mapping[str, float] | Numbers) -> Log:
         """The log with forces that come late put back to the motion that they belong to.
 
         Parameters
@@ -435,7 +437,7 @@ class Log(Tabular):
         (4, True)
         """
         each = _by_joint(delay, self.joints, 0.0) if isinstance(delay, Mapping) else delay
-        shifts = np.broadcast_to(finite(each, "delay"), len(self.joints))
+        shifts = for_each(each, "delay", len(self.joints))
         if not shifts.any():
             return self
         force, known = self.force.copy(), np.ones(len(self), dtype=bool)
@@ -459,6 +461,9 @@ class Log(Tabular):
         self, function: Callable[[FloatArray, float], FloatArray], values: FloatArray
     ) -> FloatArray:
         """What a function makes of signals (N, ...) of each segment, and of its rate."""
+        values = rectangular(values, "values")
+        if values.shape[:1] != self.time.shape:
+            raise DataError(f"values must have {len(self)} rows, one a sample", argument="values")
         return np.concatenate([function(values[part], self.rate(part)) for part in self.parts()])
 
     def rate(self, part: slice) -> float:

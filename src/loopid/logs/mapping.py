@@ -11,8 +11,8 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationError,
 
 from loopid.arguments import NotNegative, Positive, checked
 from loopid.border import Section, refusal, unknown
-from loopid.errors import LogError, OptionError
-from loopid.logs.table import COMPONENTS, QUANTITIES
+from loopid.errors import LogError, OptionError, unknown_word
+from loopid.logs.table import COMPONENTS
 from loopid.records import digest
 from loopid.registry import log_formats
 from loopid.yaml_files import read_yaml, yaml_text
@@ -128,6 +128,15 @@ OneOrEach = Annotated[
 ]
 
 
+def _not_zero(scale: float) -> float:
+    if scale == 0:
+        raise ValueError("must not be 0")
+    return scale
+
+
+NotZero = Annotated[float, AfterValidator(_not_zero)]
+
+
 def _known_format(name: str) -> str:
     if name not in log_formats:
         raise unknown("log format", name, log_formats)
@@ -138,6 +147,7 @@ def _known_format(name: str) -> str:
 KnownFormats = Field(json_schema_extra=lambda schema: schema.update(enum=[*log_formats]))
 
 
+@checked
 class LogMapping(Section):
     """Which columns hold time, positions and forces, and in which units.
 
@@ -170,13 +180,13 @@ class LogMapping(Section):
     force: Columns | None = None
     velocity: Columns | None = None
     acceleration: Columns | None = None
-    position_scale: OneOrEach[float] | None = None
+    position_scale: OneOrEach[NotZero] | None = None
     position_offset: OneOrEach[float] = 0.0
-    force_scale: OneOrEach[float] | None = None
+    force_scale: OneOrEach[NotZero] | None = None
     force_offset: OneOrEach[float] = 0.0
-    velocity_scale: OneOrEach[float] | None = None
+    velocity_scale: OneOrEach[NotZero] | None = None
     velocity_offset: OneOrEach[float] = 0.0
-    acceleration_scale: OneOrEach[float] | None = None
+    acceleration_scale: OneOrEach[NotZero] | None = None
     acceleration_offset: OneOrEach[float] = 0.0
     saturation: OneOrEach[Positive] | None = None
     idle_speed: NotNegative | None = None
@@ -196,14 +206,6 @@ class LogMapping(Section):
 
     # Files are validated as before, without passing here.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
-
-    @model_validator(mode="after")
-    def _scales_are_not_zero(self) -> LogMapping:
-        for name in (f"{quantity}_scale" for quantity in QUANTITIES):
-            scale = getattr(self, name)
-            if 0 in (scale.values() if isinstance(scale, dict) else (scale,)):
-                raise ValueError(f"{name} must not be 0")
-        return self
 
     @model_validator(mode="after")
     def _one_time(self) -> LogMapping:
@@ -310,9 +312,14 @@ class LogMapping(Section):
             return [given] * len(joints)
         usual = getattr(LogMapping(), key)
         left_out = {*joints} - {*given} if not key.endswith(("_scale", "_offset")) else ()
-        for name in sorted({*given} - {*joints} | {*left_out}):
+        if wrong := [name for name in given if name not in joints]:
+            what = f"motor in {key} of the mapping"
             raise LogError(
-                f"{source}: {key} of the mapping {'names' if name in given else 'leaves out'} "
+                f"{source}: {unknown_word(what, wrong[0], joints)}", given=wrong[0], key=key
+            )
+        for name in sorted(left_out):
+            raise LogError(
+                f"{source}: {key} of the mapping leaves out "
                 f"{name!r}: give the motors {', '.join(joints)}",
                 source=source,
                 key=key,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,6 +29,7 @@ from loopid.logs.table import LogFormat, numbers_in, stream_name
 from loopid.progress import Progress
 from loopid.registry import log_formats
 from loopid.robot.robot import Robot
+from loopid.yaml_files import placing
 
 # How far a locked joint may be from its lock, in rad or m.
 LOCKED = 2e-3
@@ -89,17 +91,19 @@ def read_log(
     >>> loopid.read_log(robot, bundled_directory() / "logs" / "five_bar.csv")
     <Log 'five_bar': 2241 samples of left_crank_joint, right_crank_joint over 22.40 s in 1 segment>
     """
-    mapping = mapping_of(mapping)
-    require_known_motion(robot, mapping.free)
-    place = _existing(path)
-    for wrench in mapping.wrenches:
-        frame_index(robot, wrench.frame)
-    found = read_streams(place, robot.actuated, mapping, rows=rows, locked=robot.locked)
-    streams = [check_stream(robot, stream) for stream in found]
-    check_moving(streams)
-    name = stream_name(place.resolve())
-    log = Log.from_streams(name, streams, robot.actuated, mapping)
-    check_rates(log)
+    file = nullcontext() if isinstance(mapping, LogMapping | None) else placing(Path(mapping))
+    with file:
+        mapping = mapping_of(mapping)
+        require_known_motion(robot, mapping.free)
+        place = _existing(path)
+        for wrench in mapping.wrenches:
+            frame_index(robot, wrench.frame)
+        found = read_streams(place, robot.actuated, mapping, rows=rows, locked=robot.locked)
+        streams = [check_stream(robot, stream) for stream in found]
+        check_moving(streams)
+        name = stream_name(place.resolve())
+        log = Log.from_streams(name, streams, robot.actuated, mapping)
+        check_rates(log)
     return replace(log, checked=True)
 
 

@@ -14,6 +14,7 @@ from loopid.arguments import (
     FloatArray,
     IntArray,
     NotNegative,
+    Number,
     checked,
     one_as_many,
     row_blocks,
@@ -68,7 +69,7 @@ class FilterOptions:
     def __post_init__(self) -> None:
         self.lowpass(1.0)  # a LowPass checks itself
 
-    def lowpass(self, suggested: float) -> LowPass | None:
+    def lowpass(self, suggested: Number) -> LowPass | None:
         """The filter, with the suggested cut-off in Hz for "auto"."""
         if self.cutoff is None:
             return None
@@ -149,7 +150,7 @@ class RateHistory:
         return np.concatenate(filtered)[self.rows]
 
 
-@record
+@record(checked=True)
 class Recording(Tabular):
     """A motion of the whole robot with the motor forces that went with it.
 
@@ -239,6 +240,8 @@ class Recording(Tabular):
         history = self.history
         if history is not None and joint in history.joints:
             return history.ways(history.velocity[:, history.joints.index(joint)])
+        if joint not in self.actuators:
+            raise OptionError.unknown("motor", joint, self.actuators)
         rate, time = self.motion.velocities[:, self.actuators.index(joint)], self.motion.time
         ends = np.flatnonzero(np.diff(self.segments))
         return [
@@ -318,7 +321,7 @@ class Recording(Tabular):
             raise DataError(f"recording {self.name} has {len(self)} samples: too few to split")
         return self.select(slice(early)), self.select(slice(early, len(self)))
 
-    def between(self, start: float = 0.0, end: float = np.inf) -> Recording:
+    def between(self, start: Number = 0.0, end: Number = np.inf) -> Recording:
         """The samples from one time to another, in s from the start of the log.
 
         Raises

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from loopid.arguments import FloatArray, IntArray, number
+from loopid.arguments import FloatArray, IntArray, checked, number
 from loopid.errors import LogError, LoopidError
 from loopid.registry import log_formats
 
@@ -60,6 +60,7 @@ class Table(NamedTuple):
         return Table(self.cells.filter(inside), self.rows[inside], garbled, cut_off)
 
 
+@checked
 class LogFormat(ABC):
     """A log of some format; of one with a ``choice``, perhaps only the chosen stream."""
 

@@ -6,6 +6,7 @@ import io
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -14,7 +15,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from loopid.arguments import FloatArray, Positive, checked
 from loopid.border import Section
-from loopid.errors import DataError, OptionError, RobotFileError
+from loopid.errors import DataError, OptionError, RobotFileError, unknown_word
 from loopid.kinematics.sampling import DEFAULT_MARGIN
 from loopid.loading.files import find_motion_file
 from loopid.motion.joints import MotionReview, joint_motion, review_motion
@@ -28,7 +29,7 @@ from loopid.motion.trajectories import (
 )
 from loopid.records import record
 from loopid.robot.robot import Robot
-from loopid.yaml_files import read_yaml, yaml_writer
+from loopid.yaml_files import placing, read_yaml, yaml_writer
 
 # Ways in a motion: nested repeats multiply, and a slip of the pen should not fill the memory.
 MOST_WAYS = 100_000
@@ -43,28 +44,27 @@ Pose = Annotated[dict[str, float], Field(min_length=1)]
 class Place:
     """Where in a file steps are written, and what it says of all its motions."""
 
-    name: str
+    path: Path
+    keys: tuple[str | int, ...]
     coordinates: tuple[str, ...]
     speeds: Mapping[str, float]
     shortest: float
 
-    def at(self, part: object) -> Place:
+    def at(self, part: str | int) -> Place:
         """A place inside this one."""
-        return replace(self, name=f"{self.name}.{part}")
+        return replace(self, keys=(*self.keys, part))
 
     def refuse(self, problem: str, **facts: Any) -> NoReturn:
         """Raise an error that names the place."""
-        raise RobotFileError(f"{self.name}: {problem}", place=self.name, **facts)
+        with placing(self.path):
+            raise RobotFileError(f"{self.path}: {problem}", keys=self.keys, **facts)
 
     def require_known(self, names: Iterable[str]) -> None:
         """Refuse names that are no coordinates."""
         for name in names:
             if name not in self.coordinates:
-                self.refuse(
-                    f"unknown coordinate {name!r}: choose among {', '.join(self.coordinates)}",
-                    given=name,
-                    valid=self.coordinates,
-                )
+                problem = unknown_word("coordinate", name, self.coordinates)
+                self.at(name).refuse(problem, given=name, valid=self.coordinates)
 
     def pose(self, values: Mapping[str, float], start: FloatArray) -> FloatArray:
         """The start with some coordinates changed; (c,)."""
@@ -235,8 +235,10 @@ KINDS = ("hold", "to", "repeat", "there_and_back", "fourier", "spline")
 
 def _kind(content: Any) -> str | None:
     """Tag of the step that a mapping describes, by the key that says so."""
-    keys = content if isinstance(content, dict) else ()
-    return next((f"<{kind}>" for kind in KINDS if kind in keys), None)
+    keys = [*map(str, content)] if isinstance(content, dict) else []
+    meant = [kind for key in keys for kind in get_close_matches(key, KINDS, n=1)]
+    kinds = [*(kind for kind in KINDS if kind in keys), *meant]
+    return f"<{kinds[0]}>" if kinds else None
 
 
 Step = Annotated[
@@ -302,7 +304,7 @@ class PlannedMotion:
         return sum(waypoint.seconds for waypoint in self.waypoints)
 
 
-@record
+@record(checked=True)
 class MotionProgram:
     """The motions of a file."""
 
@@ -326,7 +328,6 @@ class MotionProgram:
         """How long each motion takes, by its name."""
         return {name: plan.seconds for name, plan in self.motions.items()}
 
-    @checked
     def motion(self, name: str | None = None, rate: float | None = None) -> Motion:
         """Sample a motion, smooth to the acceleration and at rest in every waypoint.
 
@@ -373,12 +374,12 @@ def read_motion_program(path: str | Path) -> MotionProgram:
     content = read_yaml(file, ProgramDescription)
     coordinates = tuple(content.coordinates)
 
-    def place(part: str) -> Place:
-        return Place(f"{file}: {part}", coordinates, content.speeds, content.shortest)
+    def place(*keys: str) -> Place:
+        return Place(file, keys, coordinates, content.speeds, content.shortest)
 
     place("speeds").require_known(content.speeds)
     plans = tuple(
-        _planned(name, motion, place(f"motions.{name}")) for name, motion in content.motions.items()
+        _planned(name, motion, place("motions", name)) for name, motion in content.motions.items()
     )
     return MotionProgram(file, coordinates, content.rate, plans)
 

@@ -52,7 +52,6 @@ class LowPass:
         """Fewest samples at a rate (Hz) that can be filtered."""
         return int(np.ceil(PADDING * max(self.order, 2) * rate / self.cutoff)) + 1
 
-    @checked
     def apply(self, values: FloatArray, rate: Positive) -> FloatArray:
         """Filter signals (N, ...) along their first axis, sampled at a rate in Hz.
 

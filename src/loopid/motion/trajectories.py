@@ -369,7 +369,6 @@ class FourierSeries:
         """Seconds after which the motion repeats."""
         return 1.0 / self.frequency
 
-    @checked
     def motion(self, duration: float | None = None, rate: float = 100.0) -> Motion:
         """Sample the series, by default over one period (duration in s, rate in Hz)."""
         time = _sample_times(self.period if duration is None else duration, rate)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked
+from loopid.arguments import FloatArray, checked, shaped
 from loopid.base_parameters.account import SubgroupAccount
 from loopid.base_parameters.choice import SearchResult
 from loopid.errors import OptionError
@@ -61,7 +61,8 @@ def robot_chart(robot: Robot, configuration: FloatArray | None = None, *, worst:
     >>> len(loopid.plots.robot_chart(loopid.load("five_bar")).panels)
     1
     """
-    q = robot.reference if configuration is None else configuration
+    given = robot.reference if configuration is None else configuration
+    q = shaped(given, "configuration", robot.model.nq)
     rods = link_rods(robot)
     places, ends, met = placed(robot, rods, q)
     joints, met = np.array([place.translation for place in places[1:]]), met.reshape(-1, 3)

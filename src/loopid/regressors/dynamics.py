@@ -233,6 +233,7 @@ class _Memory(threading.local):
     slips: FloatArray
 
 
+@checked
 class Dynamics:
     """Forces of a robot's motors, and how it moves under them.
 
@@ -299,7 +300,6 @@ class Dynamics:
     (2, 4)
     """
 
-    @checked
     def __init__(
         self,
         robot: Robot | LinearModel,

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from loopid.arguments import checked
 from loopid.excitation.design import ExcitationDesign
 from loopid.files import csv_text
 from loopid.motion.files import motion_text
@@ -24,6 +25,7 @@ FOUND = (
 )
 
 
+@checked
 def excitation_report(found: ExcitationDesign) -> Report:
     """A designed motion: its information, and its limits.
 

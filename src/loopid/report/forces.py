@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from loopid.arguments import FloatArray
+from loopid.arguments import FloatArray, checked
 from loopid.diagnosis.gains import GainFit
 from loopid.diagnosis.payload import MotorMasses, PayloadFit
 from loopid.errors import RankError, counted
@@ -25,6 +25,7 @@ from loopid.report.page import Card, Figure, Report, Section, Tone, panel_table
 from loopid.robot.robot import Robot
 
 
+@checked
 def prediction_report(robot: Robot, predictions: Sequence[Prediction]) -> Report:
     """Forces of logs beside those of a fit.
 
@@ -127,6 +128,7 @@ def _prediction_table(robot: Robot, found: Prediction) -> Table:
     return table_of(f"prediction of {found.recording.name}", columns, range(len(motors)))
 
 
+@checked
 def payload_report(robot: Robot, found: PayloadFit) -> Report:
     """A body that was carried.
 
@@ -255,6 +257,7 @@ def _payload_record(found: PayloadFit) -> dict[str, Any]:
     return record
 
 
+@checked
 def gains_report(robot: Robot, found: GainFit) -> Report:
     """Gains of drives, by a payload that is known.
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from rich.table import Table
 
+from loopid.arguments import checked
 from loopid.errors import DataWarning, OptionError, counted, warn
 from loopid.identification.candidate import Candidate
 from loopid.identification.identification import Identification
@@ -35,6 +36,7 @@ TONES: dict[str, Tone] = {"yes": "good", "roughly": "rough", "no": "bad"}  # of 
 WORDS = {"yes": "Fit", "roughly": "Rough", "no": "Not fit"}
 
 
+@checked
 def identification_report(
     found: Identification, command: str = "", *, anyway: bool = False
 ) -> Report:

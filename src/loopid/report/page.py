@@ -20,6 +20,7 @@ from typing import Any, Literal
 from lxml.html import HtmlElement, tostring
 from rich.table import Table
 
+from loopid.arguments import Number
 from loopid.errors import counted
 from loopid.findings import Finding, most_important_first
 from loopid.plots.chart import Chart, E, Panel, in_parts, short_or_whole, unfolding
@@ -43,7 +44,7 @@ DECADES = 3  # of a gauge, which ends at 100 %
 Part = str | Table | Chart | HtmlElement
 
 
-@record
+@record(checked=True)
 class Section:
     """A title, and what stands below it."""
 
@@ -99,14 +100,14 @@ def _table(table: Table, some: range) -> HtmlElement:
     return E.div({"class": "table", "tabindex": "0"}, found, *note)
 
 
-@record
+@record(checked=True)
 class Figure:
     """A number that a page shows first."""
 
     value: str
     what: str  # that it is
     more: str = ""  # small beside it
-    gauge: tuple[float, ...] = ()  # an error, and up to which it is good and rough, in parts of 1
+    gauge: tuple[Number, ...] = ()  # an error, and up to which it is good and rough, in parts of 1
     sure: bool = True  # whether it counts
 
     def html(self) -> HtmlElement:
@@ -129,7 +130,7 @@ class Figure:
         )
 
 
-@record(kw_only=True)
+@record(kw_only=True, checked=True)
 class Card:
     """What a page says first: a word, for what, and what to do next."""
 
@@ -191,7 +192,7 @@ def _sentence(text: str, end: str = "") -> str:
     return f"{text[:1].upper()}{text[1:]}{end}" if word.isalpha() else text + end
 
 
-@record
+@record(checked=True)
 class Page:
     """One file of HTML.
 
@@ -249,7 +250,7 @@ class Page:
         return E.nav(E.div(*links))
 
 
-@record(kw_only=True)
+@record(kw_only=True, checked=True)
 class Report:
     """What a command found, for all ways of showing it; what is drawn is made when it is shown."""
 

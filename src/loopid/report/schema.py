@@ -15,6 +15,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 import numpy as np
 from pydantic import TypeAdapter
 
+from loopid.arguments import checked
 from loopid.base_parameters.account import SubgroupAccount, TriedGroup
 from loopid.base_parameters.base import BaseParameters
 from loopid.base_parameters.choice import SearchResult
@@ -200,6 +201,7 @@ FORMS: dict[str, dict[Any, Any]] = {
 }
 
 
+@checked
 def json_schema(name: str) -> dict[str, Any]:
     """The JSON Schema of a record: of ``--json``, and of the file that stands beside a report.
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.table import Table
 
+from loopid.arguments import checked
 from loopid.base_parameters.base import BaseParameters, expression
 from loopid.base_parameters.choice import UNCLEAR_RANK, SearchResult
 from loopid.diagnosis.modes import compare_modes
@@ -48,6 +49,7 @@ ACCOUNT = (
 GROUP = "valid", "deficient", "least", "share"
 
 
+@checked
 def check_report(robot: Robot) -> Report:
     """What a robot is: joints, closures, mobility, distance to singularity.
 
@@ -317,6 +319,7 @@ def _summary(record: dict[str, Any], most: int | None = None) -> dict[str, str]:
     }
 
 
+@checked
 def base_report(
     robot: Robot,
     model: str,
@@ -600,6 +603,7 @@ def groups_table(search: dict[str, Any], title: str = "subgroups in turn") -> Ta
     return table
 
 
+@checked
 def motions_report(
     robot: str, reviews: Mapping[str, MotionReview], seconds: Mapping[str, float]
 ) -> Report:

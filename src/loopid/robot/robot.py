@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from pydantic import PositiveInt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, Number, frozen
+from loopid.arguments import BoolArray, FloatArray, IntArray, Number, frozen, shaped
 from loopid.errors import DataError, OptionError
 from loopid.parameters import KINDS, ParameterSet, html_table, model_kinds
 from loopid.records import record
@@ -294,6 +295,7 @@ class Robot:
     def reference_values(self, q: FloatArray) -> dict[str, float | list[float]]:
         """A configuration (nq,) as the YAML's ``reference`` writes it, to six decimals."""
         values: dict[str, float | list[float]] = {}
+        q = shaped(q, "q", self.model.nq)
         for name in self.joints:
             joint = self.joint(name)
             part = (
@@ -515,7 +517,7 @@ class Robot:
         distinct = list(dict.fromkeys(names))
         return np.array([distinct.index(name) for name in names], dtype=np.int64)
 
-    def tie_matrix(self, width: int) -> FloatArray:
+    def tie_matrix(self, width: PositiveInt) -> FloatArray:
         """T with π = T π_tied, for ``width`` parameters a link.
 
         Links declared alike, as the legs of a parallel robot, share one set of parameters. The
@@ -587,8 +589,9 @@ class Robot:
         DataError
             Naming a body that has first moments but no mass.
         """
-        tree, values = self.model.copy(), np.asarray(bodies, dtype=np.float64)
-        width = len(values) // (int(self.tie_indices.max()) + 1)
+        tree, count = self.model.copy(), int(self.tie_indices.max()) + 1
+        width = len(model_kinds("gravity" if np.size(bodies) < len(KINDS) * count else "full"))
+        values = shaped(bodies, "bodies", width * count)
         if self.tied:
             values = self.tie_matrix(width) @ values
         for body, own in zip(self.bodies, values.reshape(-1, width), strict=True):

@@ -45,6 +45,7 @@ class Pose:
     singularity: float  # see ``Projection.singularity``
 
 
+@checked
 class Scene:
     """A robot as it is drawn, and moved by the joints that determine where it is.
 
@@ -70,7 +71,6 @@ class Scene:
     (True, [1.2, 1.9], True)
     """
 
-    @checked
     def __init__(self, robot: Robot) -> None:
         self.robot, self._measured = robot, measured_coordinates(robot)
         at = self._measured.read(robot.reference[None])[0]
@@ -85,7 +85,6 @@ class Scene:
                              self.robot.limits(joint))  # fmt: skip
         return Slider(joint, "m" if slides else "rad", float(min(low, at)), float(max(high, at)))
 
-    @checked
     def at(self, configuration: FloatArray) -> Pose:
         """What is where at a configuration (nq,), closed or not."""
         robot = self.robot
@@ -105,7 +104,6 @@ class Scene:
             singularity=float(singularity_measure(robot, q)[0]),
         )
 
-    @checked
     def moved(self, pose: Pose, values: FloatArray, *, part: float = 1.0) -> tuple[Pose, bool]:
         """The closed pose at values of the sliders, and whether they are reached from a pose.
 

@@ -51,6 +51,7 @@ BALL = creation.icosphere(1)
 MASSES = (0, 114, 178), (230, 159, 0), (204, 121, 167), (86, 180, 233)  # of the file, then fits
 
 
+@checked
 class Viewer:
     """A robot in a browser, at ``url`` of this machine alone; a context manager.
 
@@ -83,7 +84,6 @@ class Viewer:
     True
     """
 
-    @checked
     def __init__(
         self,
         robot: Robot,
