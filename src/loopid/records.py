@@ -111,8 +111,11 @@ def _reduce(self: Any) -> tuple[Any, ...]:
 def _restored(cls: type, state: dict[str, Any]) -> Any:
     """A record with a state; pickling has forgotten which arrays are read-only."""
     made = copyreg.__newobj__(cls)  # type: ignore[attr-defined]
+    for value in state.values():  # in place: nobody else has them, and they may be large
+        for array in value if type(value) is tuple else (value,):
+            if isinstance(array, np.ndarray):
+                array.setflags(write=False)
     made.__dict__.update(state)
-    _protect(made.__dict__)
     return made
 
 

@@ -14,6 +14,7 @@ from closure_robots import body, joint, urdf
 from loopid import JointTerms, bundled_robots, random_configurations
 from loopid.errors import ModelWarning
 from loopid.export.robot_file import export_robot_file, updated_robot_file
+from loopid.identification.friction_curves import nearest_line
 from loopid.identification.quality import MotorUse
 from loopid.kinematics import closed_motion, random_motions
 from loopid.regressors import motion_regressor
@@ -100,6 +101,11 @@ def test_a_friction_curve_becomes_the_nearest_line(tmp_path, load_once):
     off = np.abs(curve - expected[1] - expected[0] * v) + uneven
     assert f"within {off.max():.2g} of its friction from 0.05 to 0.6" in str(heard[0].message)
     assert set(joint) == {"Fc", "Fv"}
+
+
+def test_a_line_is_its_own_nearest_line():
+    line = nearest_line("elbow", {"Fc": 2.0, "Fv": 0.5})
+    assert (line.coulomb, line.viscous, line.off) == pytest.approx((2.0, 0.5, 0.0))
 
 
 @pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")

@@ -12,7 +12,7 @@ import pytest
 import loopid
 from loopid import FitOptions, identify, load_fit, prepare, read_log
 from loopid.diagnosis import compare_fits
-from loopid.errors import OptionError
+from loopid.errors import DataError, OptionError
 from loopid.identification import eliminate
 from loopid.identification.data import recordings_of
 from loopid.identification.selection import judge_essential
@@ -64,6 +64,8 @@ def test_a_mapping_that_no_data_need_is_refused(load_once):
     ):
         with pytest.raises(OptionError, match="a Log or a Recording has none: leave it out"):
             function(*given, mapping="no such file")
+    with pytest.raises(DataError, match="at least one"):  # without data, that is said
+        identify(robot, [], mapping="no such file")
 
 
 def test_foreign_columns_are_mapped_wherever_data_are_taken(load_once, tmp_path):

@@ -155,6 +155,29 @@ def test_uneven_time_inside_a_segment_that_is_given(arrays, knee, kind):
         loopid.prepare(knee, Log(name="drawn", joints=knee.actuated, **fields))
 
 
+def test_what_is_left_out_of_a_segment_has_times_of_the_log(arrays, knee):
+    time, *signals = arrays
+    uneven = np.random.default_rng(0).uniform(0, 0.004, len(time))
+    at = 100.0 + time + uneven + 5.0 * (np.arange(len(time)) >= 300)
+    told = np.repeat([0, 1], [100, len(time) - 100])
+    (lost,) = Log.from_arrays(at, *signals, knee.actuated, segments=told).dropped
+    assert (lost.first, lost.last) == pytest.approx((at[299], at[300]))
+
+
+def test_segments_too_short_for_a_grid_are_left_out(arrays, knee):
+    time, *signals = (np.array(each) for each in arrays)
+    time[-3:] += [10.0, 10.0, 10.003]
+    told = np.repeat([0, 1], [len(time) - 3, 3])
+    log = Log.from_arrays(time, *signals, knee.actuated, segments=told)
+    np.testing.assert_array_equal(log.time, time[:-3])
+    (lost,) = log.dropped
+    assert (lost.count, lost.first, lost.last) == (3, time[-3], time[-1])
+    with pytest.raises(LogError, match="no segment has 4 samples"):
+        Log.from_arrays(
+            time[:4], *(each[:4] for each in signals), knee.actuated, segments=[0, 0, 1, 1]
+        )
+
+
 def test_uneven_samples_are_put_on_an_even_grid(arrays, knee):
     time, position, force = arrays
     at = time + 0.003 * np.sin(np.arange(len(time)))

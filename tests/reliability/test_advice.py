@@ -141,7 +141,7 @@ OF_LOGS = {
     ),
     "a number for another motor": (
         names(*NAMES, force_scale={"crank": 2.0}),
-        "give the motors crank_joint",
+        "did you mean 'crank_joint'?",
         names(*NAMES, force_scale={"crank_joint": 2.0}),
     ),
     "a delay of another motor": (
@@ -924,7 +924,7 @@ DAMPED = '<dynamics damping="0.1"/>'
 OF_WARNINGS = {
     "motors that no file names": (
         drawn({*LOOPS, "reference"}),
-        "list the motors as 'name_mot' in a YAML beside it",
+        "list the motors as 'name_mot'",
         drawn({*LOOPS, "reference", "name_mot"}),
     ),
     "a drawn pose outside of limits": (

@@ -331,8 +331,8 @@ def compare(
     from loopid.report.compare import comparison_report
 
     answer.require(*runs)
-    names = [Path(run).name for run in runs]
     files = [Path(run, "parameters.yaml") if Path(run).is_dir() else Path(run) for run in runs]
+    names = [(each.parent if each.name == "parameters.yaml" else each).name for each in files]
     fits = map(FitFile.read, files)
     known = dict(zip(names if len({*names}) == len(names) else runs, fits, strict=True))
     answer.show(comparison_report(known))

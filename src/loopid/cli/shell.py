@@ -182,7 +182,7 @@ def in_words(findings: Sequence[Finding], verbose: bool) -> list[str]:
         if len(said[k]) > WIDTH and each.do:  # on a line of its own
             said[k] = f"{each.severity}: {each.title}\n  {each.do}"
     left = len(findings) - len(said)
-    return [*said, *([f"{left} more findings: --verbose"] if left and said else [])]
+    return [*said, *([f"{counted(left, 'more finding')}: --verbose"] if left and said else [])]
 
 
 def answering(

@@ -118,7 +118,8 @@ def export_robot_file(
     place, files = Path(path), files_of(robot)
     tree, texts = files.tree, dict[str, bytes | str]()
     if place.suffix != tree.suffix:
-        raise OptionError.unknown("ending", place.suffix or str(path), [tree.suffix])
+        what = f"ending of a copy of {tree.name}"
+        raise OptionError.unknown(what, place.suffix or str(path), [tree.suffix])
     if not overwrite and place.exists() and place.samefile(tree):
         raise FileError(
             f"{path} is the robot's own file: name another, or replace it by overwrite=True",

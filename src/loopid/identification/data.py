@@ -54,8 +54,8 @@ def recordings_of(robot: Robot, *data: Any, mapping: Any = None) -> list[tuple[R
         When the data are nothing of that, or none of them needs the mapping that is given.
     """
     given = [each_of(each) for each in data]
-    known = (isinstance(one, Log | Recording) for each in given for one in each)
-    if mapping is not None and all(known):
+    known = [isinstance(one, Log | Recording) for each in given for one in each]
+    if mapping is not None and known and all(known):
         raise OptionError(
             "mapping says which columns of paths and tables are what, but a Log or a Recording has "
             "none: leave it out",

@@ -296,7 +296,7 @@ def nearest_line(
     >>> import loopid
     >>> line = loopid.identification.nearest_line("elbow", {"Fc": 2.0, "Fv": 0.5})
     >>> round(line.coulomb, 6), round(line.viscous, 6)
-    (1.960299, 0.559403)
+    (2.0, 0.5)
     """
     from scipy.optimize import nnls  # slow to import
 
@@ -306,7 +306,9 @@ def nearest_line(
     if use is not None and joint in use.joints:
         least, most = use.of(joint)
         load = float(use.load[use.joints.index(joint)])
-    rates, both = np.linspace(least, most, LINE_POINTS), np.zeros((2, LINE_POINTS))
+    # Not zero, at which friction has no direction.
+    rates = np.maximum(np.linspace(least, most, LINE_POINTS), np.finfo(float).tiny)
+    both = np.zeros((2, LINE_POINTS))
     own = [kind for kind in terms if grouped(kind) or kind in ("Fc", "Fv")]
     for sign, way in zip((1.0, -1.0), both, strict=True):
         state = JointState(None, sign * rates, None, math=np, torque=load)

@@ -143,7 +143,7 @@ def notes_of(found: Outcome) -> Iterator[Finding]:
         (
             f"the data were {filtered}",
             "the condition number of the weighted regressor is "
-            f"{found['all parameters'].fit.condition_number:.4g}",
+            f"{found[ALL].fit.condition_number:.4g}",
         ),
         (f"the joint terms are {choice}", ""),
     ]

@@ -555,8 +555,6 @@ def fit_solid_bodies(
         Of the forces, as of a fit of all parameters.
     known : Fit, optional
         Joint terms of an experiment of their own, known to their errors.
-    options : FitOptions
-        As of ``identify``.
 
     Returns
     -------

@@ -21,6 +21,14 @@ UNCLEAR = 1e-4  # of the largest singular value of the closure Jacobian
 STILL = 1e-3  # rad or characteristic lengths that no random walk leaves
 
 
+def place_of_motors(robot: Robot) -> str:
+    """Where its user writes which joints have motors."""
+    if robot.path is None:
+        return "motors=[...]"
+    has_yaml = robot.path.suffix in (".yaml", ".yml")
+    return "'name_mot'" if has_yaml else "'name_mot' in a YAML beside it"
+
+
 def warn_of_findings(robot: Robot, around: FloatArray, tree: TreeSource) -> None:
     """Warn of what is odd, with closed configurations ``around`` (n, nq) the reference."""
     path = robot.source
@@ -32,11 +40,10 @@ def warn_of_findings(robot: Robot, around: FloatArray, tree: TreeSource) -> None
         warn(f"{tree.file}: in the {where}, not in the model: {forces}", ModelWarning)
     if not robot.motors_known and (robot.redundant or tree.notes):
         follow = ", ".join(robot.redundant)
-        place = "motors=[...]" if robot.path is None else "'name_mot' in a YAML beside it"
         though = f", though {follow} follow from the others" if follow else ""
         warn(
             f"{path} does not say which joints have motors: all count as "
-            f"actuated{though}; list the motors as {place}",
+            f"actuated{though}; list the motors as {place_of_motors(robot)}",
             ModelWarning,
         )
     for sign in robot.undeclared:

@@ -330,8 +330,9 @@ def on_even_grid(
     if max(map(off_grid, parts)) <= EVEN * median and (steps > 0).all():
         return time, signals, segments, ()
     stream = with_increasing_stamps(stream_of(name, joints, time, signals))
-    aligned = align([stream], joints)
-    return aligned.time + time[0], aligned.signals, aligned.segments, aligned.dropped
+    aligned, start = align([stream], joints), float(time[0])
+    dropped = (replace(d, first=start + d.first, last=start + d.last) for d in aligned.dropped)
+    return aligned.time + start, aligned.signals, aligned.segments, tuple(dropped)
 
 
 def on_even_grids(
@@ -343,17 +344,22 @@ def on_even_grids(
 ) -> tuple[FloatArray, dict[str, FloatArray], IntArray, tuple[Dropped, ...]]:
     """The same of each segment (N,) on its own, in which there may be more gaps."""
     ends = [0, *(np.flatnonzero(np.diff(segments)) + 1).tolist(), len(time)]
-    found = [
-        on_even_grid(name, joints, time[a:b], {one: signals[one][a:b] for one in signals})
-        for a, b in pairwise(ends)
-    ]
+    found, short = [], list[Dropped]()
+    for a, b in pairwise(ends):
+        if b - a < LEAST_ROWS:
+            short.append(Dropped.at("segment too short", time[a:b]))
+        else:
+            own = {one: signals[one][a:b] for one in signals}
+            found.append(on_even_grid(name, joints, time[a:b], own))
+    if not found:
+        raise LogError(f"{name}: no segment has {LEAST_ROWS} samples", source=name)
     times, tables, numbers, dropped = zip(*found, strict=True)
     first = np.cumsum([0, *(own[-1] + 1 for own in numbers[:-1])])
     return (
         np.concatenate(times),
         {one: np.concatenate([table[one] for table in tables]) for one in signals},
         np.concatenate([own + k for own, k in zip(numbers, first, strict=True)]),
-        tuple(one for each in dropped for one in each),
+        (*short, *(one for each in dropped for one in each)),
     )
 
 

@@ -221,9 +221,10 @@ class Log(Tabular):
             From "time", "position", "force", "velocity" or "acceleration" to a unit such as
             "ms", "deg" or "kN", or to one a joint; by default s, m or rad, N or N m.
         segments : array, optional
-            (N,), ascending numbers of the parts without gaps. By default, and within each part, a
-            step of more than five median steps is a gap, and uneven samples are interpolated
-            linearly on an even grid, as ``read_log`` does.
+            (N,), ascending numbers of the parts without gaps; those of fewer than four samples
+            are left out. By default, and within each part, a step of more than five median steps
+            is a gap, and uneven samples are interpolated linearly on an even grid, as ``read_log``
+            does.
         saturation : array, optional
             (m,) in N or N m, see ``Log``.
         idle_speed : float, optional

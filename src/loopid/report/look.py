@@ -24,6 +24,7 @@ from loopid.errors import one_line, short_name
 from loopid.numbers import number
 
 SHORTEST = 12  # columns that a name is shortened to, if at all
+WIDEST = 18  # columns of a heading's word, about those of a value with its deviation
 MOST_ROWS = 16  # of a table that is not folded
 
 
@@ -51,11 +52,11 @@ class Words:
 
 
 class Heading(Words):
-    """Text above a column, which is as wide as its longest word at least."""
+    """Text above a column, which is as wide as its longest word, if that is short."""
 
     def __rich_measure__(self, console: Console, options: ConsoleOptions) -> Measurement:
         longest = max(map(cell_len, self.text.split()), default=0)
-        return Measurement(longest, longest)
+        return Measurement(min(longest, WIDEST), min(longest, WIDEST))
 
 
 def plain_table(title: str, columns: Sequence[str], rows: Iterable[Iterable[object]]) -> Table:

@@ -20,7 +20,7 @@ from loopid.findings import Finding
 from loopid.kinematics import mobility
 from loopid.kinematics.constraint import Constraint
 from loopid.kinematics.projection import NEAR_SINGULARITY, Factorisation, singularity_measure
-from loopid.loading.checks import inertia_defects, odd_masses, unequal_links
+from loopid.loading.checks import inertia_defects, odd_masses, place_of_motors, unequal_links
 from loopid.numbers import number
 from loopid.plots.structure import robot_chart, search_chart
 from loopid.regressors.file_forces import file_forces
@@ -123,12 +123,13 @@ def _wrong(robot: Robot, found: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """What is wrong with a robot, or looks like it, the most important first, and what to do."""
     held, floating = found["held_motors"], robot.coordinates_of(robot.floating)
     free = [name for name in found["undetermined"] if name not in floating]
-    extra = [name for name in found["redundant_actuation"] if name not in held]
+    cables = {closure.joint for closure in robot.closures if closure.kind == "cable"}  # pull only
+    extra = [name for name in found["redundant_actuation"] if name not in {*held, *cables}]
     if not found["motors_known"] and found["closures"]:
         count = f"all {len(found['actuated'])} count"
         yield (
             f"no file says which joints have motors, so that {count}",
-            "list them as 'name_mot' in a YAML beside it",
+            f"list them as {place_of_motors(robot)}",
         )
     if held:
         text = f"loops do not let motors {shortened(held)} move"
@@ -136,7 +137,7 @@ def _wrong(robot: Robot, found: dict[str, Any]) -> Iterator[tuple[str, str]]:
     if extra:
         yield (
             f"it has {_freedoms(found)}",
-            f"where {shortened(extra)} have none, leave them out of 'name_mot', and where a "
+            f"leave those without a motor out of 'name_mot' ({shortened(extra)}?), and where a "
             "closure has too many rows, choose another type",
         )
     yield from ((text, "") for text in found["undeclared_loops"])
