@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from cable_robots import PLANE
 
 import loopid
+from cable_robots import PLANE
 from loopid import plots
 
 
