@@ -106,6 +106,14 @@ def test_what_makes_no_sense_is_refused(case):
         loopid.identify_payload(model, link="platform", unloaded=run, loaded=[])
 
 
+@pytest.mark.filterwarnings("ignore::loopid.errors.DataWarning")
+def test_exchanged_logs_are_no_payload_of_nothing(case):
+    light, heavy = noisy_runs(case, np.random.default_rng(1), MASS, CENTRE)
+    with pytest.raises(loopid.errors.DataError, match="may be exchanged") as refused:
+        loopid.identify_payload(case[1], link="platform", unloaded=heavy, loaded=light)
+    assert refused.value.facts["value"] == pytest.approx(-MASS, rel=0.1)
+
+
 def test_motors_with_other_gains_disagree_and_the_interval_holds_it(case):
     gains = np.array([0.9, 1.1, 1.0, 1.05])
     light, heavy = noisy_runs(case, np.random.default_rng(2), 20.0, CENTRE, gains)

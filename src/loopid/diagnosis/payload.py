@@ -12,7 +12,7 @@ from loopid.arguments import FloatArray, checked, frozen
 from loopid.base_parameters.base import BaseParameters, find_base
 from loopid.diagnosis.gains import MotorNumbers, motor_scales
 from loopid.diagnosis.loaded_runs import LoadedRuns
-from loopid.errors import RankError
+from loopid.errors import DataError, RankError
 from loopid.findings import Finding
 from loopid.identification.consistent import (
     CONSISTENT,
@@ -40,7 +40,7 @@ from loopid.records import record
 from loopid.robot.robot import Robot
 
 PAYLOAD = "payload"
-# Probability that motors are said to disagree which differ by chance.
+# Probability that motors are said to disagree which differ by chance, or a mass to be negative.
 FALSE_ALARM = 0.01
 # Relative error of a mass by a motor that is but round-off.
 ROUND_OFF = 1e-6
@@ -248,6 +248,8 @@ def identify_payload(
         When the robot has no body of that name.
     RankError
         When the runs do not excite the payload's parameters, or no force depends on it.
+    DataError
+        When its mass comes out clearly negative.
 
     Warns
     -----
@@ -349,7 +351,16 @@ def _solid(runs: LoadedRuns, base: BaseParameters, result: Fit) -> tuple[FloatAr
     x, C = result.values[first:], result.covariance[first:, first:]
     mass = float(robot.standard_parameters("full")[::10].mean()) or 1.0
     if "m" in alone:
-        mass = max(float(x[alone["m"]]), float(np.sqrt(C[alone["m"], alone["m"]])))
+        own, error = float(x[alone["m"]]), float(np.sqrt(C[alone["m"], alone["m"]]))
+        freedom = result.degrees_of_freedom[first + alone["m"]]
+        if own < stdtrit(freedom, FALSE_ALARM) * error:  # the nearest solid body weighs nothing
+            raise DataError(
+                f"the mass of the payload comes out negative, {own:.3g} ± {error:.2g} kg: the logs "
+                "without and with it may be exchanged",
+                value=own,
+                standard_error=error,
+            )
+        mass = max(own, error)
     places = [alone.get(kind) for kind in GRAVITY_KINDS[1:]]
     centre = np.array([0.0 if k is None else x[k] / mass for k in places])
     guess = from_moments(mass, centre, mass * (REACH * robot.length) ** 2 / 5 * np.eye(3))

@@ -294,7 +294,8 @@ class FitSamples:
         shares, leads = np.abs(directions) / np.where(largest > 0, largest, 1.0), list[str]()
         for share in shares.T:
             lead = int(np.argmax(share))
-            leads.append(f"sum with {self.parameters.labels[lead]}")
+            label = self.parameters.labels[lead].removeprefix("sum with ")
+            leads.append(f"sum with {label}")
             shares[lead] = -1.0
         return ParameterSet.from_labels(leads)
 
