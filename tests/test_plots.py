@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import loopid
+from cable_robots import PLANE
 from loopid import plots
 
 
@@ -35,6 +36,16 @@ def test_a_robot_is_drawn_where_it_is(knee):
     assert here != there
     signs = {mark.name: mark.texts for mark in there.panels[0].marks if mark.texts}
     assert signs == {"sliding motor": ("1", "2", "3"), "largest error": ("4",)}
+
+
+def test_cables_are_drawn_as_long_as_they_are(tmp_path):
+    (tmp_path / "plane.xml").write_text(PLANE)
+    robot = loopid.load(tmp_path / "plane.xml")
+    (drawn,) = [m for m in plots.robot_chart(robot).panels[0].marks if m.name == "rod or cable"]
+    ends = np.stack([drawn.x, drawn.y], axis=-1).reshape(-1, 3, 2)
+    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=-1)
+    cables = [robot.joint(name).idx_q for name in robot.actuated]
+    np.testing.assert_allclose(lengths, robot.reference[cables], atol=1e-9)
 
 
 def test_a_flat_robot_is_seen_from_its_front_and_signs_do_not_cover_each_other(load_once):

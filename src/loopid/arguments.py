@@ -344,10 +344,14 @@ class _Instance:
 def _instances(hint: Any) -> Any:
     """The annotation with instances for dataclasses, which pydantic would make of dictionaries."""
     kind, parts = get_origin(hint), get_args(hint)
+    if hint in (int, float):
+        return Annotated[hint, BeforeValidator(_no_text)]
     if isinstance(hint, type) and kind is None:
         own = is_dataclass(hint) or issubclass(hint, BaseModel) or hasattr(hint, "_fields")
         return Annotated[hint, _Instance] if own else hint
     if kind is Annotated:
+        if parts[0] in (int, float):  # constraints belong to the number itself
+            return Annotated[(*parts, BeforeValidator(_no_text))]
         return Annotated[(_instances(parts[0]), *parts[1:])]
     if kind in (Union, UnionType):
         return Union[tuple(map(_instances, parts))]  # noqa: UP007
@@ -358,6 +362,13 @@ def _instances(hint: Any) -> Any:
     whole = (list if kind in several[3:] else kind)[tuple(map(_instances, parts))]
     apart = (list, tuple, str, bytes) + (Mapping, Set) * (kind not in several[3:])
     return Annotated[whole, BeforeValidator(_listed(apart))] if kind in several else whole
+
+
+def _no_text(given: Any) -> Any:
+    """Refuse text, which pydantic would read as a number."""
+    if isinstance(given, str | bytes):
+        raise PydanticKnownError("float_type")
+    return given
 
 
 def _listed(apart: tuple[type, ...]) -> Callable[[Any], Any]:
@@ -375,11 +386,16 @@ def _listed(apart: tuple[type, ...]) -> Callable[[Any], Any]:
 def _refusal(details: list[ErrorDetails], names: list[str]) -> LoopidError:
     """What is first wrong with the arguments; of alternatives all that there are."""
     detail = details[0]
+    words = [each for each in details if each["type"] == "literal_error"]
+    if detail["type"] == "float_type" and words:  # text that was to be one of these
+        detail = words[0]
     problem = detail.get("ctx", {}).get("error")
     place, *inside = detail["loc"]
     name = names[min(place, len(names) - 1)] if isinstance(place, int) else str(place)
     at = name + "".join(f"[{part!r}]" for part in inside if isinstance(part, int))
     said = worded(detail, _shown)
+    if detail is not details[0]:
+        said = said.replace("must be", "must be a number or", 1)
     if detail["type"] == "is_instance_of":
         same = (other.get("ctx", {}) for other in details if other["loc"][0] == place)
         kinds = [each["class"].lstrip("_") for each in same if "class" in each]

@@ -106,4 +106,4 @@ def test_what_was_saved_and_assumed_is_said(run, tmp_path):
     saved = run("excite", "five_bar", "--duration", "4", *QUICK, "--out", tmp_path)
     last = saved.out.splitlines()[-1]
     assert last.startswith(f"Report: {tmp_path}")
-    assert "noise that they assume" in (tmp_path / "report.html").read_text()
+    assert "assumed noise, independent" in (tmp_path / "report.html").read_text()

@@ -27,6 +27,8 @@ def read(
         As ``recordings_of``.
     """
     first = next(iter(each_of(data[0])), None)
+    if first is None:
+        raise OptionError(f"data must be {FORMS}, or a list of these, not none", given=data[0])
     if isinstance(robot, Robot) and isinstance(first, str | Path):
         from loopid.logs.reading import locked_as_logged  # where files are read
 

@@ -62,6 +62,7 @@ class FitOptions:
     n_jobs: int = 1
 
     def __post_init__(self) -> None:
+        require_model(self.model)
         if isinstance(self.estimator, str) and self.estimator not in ESTIMATORS:
             raise OptionError.unknown("estimator", self.estimator, ESTIMATORS)
         if self.unidentifiable not in UNIDENTIFIABLE:
@@ -80,7 +81,6 @@ class FitOptions:
         OptionError
             Naming the joint or the word; when a force model, which has its own, comes with others.
         """
-        model = require_model(self.model)
         if isinstance(robot, ForceModel):
             if (self.model, self.terms) != (AUTOMATIC, AUTOMATIC):
                 raise OptionError(
@@ -88,7 +88,7 @@ class FitOptions:
                     "by force_model, or give the robot in its place"
                 )
             return
-        chosen_terms(robot, "full" if model == AUTOMATIC else model, self.terms)
+        chosen_terms(robot, "full" if self.model == AUTOMATIC else self.model, self.terms)
 
     def require_references(self, count: int) -> None:
         """Refuse reference motions for another estimator than ``"iv"``, and that without any."""

@@ -135,7 +135,7 @@ class FileDeviation(OfArrays):
         who = f"bodies {', '.join(self.far)}" if self.far else "the bodies"
         most = LARGEST_OF_BODY if self.far else LARGEST_OFF
         return (
-            f"{who} would have to be off the robot file by {most:g} times themselves: it is of "
+            f"{who} would have to be {100 * most:.0f} % off the robot file: it is of "
             "another robot (a tool, a payload), or the model lacks a force"
         )
 

@@ -349,7 +349,8 @@ def closed_motion(
 def singularity_measure(robot: Robot, configurations: FloatArray) -> FloatArray:
     """The measure (N,) of ``Projection.singularity``, without refusing singular configurations."""
     _, dependent = partition(robot)
-    jacobian = scaled_jacobian(robot, constraint_jacobian(robot, configurations))
+    q = np.atleast_2d(configurations)
+    jacobian = scaled_jacobian(robot, constraint_jacobian(robot, q))
     return least_over_largest(jacobian[:, :, dependent])
 
 

@@ -101,6 +101,9 @@ def from_pinocchio(
     terms, left_out = _joint_terms(tree)
     given = with_more(Description(), (*more, *closures), motors, joint_values(tree, reference))
     inertias = [inertia.toDynamicParameters() for inertia in tree.inertias]
+    for joint, link in links.items():
+        if not np.isfinite(inertias[joint]).all():
+            raise OptionError(f"the inertia of {link} must be finite", given=inertias[joint])
     source = TreeSource(
         name=tree.name,
         file=tree.name,

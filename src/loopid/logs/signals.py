@@ -595,7 +595,8 @@ class ColumnFinder:
         nameless = [stream for stream, names in self.streams.items() if _are_numbered(names)]
         more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
         ends = f" (no header in {', '.join(nameless)})" if nameless else ""
-        return f"choose among {', '.join(n[:60] for n in names[:MOST_LISTED])}{more}{ends}"
+        listed = ", ".join(name[:60] for name in names[:MOST_LISTED])
+        return f"choose among {listed}{more}{ends}" if names else "it has no columns"
 
     def _refused(self, said: str, **facts: object) -> LogError:
         return LogError(f"{self.source}: {said}", source=self.source, **facts)

@@ -64,8 +64,8 @@ def robot_chart(robot: Robot, configuration: FloatArray | None = None, *, worst:
     given = robot.reference if configuration is None else configuration
     q = shaped(given, "configuration", robot.model.nq)
     rods = link_rods(robot)
-    places, ends, met = placed(robot, rods, q)
-    joints, met = np.array([place.translation for place in places[1:]]), met.reshape(-1, 3)
+    places, ends, pairs = placed(robot, rods, q)
+    joints, met = np.array([place.translation for place in places[1:]]), pairs.reshape(-1, 3)
     slides = np.zeros(len(joints), dtype=bool)
     for ((base, _), (joint, _)), both in zip(rods, ends, strict=True):
         if base != joint:  # a slide, in its middle: at its ends are other joints
@@ -74,13 +74,15 @@ def robot_chart(robot: Robot, configuration: FloatArray | None = None, *, worst:
     flat = [axes for axes in VIEWS if extent.sum() - extent[[*axes]].sum() <= FLAT * extent.max()]
     right, up = np.eye(3)[[*flat[0]]] if flat else ACROSS
     fixed = np.array([first == 0 for (first, _), _ in rods], dtype=bool)
-    gaps = np.concatenate([ends, np.full((len(ends), 1, 3), np.nan)], axis=1)
+    apart = np.array([closure.kind in ("distance", "cable") for closure in robot.closures], bool)
+    gaps, spans = (np.insert(each, 2, np.nan, axis=1) for each in (ends, pairs[apart]))
     number = motor_numbers(robot)
     motors = np.isin(robot.joints, robot.actuated)
     bad = np.array([name == worst for name in robot.joints])
     marks = [
         Mark("", *_seen(gaps[~fixed], right, up), "links"),
         Mark("base", *_seen(gaps[fixed], right, up), "limit"),
+        Mark("rod or cable", *_seen(spans, right, up), "faint"),
         Mark("loop closed here", *_seen(met, right, up), "file", "closure"),
         Mark("passive joint", *_seen(joints[~motors], right, up), "measured", "joint"),
     ]

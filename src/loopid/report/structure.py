@@ -89,7 +89,7 @@ def check_report(robot: Robot) -> Report:
     figures = (
         Figure(freedoms, of_motors),
         Figure(f"{found['closure_rank']}", "rows of closures count", f"of {found['closure_rows']}"),
-        Figure(f"{found['closure_residual']:.0e}", "largest residual of a loop", "m"),
+        Figure(number(found["closure_residual"], 1), "largest residual of a loop", "m"),
         Figure(f"{found['singularity_measure']:.3g}", "singularity measure, 1 is best"),
     )
     return Report(
