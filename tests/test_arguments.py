@@ -11,8 +11,8 @@ from pydantic import BaseModel, ValidationError
 
 import loopid
 from loopid import random_configurations
-from loopid.arguments import MADE_BY, FloatArray, checked
-from loopid.errors import LoopidError, OptionError
+from loopid.arguments import MADE_BY, FloatArray, Positive, checked, checked_late
+from loopid.errors import DataError, LoopidError, OptionError
 from loopid.kinematics import mobility, random_motions
 from loopid.regressors import structural_observation
 
@@ -157,3 +157,31 @@ def test_sizes_beyond_all_use_are_refused_before_work_begins(knee, ask, name):
     with pytest.raises(OptionError) as refused:
         ask(knee)
     assert refused.value.facts["argument"] == name
+
+
+@checked_late
+class Gain:
+    """What is called once a sample."""
+
+    def __init__(self, gain: Positive) -> None:
+        self.gain = gain
+
+    def of(self, signal: FloatArray, limit: float = 10.0) -> float:
+        """A force."""
+        if signal.max() > limit:
+            raise ArithmeticError("beyond the limit")
+        return self.gain * float(signal.sum())
+
+
+def test_calls_of_a_sample_are_looked_at_where_they_fail():
+    with pytest.raises(OptionError, match="gain must be above 0"):
+        Gain(-1.0)
+    gain = Gain(2.0)
+    assert gain.of(np.ones(2)) == 4.0
+    assert gain.of([1.0, 1.0]) == 4.0  # a list becomes an array
+    with pytest.raises(DataError, match="signal must be numbers, not text"):
+        gain.of("nonsense")
+    with pytest.raises(OptionError, match="limit must be"):
+        gain.of(np.ones(2), limit="nonsense")
+    with pytest.raises(ArithmeticError, match="beyond the limit"):  # of right arguments its own
+        gain.of(np.full(2, 20.0))

@@ -234,15 +234,25 @@ def checked(thing: Any) -> Any:
     OptionError
         Naming the argument, what it must be, and what was given.
     """
-    if isinstance(thing, type):
-        for name, member in [*vars(thing).items()]:
-            bound = isinstance(member, classmethod | staticmethod)
-            own = member.__func__ if bound else member
-            if (name == "__init__" or name[0] != "_") and isfunction(own):
-                made = _checked(own, thing)
-                setattr(thing, name, type(member)(made) if bound else made)
-        return thing
-    return _checked(thing)
+    return _with_checks(thing, _checked) if isinstance(thing, type) else _checked(thing)
+
+
+def checked_late(thing: type[R]) -> type[R]:
+    """The same of a class whose methods are called once a sample: they are so where these fail.
+
+    Such methods look at their arrays themselves, before they change anything.
+    """
+    return _with_checks(thing, _checked_late)
+
+
+def _with_checks(owner: type[R], check: Callable[[Any, type], Any]) -> type[R]:
+    for name, member in [*vars(owner).items()]:
+        bound = isinstance(member, classmethod | staticmethod)
+        own = member.__func__ if bound else member
+        if (name == "__init__" or name[0] != "_") and isfunction(own):
+            made = (_checked if name == "__init__" else check)(own, owner)
+            setattr(owner, name, type(member)(made) if bound else made)
+    return owner
 
 
 def _checked(function: Callable[P, R], owner: type | None = None) -> Callable[P, R]:
@@ -277,6 +287,21 @@ def _checked(function: Callable[P, R], owner: type | None = None) -> Callable[P,
             if "argument" not in details[0]["type"]:
                 raise _refusal(details, list(signature(function).parameters)) from None
         return function(*args, **kwargs)  # or a TypeError in Python's words
+
+    return call
+
+
+def _checked_late(function: Callable[P, R], owner: type) -> Callable[P, R]:
+    checked_call = _checked(function, owner)
+
+    @wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return function(*args, **kwargs)
+        except LoopidError:
+            raise
+        except Exception:
+            return checked_call(*args, **kwargs)  # it says what is wrong, or fails as before
 
     return call
 

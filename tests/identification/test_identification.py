@@ -12,7 +12,7 @@ import pytest
 import loopid
 from loopid import FitOptions, identify, load_fit, prepare, read_log
 from loopid.diagnosis import compare_fits
-from loopid.errors import DataError, OptionError
+from loopid.errors import OptionError
 from loopid.identification import eliminate
 from loopid.identification.data import recordings_of
 from loopid.identification.selection import judge_essential
@@ -64,7 +64,7 @@ def test_a_mapping_that_no_data_need_is_refused(load_once):
     ):
         with pytest.raises(OptionError, match="a Log or a Recording has none: leave it out"):
             function(*given, mapping="no such file")
-    with pytest.raises(DataError, match="at least one"):  # without data, that is said
+    with pytest.raises(OptionError, match="not none"):  # without data, that is said
         identify(robot, [], mapping="no such file")
 
 

@@ -19,14 +19,14 @@ import numpy as np
 from pydantic import Field
 from scipy.linalg import lapack, solve_triangular
 
-from loopid.arguments import FloatArray, Number, Positive, checked, finite, shaped
+from loopid.arguments import FloatArray, Number, Positive, checked, checked_late, finite, shaped
 from loopid.errors import DataError, RankError
 
 Forgetting = Literal["none", "exponential", "directional"]
 LEAST = 1e-3  # of the largest excited direction: smaller ones do not forget
 
 
-@checked
+@checked_late
 class RecursiveLeastSquares:
     """Base parameters φ from rows K φ = force, one sample after the other.
 

@@ -27,7 +27,7 @@ from loopid.arguments import (
     FloatArray,
     IntArray,
     NotNegative,
-    checked,
+    checked_late,
     finite,
     frozen,
     samples,
@@ -233,7 +233,7 @@ class _Memory(threading.local):
     slips: FloatArray
 
 
-@checked
+@checked_late
 class Dynamics:
     """Forces of a robot's motors, and how it moves under them.
 
