@@ -10,7 +10,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray, row_blocks
 from loopid.errors import DataError, OptionError
-from loopid.identification.data import read
+from loopid.identification.data import each_of, read
 from loopid.identification.delay import in_time
 from loopid.identification.force_models import ForceModel, force_model as model_of, samples_of
 from loopid.identification.friction import less_noise, with_friction
@@ -50,9 +50,9 @@ class LoadedRuns:
         estimator: str = "wls",
     ) -> LoadedRuns:
         """Prepare data as ``identify`` does: all by those without the load, which come first."""
-        robot, runs = read(robot, *data, mapping=mapping)
-        if not all(runs):
+        if not all(map(each_of, data)):
             raise DataError("a load takes recordings without it, and others with it")
+        robot, runs = read(robot, *data, mapping=mapping)
         if isinstance(robot, Robot):
             robot = model_of(robot, choose_model(robot, [*runs[0], *runs[1]]).model)
         force_model = robot
