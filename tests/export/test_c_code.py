@@ -18,7 +18,7 @@ from bank_robots import few_of
 from closure_robots import ROWS, body, chain, files, frame, joint, loop, urdf
 from compiled_c import CompiledRobot
 from loopid import Dynamics, JointTerms, Robot, bundled_robots, random_configurations
-from loopid.base_parameters import BaseParameters
+from loopid.base_parameters import find_base
 from loopid.control import Signals, WrenchObserver
 from loopid.errors import AccuracyWarning, DataError, MissingExtraError, OptionError
 from loopid.export import c_source
@@ -28,6 +28,7 @@ from loopid.kinematics import assemble, closed_motion
 from loopid.kinematics.assembly import try_assemble
 from loopid.kinematics.closing import nearby_configurations
 from loopid.motion import JointMotion
+from loopid.observation import Observation
 from loopid.regressors import gravity_regressor, motion_regressor
 from loopid.regressors.motion_regressors import motion_parameters
 from loopid.robot import Body
@@ -98,9 +99,8 @@ def all_columns(robot, model, kinds=("Ia", "Fc", "Fv", "Fo"), rates=(0.0, 0.0), 
     mechanism = robot if isinstance(robot, Robot) else loopid.load(robot, **options)
     terms = joint_terms(mechanism, kinds, rates)
     names = motion_parameters(mechanism, model, terms)
-    p = len(names)
-    whole, nothing = np.arange(p), np.arange(0)
-    base = BaseParameters(names, None, whole, nothing, np.zeros((p, 0)), None)
+    base = find_base(Observation.from_matrix(np.eye(len(names)), names, length=1.0), "qr")
+    assert np.array_equal(base.base, np.arange(len(names)))
     return ForceModel(mechanism, model, terms, base)
 
 
@@ -302,11 +302,13 @@ def hand_made(*kinds):
     return Robot("hand made", Path("none"), model, (), names, tuple(bodies), pin.neutral(model))
 
 
-def test_screws(compiled):
+@pytest.mark.parametrize("count", [1, 2])
+def test_screws(compiled, count):
     rng = np.random.default_rng(0)
     axis = np.linalg.qr(rng.standard_normal((3, 3)))[0][2]
-    mechanism = hand_made(pin.JointModelHZ(0.3), pin.JointModelHelicalUnaligned(axis, 0.2))
-    q, v, a = rng.uniform(-1, 1, (3, 40, 2))
+    joints = pin.JointModelHZ(0.3), pin.JointModelHelicalUnaligned(axis, 0.2)
+    mechanism = hand_made(*joints[:count])
+    q, v, a = rng.uniform(-1, 1, (3, 40, count))
     found = all_columns(mechanism, "full", ())
     assert_agrees(found, compiled(found), closed_motion(mechanism, q, v, a))
 

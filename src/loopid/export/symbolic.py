@@ -121,7 +121,7 @@ class SymbolicRobot:
                 joint = self.robot.joint(name)
                 value = u[k] if joint.nq == 1 else ca.vertcat(ca.cos(u[k]), ca.sin(u[k]))
                 q[joint.idx_q : joint.idx_q + joint.nq] = value
-        return [q, u, _norm(step / self.scales[self.dependent])]
+        return [q, u, _norm(step / self.scales[self.dependent, 0])]
 
     def _linearised(self) -> list[Any]:
         """G, factors, q after a Newton step, and three measures.
@@ -130,8 +130,8 @@ class SymbolicRobot:
         least pivot over the largest, which is small where the motors lose control of the motion.
         """
         X = solve(self.reflections, ca.horzcat(self.jacobian[:, self.chosen], self.residual))
-        units, step = self.scales[self.dependent], X[:, -1]
-        G = -ca.diag(units) @ X[:, :-1] @ ca.diag(1 / self.scales[self.chosen])
+        units, step = self.scales[self.dependent, 0], X[:, -1]
+        G = -ca.diag(units) @ X[:, :-1] @ ca.diag(1 / self.scales[self.chosen, 0])
         factors = [number for each in self.reflections for number in each.factors]
         pivots = [ca.fabs(each.pivot[0]) for each in self.reflections] or [ca.SX(1)]
         ratio = ca.mmin(ca.vertcat(*pivots)) / ca.mmax(ca.vertcat(*pivots))
@@ -141,10 +141,10 @@ class SymbolicRobot:
     def _moved(self, step: Any) -> Any:
         """Positions (nq,) after a small step (dependent,), with unit vectors as long as that."""
         whole, moved, first = ca.SX(self.rates.shape[1], 1), list[Any](), 0
-        whole[self.dependent] = step
+        whole[self.dependent, 0] = step
         q = self.q + self.rates @ whole
         for joint in self.joints:
-            own = q[first : first + joint.rates.shape[0]]
+            own = q[first : first + joint.rates.shape[0], 0]
             first += joint.rates.shape[0]
             if any(joint.unit):
                 unit = slice(*joint.unit)
@@ -183,7 +183,7 @@ class SymbolicRobot:
         loaded by the bodies of phi, or of given base parameters.
         """
         v, a = self._spread(du), self._spread(ddu)
-        a[self.dependent] += self._drift_acceleration(v)
+        a[self.dependent, 0] += self._drift_acceleration(v)
         still = ca.SX(*v.shape)
         moving = self.model.model == "full"
         tree = self._tree_force(self._chain(*((v, a) if moving else (still, still))))
@@ -192,7 +192,7 @@ class SymbolicRobot:
             parameter, share = self.model.parameters[k], self.model.load_values[k]
             index = int(self.robot.velocity_indices([parameter.link])[0])
             carried[index] += share * self._joint_term(parameter, self._state(parameter, v, a))
-        load = carried[self.chosen] + self.G.T @ carried[self.dependent]
+        load = carried[self.chosen] + self.G.T @ carried[self.dependent, 0]
         if given is not None:
             load = ca.substitute(load, self.phi, given)
         rows, columns = self.model.load_columns
@@ -206,12 +206,12 @@ class SymbolicRobot:
                     place = int(np.searchsorted(self.model.slip_columns, k))
                     state = state._replace(slips={joint_term(parameter.kind).at: slip[place]})
                 tree[index] += self.phi[k] * self._joint_term(parameter, state)
-        return tree[self.chosen] + self.G.T @ tree[self.dependent]
+        return tree[self.chosen] + self.G.T @ tree[self.dependent, 0]
 
     def _spread(self, rates: Any) -> Any:
         """G times rates of the motors, for all coordinates (nv,)."""
         whole = ca.SX(self.rates.shape[1], 1)
-        whole[self.chosen], whole[self.dependent] = rates, self.G @ rates
+        whole[self.chosen], whole[self.dependent, 0] = rates, self.G @ rates
         return whole
 
     def _drift_acceleration(self, v: Any) -> Any:
@@ -219,7 +219,7 @@ class SymbolicRobot:
         rate, numbers = self.rates @ v, iter(ca.vertsplit(self.factors))
         drift = ca.jtimes(ca.jtimes(self.residual, self.q, rate), self.q, rate)
         known = [each.with_factors(numbers) for each in self.reflections]
-        return -self.scales[self.dependent] * solve(known, drift)
+        return -self.scales[self.dependent, 0] * solve(known, drift)
 
     def _tree_force(self, chain: Sequence[Link]) -> Any:
         """Forces (nv,) that move the bodies of the tree."""

@@ -308,7 +308,7 @@ def _agree(one: Delay, other: Delay) -> bool:
     variances.
     """
     sharp, wide = sorted(np.ptp([one.interval, other.interval], axis=1) / 2)
-    return not (one.common - other.common) ** 2 > wide**2 - sharp**2  # NaN of two unknown ones
+    return np.isinf(sharp) or bool((one.common - other.common) ** 2 <= wide**2 - sharp**2)
 
 
 @checked
