@@ -54,7 +54,7 @@ def line_of(path: Path, keys: Sequence[Any]) -> int | None:
     line = None
     for key in keys:
         if isinstance(node, MappingNode):
-            named = {name.value: (name, value) for name, value in node.value}
+            named = {str(name.value): (name, value) for name, value in node.value}
             there, node = named.get(str(key), (None, None))
         elif isinstance(node, SequenceNode) and isinstance(key, int):
             there = node = node.value[key] if key < len(node.value) else None
@@ -82,7 +82,7 @@ def placing(path: Path, but: Sequence[str] = ()) -> Iterator[None]:
             node = YAML(typ="safe", pure=True).compose(path.read_text("utf-8"))
             found = (each for each in _words(node) if each.text == word)
             keys = next((each.keys for each in found), None)
-        if keys is None or keys[0] in but or (line := line_of(path, keys)) is None:
+        if not keys or keys[0] in but or (line := line_of(path, keys)) is None:
             raise
         key, said = ".".join(map(str, keys)), str(error).removeprefix(f"{path}: ")
         more = {"key": key, **facts, "line": line}

@@ -12,7 +12,7 @@ import pytest
 import loopid
 from loopid import FitOptions, identify, load_fit, prepare, read_log
 from loopid.diagnosis import compare_fits
-from loopid.errors import OptionError
+from loopid.errors import DataError, OptionError
 from loopid.identification import eliminate
 from loopid.identification.data import recordings_of
 from loopid.identification.selection import judge_essential
@@ -66,6 +66,17 @@ def test_a_mapping_that_no_data_need_is_refused(load_once):
             function(*given, mapping="no such file")
     with pytest.raises(OptionError, match="not none"):  # without data, that is said
         identify(robot, [], mapping="no such file")
+
+
+@pytest.mark.parametrize("count", [1, 5])
+def test_recordings_of_which_no_force_is_used_are_refused(load_once, count):
+    robot = load_once("five_bar")
+    run = prepare(robot, read_log(robot, RUN)).select(slice(count))
+    assert not run.used.any()  # the filter reaches over the standstill at the start
+    with pytest.raises(DataError, match="no force of five_bar can be used"):
+        identify(robot, run)
+    model = loopid.force_model(robot, "full", None)
+    assert loopid.identification.choose_cutoff(model, [run]) is None
 
 
 def test_foreign_columns_are_mapped_wherever_data_are_taken(load_once, tmp_path):

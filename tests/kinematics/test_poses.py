@@ -6,6 +6,8 @@ import pytest
 from every_joint import random_states, random_tree
 from hypothesis import given, settings, strategies as st
 
+from loopid.errors import DataError
+from loopid.kinematics import displaced, torque_regressors
 from loopid.kinematics.poses import frame_motions, frame_poses
 
 seeds = st.integers(0, 2**32 - 1)
@@ -47,3 +49,14 @@ def test_frames_are_where_pinocchio_has_them(base, seed):
             np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-12 * scale)
         scale = max(1.0, np.abs(jacobians[k]).max(), base)
         np.testing.assert_allclose(velocities[k], expected[2] @ v[k], rtol=0, atol=1e-12 * scale)
+
+
+def test_arrays_of_another_shape_are_refused(load_once):
+    robot = load_once("five_bar")
+    q = robot.reference
+    with pytest.raises(DataError, match=r"q must have shape \(samples, 4\), not \(4,\)"):
+        torque_regressors(robot, q)
+    with pytest.raises(DataError, match=r"a must have shape \(samples, 4\), not \(2, 4\)"):
+        torque_regressors(robot, q[None], a=np.zeros((2, 4)))
+    with pytest.raises(DataError, match=r"steps must have shape \(samples, 2\)"):
+        displaced(robot, q[None], np.zeros((1, 4)))

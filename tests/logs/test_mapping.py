@@ -1,6 +1,7 @@
 """Logs in foreign words and units, read through a mapping."""
 
 import re
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -178,9 +179,11 @@ def test_an_empty_mapping_leaves_all_to_the_names(write_mapping):
 
 
 @pytest.mark.parametrize("text", ["- position", "just words", "3", "a: b: c", "\x00", "!!x y"])
-def test_other_yaml_is_refused(write_mapping, text):
-    with pytest.raises(LogError, match=r"mapping\.yaml( is not YAML|: must hold keys|: tag)"):
-        read_mapping(write_mapping(text))
+def test_other_yaml_is_refused(knee, foreign, write_mapping, text):
+    file = write_mapping(text)
+    for read in (partial(read_mapping, file), partial(read_log, knee, foreign, mapping=file)):
+        with pytest.raises(LogError, match=r"mapping\.yaml( is not YAML|: must hold keys|: tag)"):
+            read()
 
 
 def test_missing_mappings_are_named(tmp_path):

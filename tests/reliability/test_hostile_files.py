@@ -52,6 +52,7 @@ def refused(tmp_path):
         (b"- " * 5000, "nested too deeply"),
         (b"\xff\xfe", "is not YAML"),
         (b"urdf: 2020-13-45\n", "is not YAML: month must be"),
+        (b"? [1, 2]\n: 3\n", "unknown key (1, 2)"),
         (b"urdf: !!int ''\n", "tag 'tag:yaml.org,2002:int' in line 1 is not read"),
         (b"floating_base: !!bool x\n", "tag 'tag:yaml.org,2002:bool' in line 1"),
         (b"a: !!python/object/apply:os.system [ls]\n", "in line 1 is not read: remove it"),

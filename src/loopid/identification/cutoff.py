@@ -207,7 +207,7 @@ def _chosen(changes: Sequence[float], *, bounded: bool) -> IntArray:
 def _least_cutoff(recordings: Sequence[Recording], rows: float) -> float:
     """The cut-off in Hz from which recordings have this many rows, with five samples a period."""
     spans = (np.ptp(run.motion.time) * len(run.actuators) for run in recordings)
-    return float(rows / (OVERSAMPLING * max(sum(spans), np.finfo(float).tiny)))
+    return float(rows / (OVERSAMPLING * max(sum(spans), np.finfo(float).eps)))
 
 
 class _Fitted(NamedTuple):
@@ -232,6 +232,8 @@ def _fitted(
         robot = force_model.robot
         runs = recordings if cutoff is None else at_cutoff(robot, recordings, cutoff)
         problem = FitProblem.combined(force_model.samples(run, n_jobs).problem for run in runs)
+        if not problem.rows:
+            return None
         freedom = np.asarray(problem.samples * (problem.freedom / problem.rows))
         values, weights = nearest_to_file(problem, force_model.prior, freedom)
     except LoopidError:

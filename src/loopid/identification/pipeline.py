@@ -71,7 +71,7 @@ def warn_of_fitted(training: Sequence[Recording], validation: Sequence[Recording
 
 
 def require_forces(robot: Robot, recordings: Sequence[Recording]) -> None:
-    """Refuse forces that are none: zero throughout, or far below what the robot's bodies need."""
+    """Refuse forces that are none: not used, zero, or far below what the robot's bodies need."""
     driven = len(robot.independent) - len(robot.free)
     largest, used, needed = np.zeros(driven), np.zeros(driven, dtype=bool), 0.0
     names = ", ".join(run.name for run in recordings)
@@ -83,6 +83,8 @@ def require_forces(robot: Robot, recordings: Sequence[Recording]) -> None:
         state = motion.configurations[some], motion.velocities[some], motion.accelerations[some]
         parts = force_parts(robot, *state).total[:, :driven]
         needed = max(needed, float(np.abs(parts).max(initial=0.0)))
+    if not used.any():
+        raise DataError(f"no force of {names} can be used, as all motors stand or are saturated")
     zero = [robot.independent[k] for k in np.flatnonzero(used & (largest == 0))]
     if zero:
         raise DataError(

@@ -16,7 +16,7 @@ from itertools import combinations, islice
 
 import numpy as np
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, checked, random_generator
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked, random_generator, samples
 from loopid.kinematics.assembly import follow_paths, largest_opening
 from loopid.kinematics.constraint import Constraint, largest_residual
 from loopid.kinematics.measured import JointCoordinates
@@ -125,6 +125,8 @@ def displaced(
     ((1, 4), True)
     """
     chosen, dependent = partition(robot)
+    configurations = samples(configurations, robot.model.nq, "configurations")
+    steps = samples(steps, len(chosen), "steps", len(configurations))
     longest = float(np.abs(steps / robot.coordinate_scales[chosen]).max(initial=0.0))
     parts = int(np.ceil(longest / LONGEST_STEP))
     q, residual = configurations, largest_residual(robot, configurations)

@@ -18,6 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from loopid.arguments import FloatArray, IntArray, checked
+from loopid.errors import DataError
 from loopid.parameters import model_kinds
 from loopid.robot.closures import Equations, LoopClosure
 from loopid.robot.robot import Robot, scratch_data
@@ -282,6 +283,10 @@ def torque_regressors(
     """
     own = prepared(robot)
     tree, data = own.model, own.memory.data
+    for name, array, width in (("q", q, tree.nq), ("v", v, tree.nv), ("a", a, tree.nv)):
+        if array is not None and (np.ndim(array) != 2 or np.shape(array) != (len(q), width)):
+            message = f"{name} must have shape (samples, {width}), not {np.shape(array)}"
+            raise DataError(message, argument=name, given=np.shape(array), width=width)
     v, a = (np.zeros((len(q), tree.nv)) if rate is None else rate for rate in (v, a))
     columns, ties = _columns(robot, own, model)
     G = np.broadcast_to(np.eye(tree.nv), (len(q), tree.nv, tree.nv)) if G is None else G
