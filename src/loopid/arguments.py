@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import builtins
 import sys
+import threading
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import is_dataclass
 from functools import cache, wraps
@@ -225,7 +226,8 @@ def checked(thing: Callable[P, R]) -> Callable[P, R]: ...
 def checked(thing: Any) -> Any:
     """Refuse arguments that are not of the annotated types, among numbers also NaN.
 
-    Of a class, arguments of ``__init__`` and of all public methods. Lists become arrays where
+    Of a class, arguments of ``__init__`` and of all public methods; of these not where a function
+    that is checked calls them: what loopid itself gives them is right. Lists become arrays where
     these are annotated, and arrays or columns of data frames lists; shapes of arrays are left to
     the function, which knows them.
 
@@ -255,6 +257,9 @@ def _with_checks(owner: type[R], check: Callable[[Any, type], Any]) -> type[R]:
     return owner
 
 
+_calls = threading.local()  # whether a thread is inside a function that is checked
+
+
 def _checked(function: Callable[P, R], owner: type | None = None) -> Callable[P, R]:
     @cache  # made by the first call: importing loopid does not wait for it
     def validated() -> Callable[P, tuple[Any, Any]]:
@@ -272,8 +277,13 @@ def _checked(function: Callable[P, R], owner: type | None = None) -> Callable[P,
         config = ConfigDict(arbitrary_types_allowed=True, allow_inf_nan=False)
         return validate_call(config=config)(taken)
 
+    trusting = owner is not None and function.__name__ != "__init__"
+
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        inside = getattr(_calls, "inside", False)
+        if inside and trusting:
+            return function(*args, **kwargs)
         try:
             args, kwargs = validated()(*args, **kwargs)
         except ValidationError as error:
@@ -286,7 +296,11 @@ def _checked(function: Callable[P, R], owner: type | None = None) -> Callable[P,
             # Which arguments there are is said by the call itself, with the function's name.
             if "argument" not in details[0]["type"]:
                 raise _refusal(details, list(signature(function).parameters)) from None
-        return function(*args, **kwargs)  # or a TypeError in Python's words
+        _calls.inside = True
+        try:
+            return function(*args, **kwargs)  # or a TypeError in Python's words
+        finally:
+            _calls.inside = inside
 
     return call
 

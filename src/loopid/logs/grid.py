@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, finite, samples
-from loopid.errors import DataError, DataWarning, LogError, warn
+from loopid.errors import DataError, DataWarning, LogError, first_of, warn
 from loopid.logs.signals import POSE, Channel, TimeColumn
 from loopid.logs.table import NO_STAMP, QUANTITIES, Table, numbers_in
 from loopid.records import record
@@ -208,9 +208,8 @@ def refuse_or_warn(
 
 def rows_text(rows: IntArray) -> str:
     """As in "rows 3, 4, 5 and 17 more"."""
-    named = ", ".join(map(str, rows[:MOST_NAMED].tolist()))
-    more = f" and {len(rows) - MOST_NAMED} more" if len(rows) > MOST_NAMED else ""
-    return f"row{'s' if len(rows) > 1 else ''} {named}{more}"
+    named = first_of([*map(str, rows.tolist())], MOST_NAMED)
+    return f"row{'s' if len(rows) > 1 else ''} {named}"
 
 
 # ---- one grid ---------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from loopid.arguments import IntArray
-from loopid.errors import DataWarning, LogError, warn
+from loopid.errors import DataWarning, LogError, first_of, warn
 from loopid.logs.table import COMPONENTS, MOST_LISTED, NANOSECONDS, NO_STAMP, QUANTITIES, stamps_in
 
 if TYPE_CHECKING:
@@ -593,10 +593,9 @@ class ColumnFinder:
         several = len(self.streams) > 1
         names = [str(place) if several else place.column for place in self._places]
         nameless = [stream for stream, names in self.streams.items() if _are_numbered(names)]
-        more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
         ends = f" (no header in {', '.join(nameless)})" if nameless else ""
-        listed = ", ".join(name[:60] for name in names[:MOST_LISTED])
-        return f"choose among {listed}{more}{ends}" if names else "it has no columns"
+        listed = first_of([name[:60] for name in names], MOST_LISTED)
+        return f"choose among {listed}{ends}" if names else "it has no columns"
 
     def _refused(self, said: str, **facts: object) -> LogError:
         return LogError(f"{self.source}: {said}", source=self.source, **facts)
