@@ -123,7 +123,7 @@ def test_fewer_freedoms_than_motors_are_not_ready(load):
     """Welded where it should be pinned."""
     parts, description = five_bar(geared=True)
     _, verdict, _ = load(parts, description=description)
-    assert verdict.startswith("Look at this first: it has 1 degree of freedom for 2 motors: where")
+    assert verdict.startswith("Look at this first: it has 1 degree of freedom for 2 motors: leave")
     assert "ready" not in verdict
 
 

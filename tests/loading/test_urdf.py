@@ -196,7 +196,7 @@ BROKEN = {
     "no mass": ('<mass value="9.82033"/>', "", ("platform", "<mass>")),
     "no inertia": ("<inertia ixx=.0.26398[^>]*/>", "", ("platform", "no <inertia>")),
     "no moment": ('ixx="0.26398"', "", ("platform", "<inertia>", "ixx")),
-    "no inertials": ("<inertial>.*?</inertial>", "", ("<inertial>", "no moving link")),
+    "no inertials": ("<inertial>.*?</inertial>", "", ("an inertia", "no moving link")),
     # Structure.
     "link twice": (
         '<link name="leg1_cross"/>',
