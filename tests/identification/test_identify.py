@@ -246,7 +246,7 @@ def test_the_wrong_estimator_and_no_recordings_are_refused(knee_model, motions, 
         FitOptions(estimator="best")
     assert refused.value.facts["valid"][:2] == ("ols", "wls")
     for fitted, fresh in (([], [recording]), ([recording], []), ([], None)):
-        with pytest.raises((DataError, OptionError), match="[Rr]ecording"):
+        with pytest.raises((DataError, OptionError), match=r"[Rr]ecording"):
             quietly(identify, knee_model, fitted, validation=fresh)
 
 
