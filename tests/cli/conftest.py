@@ -62,7 +62,8 @@ def arm_identified_once(request, monkeypatch, once):
                 return identify(*arguments, **options), [each.message for each in said]
 
         key = sha256(pickle.dumps((arguments, options))).hexdigest()
-        result, said = once(f"arm {key}", found)
+        # Whether delays are sought is a matter of the test's module.
+        result, said = once(f"arm {in_time.__qualname__} {key}", found)
         for message in said:
             warnings.warn(message, stacklevel=2)
         return result
