@@ -403,7 +403,7 @@ def log(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
         print("log: no folder was given")
         return
     robot, model = models()["gravity"].robot, models()["gravity"]
-    recording = loopid.prepare(robot, loopid.read_log(robot, arguments.log))
+    recording = loopid.prepare(robot, loopid.read_log(arguments.log, robot))
     fit = loopid.identification.fit(model.samples(recording))
     rms, moves = fit.quality.residual_rms, recording.motion
     own = loopid.Dynamics(model, fit, start=moves.configurations[0])

@@ -64,14 +64,14 @@ def simulated_log(mechanism: Robot, seconds: float, folder: Path) -> str:
 
 def phases(mechanism: Robot, path: str) -> list[dict[str, Any]]:
     """Seconds of each phase, and how often a bare regressor loop would fit into it."""
-    log = read_log(mechanism, path)
+    log = read_log(path, mechanism)
     recording = loopid.prepare(mechanism, log, filter=FILTER)
     model = loopid.force_model(mechanism, "gravity", JointTerms(mechanism.actuated))
     samples = model.samples(recording)
     halves = [model.samples(part) for part in recording.split(0.5)]
     bare = timed(lambda: bare_loop(mechanism, recording.motion.configurations))
     todo: dict[str, Callable[[], object]] = {
-        "read and align": lambda: read_log(mechanism, path),
+        "read and align": lambda: read_log(path, mechanism),
         "filter and assemble": lambda: loopid.prepare(
             mechanism, log, filter=FilterOptions(cutoff=5.0)
         ),

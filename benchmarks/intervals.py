@@ -203,7 +203,7 @@ def panda(path: str) -> list[dict[str, Any]]:
         print(f"no log {path}: skipped")
         return []
     robot = loopid.load(str(Path(robots_folder()) / PANDA), lock=FINGERS)
-    log = read_log(robot, path)
+    log = read_log(path, robot)
     model = loopid.force_model(robot, "full", JointTerms(robot.actuated, ("Fc", "Fv", "Fo")))
     runs = {"default": loopid.prepare(robot, log)}
     runs |= {

@@ -86,7 +86,7 @@ def measured(path: str, jobs: int, every: bool) -> dict[str, Any]:
     figures: dict[str, Any] = {"log": "", "samples": 0, "fitted": 0, "jobs": jobs}
     times, starts = ("read", "prepare", "regressor", "fit"), [perf_counter()]
     if path:
-        log = read_log(mechanism, path)
+        log = read_log(path, mechanism)
         starts.append(perf_counter())
         recording = loopid.prepare(mechanism, log, filter=FilterOptions(decimate=not every))
         figures |= {"samples": len(log), "fitted": len(recording)}

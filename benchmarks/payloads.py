@@ -190,7 +190,7 @@ def figures(draws: list[dict[str, Any]]) -> dict[str, Any]:
 
 def real(robot: Robot, logs: list[str], link: str, mass: float) -> list[dict[str, Any]]:
     """What logs of a real arm say of a load, and by it of the gains."""
-    light, heavy = (loopid.prepare(robot, read_log(robot, log)) for log in logs)
+    light, heavy = (loopid.prepare(robot, read_log(log, robot)) for log in logs)
     rows = []
     for kind in ("full", "gravity"):
         model: ForceModel = loopid.force_model(robot, kind)

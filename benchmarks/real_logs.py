@@ -55,7 +55,7 @@ def recordings(folder: Path, robot: Robot, only: list[str]) -> dict[str, Recordi
     for file in sorted(folder.iterdir()):
         name = file.name.split(".")[0]
         if file.name.endswith(LOGS) and (not only or name in only):
-            log = read_log(robot, file, mapping=mapping if mapping.exists() else None)
+            log = read_log(file, robot, mapping=mapping if mapping.exists() else None)
             found[name] = loopid.prepare(robot, log)
     return found
 

@@ -76,7 +76,7 @@ def first_said(robot: Robot, log: Log) -> str:
         with TemporaryDirectory() as folder:
             file = Path(folder, "run.csv")
             file.write_text(csv_text(["time", *names], log.time, log.position, log.force))
-            read = read_log(robot, file)
+            read = read_log(file, robot)
         found = log_faults(robot, [loopid.prepare(robot, read)]).mistakes
     except LoopidError as error:
         return f"refused: {error}"

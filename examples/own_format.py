@@ -40,6 +40,6 @@ with TemporaryDirectory() as folder:
     path = Path(folder) / "run.jsonl"
     polars.read_csv(CSV).write_ndjson(path)
     print(path.read_text().splitlines()[0])
-    log = loopid.read_log(robot, path)
+    log = loopid.read_log(path, robot)
 print(log)
 print(loopid.prepare(robot, log))

@@ -14,7 +14,7 @@ if len(sys.argv) < 2:
     sys.exit("give the folder of an experiment: python examples/real_log.py FOLDER")
 
 robot = loopid.load("3ups_rpu")
-log = loopid.read_log(robot, sys.argv[1])
+log = loopid.read_log(sys.argv[1], robot)
 recording = loopid.prepare(robot, log)
 print(log, recording, sep="\n")
 

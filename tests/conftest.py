@@ -333,7 +333,7 @@ def recording_of(log_of, once):
     """That log, prepared."""
 
     def recorded(robot):
-        return quietly(loopid.prepare, robot, read_log(robot, log_of(robot)))
+        return quietly(loopid.prepare, robot, read_log(log_of(robot), robot))
 
     return lambda robot: once(f"real {robot.name}", lambda: recorded(robot))
 
@@ -366,7 +366,7 @@ def study(knee, knee_run, once):
     """What that log tells, through reading, filter and split."""
 
     def studied():
-        recording = loopid.prepare(knee, read_log(knee, knee_run))
+        recording = loopid.prepare(knee, read_log(knee_run, knee))
         model = loopid.force_model(knee, "gravity", friction(knee)[0])
         return identify(model, recording)
 

@@ -94,7 +94,7 @@ def test_what_a_mapping_says_is_refused_by_its_line(tmp_path, content):
     file.write_text(content)
     log = loopid.loading.bundled_directory() / "logs" / "five_bar.csv"
     with pytest.raises(LoopidError) as refused:
-        loopid.read_log(loopid.load("five_bar"), log, mapping=file)
+        loopid.read_log(log, loopid.load("five_bar"), mapping=file)
     assert str(refused.value).startswith(f"{file}: {MAPPINGS[content]}")
 
 

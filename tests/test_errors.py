@@ -63,7 +63,7 @@ def log_without_its_reader(knee, folder):
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(sys.modules, "h5py", None)
         (folder / "run.h5").touch()
-        loopid.read_log(knee, folder / "run.h5")
+        loopid.read_log(folder / "run.h5", knee)
 
 
 def missing_file(knee, folder):
@@ -98,7 +98,7 @@ def few_samples(knee, folder):
 
 def no_log(knee, folder):
     (folder / "log.csv").write_text("not a log at all\n")
-    loopid.read_log(knee, folder / "log.csv")
+    loopid.read_log(folder / "log.csv", knee)
 
 
 WAYS = {

@@ -55,7 +55,7 @@ def made(tmp_path_factory):
 
 def run(folder):
     robot = loopid.load("five_bar")
-    log = loopid.read_log(robot, FILE.parents[1] / "urdf" / "logs" / "five_bar.csv")
+    log = loopid.read_log(FILE.parents[1] / "urdf" / "logs" / "five_bar.csv", robot)
     model = loopid.force_model(robot, "full")
     recording = loopid.prepare(robot, log)
     found = loopid.identify(model, [recording])

@@ -123,7 +123,7 @@ def main():
 
     terms = loopid.JointTerms(robot.actuated, tuple(FRICTION))
     model = loopid.force_model(robot, "full", terms)
-    recording = loopid.prepare(robot, loopid.read_log(robot, LOG))
+    recording = loopid.prepare(robot, loopid.read_log(LOG, robot))
     fit = loopid.identify(model, [recording]).fit
     time, joint = recording.motion.time, robot.actuated[0]
     part = time < 12

@@ -118,12 +118,12 @@ def test_a_mapping_with_gains_gives_so_many_times_the_forces(tmp_path):
     head = LOG.replace("a.", f"{left}.").replace("b.", f"{right}.")
     np.savetxt(path, columns, delimiter=",", header=head.strip(), comments="")
     for given in (None, LogMapping(force_scale=0.02, force_offset=3.0, saturation=40.0)):
-        log = loopid.read_log(robot, path, mapping=given)
+        log = loopid.read_log(path, robot, mapping=given)
         scales = (log.force_scales,)
         gains = GainFit((left,), np.array([1.25]), np.eye(1), 9.0, (right,), scales)
         written = tmp_path / "mapping.yaml"
         written.write_text(gains.mapping(given).content)
-        again = loopid.read_log(robot, path, mapping=written)
+        again = loopid.read_log(path, robot, mapping=written)
         np.testing.assert_allclose(again.force, log.force * [1.25, 1.0], rtol=1e-5)
         if given is not None:
             np.testing.assert_allclose(again.saturation, [50.0, 40.0])

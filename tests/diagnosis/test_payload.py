@@ -65,7 +65,7 @@ def test_a_payload_without_noise_is_found_to_round_off(case):
 
 def test_paths_and_a_robot_are_taken_as_recordings_and_a_model(load_once):
     robot, path = load_once("five_bar"), "urdf/logs/five_bar.csv"
-    log = loopid.read_log(robot, path)
+    log = loopid.read_log(path, robot)
     model, run = loopid.force_model(robot, "full"), quietly(loopid.prepare, robot, log)
     options = {"link": "right_coupler", "estimator": "ols"}
     found = quietly(loopid.identify_payload, robot, path, log, **options)

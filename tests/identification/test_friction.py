@@ -233,7 +233,7 @@ def test_logs_with_filtered_steps_are_asked_too(robot, model, tmp_path):
         terms = JointTerms.with_values(robot, values)
         text = logged(robot, motion, terms, 0.02, 0, scaled_bodies(robot, 0.2))
         (tmp_path / "run.csv").write_text(text)
-        log = quietly(read_log, robot, tmp_path / "run.csv")
+        log = quietly(read_log, tmp_path / "run.csv", robot)
         recording = quietly(loopid.prepare, robot, log)
         assert recording.history is not None
         found = quietly(identify, model, [recording])
@@ -275,7 +275,7 @@ def test_curves_of_joints_without_friction_are_refused(robot, motion):
 def test_samples_keep_the_columns_that_other_loads_leave(load_once):
     robot = load_once("five_bar")
     model = loopid.force_model(robot, "full")
-    run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
     plain, curve = model.samples(run), ("Fk0~0.5", "Fk~1", "Fk~2")
     wide = model.with_columns({"left_crank_joint": (*curve, "Ft")})
     light, heavy = (wide.with_loads(wide.prior, k * wide.standard_prior) for k in (1, 2))

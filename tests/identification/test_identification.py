@@ -54,7 +54,7 @@ def test_joint_terms_that_a_robot_cannot_have_are_refused_before_any_work(knee):
 
 
 def test_a_mapping_that_no_data_need_is_refused(load_once):
-    robot, log = load_once("five_bar"), read_log(load_once("five_bar"), RUN)
+    robot, log = load_once("five_bar"), read_log(RUN, load_once("five_bar"))
     model = loopid.force_model(robot, "full", None)
     fit = loopid.Fit.of(model, model.prior)
     for function, given in (
@@ -71,7 +71,7 @@ def test_a_mapping_that_no_data_need_is_refused(load_once):
 @pytest.mark.parametrize("count", [1, 5])
 def test_recordings_of_which_no_force_is_used_are_refused(load_once, count):
     robot = load_once("five_bar")
-    run = prepare(robot, read_log(robot, RUN)).select(slice(count))
+    run = prepare(robot, read_log(RUN, robot)).select(slice(count))
     assert not run.used.any()  # the filter reaches over the standstill at the start
     with pytest.raises(DataError, match="no force of five_bar can be used"):
         identify(robot, run)
@@ -99,7 +99,7 @@ def test_foreign_columns_are_mapped_wherever_data_are_taken(load_once, tmp_path)
 
 def test_a_path_becomes_a_fit_and_the_fit_what_is_asked_of_it(load_once, tmp_path):
     """In one call each; tables, logs and recordings are the data that the path is."""
-    robot, log = load_once("five_bar"), read_log(load_once("five_bar"), RUN)
+    robot, log = load_once("five_bar"), read_log(RUN, load_once("five_bar"))
     found = quietly(identify, robot, RUN)
     (run,) = found.training
     for data in (polars.read_csv(RUN), log, prepare(robot, log), [RUN]):
@@ -125,6 +125,6 @@ def test_a_path_becomes_a_fit_and_the_fit_what_is_asked_of_it(load_once, tmp_pat
 
 def test_a_model_that_is_given_is_not_chosen_again(load_once):
     model, robot = loopid.force_model(load_once("five_bar"), "full"), load_once("five_bar")
-    run = loopid.prepare(robot, read_log(robot, RUN))
+    run = loopid.prepare(robot, read_log(RUN, robot))
     with pytest.raises(OptionError, match="has a model and terms of its own"):
         identify(model, run, options=FitOptions(terms="Fc"))

@@ -168,7 +168,7 @@ def test_advice_as_it_is_printed_mends_a_log(runs, load_once, tmp_path, spoil, f
     file.write_text(csv_text(["time", *names], log.time, log.position, log.force))
 
     def suspected(mapping):
-        run = quietly(read_log, robot, file, mapping=mapping)
+        run = quietly(read_log, file, robot, mapping=mapping)
         found = quietly(loopid.prepare, robot, run, filter=options)
         return log_faults(robot, [found]).mistakes
 

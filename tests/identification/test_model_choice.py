@@ -128,7 +128,7 @@ def test_forces_that_lack_inertia_ask_for_gravity_and_say_so(five_bar):
 def test_slow_motion_says_nothing_of_how_much_inertia_there_is(load_once):
     """What a slow log does not tell is not missing, whatever the noise makes of it."""
     knee = load_once("3ups_rpu")
-    log = quietly(loopid.read_log, knee, knee.path.parent / "logs" / "3ups_rpu.csv")
+    log = quietly(loopid.read_log, knee.path.parent / "logs" / "3ups_rpu.csv", knee)
     choice = choose_model(knee, [quietly(loopid.prepare, knee, log)])
     assert choice.factor + 2 * choice.factor_error < 0.5  # by chance: the truth is 1
     assert not choice.shown

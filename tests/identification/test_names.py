@@ -20,7 +20,7 @@ pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared")
 @pytest.fixture(scope="module")
 def found():
     robot = loopid.load("five_bar")
-    run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
     model = loopid.force_model(robot, "full", "Fc,Fv,Ia")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -23,7 +23,7 @@ SAME = 1e-6  # relative; of values, in standard errors
 @cache
 def task(name, kind):
     robot = loopid.load(name)
-    log, filtered = read_log(robot, LOGS / f"{name}.csv"), FilterOptions(cutoff=CUTOFFS[name])
+    log, filtered = read_log(LOGS / f"{name}.csv", robot), FilterOptions(cutoff=CUTOFFS[name])
     recording = quietly(loopid.prepare, robot, log, filter=filtered)
     return loopid.force_model(robot, kind, "Fc,Fv,file"), recording
 

@@ -20,7 +20,7 @@ LEFT = "left_crank_joint"
 @pytest.fixture(scope="module")
 def found(load_once):
     robot = load_once("five_bar")
-    run = quietly(loopid.prepare, robot, read_log(robot, "urdf/logs/five_bar.csv"))
+    run = quietly(loopid.prepare, robot, read_log("urdf/logs/five_bar.csv", robot))
     terms = f"Fc,Fv,Fo,Ia; {LEFT}: Fs~0.05,Fs~0.1,Ks"
     return quietly(identify, loopid.force_model(robot, "full", terms), [run])
 

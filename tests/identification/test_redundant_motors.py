@@ -95,7 +95,7 @@ def found(robot, model, tmp_path_factory):
     for seed in (1, 2):
         path = folder / f"{seed}.csv"
         path.write_text(logged(robot, run_of(robot, seed), terms, noise=NOISE, seed=seed))
-        recordings.append([quietly(loopid.prepare, robot, quietly(read_log, robot, path))])
+        recordings.append([quietly(loopid.prepare, robot, quietly(read_log, path, robot))])
     return quietly(identify, model, recordings[0], validation=recordings[1])
 
 

@@ -400,7 +400,7 @@ def test_a_fit_without_its_model_is_refused_by_what_needs_it(fits, tmp_path):
 
 def test_data_of_any_form_are_predicted_alike(model, fits):
     robot, path = model.robot, ROOT / "urdf" / "logs" / "five_bar.csv"
-    fit, log = loopid.Fit.of(model, fits["consistent"]), read_log(robot, path)
+    fit, log = loopid.Fit.of(model, fits["consistent"]), read_log(path, robot)
     expected = fit.predict(loopid.prepare(robot, log)).predicted
     frame = polars.read_csv(path)
     for data in (path, str(path), log, frame, frame.to_dict(as_series=False)):

@@ -32,7 +32,7 @@ def write_text(tmp_path):
 @pytest.fixture
 def read_text(knee, write_text):
     def read(text, name="log.csv", mapping=None):
-        return read_log(knee, write_text(text, name), mapping=mapping)
+        return read_log(write_text(text, name), knee, mapping=mapping)
 
     return read
 

@@ -125,7 +125,7 @@ def test_whole_folders_are_aligned(knee, truth, write_folder):
     stamps = EPOCH + np.round(truth.time * 1e9).astype(np.int64)
     positions = (np.delete(stamps, [70, 71]), np.delete(truth.position, [70, 71], axis=0))
     middle = 0.5 * (truth.force[1:] + truth.force[:-1])
-    log = read_log(knee, write_folder(position=positions, force=(stamps[1:] - PERIOD // 2, middle)))
+    log = read_log(write_folder(position=positions, force=(stamps[1:] - PERIOD // 2, middle)), knee)
     np.testing.assert_allclose(log.time, truth.time[1:-1], atol=1e-9)
     np.testing.assert_allclose(log.position, truth.position[1:-1], rtol=0, atol=0.05 * 0.03**2 / 8)
     smooth = np.abs(np.diff(truth.force, 2, axis=0)).max(axis=1) < 1

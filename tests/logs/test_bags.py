@@ -50,7 +50,7 @@ def test_joints_may_stand_in_another_order_in_every_message(knee, ros, write, ru
         order = rng.permutation(5)
         q, f = np.append(q, 7.0)[order], np.append(f, 7.0)[order]
         messages.append((int(stamp), TOPIC, joint_state(ros, stamp, names[order], q, (), f)))
-    check(read_log(knee, write(messages)), run)
+    check(read_log(write(messages), knee), run)
 
 
 @pytest.mark.parametrize("topics", [(TOPIC, TOPIC), ("/left/joint_states", "/right/joint_states")])
@@ -60,7 +60,7 @@ def test_publishers_of_other_joints_with_the_same_stamps(knee, ros, write, run, 
     for topic, part in zip(topics, (slice(0, 3), slice(3, 4)), strict=True):
         found = states(ros, knee.actuated[part], stamps, q[:, part], f[:, part])
         messages += [(received, topic, message) for received, _, message in found]
-    check(read_log(knee, write(messages)), run)
+    check(read_log(write(messages), knee), run)
 
 
 def test_publishers_with_stamps_of_their_own_are_put_on_one_grid(knee, ros, write, truth, run):
@@ -71,7 +71,7 @@ def test_publishers_with_stamps_of_their_own_are_put_on_one_grid(knee, ros, writ
         *states(ros, knee.actuated[:3], stamps, q[:, :3], f[:, :3]),
         *states(ros, knee.actuated[3:], late, exact, f[:-1, 3:]),
     ]
-    log = read_log(knee, write(messages))
+    log = read_log(write(messages), knee)
     # Only stamps that both have: the second starts 3 ms later and ends 7 ms earlier.
     assert len(log) == COUNT - 2
     assert {part.reason for part in log.dropped} == {"not in all streams"}
@@ -91,7 +91,7 @@ def test_any_subset_of_the_joints_in_a_message(knee, ros, write, run):
         messages.append(
             (int(stamp), TOPIC, joint_state(ros, stamp, names, q[k, here], (), f[k, here]))
         )
-    log = read_log(knee, write(messages))
+    log = read_log(write(messages), knee)
     for j in range(4):
         at = np.searchsorted(log.time, (stamps[with_joint[:, j]] - stamps[0]) / 1e9 - 1e-6)
         np.testing.assert_allclose(log.position[at, j], q[with_joint[:, j], j], atol=1e-7)
@@ -104,12 +104,12 @@ def test_positions_and_efforts_may_come_in_messages_of_their_own(knee, ros, writ
         messages.append((int(stamp), TOPIC, joint_state(ros, stamp, knee.actuated, here)))
         message = joint_state(ros, stamp, knee.actuated, effort=force)
         messages.append((int(stamp) + 1, TOPIC, message))
-    check(read_log(knee, write(messages)), run)
+    check(read_log(write(messages), knee), run)
 
 
 def test_messages_without_joints_are_passed_over(knee, ros, write, run):
     empty = (int(run[0][0]) - 5, TOPIC, joint_state(ros, 0, []))
-    check(read_log(knee, write([empty, *states(ros, knee.actuated, *run)])), run)
+    check(read_log(write([empty, *states(ros, knee.actuated, *run)]), knee), run)
 
 
 def test_headers_without_time_leave_the_time_of_recording(knee, ros, write, run):
@@ -118,16 +118,16 @@ def test_headers_without_time_leave_the_time_of_recording(knee, ros, write, run)
         for received, topic, m in states(ros, knee.actuated, *run)
     ]
     with pytest.warns(DataWarning, match=r"no header of leg1_stroke\.position.*time"):
-        check(read_log(knee, write(messages)), run)
+        check(read_log(write(messages), knee), run)
 
 
 def test_the_time_of_recording_may_be_asked_for(knee, ros, write, run):
     messages = [(t + 50, *rest) for t, *rest in states(ros, knee.actuated, run[0], *run[1:])]
     messages[7] = (messages[7][0] + 40, *messages[7][1:])
     path = write(messages)
-    check(read_log(knee, path), run)
+    check(read_log(path, knee), run)
     mapping = LogMapping(time={"column": "received_ns", "unit": "ns"})
-    received = read_log(knee, path, mapping=mapping)
+    received = read_log(path, knee, mapping=mapping)
     assert 0 < np.abs(received.position - run[1]).max() < 1e-7
 
 
@@ -141,16 +141,16 @@ def test_alike_topics_are_told_apart_by_the_mapping(knee, ros, write, run):
         r"/wanted:leg1_stroke\.position; name one, or a topic, in a mapping"
     )
     with pytest.raises(LogError, match=message):
-        read_log(knee, path)
-    check(read_log(knee, path, mapping=LogMapping(topic=TOPIC)), run)
-    log = read_log(knee, path, mapping=LogMapping(topic="/wanted"))
+        read_log(path, knee)
+    check(read_log(path, knee, mapping=LogMapping(topic=TOPIC)), run)
+    log = read_log(path, knee, mapping=LogMapping(topic="/wanted"))
     np.testing.assert_allclose(log.position, run[1] + 1e-3, atol=1e-12)
     mixed = {joint: f"/wanted:{joint}.position" for joint in knee.actuated}
     forces = {joint: f"/joint_states:{joint}.effort" for joint in knee.actuated}
-    both = read_log(knee, path, mapping=LogMapping(position=mixed, force=forces))
+    both = read_log(path, knee, mapping=LogMapping(position=mixed, force=forces))
     np.testing.assert_allclose(both.position, run[1] + 1e-3, atol=1e-12)
     with pytest.raises(LogError, match="no joint states in topic '/other': choose among /joint_st"):
-        read_log(knee, path, mapping=LogMapping(topic="/other"))
+        read_log(path, knee, mapping=LogMapping(topic="/other"))
 
 
 def test_bad_values_are_left_out_by_message(knee, ros, write, run):
@@ -160,7 +160,7 @@ def test_bad_values_are_left_out_by_message(knee, ros, write, run):
     path = write(states(ros, knee.actuated, stamps, q, f))
     message = r"/joint_states: no number in leg3_stroke\.position in rows 6, 10 of 400: left out"
     with pytest.warns(DataWarning, match=message):
-        read_log(knee, path)
+        read_log(path, knee)
 
 
 @pytest.mark.parametrize(
@@ -171,7 +171,7 @@ def test_messages_that_contradict_themselves(knee, ros, write, run, names, value
     spoilt = (int(run[0][-1]) + 1, TOPIC, joint_state(ros, 5, names, values))
     path = write([*states(ros, knee.actuated, *run), spoilt])
     with pytest.raises(LogError, match=r"/joint_states: message 401 has \d values for \d columns"):
-        read_log(knee, path)
+        read_log(path, knee)
 
 
 def test_topics_of_other_types_are_listed(knee, ros, write):
@@ -180,19 +180,19 @@ def test_topics_of_other_types_are_listed(knee, ros, write):
     with pytest.raises(
         LogError, match=r"no topic of type sensor_msgs/msg/JointState: .*/chatter \("
     ):
-        read_log(knee, path)
+        read_log(path, knee)
 
 
 def test_topics_of_other_types_do_no_harm(knee, ros, write, run):
     text = STORES[ros].types["std_msgs/msg/String"]
     chatter = [(int(t) + 1, "/chatter", text("hello")) for t in run[0]]
-    check(read_log(knee, write([*chatter, *states(ros, knee.actuated, *run)])), run)
+    check(read_log(write([*chatter, *states(ros, knee.actuated, *run)]), knee), run)
 
 
 def test_columns_of_a_topic_have_no_order(knee, ros, write, run):
     path = write(states(ros, knee.actuated, *run))
     with pytest.raises(LogError, match=r"columns of /joint_states stand in no order: list them"):
-        read_log(knee, path, mapping=LogMapping(position={"stream": TOPIC}))
+        read_log(path, knee, mapping=LogMapping(position={"stream": TOPIC}))
 
 
 @pytest.mark.parametrize("key", ["topic", "group"])
@@ -200,7 +200,7 @@ def test_choices_of_other_formats_are_refused(knee, good_text, write_text, key):
     with pytest.raises(
         LogError, match=f"{key} 'x' of the mapping chooses nothing in .* format csv"
     ):
-        read_log(knee, write_text(good_text), mapping=LogMapping(**{key: "x"}))
+        read_log(write_text(good_text), knee, mapping=LogMapping(**{key: "x"}))
 
 
 @pytest.mark.parametrize(
@@ -230,4 +230,4 @@ def test_packed_bags_are_read(knee, run, tmp_path, storage, packed):
         path = write_ros1(tmp_path / "run.bag", messages, packed)
     else:
         path = write_ros2(tmp_path / "run", messages, storage, packed)
-    check(read_log(knee, path), run)
+    check(read_log(path, knee), run)

@@ -38,7 +38,7 @@ def made(request, write_text):
             text = joined(",".join([text.splitlines()[0], *names]), rows)
             mapping = LogMapping(velocity={"columns": names})
         if request.param == "file":
-            return read_log(robot, write_text(text), mapping=mapping)
+            return read_log(write_text(text), robot, mapping=mapping)
         frame = polars.read_csv(text.encode())
         return check_log(robot, Log.from_frame(frame, joints, mapping=mapping, name="log"))
 
@@ -372,7 +372,7 @@ def test_arrays_of_other_kinds_are_refused(knee, truth, tmp_path, name, value, m
     arrays = {"time": truth.time, "position": truth.position, "force": truth.force} | {name: value}
     np.savez(tmp_path / "log.npz", **arrays)
     with pytest.raises(LogError, match=message):
-        read_log(knee, tmp_path / "log.npz")
+        read_log(tmp_path / "log.npz", knee)
 
 
 def test_streams_that_are_no_tables_are_named_when_they_are_missed(knee, write_folder, truth):
@@ -380,7 +380,7 @@ def test_streams_that_are_no_tables_are_named_when_they_are_missed(knee, write_f
     folder = write_folder(joint_position=(stamps, truth.position))
     (folder / "control_action.txt").write_text("")
     with pytest.raises(LogError, match=r"no force of leg1.*\(no header in control_action\)"):
-        read_log(knee, folder)
+        read_log(folder, knee)
 
 
 @pytest.mark.parametrize("nanoseconds", [10**9, -1])
@@ -390,4 +390,4 @@ def test_nanoseconds_beyond_a_second_are_no_time(knee, truth, write_folder, nano
     text = (folder / "force.txt").read_text().replace("\t50000000\t", f"\t{nanoseconds}\t", 1)
     (folder / "force.txt").write_text(text)
     with pytest.warns(DataWarning, match=r"force\.txt: no number in time_sec in row 7 of 1601"):
-        read_log(knee, folder)
+        read_log(folder, knee)

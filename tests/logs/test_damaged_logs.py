@@ -110,7 +110,7 @@ class Case:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             try:
-                log = read_log(self.robot, path)
+                log = read_log(path, self.robot)
                 recording = loopid.prepare(self.robot, log)
             except LoopidError:
                 return None
@@ -222,14 +222,14 @@ def spoilt_bytes(data, rng):
 def test_spoilt_bytes(knee, copy, kind):
     path, rng = copy(kind), np.random.default_rng(FORMATS.index(kind))
     good = {file: file.read_bytes() for file in files_of(path)}
-    log, refusals = read_log(knee, path), []
+    log, refusals = read_log(path, knee), []
     for _ in range(CASES):
         file = list(good)[rng.integers(len(good))]
         file.write_bytes(spoilt_bytes(good[file], rng))
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             try:
-                there = read_log(knee, path)
+                there = read_log(path, knee)
             except LoopidError as error:
                 refusals.append(str(error))
             else:
@@ -247,7 +247,7 @@ def test_files_without_an_end_are_refused(knee, copy, kind, part):
     data = file.read_bytes()
     file.write_bytes(data[: int(part * len(data))])
     with pytest.raises(LogError, match=re.escape(str(path))):
-        read_log(knee, path)
+        read_log(path, knee)
 
 
 @pytest.mark.parametrize("ending", ["npz", "parquet", "h5", "bag", "mcap", "db3"])
@@ -256,9 +256,9 @@ def test_files_of_another_kind_are_refused(knee, tmp_path, ending, content):
     name = f"run.{ending}"
     (tmp_path / name).write_bytes(content)
     with pytest.raises(LogError, match=rf"{name} is no .*, or is damaged: "):
-        read_log(knee, tmp_path / name)
+        read_log(tmp_path / name, knee)
     with pytest.raises(FileError):
-        read_log(knee, tmp_path / f"no_{name}")
+        read_log(tmp_path / f"no_{name}", knee)
 
 
 @pytest.mark.parametrize(
@@ -284,15 +284,15 @@ def test_what_is_wrong_with_a_bag_is_said(knee, copy, kind, old, new, message):
         changed += count
     assert changed
     with pytest.raises(LogError, match=message):
-        read_log(knee, path)
+        read_log(path, knee)
 
 
 def test_empty_folders_and_arrays_are_refused(knee, tmp_path):
     with pytest.raises(LogError, match="holds no streams"):
-        read_log(knee, tmp_path)
+        read_log(tmp_path, knee)
     np.savez(tmp_path / "log.npz", x=np.float64(3))
     with pytest.raises(LogError, match="holds no arrays with one or two axes"):
-        read_log(knee, tmp_path / "log.npz")
+        read_log(tmp_path / "log.npz", knee)
 
 
 @pytest.mark.parametrize("kind", ["db3", "mcap"])
@@ -300,7 +300,7 @@ def test_bags_without_their_description_are_refused(knee, copy, kind):
     path = copy(kind)
     (path / "metadata.yaml").unlink()
     with pytest.raises(LogError, match=r"has no metadata\.yaml: recording was not finished"):
-        read_log(knee, path)
+        read_log(path, knee)
 
 
 def test_messages_that_sqlite_has_not_brought_in_are_not_forgotten(knee, copy):
@@ -311,7 +311,7 @@ def test_messages_that_sqlite_has_not_brought_in_are_not_forgotten(knee, copy):
     database.commit()
     for place in (path, path / "run.db3"):
         with pytest.raises(LogError, match=r"was not closed: run\.db3-wal holds messages"):
-            read_log(knee, place)
+            read_log(place, knee)
     database.close()
 
 
@@ -320,10 +320,10 @@ def test_names_that_sqlite_takes_for_something_else(knee, copy, mark):
     path = copy("db3")
     path = path.rename(path.with_name(f"run{mark}"))
     with pytest.raises(LogError, match=f"SQLite takes '{re.escape(mark[0])}' in a path for someth"):
-        read_log(knee, path)
+        read_log(path, knee)
     file = (path / "run.db3").rename(path.parent / f"{mark}.db3")
     with pytest.raises(LogError, match="SQLite takes"):
-        read_log(knee, file)
+        read_log(file, knee)
 
 
 @pytest.mark.parametrize(
@@ -331,4 +331,4 @@ def test_names_that_sqlite_takes_for_something_else(knee, copy, mark):
 )
 def test_the_wrong_format_in_a_mapping(knee, whole, kind, name):
     with pytest.raises(LogError, match="or is damaged: "):
-        read_log(knee, whole[kind], mapping=LogMapping(format=name))
+        read_log(whole[kind], knee, mapping=LogMapping(format=name))

@@ -82,7 +82,7 @@ def test_a_mapping_undoes_the_delay_of_a_stream(load_once, tmp_path):
         "position": {joint: f"encoders:{joint}.encoders"},
         "force": {joint: f"drives:{joint}.drives"},
     }
-    log = read_log(robot, folder, mapping=LogMapping(**columns, delay={"drives": 0.05}))
+    log = read_log(folder, robot, mapping=LogMapping(**columns, delay={"drives": 0.05}))
     np.testing.assert_allclose(log.force, log.position, atol=1e-9)
     with pytest.raises(LogError, match="delay of the mapping names 'drive': give joints among"):
-        read_log(robot, folder, mapping=LogMapping(**columns, delay={"drive": 0.05}))
+        read_log(folder, robot, mapping=LogMapping(**columns, delay={"drive": 0.05}))

@@ -170,7 +170,7 @@ def test_epoch_times_keep_every_nanosecond(write_text, write_folder, truth, knee
 
 def test_npz_with_matrices(truth, knee, check, tmp_path):
     np.savez(tmp_path / "run.npz", time=truth.time, position=truth.position, force=truth.force)
-    log = read_log(knee, tmp_path / "run.npz")
+    log = read_log(tmp_path / "run.npz", knee)
     check(log)
     assert log.name == "run"
 
@@ -180,7 +180,7 @@ def test_npz_with_an_array_a_column(truth, knee, check, tmp_path):
     for k, joint in enumerate(knee.actuated):
         columns |= {joint: truth.position[:, k], f"{joint}.force": truth.force[:, k]}
     np.savez_compressed(tmp_path / "run.npz", **columns)
-    check(read_log(knee, tmp_path / "run.npz"))
+    check(read_log(tmp_path / "run.npz", knee))
 
 
 def test_only_some_rows_are_as_if_there_were_no_others(
@@ -191,13 +191,13 @@ def test_only_some_rows_are_as_if_there_were_no_others(
     np.savez(tmp_path / "run.npz", time=truth.time, position=truth.position, force=truth.force)
     part = read_text("".join([head, *lines[98:499]]))
     for path, rows in ((spoilt, (100, 500)), (tmp_path / "run.npz", (99, 499))):
-        log = read_log(knee, path, rows=rows)
+        log = read_log(path, knee, rows=rows)
         for name in ("time", "position", "force", "segments", "dropped"):
             np.testing.assert_array_equal(getattr(log, name), getattr(part, name))
     with pytest.warns(
         DataWarning, match=r"spoilt\.csv\[91:\]: another number of cells .* of 410: left"
     ):
-        assert len(read_log(knee, spoilt, rows=(91, None))) == 401
+        assert len(read_log(spoilt, knee, rows=(91, None))) == 401
 
 
 @pytest.mark.parametrize("ending", [".txt", ".csv", ".txt.gz"])
@@ -208,19 +208,19 @@ def test_folders_with_a_file_a_stream(truth, knee, check, write_folder, ending, 
     folder = write_folder(ending, **streams, reference=(stamps[:5], truth.force[:5]))
     (folder / "notes.txt").write_bytes(b"")
     (folder / "broken.csv").write_bytes(bytes(range(256)))
-    log = read_log(knee, folder)
+    log = read_log(folder, knee)
     check(log)
     assert log.name == "run"
 
 
 def test_missing_logs_are_named(knee, tmp_path):
     with pytest.raises(FileError, match=r"there is no log .*nowhere\.csv"):
-        read_log(knee, tmp_path / "nowhere.csv")
+        read_log(tmp_path / "nowhere.csv", knee)
 
 
 def test_unknown_formats_are_refused_with_the_known_ones(knee, write_text):
     with pytest.raises(LogError, match=r"log\.doc is of no known format.*\.csv.*\.mcap.*folder"):
-        read_log(knee, write_text("", "log.doc"))
+        read_log(write_text("", "log.doc"), knee)
 
 
 FORMATS = ["npz", "parquet", "hdf5", "ros1", "db3", "mcap", "mcap file"]
@@ -251,7 +251,7 @@ def from_text(run, knee, tmp_path_factory):
 def read_both(path, robot):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        log = read_log(robot, path)
+        log = read_log(path, robot)
         return log, loopid.prepare(robot, log)
 
 
@@ -287,7 +287,7 @@ def test_missing_libraries_are_named_with_their_extra(knee, written, monkeypatch
     monkeypatch.setitem(sys.modules, module, None)
     message = rf"{package} is not installed: pip install 'loopid\[logs\]' brings it"
     with pytest.raises(MissingExtraError, match=message):
-        read_log(knee, written[kind])
+        read_log(written[kind], knee)
 
 
 def test_joints_of_any_printable_name_go_through_a_log_of_ones_own(tmp_path, write_files):
@@ -301,6 +301,6 @@ def test_joints_of_any_printable_name_go_through_a_log_of_ones_own(tmp_path, wri
     robot = loopid.load(write_files(*files(parts, {})))
     times, values = 0.01 * np.arange(50), np.random.default_rng(0).normal(0, 1e-4, (2, 50, 3))
     (tmp_path / "run.csv").write_text(log_text(robot, Measurement(times, *values, values[1])))
-    log = read_log(robot, tmp_path / "run.csv")
+    log = read_log(tmp_path / "run.csv", robot)
     assert log.joints == robot.actuated == tuple(names)
     np.testing.assert_allclose([log.position, log.force], values, rtol=1e-8)

@@ -158,12 +158,12 @@ def test_a_file_names_the_columns_of_the_pose(model, walked, text, write_text):
         for k, foot in enumerate(FEET)
     ]
     mapping = LogMapping(free={BASE: COLUMNS}, wrenches=wrenches, idle_speed=0.0)
-    log = quietly(read_log, model.robot, write_text(text), mapping=mapping)
+    log = quietly(read_log, write_text(text), model.robot, mapping=mapping)
     np.testing.assert_allclose(log.free[BASE], walked.pose[:400], atol=1e-9)
     read = loopid.prepare(model.robot, log, filter=UNFILTERED)
     assert read.wrenches == FEET
     with pytest.raises(LogError, match="qw"):
-        read_log(model.robot, write_text(text), mapping=LogMapping(free={BASE: COLUMNS[:6]}))
+        read_log(write_text(text), model.robot, mapping=LogMapping(free={BASE: COLUMNS[:6]}))
 
 
 @pytest.mark.parametrize(

@@ -45,7 +45,7 @@ NOON = [f"12:00:{t:09.6f}" for t in TIME]
 @pytest.fixture
 def read(load_once, write_text):
     def function(text, **options):
-        return read_log(load_once("five_bar"), write_text(text), **options)
+        return read_log(write_text(text), load_once("five_bar"), **options)
 
     return function
 

@@ -111,7 +111,7 @@ def test_hostile_files_are_refused_in_one_sentence(kind, tmp_path):
     mapping.write_text("group: run\n" if "group" in kind else "{}\n")
     robot = loopid.load("four_bar")
     with pytest.raises(LogError) as refusal:
-        read_log(robot, tmp_path / name, mapping=mapping)
+        read_log(tmp_path / name, robot, mapping=mapping)
     assert said in str(refusal.value)
     assert "\n" not in str(refusal.value)
 
@@ -124,8 +124,8 @@ def test_arrays_in_any_order_are_read(order, tmp_path):
     np.savez_compressed(tmp_path / "log.npz", time=table[:, 0], state=columns, force_0=table[:, 2])
     (tmp_path / "mapping.yaml").write_text("position: {crank_joint: state_1}\n")
     robot = loopid.load("four_bar")
-    given = read_log(robot, tmp_path / "log.npz", mapping=tmp_path / "mapping.yaml")
-    np.testing.assert_array_equal(given.position, read_log(robot, tmp_path / "log.csv").position)
+    given = read_log(tmp_path / "log.npz", robot, mapping=tmp_path / "mapping.yaml")
+    np.testing.assert_array_equal(given.position, read_log(tmp_path / "log.csv", robot).position)
 
 
 def test_a_time_that_is_also_a_position_is_refused(tmp_path):
@@ -133,5 +133,5 @@ def test_a_time_that_is_also_a_position_is_refused(tmp_path):
     (tmp_path / "mapping.yaml").write_text("position: {crank_joint: time}\n")
     robot = loopid.load("four_bar")
     with pytest.raises(LogError) as refusal:
-        read_log(robot, tmp_path / "log.csv", mapping=tmp_path / "mapping.yaml")
+        read_log(tmp_path / "log.csv", robot, mapping=tmp_path / "mapping.yaml")
     assert refusal.value.facts["column"] == "time"

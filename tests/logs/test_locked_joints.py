@@ -33,13 +33,13 @@ def write(path, first):
 def test_a_log_that_has_a_locked_joint_elsewhere_names_what_locks_it_there(arm, tmp_path):
     log = write(tmp_path / "log.csv", np.full(200, 0.5))
     with pytest.raises(LogError, match=r"joint1 is locked at 0, but stands at 0\.5"):
-        read_log(loopid.load(arm, lock=["joint1"]), log)
+        read_log(log, loopid.load(arm, lock=["joint1"]))
     with pytest.raises(LogError) as refused:
-        read_log(loopid.load(arm, lock=["joint1"]), log)
+        read_log(log, loopid.load(arm, lock=["joint1"]))
     lock = re.search(r"lock=\[\"(.*)\"\]", str(refused.value))[1]
     robot = loopid.load(arm, lock=[lock])
     assert robot.locked == {"joint1": 0.5}
-    assert read_log(robot, log).joints == ("joint2",)
+    assert read_log(log, robot).joints == ("joint2",)
 
 
 def test_a_lock_is_moved_to_where_the_log_has_it(arm, tmp_path):
@@ -71,13 +71,13 @@ def test_locks_at_values_are_of_joints_with_one_coordinate_and_numbers(arm):
 def test_a_log_in_which_a_locked_joint_moves_is_refused(arm, tmp_path):
     log = write(tmp_path / "log.csv", 0.3 * np.sin(TIME))
     with pytest.raises(LogError, match=r"joint1 is locked, but moves from .* without that lock"):
-        read_log(loopid.load(arm, lock=["joint1"]), log)
+        read_log(log, loopid.load(arm, lock=["joint1"]))
 
 
 def test_noise_of_an_encoder_is_no_motion(arm, tmp_path):
     noise = 1e-4 * np.random.default_rng(0).normal(size=200)
     log = write(tmp_path / "log.csv", noise)
-    assert read_log(loopid.load(arm, lock=["joint1"]), log).joints == ("joint2",)
+    assert read_log(log, loopid.load(arm, lock=["joint1"])).joints == ("joint2",)
 
 
 def hand():
@@ -106,11 +106,11 @@ def test_motors_that_a_log_of_an_arm_lacks_are_locked(tmp_path):
     arm = ("joint1", "joint2", "joint3")
     log = write_motors(tmp_path / "log.csv", *arm)
     with pytest.raises(LogError, match=r'finger1: .* or lock=\["finger1", "neck"\] if not moved'):
-        read_log(loopid.load(path), log)
+        read_log(log, loopid.load(path))
     with pytest.warns(ModelWarning, match="no columns of finger1, finger2, neck: locked"):
         robot = locked_as_logged(loopid.load(path), log)
     assert robot.locked == {"finger1": 0.0, "finger2": 0.0, "neck": 0.0}
-    assert read_log(robot, log).joints == arm
+    assert read_log(log, robot).joints == arm
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ def found(path, robot):
     """Log, recording and what is said of them."""
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        log = read_log(robot, path)
+        log = read_log(path, robot)
         recording = loopid.prepare(robot, log)
     return log, recording, [str(warning.message) for warning in said]
 

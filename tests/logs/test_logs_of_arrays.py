@@ -30,7 +30,7 @@ def columns(arrays, knee):
 def from_file(columns, knee, tmp_path_factory):
     path = tmp_path_factory.mktemp("run") / "run.npz"
     np.savez(path, **columns)
-    return read_log(knee, path)
+    return read_log(path, knee)
 
 
 def test_arrays_are_the_log_of_a_file(arrays, knee, from_file):

@@ -48,7 +48,7 @@ def write_mapping(tmp_path):
 
 
 def test_a_mapping_says_it_all(knee, truth, foreign, write_mapping):
-    log = read_log(knee, foreign, mapping=write_mapping(MAPPING))
+    log = read_log(foreign, knee, mapping=write_mapping(MAPPING))
     np.testing.assert_allclose(log.time, truth.time, atol=1e-9)
     np.testing.assert_allclose(log.position, truth.position, atol=1e-10)
     np.testing.assert_allclose(log.force, truth.force, atol=1e-4)
@@ -74,7 +74,7 @@ def test_streams_of_a_folder(knee, truth, write_folder, write_mapping, position)
         gravity=(stamps, truth.force),
     )
     mapping = write_mapping(f"position: {position}\nforce: {{stream: pull}}\n")
-    log = read_log(knee, folder, mapping=mapping)
+    log = read_log(folder, knee, mapping=mapping)
     np.testing.assert_allclose(log.position, truth.position, atol=1e-12)
     np.testing.assert_allclose(log.force, truth.force, atol=1e-9)
 
@@ -87,7 +87,7 @@ def test_a_file_a_joint(knee, truth, write_folder, write_mapping):
     mapping = write_mapping(
         f"position: {{{columns}}}\ntime: {{seconds: time_sec, nanoseconds: time_nanosec}}\n"
     )
-    log = read_log(knee, folder, mapping=mapping)
+    log = read_log(folder, knee, mapping=mapping)
     np.testing.assert_allclose(log.position, truth.position, atol=1e-12)
 
 
@@ -138,7 +138,7 @@ def test_a_file_a_joint(knee, truth, write_folder, write_mapping):
 def test_wrong_mappings_are_explained(knee, foreign, write_mapping, old, new, message):
     assert old in MAPPING
     with pytest.raises(LogError, match=message):
-        read_log(knee, foreign, mapping=write_mapping(MAPPING.replace(old, new, 1)))
+        read_log(foreign, knee, mapping=write_mapping(MAPPING.replace(old, new, 1)))
 
 
 @pytest.mark.parametrize(
@@ -162,14 +162,14 @@ def test_mappings_that_do_not_fit_the_log_are_refused(
 ):
     assert old in MAPPING
     with pytest.raises(LogError) as refusal:
-        read_log(knee, foreign, mapping=write_mapping(MAPPING.replace(old, new, 1)))
+        read_log(foreign, knee, mapping=write_mapping(MAPPING.replace(old, new, 1)))
     assert refusal.value.facts.items() >= facts.items()
 
 
 def test_a_scale_may_name_some_motors_only(knee, foreign, write_mapping):
-    whole = read_log(knee, foreign, mapping=write_mapping(MAPPING))
+    whole = read_log(foreign, knee, mapping=write_mapping(MAPPING))
     part = MAPPING.replace(", leg4_stroke: 246.678", "")
-    log = read_log(knee, foreign, mapping=write_mapping(part))
+    log = read_log(foreign, knee, mapping=write_mapping(part))
     np.testing.assert_array_equal(log.force[:, :3], whole.force[:, :3])
     np.testing.assert_allclose(log.force[:, 3], whole.force[:, 3] / 246.678)
 
@@ -181,7 +181,7 @@ def test_an_empty_mapping_leaves_all_to_the_names(write_mapping):
 @pytest.mark.parametrize("text", ["- position", "just words", "3", "a: b: c", "\x00", "!!x y"])
 def test_other_yaml_is_refused(knee, foreign, write_mapping, text):
     file = write_mapping(text)
-    for read in (partial(read_mapping, file), partial(read_log, knee, foreign, mapping=file)):
+    for read in (partial(read_mapping, file), partial(read_log, foreign, knee, mapping=file)):
         with pytest.raises(LogError, match=r"mapping\.yaml( is not YAML|: must hold keys|: tag)"):
             read()
 
@@ -201,7 +201,7 @@ def test_a_column_called_alike_in_two_streams_needs_its_stream(
     (folder / "b.txt").write_text((folder / "a.txt").read_text())
     mapping = write_mapping("position: {columns: [a_0, a_1, a_2, a_3]}\n")
     with pytest.raises(LogError, match="several columns 'a_0': write a:a_0 or b:a_0"):
-        read_log(knee, folder, mapping=mapping)
+        read_log(folder, knee, mapping=mapping)
 
 
 MATRIX = np.array([[0.5, -0.5], [1.0, 1.5]])
@@ -237,7 +237,7 @@ def coupled(tmp_path, truth):
 
 
 def test_motors_that_move_joints_together(knee, truth, coupled, write_mapping):
-    log = read_log(knee, coupled, mapping=write_mapping(COUPLED))
+    log = read_log(coupled, knee, mapping=write_mapping(COUPLED))
     assert log.joints == knee.actuated
     np.testing.assert_allclose(log.position, truth.position, atol=1e-12)
     np.testing.assert_allclose(log.force, truth.force, atol=1e-9)
@@ -261,7 +261,7 @@ def test_motors_that_move_joints_together(knee, truth, coupled, write_mapping):
 def test_wrong_joint_maps_are_explained(knee, coupled, write_mapping, old, new, message):
     mapping = write_mapping(COUPLED.replace(old, new, 1))
     with pytest.raises(LogError, match=message):
-        read_log(knee, coupled, mapping=mapping)
+        read_log(coupled, knee, mapping=mapping)
 
 
 def test_motors_that_move_joints_together_share_their_stamps(
@@ -272,7 +272,7 @@ def test_motors_that_move_joints_together_share_their_stamps(
     folder = write_folder(force=(stamps, truth.force), **positions)
     given = "position: {columns: [enc0_0, enc1_0, enc2_0, enc3_0]}"
     with pytest.raises(LogError, match="does not have the position of all motors that move leg"):
-        read_log(knee, folder, mapping=write_mapping(COUPLED.split("position_scale")[0] + given))
+        read_log(folder, knee, mapping=write_mapping(COUPLED.split("position_scale")[0] + given))
 
 
 DOCS = Path(__file__).parents[2] / "docs" / "log_files.md"

@@ -25,7 +25,7 @@ def robot():
 @pytest.fixture
 def same(robot):
     def check(path, **mapping):
-        log = read_log(robot, path, mapping=LogMapping(**mapping))
+        log = read_log(path, robot, mapping=LogMapping(**mapping))
         np.testing.assert_allclose(log.time, TIME, atol=1e-9)
         np.testing.assert_allclose(log.position, POSITION, atol=1e-12)
         np.testing.assert_allclose(log.force, FORCE, atol=1e-12)
@@ -58,11 +58,11 @@ def test_matlab_is_refused_where_it_is_damaged(tmp_path, robot):
     savemat(path, {"time": TIME, "q": POSITION}, do_compression=True)
     path.write_bytes(path.read_bytes()[:-50])
     with pytest.raises(LogError, match=r"is no \.mat of numbers, or is damaged"):
-        read_log(robot, path)
+        read_log(path, robot)
     header = b"MATLAB 7.3 MAT-file".ljust(116) + bytes(8) + b"\x00\x02IM"
     path.write_bytes(header + bytes(400))
     with pytest.raises(LogError, match="save it with '-v7' in MATLAB"):
-        read_log(robot, path)
+        read_log(path, robot)
 
 
 def test_json_lines(tmp_path, same, robot):
@@ -72,7 +72,7 @@ def test_json_lines(tmp_path, same, robot):
     same(path, force={"columns": ["arm.tau_0", "arm.tau_1"]})
     path.write_text("\n".join(lines[:9]) + "\n{broken")
     with pytest.raises(LogError, match="is no table of JSON lines, or is damaged"):
-        read_log(robot, path)
+        read_log(path, robot)
 
 
 def test_excel(tmp_path, same, robot):
@@ -85,7 +85,7 @@ def test_excel(tmp_path, same, robot):
     same(path)
     path.write_bytes(path.read_bytes()[:-900])
     with pytest.raises(LogError, match="is no workbook of Excel, or is damaged"):
-        read_log(robot, path)
+        read_log(path, robot)
 
 
 def echoed(path, order=MOTORS, names=None, stamps=True):
@@ -116,9 +116,9 @@ def test_names_of_rostopic_that_change_are_refused(tmp_path, robot):
     rows[7] = rows[7].replace(",".join(MOTORS), ",".join(MOTORS[::-1]))
     path.write_text("\n".join([head, *rows]) + "\n")
     with pytest.raises(LogError, match=r"'field\.name0' names different joints"):
-        read_log(robot, path)
+        read_log(path, robot)
     with pytest.raises(LogError, match="no position of left_crank_joint"):
-        read_log(robot, echoed(tmp_path / "log.csv", names=("a", "b")))
+        read_log(echoed(tmp_path / "log.csv", names=("a", "b")), robot)
 
 
 def test_ur_rtde(tmp_path, same, robot):
@@ -127,7 +127,7 @@ def test_ur_rtde(tmp_path, same, robot):
     gains = np.array([10.0, 20.0])
     path = write_text(tmp_path / "log.csv", header, TIME, POSITION, FORCE / gains)
     with pytest.raises(LogError, match=r"'actual_current_0' is a current.* 'force_scale'"):
-        read_log(robot, path)
+        read_log(path, robot)
     same(path, force_scale=dict(zip(MOTORS, gains.tolist(), strict=True)))
 
 
@@ -143,7 +143,7 @@ def test_libfranka(tmp_path, same):
 def test_even_rows_need_no_time(tmp_path, same, robot, given):
     path = write_text(tmp_path / "log.csv", "q_0,q_1,tau_0,tau_1", POSITION, FORCE)
     with pytest.raises(LogError, match=r"'rate' of even rows there, in Hz"):
-        read_log(robot, path)
+        read_log(path, robot)
     same(path, **given)
     np.savez(tmp_path / "log.npz", q=POSITION, tau=FORCE)
     same(tmp_path / "log.npz", **given)
@@ -155,7 +155,7 @@ def test_a_lost_row_is_a_lost_sample(tmp_path, robot):
     lines[200] = "1,2,3"
     path.write_text("\n".join(lines) + "\n")
     with pytest.warns(DataWarning, match="another number of cells"):
-        log = read_log(robot, path, mapping=LogMapping(rate=80.0))
+        log = read_log(path, robot, mapping=LogMapping(rate=80.0))
     assert log.time[-1] == pytest.approx((COUNT - 1) / 80)
 
 

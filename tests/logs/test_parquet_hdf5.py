@@ -53,7 +53,7 @@ EVEN = (10**7 * np.arange(COUNT) + EPOCH * 10**9).tolist()
 def test_dates_know_their_unit(knee, truth, columns, parquet, unit, zone):
     time = polars.Series(EVEN).cast(polars.Datetime("ns")).cast(polars.Datetime(unit, zone))
     path = parquet(columns | {"time": time})
-    check(read_log(knee, path), truth)
+    check(read_log(path, knee), truth)
     # Whatever unit the mapping has: these columns know better.
     mapping = LogMapping(time={"column": "time", "unit": "us"})
     (stream,) = read_streams(path, knee.actuated, mapping)
@@ -62,9 +62,9 @@ def test_dates_know_their_unit(knee, truth, columns, parquet, unit, zone):
 
 def test_durations_and_times_of_the_day(knee, truth, columns, parquet):
     time = [datetime.timedelta(milliseconds=10 * k) for k in range(COUNT)]
-    check(read_log(knee, parquet(columns | {"time": time})), truth)
+    check(read_log(parquet(columns | {"time": time}), knee), truth)
     of_day = [(datetime.datetime(2020, 1, 1) + step).time() for step in time]
-    check(read_log(knee, parquet(columns | {"time": of_day})), truth)
+    check(read_log(parquet(columns | {"time": of_day}), knee), truth)
 
 
 @pytest.mark.parametrize("kind", [polars.Int64, polars.UInt64, polars.Datetime("ns")])
@@ -82,7 +82,7 @@ def test_stamps_keep_every_nanosecond_beside_empty_cells(knee, columns, parquet,
 def test_dates_in_npz(knee, truth, columns, tmp_path):
     time = np.datetime64("2020-12-18T12:36:29", "us") + 10_000 * np.arange(COUNT)
     np.savez(tmp_path / "log.npz", **(columns | {"time": time}))
-    check(read_log(knee, tmp_path / "log.npz"), truth)
+    check(read_log(tmp_path / "log.npz", knee), truth)
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ def test_dates_in_npz(knee, truth, columns, tmp_path):
 def test_numbers_of_any_size(knee, truth, columns, parquet, kind, atol):
     table = {name: polars.Series(column) for name, column in columns.items()}
     cast = {name: column.cast(kind) for name, column in table.items() if name != "time"}
-    check(read_log(knee, parquet(table | cast)), truth, atol)
+    check(read_log(parquet(table | cast), knee), truth, atol)
 
 
 @pytest.mark.parametrize("empty", [None, float("nan")])
@@ -101,7 +101,7 @@ def test_empty_cells_are_left_out(knee, columns, parquet, empty):
     cells[3], cells[50] = empty, empty
     message = r"no number in leg2_stroke\.force in rows 4, 51 of 300: left out"
     with pytest.warns(DataWarning, match=message):
-        log = read_log(knee, parquet(columns | {"leg2_stroke.force": cells}))
+        log = read_log(parquet(columns | {"leg2_stroke.force": cells}), knee)
     assert [part.count for part in log.dropped] == [2]
 
 
@@ -116,14 +116,14 @@ def test_empty_cells_are_left_out(knee, columns, parquet, empty):
 @pytest.mark.parametrize("name", ["leg3_stroke.position", "time"])
 def test_columns_of_other_kinds_are_refused_by_name(knee, columns, parquet, cells, kind, name):
     with pytest.raises(LogError, match=rf"column '{name}' holds {kind}.*, not (numbers|times)"):
-        read_log(knee, parquet(columns | {name: cells}))
+        read_log(parquet(columns | {name: cells}), knee)
 
 
 def test_names_of_files_are_no_patterns(knee, truth, columns, tmp_path):
     (tmp_path / "run[1].parquet").mkdir()
     path = write_parquet(tmp_path / "run[1].parquet" / "run*.parquet", columns)
     write_parquet(tmp_path / "run[1].parquet" / "run2.parquet", columns)
-    check(read_log(knee, path), truth)
+    check(read_log(path, knee), truth)
 
 
 @pytest.mark.parametrize("name", ["log.parquet", "log.h5"])
@@ -131,7 +131,7 @@ def test_tables_without_rows(knee, columns, tmp_path, name):
     write = write_parquet if name.endswith("parquet") else write_hdf5
     empty = {key: column[:0] for key, column in columns.items()}
     with pytest.raises(LogError, match=r"has no rows in time, leg1_stroke\.position"):
-        read_log(knee, write(tmp_path / name, empty))
+        read_log(write(tmp_path / name, empty), knee)
 
 
 def matrices(file, columns, group="/"):
@@ -156,7 +156,7 @@ def fields(file, columns):
     ],
 )
 def test_ways_of_laying_columns_out(knee, truth, columns, hdf5, fill):
-    check(read_log(knee, hdf5(lambda file: fill(file, columns))), truth)
+    check(read_log(hdf5(lambda file: fill(file, columns)), knee), truth)
 
 
 def test_groups_are_chosen_by_the_mapping(knee, truth, columns, hdf5):
@@ -171,15 +171,15 @@ def test_groups_are_chosen_by_the_mapping(knee, truth, columns, hdf5):
     with pytest.raises(
         LogError, match=r"first:position_0, /runs/second:position_0; name one, or a gr"
     ):
-        read_log(knee, path)
+        read_log(path, knee)
     for group in ("runs/second", "/runs/second", "/runs/second/"):
-        check(read_log(knee, path, mapping=LogMapping(group=group)), truth)
-    log = read_log(knee, path, mapping=LogMapping(group="runs/first"))
+        check(read_log(path, knee, mapping=LogMapping(group=group)), truth)
+    log = read_log(path, knee, mapping=LogMapping(group="runs/first"))
     np.testing.assert_allclose(log.position[:, 0], truth.position[:COUNT, 0] + 0.01)
     for group in ("third", "runs/first/time"):
         message = f"no group '{group}': choose among runs, runs/first, runs/second"
         with pytest.raises(LogError, match=message):
-            read_log(knee, path, mapping=LogMapping(group=group))
+            read_log(path, knee, mapping=LogMapping(group=group))
 
 
 def test_groups_are_streams_with_a_time_of_their_own(knee, truth, columns, hdf5):
@@ -190,7 +190,7 @@ def test_groups_are_streams_with_a_time_of_their_own(knee, truth, columns, hdf5)
                 if name.endswith(kind):
                     file[f"{group}/{name}"] = columns[name]
 
-    log = read_log(knee, hdf5(fill))
+    log = read_log(hdf5(fill), knee)
     np.testing.assert_allclose(log.position, truth.position[1 : len(log) + 1], atol=1e-12)
     exact = np.interp(log.time - 0.002, columns["time"], columns["leg4_stroke.force"])
     np.testing.assert_allclose(log.force[:, 3], exact, atol=1e-9)
@@ -210,11 +210,11 @@ def test_groups_are_streams_with_a_time_of_their_own(knee, truth, columns, hdf5)
 )
 def test_layouts_that_are_none(knee, columns, hdf5, spoil, message):
     with pytest.raises(LogError, match=message):
-        read_log(knee, hdf5(lambda file: spoil(file, columns)))
+        read_log(hdf5(lambda file: spoil(file, columns)), knee)
 
 
 @pytest.mark.parametrize("cells", [["1.0"] * COUNT, [b"1.0"] * COUNT, [True] * COUNT, [1j] * COUNT])
 def test_arrays_of_other_kinds_are_refused_by_name(knee, columns, tmp_path, cells):
     path = write_hdf5(tmp_path / "log.h5", columns | {"leg1_stroke.force": cells})
     with pytest.raises(LogError, match=r"column 'leg1_stroke\.force' holds .*, not numbers"):
-        read_log(knee, path)
+        read_log(path, knee)

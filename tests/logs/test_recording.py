@@ -88,7 +88,7 @@ def read_with(knee, truth, folder, quantities=(), **options):
     arrays = {"position": np.round(truth.position, 4), "v": velocities, "a": accelerations}
     np.savez(folder / "run.npz", time=truth.time, force=truth.force, **arrays)
     given = {"velocity_scale": 1e-3} | {quantity: RATES[quantity] for quantity in quantities}
-    return read_log(knee, folder / "run.npz", mapping=LogMapping(**(given | options)))
+    return read_log(folder / "run.npz", knee, mapping=LogMapping(**(given | options)))
 
 
 @pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
@@ -404,7 +404,7 @@ def test_a_crank_that_turns_on_and_on(four_bars):
 
 @pytest.fixture(scope="module")
 def real(mechanism, real_log):
-    return read_log(mechanism, real_log)
+    return read_log(real_log, mechanism)
 
 
 def test_nearly_all_rows_are_read(real, real_log):

@@ -145,7 +145,7 @@ def test_where_free_coordinates_are_no_log_tells(free, tmp_path):
     path.write_text("time\n0\n")
     time, ones = np.arange(50) / 10, np.ones((50, len(robot.actuated)))
     log = Log.from_arrays(time, ones, ones, robot.actuated)
-    for refused in (lambda: read_log(robot, path), lambda: loopid.prepare(robot, log)):
+    for refused in (lambda: read_log(path, robot), lambda: loopid.prepare(robot, log)):
         with pytest.raises(OptionError) as failure:
             refused()
         assert failure.value.facts["free"] == robot.free
@@ -161,4 +161,4 @@ def test_a_motor_with_several_coordinates_is_refused(load_files, tmp_path):
     parts, description = rssr("SPHERICAL")
     robot = load_files(parts, description | {"name_mot": ["ball"]})
     with pytest.raises(OptionError, match=r"ball of small.*name_mot"):
-        read_log(robot, tmp_path)
+        read_log(tmp_path, robot)

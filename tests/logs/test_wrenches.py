@@ -95,7 +95,7 @@ COLUMNS = [f"F{axis}" for axis in "xyz"] + [f"M{axis}" for axis in "xyz"]
 def test_columns_of_a_wrench_are_read_in_their_units(knee, with_loads, loads, write_text, tmp_path):
     mapping = tmp_path / "mapping.yaml"
     mapping.write_text(f"wrenches:\n  - {{frame: platform, columns: [{', '.join(COLUMNS)}]}}\n")
-    (wrench,) = read_log(knee, write_text(with_loads), mapping=mapping).wrenches
+    (wrench,) = read_log(write_text(with_loads), knee, mapping=mapping).wrenches
     assert (wrench.frame, wrench.axes, wrench.about) == ("platform", "frame", None)
     np.testing.assert_allclose(wrench.values, loads, atol=1e-9)
 
@@ -104,7 +104,7 @@ def test_a_force_plate_measures_what_the_robot_exerts(knee, with_loads, loads, w
     scale = [-1e3] * 3 + [-1e-3] * 3
     plate = {"frame": "platform", "columns": COLUMNS, "axes": "world", "about": POINT}
     mapping = LogMapping(wrenches=[{**plate, "scale": scale, "offset": 2.0}])
-    (wrench,) = read_log(knee, write_text(with_loads), mapping=mapping).wrenches
+    (wrench,) = read_log(write_text(with_loads), knee, mapping=mapping).wrenches
     assert (wrench.axes, wrench.about) == ("world", POINT)
     np.testing.assert_allclose(wrench.values, 2.0 - loads, atol=1e-9)
 
@@ -118,7 +118,7 @@ def test_a_wrench_in_a_stream_of_its_own_rate(knee, truth, loads, write_folder):
         plate=(stamps[every], loads[every]),
     )
     mapping = LogMapping(wrenches=[{"frame": "platform", "stream": "plate"}])
-    log = read_log(knee, folder, mapping=mapping)
+    log = read_log(folder, knee, mapping=mapping)
     # Interpolated on lines, over 40 ms.
     bound = 400 * 0.4**2 * 0.04**2 / 8
     assert np.abs(log.wrenches[0].values - loads[: len(log)]).max() < bound
@@ -141,7 +141,7 @@ def test_a_wrench_in_a_stream_of_its_own_rate(knee, truth, loads, write_folder):
 )
 def test_wrenches_that_are_none_are_refused(knee, with_loads, write_text, given, error, facts):
     with pytest.raises(error) as refusal:
-        read_log(knee, write_text(with_loads), mapping=LogMapping(wrenches=[given]))
+        read_log(write_text(with_loads), knee, mapping=LogMapping(wrenches=[given]))
     assert {name: refusal.value.facts.get(name) for name in facts} == facts
 
 

@@ -111,7 +111,7 @@ def test_steps_that_follow_the_position_too_are_filtered(register, load_once):
     law = lambda joint, _: joint.sign() * (1.0 + joint.position)  # noqa: E731
     register("Fq", term(law, ("sign", "position")))
     robot = load_once("five_bar")
-    log = read_log(robot, LOG)
+    log = read_log(LOG, robot)
     recording = loopid.prepare(robot, log)
     models = [loopid.force_model(robot, "gravity", terms) for terms in ("Fc,Fq", "Fc,Fv")]
     W, plain = (model.samples(recording) for model in models)

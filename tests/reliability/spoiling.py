@@ -200,7 +200,7 @@ class Material:
     def fit(self) -> Path:
         """What the arm's log tells, saved."""
         arm = loopid.load(self.robots["arm"][0])
-        recording = loopid.prepare(arm, read_log(arm, self.logs["arm"][0]))
+        recording = loopid.prepare(arm, read_log(self.logs["arm"][0], arm))
         model = loopid.force_model(arm, "full", JointTerms(arm.actuated))
         place = self.folder / "fit.yaml"
         return loopid.Fit.of(model, fit(model.samples(recording), "ols")).save(place)

@@ -52,7 +52,7 @@ class Log:
         path = folder / self.name
         np.savetxt(path, np.column_stack(self.columns), "%.17g", ",", header=",".join(self.names))
         robot = load("four_bar")
-        return loopid.read_log(robot, path, mapping=loopid.logs.LogMapping(**self.mapping))
+        return loopid.read_log(path, robot, mapping=loopid.logs.LogMapping(**self.mapping))
 
 
 def names(*given, **mapping):
@@ -66,7 +66,7 @@ def table(header="", more="", **mapping):
         rows = [",".join(map(repr, row)) + more for row in np.column_stack(ROWS).tolist()]
         (folder / "run.csv").write_text("\n".join([header, *rows, ""]).lstrip())
         mapped_by = loopid.logs.LogMapping(**mapping)
-        return loopid.read_log(load("four_bar"), folder / "run.csv", mapping=mapped_by)
+        return loopid.read_log(folder / "run.csv", load("four_bar"), mapping=mapped_by)
 
     return make
 
@@ -455,7 +455,7 @@ def bag(choose):
             write_ros2(folder / "run", states("ros2", robot.actuated, *columns), "db3")
             (folder / "run" / "metadata.yaml").unlink()
             shutil.copy(folder / "run" / "run.db3", folder / "run#1.db3")
-        return loopid.read_log(robot, choose(folder))
+        return loopid.read_log(choose(folder), robot)
 
     return make
 

@@ -138,6 +138,6 @@ def test_a_log_in_other_units_is_refused_with_the_factor(tmp_path, factor, advic
     place = tmp_path / "run.csv"
     np.savetxt(place, table, delimiter=",", header=head, comments="")
     with pytest.raises(LogError) as refused:
-        loopid.read_log(robot, place)
+        loopid.read_log(place, robot)
     assert refused.value.facts["joint"] in robot.actuated
     assert f" {advice}" in str(refused.value)

@@ -34,7 +34,7 @@ def five_bar(load_once):
 def fit_file(five_bar, tmp_path_factory, nothing_suspected, taken_as_prepared):
     with warnings.catch_warnings(action="ignore"):
         model = loopid.force_model(five_bar, "full")
-        recording = loopid.prepare(five_bar, loopid.read_log(five_bar, LOG))
+        recording = loopid.prepare(five_bar, loopid.read_log(LOG, five_bar))
         found = loopid.identify(model, [recording])
     return found.fit.save(tmp_path_factory.mktemp("fit") / "fit.yaml")
 

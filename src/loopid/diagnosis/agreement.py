@@ -116,7 +116,7 @@ def compare_fits(first: Fit | Identification, second: Fit | Identification) -> A
     >>> from loopid.identification.fitting import quiet_fit
     >>> robot = loopid.load("five_bar")
     >>> model = loopid.force_model(robot, "full", "Fc,Fv")
-    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
     >>> parts = loopid.identification.split_recordings([run], 0.5)
     >>> fits = [quiet_fit(model.samples(part)) for (part,) in parts]
     >>> found = loopid.diagnosis.compare_fits(*fits)

@@ -137,7 +137,7 @@ def judge(
     --------
     >>> import loopid
     >>> robot = loopid.load("five_bar")
-    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
     >>> model = loopid.force_model(robot, "full", "Fc,Fv")
     >>> data = loopid.identification.samples_of(model, [run])
     >>> file = loopid.identification.fit_joint_terms(model, data)

@@ -143,7 +143,7 @@ def choose_cutoff(
     >>> import loopid, numpy as np
     >>> robot = loopid.load("five_bar")
     >>> model = loopid.force_model(robot, "full", "Fc,Fv")
-    >>> log = loopid.read_log(robot, "urdf/logs/five_bar.csv")
+    >>> log = loopid.read_log("urdf/logs/five_bar.csv", robot)
     >>> choice = loopid.identification.choose_cutoff(model, [loopid.prepare(robot, log)])
     >>> 3 < choice.chosen <= 20
     True

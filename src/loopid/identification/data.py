@@ -76,7 +76,7 @@ def _recording(robot: Robot, data: Any, mapping: Any) -> Recording:
     if isinstance(data, str | Path):
         from loopid.logs.reading import read_log  # where files are read
 
-        data = read_log(robot, data, mapping=mapping)
+        data = read_log(data, robot, mapping=mapping)
     elif isinstance(data, Mapping) or hasattr(type(data), "columns"):
         data = Log.from_frame(data, robot.actuated, mapping=mapping)
     if not isinstance(data, Log):

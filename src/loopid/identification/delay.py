@@ -191,7 +191,7 @@ def find_delay(
     >>> import loopid
     >>> robot = loopid.load("five_bar")
     >>> model = loopid.force_model(robot, "full")
-    >>> late = loopid.read_log(robot, "urdf/logs/five_bar.csv").delayed(-0.02)
+    >>> late = loopid.read_log("urdf/logs/five_bar.csv", robot).delayed(-0.02)
     >>> found = loopid.identification.find_delay(model, [loopid.prepare(robot, late)])
     >>> round(found.common, 2)
     0.02

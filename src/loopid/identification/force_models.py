@@ -633,7 +633,7 @@ def samples_of(
     --------
     >>> import loopid
     >>> robot = loopid.load("five_bar")
-    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
     >>> model = loopid.force_model(robot, "full", "Fc,Fv")
     >>> loopid.identification.samples_of(model, [run]).regressor.shape[1:]
     (2, 15)

@@ -190,7 +190,7 @@ def with_friction(
     --------
     >>> import loopid
     >>> robot = loopid.load("five_bar")
-    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
     >>> model = loopid.force_model(robot, "full", "Fc,Fv")
     >>> data = loopid.identification.samples_of(model, [run])
     >>> whole = loopid.identification.fit(data)

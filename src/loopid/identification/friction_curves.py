@@ -168,7 +168,7 @@ def friction_summary(fit: Estimates) -> FrictionSummary:
     --------
     >>> import loopid
     >>> robot = loopid.load("five_bar")
-    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
     >>> found = loopid.identify(loopid.force_model(robot, "full"), [run])
     >>> friction = loopid.identification.friction_summary(found.fit)
     >>> friction.joints, round(friction.coulomb[0].value, 2)

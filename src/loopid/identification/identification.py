@@ -198,7 +198,7 @@ def split_recordings(
     --------
     >>> import loopid
     >>> robot = loopid.load("five_bar")
-    >>> log = loopid.read_log(robot, "urdf/logs/five_bar.csv")
+    >>> log = loopid.read_log("urdf/logs/five_bar.csv", robot)
     >>> run = loopid.prepare(robot, log)
     >>> training, validation = loopid.identification.split_recordings([run], 0.75)
     >>> len(training[0]) + len(validation[0]) == len(run)

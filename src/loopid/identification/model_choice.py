@@ -146,7 +146,7 @@ def choose_model(robot: Robot, recordings: Sequence[Recording]) -> ModelChoice:
     --------
     >>> import loopid
     >>> robot = loopid.load("five_bar")
-    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
     >>> loopid.identification.choose_model(robot, [run]).model
     'full'
     """

@@ -423,7 +423,7 @@ def fit_all(
     --------
     >>> import loopid
     >>> robot = loopid.load("five_bar")
-    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
     >>> model = loopid.force_model(robot, "full", "Fc,Fv")
     >>> data = loopid.identification.samples_of(model, [run])
     >>> excited = loopid.identification.identifiability(model, data)
@@ -506,7 +506,7 @@ def fit_joint_terms(
     --------
     >>> import loopid
     >>> robot = loopid.load("five_bar")
-    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
     >>> model = loopid.force_model(robot, "full", "Fc,Fv")
     >>> data = loopid.identification.samples_of(model, [run])
     >>> fit = loopid.identification.fit_joint_terms(model, data)
@@ -567,7 +567,7 @@ def fit_solid_bodies(
     --------
     >>> import loopid
     >>> robot = loopid.load("five_bar")
-    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
     >>> model = loopid.force_model(robot, "full", "Fc,Fv")
     >>> data = loopid.identification.samples_of(model, [run])
     >>> noise = loopid.identification.fit(data).noise

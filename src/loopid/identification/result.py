@@ -349,7 +349,7 @@ class Fit(Estimates):
 
 
 @checked
-def load_fit(path: str | Path, *, robot: Robot | str | Path | None = None) -> Fit:
+def load_fit(path: str | Path, robot: Robot | str | Path | None = None) -> Fit:
     """Read a fit that ``Fit.save`` wrote, the same to the bit, with its force model.
 
     Parameters

@@ -56,7 +56,7 @@ def choose_terms(force_model: ForceModel, data: FitSamples) -> ForceModel:
     --------
     >>> import loopid
     >>> robot = loopid.load("five_bar")
-    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
     >>> model = loopid.force_model(robot, "full", "Fc,Fv")
     >>> data = loopid.identification.samples_of(model, [run])
     >>> loopid.identification.choose_terms(model, data) is model  # it has no offsets

@@ -118,7 +118,7 @@ def prepare(
     >>> import loopid
     >>> from loopid.loading import bundled_directory
     >>> robot = loopid.load("five_bar")
-    >>> log = loopid.read_log(robot, bundled_directory() / "logs" / "five_bar.csv")
+    >>> log = loopid.read_log(bundled_directory() / "logs" / "five_bar.csv", robot)
     >>> loopid.prepare(robot, log)
     <Recording 'five_bar': 735 samples, filtered at 5.36 Hz, forces used: ...>
     """

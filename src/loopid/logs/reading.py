@@ -39,8 +39,8 @@ ARM = 3
 
 @checked
 def read_log(
-    robot: Robot,
     path: str | Path,
+    robot: Robot,
     *,
     mapping: LogMapping | str | Path | None = None,
     rows: tuple[int, int | None] | None = None,
@@ -49,12 +49,12 @@ def read_log(
 
     Parameters
     ----------
-    robot : Robot
     path : path
         A table of text (.csv, .txt, .tsv, also .gz), Parquet, an .npz, a folder with one table a
         stream; with the extra ``logs`` also HDF5, or a bag of ROS 1 or 2 (.bag, .mcap, .db3, or
         the folder of one) with messages of type ``sensor_msgs/JointState``. More formats may be
         registered in ``loopid.registry.log_formats``.
+    robot : Robot
     mapping : LogMapping or path, optional
         Which columns are what, and their units; by default as their names say, in SI units.
     rows : tuple of int, optional
@@ -88,7 +88,7 @@ def read_log(
     >>> import loopid
     >>> from loopid.loading import bundled_directory
     >>> robot = loopid.load("five_bar")
-    >>> loopid.read_log(robot, bundled_directory() / "logs" / "five_bar.csv")
+    >>> loopid.read_log(bundled_directory() / "logs" / "five_bar.csv", robot)
     <Log 'five_bar': 2241 samples of left_crank_joint, right_crank_joint over 22.40 s in 1 segment>
     """
     file = nullcontext() if isinstance(mapping, LogMapping | None) else placing(Path(mapping))
@@ -118,7 +118,7 @@ def read_recordings(
     progress: Progress | None = None,
 ) -> tuple[Recording, ...]:
     """Read logs and make them ready; see ``read_log`` and ``prepare``."""
-    logs = (read_log(robot, path, mapping=mapping, rows=rows) for path in paths)
+    logs = (read_log(path, robot, mapping=mapping, rows=rows) for path in paths)
     return tuple(prepare(robot, log, filter=filter, progress=progress) for log in logs)
 
 

@@ -440,7 +440,7 @@ def reproduce_paper(
     robot = load("3ups_rpu")
     # First, so that a seed or a log that cannot be used is refused at once.
     derived_seed(seed)
-    recordings = [prepare(robot, read_log(robot, log)) for log in logs]
+    recordings = [prepare(robot, read_log(log, robot)) for log in logs]
     symbolic, base = compare_symbolic(robot, seed), compare_base_parameters(robot)
     with stage("nine trajectories") as report:
         experiment = run_experiment(robot, rate, report)

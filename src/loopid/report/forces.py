@@ -145,7 +145,7 @@ def payload_report(robot: Robot, found: PayloadFit) -> Report:
     --------
     >>> import loopid
     >>> robot = loopid.load("five_bar")
-    >>> run = loopid.prepare(robot, loopid.read_log(robot, "urdf/logs/five_bar.csv"))
+    >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
     >>> model = loopid.force_model(robot, "gravity", "Fc,Fv")
     >>> found = loopid.identify_payload(model, run, run, link="left_coupler")
     >>> loopid.report.payload_report(robot, found).name
