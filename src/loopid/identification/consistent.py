@@ -256,7 +256,7 @@ def fit_terms(
         quality=fit_quality(data.problem, found.values),
         assumed=tuple(names[j] for j in np.flatnonzero(~folded)),
         standard_parameters=standard,
-        uncertainty=StandardUncertainty(base.parameters, none, variances, file, freedom),
+        uncertainty=StandardUncertainty(none, variances, file, freedom),
         term_deviations=groups,
     )
 
@@ -739,7 +739,6 @@ def _robot_uncertainty(
     sizes = np.where(sizes > 0, sizes, 1.0)
     gain = both / sizes @ np.linalg.pinv(base / np.outer(sizes, sizes), SINGULAR, True) / sizes
     return StandardUncertainty(
-        parameters=force_model.base.parameters,
         gain=gain,
         beside=np.maximum((spread * T).sum(axis=1) - (gain * both).sum(axis=1), 0.0),
         # What no force depends on only the file gives, though it goes with its body.
