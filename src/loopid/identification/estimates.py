@@ -227,18 +227,13 @@ class Estimates(OfArrays, Tabular):
             for p, value, error, low, high, of_data in rows
         }
 
-    @property
-    def rows(self) -> list[dict[str, Any]]:
-        """Rows of a table, one a parameter."""
+    def _table(self) -> list[dict[str, Any]]:
         return [
             {"parameter": e.name, "value": e.value, "standard_error": e.standard_error}
             | {"low": e.interval[0], "high": e.interval[1], "unit": e.unit}
             | {"expression": e.expression or e.name}
             for e in self.estimates
         ]
-
-    def _table(self) -> list[dict[str, Any]]:
-        return self.rows
 
     def insignificant(self) -> tuple[str, ...]:
         """Names of the parameters whose 95 % interval includes zero."""

@@ -162,11 +162,6 @@ class MotorUse(OfArrays):
     load: FloatArray  # (m,), mean size of the force that moved the bodies, in N or N m
     largest: FloatArray  # (m,), largest size of the force, in N or N m
 
-    @property
-    def columns(self) -> tuple[tuple[str, ...], list[float], list[float]]:
-        """Joints, slowest and fastest rates."""
-        return self.joints, self.slowest.tolist(), self.fastest.tolist()
-
     def of(self, joint: str) -> tuple[float, float]:
         """Slowest and fastest rate of a joint."""
         k = self.joints.index(joint)
