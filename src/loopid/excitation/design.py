@@ -411,10 +411,10 @@ def _run(problem: Problem, X: FloatArray) -> Run:
 def _expected_fit(problem: Problem, motors: Motion, forces: FloatArray) -> ExpectedFit:
     """Information in a log of the motors' positions and forces (N, motors).
 
-    The log that the run would give without errors is prepared as any log is: filtered, cut at both
-    ends, thinned out, and without the motors that stand. Weighted least squares of its samples X,
-    whitened by the weights, have the covariance (XᵀX)⁻¹ HᵀH (XᵀX)⁻¹, where H is X filtered: errors
-    that are independent in the log are not any more after the filter.
+    The log that the run would give without errors is prepared as any log is. It is filtered, cut at
+    both ends, thinned out, and without the motors that stand. Weighted least squares of its samples
+    X, whitened by the weights, have the covariance (XᵀX)⁻¹ HᵀH (XᵀX)⁻¹, where H is X filtered.
+    Errors that are independent in the log are not any more after the filter.
     """
     model, count, before = problem.force_model, len(motors), _root(problem.prior)
     robot = model.robot
