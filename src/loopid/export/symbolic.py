@@ -108,7 +108,7 @@ class SymbolicRobot:
         way = list[Any]()
         for k, name in enumerate(self.robot.independent):
             difference: Any = self.u[k] - self.before[k]
-            if name in self.robot.held:
+            if name in self.robot.unmeasured:
                 difference = 0
             elif self.robot.joint(name).nq == 2:
                 difference = ca.atan2(ca.sin(difference), ca.cos(difference))

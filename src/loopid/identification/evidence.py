@@ -220,7 +220,7 @@ class Evidence:
         if any(key[:3] != _pose(self.recorded)[:3] for key in new):
             found = try_assemble(self.robot, position, options=CLOSELY)
             q = np.where(found.assembled[:, None], found.configurations, self.robot.reference)
-            regular = singularity_measure(self.robot, q) >= MaskOptions().singularity
+            regular = singularity_measure(self.robot, q) >= MaskOptions().singularity_threshold
             q[~regular], closed = self.robot.reference, found.assembled & regular
         rest, moving = (K @ self.columns for K in self._regressors(q, moved))
         # Joint terms may be of any size: rates on another time axis need no other one.

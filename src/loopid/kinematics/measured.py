@@ -46,7 +46,7 @@ class MeasuredCoordinates(ABC):
         self.width = width
         self.scales = robot.coordinate_scales[unknown]
         # Whether parts of joints stay as they are, which then depends on the way to a sample.
-        self.holds = bool(robot.held)
+        self.holds = bool(robot.unmeasured)
 
     @abstractmethod
     def read(self, q: FloatArray) -> FloatArray:
@@ -90,7 +90,7 @@ class JointCoordinates(MeasuredCoordinates):
         self.known, _ = partition(robot, joints)
         if len(self.known) != len(joints):
             raise OptionError("only joints with one coordinate can be measured", given=joints)
-        held = robot.velocity_indices(robot.held)
+        held = robot.velocity_indices(robot.unmeasured)
         unknown = np.setdiff1d(np.arange(robot.model.nv), np.append(self.known, held))
         super().__init__(robot, unknown, len(joints))
         self.known_scales = robot.coordinate_scales[self.known]

@@ -213,7 +213,9 @@ class Description(Section):
     )
     gravity: tuple[Component, Component, Component] | None = key(None, "In m/s².")
     rounding: Rounding | None = key(None, "To what numbers are rounded, in m and rad; 0: exact.")
-    margin: float | None = key(None, "Least singularity measure of random poses.", ge=0, lt=1)
+    singularity_threshold: float | None = key(
+        None, "Least singularity measure of random poses.", ge=0, lt=1
+    )
     closure_rank_tolerance: float | None = key(
         None, "Part of the largest singular value that counts as zero.", gt=0, lt=1
     )

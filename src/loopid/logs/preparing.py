@@ -439,7 +439,7 @@ def assemble_samples(
                 tolerance=UNASSEMBLED,
             )
         warn(f"{said}: left out", DataWarning)
-    regular = measure >= masks.singularity
+    regular = measure >= masks.singularity_threshold
     if not regular.all():
         near = good.copy()
         near[good] = ~regular
@@ -447,10 +447,10 @@ def assemble_samples(
         dropped.append(Dropped.at("near a singularity", time[near]))
         said = (
             f"{log.name}: the robot is near a singularity in {_where(time, near)} (measure down to "
-            f"{measure.min():.1e}, at least {masks.singularity:g} is required)"
+            f"{measure.min():.1e}, at least {masks.singularity_threshold:g} is required)"
         )
         if not good.any():
-            raise LogError(said, source=log.name, tolerance=masks.singularity)
+            raise LogError(said, source=log.name, tolerance=masks.singularity_threshold)
         warn(f"{said}: left out", DataWarning)
     return Assembled(np.concatenate(configurations)[regular], measure[regular], good, dropped)
 

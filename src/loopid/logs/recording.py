@@ -98,11 +98,13 @@ class MaskOptions:
     Examples
     --------
     >>> import loopid
-    >>> loopid.logs.MaskOptions(singularity=0.02).singularity
+    >>> loopid.logs.MaskOptions(singularity_threshold=0.02).singularity_threshold
     0.02
     """
 
-    singularity: NotNegative = 5e-3  # samples with a smaller singularity measure are left out
+    singularity_threshold: NotNegative = (
+        5e-3  # samples with a smaller singularity measure are left out
+    )
 
 
 @record

@@ -424,7 +424,7 @@ class Dynamics:
 
     @cached_property
     def _measured(self) -> MeasuredCoordinates:
-        if held := self.robot.held:
+        if held := self.robot.unmeasured:
             raise MobilityError(
                 f"no joint position gives {', '.join(held)} of {self.robot.name}: load it with "
                 f"{lock_options(self.robot, held)}, or give a pose, dynamics.pose(q=...)",
