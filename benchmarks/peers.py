@@ -130,10 +130,7 @@ def _sizes(runs: list[Figures]) -> Figures:
 def _ratios(figaroh: list[Figures], loopid: list[Figures]) -> Figures:
     first, other = figaroh[0], loopid[0]
     return {
-        **{name: other[name] for name in ("columns", "with_effect", "rank")},
         "time": median(map(_whole, figaroh)) / median(map(_whole, loopid)),
-        "FIGAROH_MB": _memory(figaroh),
-        "loopid_MB": _memory(loopid),
         "memory": _memory(figaroh) / _memory(loopid),
         "memory_above_imports": _memory(figaroh, "imports_mb") / _memory(loopid, "imports_mb"),
         "same_rank": first["rank"] == other["rank"],

@@ -119,7 +119,7 @@ def main() -> None:
     for (one, other), terms in [(pair, t) for pair in combinations(runs, 2) for t in choices]:
         two = compare_fits(fits[one, terms], fits[other, terms])
         worst = two.expressions[int(two.apart.argmax())] if two.expressions else "-"
-        numbers = {"differences": len(two.expressions), "usual %": 100 * two.usual}
+        numbers = {"differences": len(two.expressions), "below 1.96 %": 100 * two.usual}
         row = {"fits of": f"{one}, {other}", "terms": terms} | numbers
         pairs.append(row | {"largest": float(two.apart.max(initial=0.0)), "of": worst})
     show("differences of base parameters in joint standard errors", pairs)

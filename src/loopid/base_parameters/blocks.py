@@ -6,8 +6,8 @@ eigenvalues of X_S X_Sᵀ. "Smallest" and "largest" mean these throughout the ex
 A good selection comes from pivoted QR, then swaps between barriers that close in on the
 eigenvalues. With a barrier b below those of M = X_SᵀX_S, the potential tr (M - b I)⁻¹ sees all of
 them. It sees those near the barrier most [Batson2012]. Likewise tr (b I - M)⁻¹ above them. To swap
-a row for a vector changes M by a matrix of rank two. With E = (M - b I)⁻¹ take the Gram matrices P
-= X E Xᵀ and Q = X E² Xᵀ. They hold the potential after every one of the k (n - k) swaps in closed
+a row for a vector changes M by a matrix of rank two. With E = (M - b I)⁻¹ take the Gram matrices
+P = X E Xᵀ and Q = X E² Xᵀ. They hold the potential after every one of the k (n - k) swaps in closed
 form. The best of them updates both in O(n²). Derivation in docs/derivations.md.
 """
 

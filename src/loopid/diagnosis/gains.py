@@ -1,8 +1,8 @@
 """Gains of drives, by what a load of known mass does to the force of each motor.
 
 What is logged of motor i is c_i = s_i (K_i Φ + L_i δ) + errors. K Φ are the forces of the robot. L
-δ are those of the load in the runs that carry it. Both are in newtons. The gain of the motor is g_i
-= 1 / s_i. The known mass is part of δ. All that is not known of Φ, δ and s is found together
+δ are those of the load in the runs that carry it. Both are in newtons. The gain of the motor is
+g_i = 1 / s_i. The known mass is part of δ. All that is not known of Φ, δ and s is found together
 [Gautier2014] by Gauss-Newton steps. The currents, which are noisy, stand on the left alone. On the
 right they would be columns of a least squares for g_i. Their noise would make all gains too small.
 

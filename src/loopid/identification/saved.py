@@ -1,8 +1,9 @@
 """The file of a fit: all that it takes to use its values, written and read.
 
 It holds which combinations of standard parameters the values are, the options of the force model,
-how the robot was loaded, and states with the forces there, by which the robot is known again.
-Reading never repeats a search for base parameters. A digest shows whether a file was changed.
+and how the robot was loaded. States with the forces there are in it, too: by these the robot is
+known again. Reading never repeats a search for base parameters. A digest shows whether a file was
+changed.
 """
 
 from __future__ import annotations

@@ -83,7 +83,7 @@ class JointCoordinates(MeasuredCoordinates):
     """Measured joints: the others are unknown, but for single coordinates that are independent.
 
     The spin of a rod in a spherical joint, or the placement of a floating base, is no number that
-    could be given: it stays as it is at the start.
+    could be given. It stays as it is at the start.
     """
 
     def __init__(self, robot: Robot, joints: Sequence[str]) -> None:

@@ -60,9 +60,9 @@ def random_configurations(
     """Draw closed configurations on the reference's branch.
 
     Independent joints are uniform within their limits (one turn, or one characteristic length,
-    around the reference where there are none); draws that cannot be assembled, break a limit of
-    a passive joint or come too near a singularity are left out. Where most draws fail, the next
-    ones keep nearer to the reference. Spins of rods and floating bases are anywhere.
+    around the reference where there are none). Draws that cannot be assembled, break a limit of a
+    passive joint or come too near a singularity are left out. Where most draws fail, the next ones
+    keep nearer to the reference. Spins of rods and floating bases are anywhere.
 
     Parameters
     ----------
@@ -207,8 +207,8 @@ def random_motions(
 ) -> tuple[FloatArray, FloatArray]:
     """Draw independent velocities and accelerations (count, dof) each.
 
-    They are uniform and as large as a fall over the characteristic length would make them, so
-    that inertial and gravity forces have one order of magnitude.
+    They are uniform and as large as a fall over the characteristic length would make them. So
+    inertial and gravity forces have one order of magnitude.
 
     Parameters
     ----------

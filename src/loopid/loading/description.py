@@ -2,7 +2,7 @@
 
 The YAML beside a URDF or MJCF holds these keys. It extends Gepetto's parallel-robot files
 (``closed_loop``, ``type``, ``name_mot``, ``joint_name``, ``joint_type``). Readers of formats that
-say some of it themselves fill in the same description, and the YAML has the last word.
+say some of it themselves fill in the same description. The YAML has the last word.
 """
 
 from __future__ import annotations

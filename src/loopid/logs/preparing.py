@@ -227,8 +227,8 @@ def at_cutoff(
 def in_motion_band(robot: Robot, recording: Recording) -> Recording:
     """The recording at the cut-off that hangs on its motion alone; as it is without a log.
 
-    Noise of positions, which looks like anything, grows fast with the cut-off, and most of what a
-    delay or a mistake does is near the motion.
+    Noise of positions, which looks like anything, grows fast with the cut-off. Most of what a delay
+    or a mistake does is near the motion.
     """
     filtered = recording.filter or FilterOptions()
     if filtered.cutoff == "auto":

@@ -111,7 +111,7 @@ class MaskOptions:
 class RateHistory:
     """Filtered rates at the rate of the log, before samples were left out.
 
-    Friction jumps where they change sign. The measured forces jump too, and are filtered: what a
+    Friction jumps where they change sign. The measured forces jump too, and are filtered. What a
     force model multiplies must be filtered alike, at the rate of the log.
     """
 
