@@ -30,7 +30,7 @@ FEASIBLE = ("five_bar", "3rrr", "delta", "6ups", "parallelogram")
 UR10 = "ur_description/urdf/ur10_robot.urdf"
 FIGAROH, FIGAROH_RATE = Path(__file__).parents[1] / ".venv/peers/bin/python", 20.0
 EVEN = 1.0  # N or N m: condition numbers are then those of the observation itself
-KNEE = loopid.MotionLimits(singularity=0.05)
+KNEE = loopid.MotionLimits(singularity_threshold=0.05)
 
 
 def designed(
@@ -98,7 +98,7 @@ def knee() -> None:
     """3UPS+RPU: gravity in 20 s, full in 8 s with rates up to 0.3 m/s."""
     robot = loopid.load("3ups_rpu")
     options: dict[str, Any] = {"criterion": "condition", "starts": 2, "noise": EVEN}
-    slow = loopid.MotionLimits(singularity=0.05, speeds={"all": 0.3})
+    slow = loopid.MotionLimits(singularity_threshold=0.05, speeds={"all": 0.3})
     for model, limits, duration in (("gravity", KNEE, 20.0), ("full", slow, 8.0)):
         wanted = loopid.force_model(robot, model, None)
         designed(f"3UPS+RPU, {model}, {duration:g} s", wanted, limits, duration=duration, **options)
@@ -231,7 +231,7 @@ def refusals() -> None:
             {"forces": {"all": 1e-3}},
         ]
         if robot.closures:
-            asked.append({"singularity": 0.95})
+            asked.append({"singularity_threshold": 0.95})
             asked.append({"positions": {motor: (20.0, 21.0)}})
         if robot.platform is not None:
             asked.append({"workspace": {robot.platform.names[0]: (20.0, 30.0)}})

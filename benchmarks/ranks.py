@@ -39,7 +39,7 @@ from tables import show, write_json
 SHARED = Path(__file__).parents[2] / "shared"
 SAMPLES = (100, 500, 2000)
 CLEAR = 1e4  # gap of exact files
-ANYWHERE = SamplingOptions(margin=0.0)
+ANYWHERE = SamplingOptions(singularity_threshold=0.0)
 OWN_NAMES = ("urdf", "platform", "identical")  # keys of a robot file that copies do without
 
 

@@ -138,5 +138,7 @@ def test_defaults_of_options_are_those_of_the_functions():
     def default(function, name):
         return inspect.signature(function).parameters[name].default
 
-    assert default(cli.motions, "margin").default == default(loopid.motion.review_motion, "margin")
+    assert default(cli.motions, "singularity_threshold").default == default(
+        loopid.motion.review_motion, "singularity_threshold"
+    )
     assert default(cli.identify, "fraction").default == loopid.FitOptions().fraction

@@ -59,7 +59,7 @@ def test_every_configuration_closes_at_its_home(robot, configuration, table, wri
     geometry = table[robot]["configurations"][configuration]
     mechanism = loopid.load(write_robot(geometry, table[robot]))
     assert np.abs(constraint_residual(mechanism, mechanism.reference)).max() < 1e-15
-    q = random_configurations(mechanism, 3, options=SamplingOptions(margin=0.001))
+    q = random_configurations(mechanism, 3, options=SamplingOptions(singularity_threshold=0.001))
     assert np.abs(constraint_residual(mechanism, q)).max() < 1e-13
 
 

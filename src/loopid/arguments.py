@@ -1,7 +1,7 @@
 """Arguments that are checked: arrays and numbers, all those of public functions, seeds.
 
-Arguments of public functions are checked by pydantic against their annotations; arrays by the
-functions that take them, which know their shapes.
+Arguments of public functions are checked by pydantic against their annotations. Arrays are checked
+by the functions that take them, which know their shapes.
 """
 
 from __future__ import annotations
@@ -226,10 +226,10 @@ def checked(thing: Callable[P, R]) -> Callable[P, R]: ...
 def checked(thing: Any) -> Any:
     """Refuse arguments that are not of the annotated types, among numbers also NaN.
 
-    Of a class, arguments of ``__init__`` and of all public methods; of these not where a function
-    that is checked calls them: what loopid itself gives them is right. Lists become arrays where
-    these are annotated, and arrays or columns of data frames lists; shapes of arrays are left to
-    the function, which knows them.
+    Of a class these are arguments of ``__init__`` and of all public methods. Methods do not check
+    where a checked function calls them. What loopid itself gives them is right. Lists become arrays
+    where these are annotated. Arrays or columns of data frames become lists. Shapes of arrays are
+    left to the function, which knows them.
 
     Raises
     ------

@@ -96,8 +96,8 @@ def refusal(
 ) -> LoopidError:
     """The error that says what is first wrong with a content, and how much more is.
 
-    ``content`` is as its file has it, None where a program made it; ``where`` is the file, or what
-    it is of; ``line_of`` gives the line that a path of keys leads to.
+    ``content`` is as its file has it, None where a program made it. ``where`` is the file, or what
+    it is of. ``line_of`` gives the line that a path of keys leads to.
     """
     details = error.errors(include_url=False)
     paths = [key_path(detail, content) for detail in details]

@@ -69,8 +69,8 @@ def text_blocks(path: Path) -> Generator[bytes]:
 def write_files(folder: str | Path, contents: Mapping[str, bytes | str]) -> list[Path]:
     """Write files into a folder, made where it is missing.
 
-    Each is written beside its place and moved there once all are complete, so that a stop in the
-    middle leaves the old files as they were.
+    Each is written beside its place and moved there once all are complete. So a stop in the middle
+    leaves the old files as they were.
 
     Names are without folders. A FileError says why the folder or a file cannot be written.
     """

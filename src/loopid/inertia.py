@@ -2,8 +2,8 @@
 
 P = ∫ (r, 1) (r, 1)ᵀ dm = [Σ h; hᵀ m], with the second moments Σ = ½ tr(I) 1 - I about the origin of
 the link and the first moments h. Pseudo-inertias of bodies that are fixed together add up; a frame
-at T sees T P Tᵀ. A body of positive density that fills some volume has P positive definite, and
-every positive definite P is that of such a body.
+at T sees T P Tᵀ. A body of positive density that fills some volume has P positive definite. Every
+positive definite P is that of such a body.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def nearest_solid(P: FloatArray, least_mass: float, reach: float) -> FloatArray:
     """A solid body (4, 4) for a pseudo-inertia that has none.
 
     Mass (kg) and centre stay where the mass is positive. Second moments about the centre become at
-    least ``THICKNESS`` of the largest, and those of a ball of the densest matter; a point becomes a
+    least ``THICKNESS`` of the largest, and those of a ball of the densest matter. A point becomes a
     ball of radius ``reach`` (m).
     """
     has_mass = P[3, 3] > 0

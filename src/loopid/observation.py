@@ -1,8 +1,8 @@
 """The observation: a stacked regressor, reduced to its triangular factor.
 
-Rank, null space, conditioning and least squares need only R of W = Q R, whose size does not
-depend on the number of samples. LAPACK's Householder method for triangles on top of rows finds it,
-on as many rows at a time as stay in the processor's cache [Demmel2012]: twice as fast as a QR
+Rank, null space, conditioning and least squares need only R of W = Q R. Its size does not depend on
+the number of samples. LAPACK's Householder method for triangles on top of rows finds it, on as many
+rows at a time as stay in the processor's cache [Demmel2012]. This is twice as fast as a QR
 factorisation of blocks. Columns of zeros cost nothing.
 """
 
@@ -152,7 +152,7 @@ class StackedRows:
 
     A joint's row has columns only of the bodies that move with it: in a tree, few of all. So each
     of the dof rows of a sample is reduced on its own, as long as there are more samples than
-    columns, and all of them together at the end.
+    columns. At the end all of them are reduced together.
     """
 
     def __init__(self, parameters: ParameterSet, driven: int | None = None) -> None:

@@ -88,7 +88,7 @@ _limit: Any = None
 def one_blas_thread() -> Iterator[None]:
     """Context in which linear algebra runs on one thread, in any thread of Python.
 
-    The last one out restores the threads: limits that overlap would each restore what the one
+    The last one out restores the threads. Limits that overlap would each restore what the one
     before had set.
     """
     global _inside, _limit

@@ -22,7 +22,7 @@ from loopid.observation import Draws, Observation
 from loopid.regressors import structural_observation
 from ranks import copies
 
-ANYWHERE = SamplingOptions(margin=0.0)  # as near to singularities as draws come
+ANYWHERE = SamplingOptions(singularity_threshold=0.0)  # as near to singularities as draws come
 
 
 def structure(robot, model="full", **options):

@@ -87,7 +87,7 @@ def test_options_become_limits(run):
 
 def test_what_cannot_be_done_is_one_line(run):
     for words in (
-        ("--margin", "0.95"),
+        ("--singularity-threshold", "0.95"),
         ("--limit", "left_crank_joint"),
         ("--limit", "left_crank_joint=2:1"),
         ("--max-speed", "fast"),

@@ -73,7 +73,7 @@ def test_motions_beyond_a_limit_or_margin_are_said(run, run_json, arm_files, tmp
         assert len(motion["problems"]) == problems
         assert motion["ranges"]["shoulder"] == pytest.approx([0.0, far])
         assert ("outside" in run("motions", robot, tmp_path / "swing.yaml").out) == bool(problems)
-    record = run_json("motions", robot, tmp_path / "swing.yaml", "--margin", "2")
+    record = run_json("motions", robot, tmp_path / "swing.yaml", "--singularity-threshold", "2")
     assert any("singularity" in problem for problem in record["motions"][0]["problems"])
 
 
@@ -83,7 +83,7 @@ def test_motions_beyond_a_limit_or_margin_are_said(run, run_json, arm_files, tmp
         (["motions", "5p"], ["5p", "3ups_rpu"]),
         (["motions", "3ups_rpu", "nowhere.yaml"], ["nowhere.yaml"]),
         (["motions", "3ups_rpu", "--rate", "0"], ["rate"]),
-        (["motions", "3ups_rpu", "--margin", "-1", "--rate", "1"], ["margin"]),
+        (["motions", "3ups_rpu", "--singularity-threshold", "-1", "--rate", "1"], ["threshold"]),
         (["motions", "nobody"], ["nobody"]),
         (["paper", "--seed", "-1"], ["seed"]),
     ],

@@ -111,7 +111,7 @@ def test_each_criterion_wins_by_its_own_measure(gravity):
 
 def test_ranges_of_platform_coordinates_are_kept():
     robot = loopid.load("3ups_rpu")
-    limits = MotionLimits(workspace={"x_m": (-0.1, 0.1)}, singularity=0.05)
+    limits = MotionLimits(workspace={"x_m": (-0.1, 0.1)}, singularity_threshold=0.05)
     options = replace(QUICK, evaluations=1, size=2)
     found = loopid.design_motion(
         loopid.force_model(robot, joint_terms=None), limits=limits, options=options
@@ -159,10 +159,12 @@ def test_what_cannot_be_met_is_named(gravity, limits, name):
 
 def test_advice_on_what_cannot_be_met_works(gravity):
     with pytest.raises(AssemblyError) as refused:
-        loopid.design_motion(gravity, limits=MotionLimits(singularity=0.95), options=QUICK)
+        loopid.design_motion(
+            gravity, limits=MotionLimits(singularity_threshold=0.95), options=QUICK
+        )
     facts = refused.value.facts
     assert facts["bound"] == "singularity measure"
-    limits = MotionLimits(singularity=0.95 - 1.2 * facts["missing"] - 0.01)
+    limits = MotionLimits(singularity_threshold=0.95 - 1.2 * facts["missing"] - 0.01)
     assert loopid.design_motion(gravity, limits=limits, options=QUICK).violations == 0
 
 
@@ -221,7 +223,7 @@ def test_standing_tells_no_full_model(full):
         {"workspace": {"x": (0.0, 0.0)}},
         {"speeds": {"a": 0.0}},
         {"share": 0.0},
-        {"singularity": 1.5},
+        {"singularity_threshold": 1.5},
     ],
     ids=str,
 )

@@ -19,7 +19,7 @@ from loopid.kinematics import measured_coordinates
 def problem(mechanism, model, terms=None):
     force_model = loopid.force_model(mechanism, model, terms)
     n = len(force_model.parameters)
-    limits = MotionLimits(accelerations={"all": 5.0}, singularity=0.02)
+    limits = MotionLimits(accelerations={"all": 5.0}, singularity_threshold=0.02)
     return Problem(
         force_model=force_model,
         shape=FourierShape(8.0, 3),

@@ -473,7 +473,7 @@ def test_angles_on_a_circle_go_the_short_way(compiled, tmp_path):
         (tmp_path / name).write_text(text)
     found = all_columns(tmp_path / "robot.yaml", "gravity", ())
     mechanism, robot = found.robot, compiled(found)
-    assert mechanism.held
+    assert mechanism.unmeasured
     u = np.zeros((700, len(mechanism.independent)))
     u[:, 0] = motor_positions(mechanism, mechanism.reference[None])[0, 0] + 0.02 * np.arange(700)
     q = assemble(mechanism, u[:, :1], trajectory=True)

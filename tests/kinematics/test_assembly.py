@@ -397,7 +397,7 @@ def assert_same(robot, one, other):
     """How far a rod has spun in its ball joint depends on the way there, all else does not."""
     np.testing.assert_array_equal(one.assembled, other.assembled)
     found = one.assembled
-    spinning = [robot.joint(name.split(".")[0]) for name in robot.held]
+    spinning = [robot.joint(name.split(".")[0]) for name in robot.unmeasured]
     fixed = np.ones(robot.model.nq, dtype=bool)
     for joint in spinning:
         fixed[joint.idx_q : joint.idx_q + joint.nq] = False

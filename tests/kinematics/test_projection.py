@@ -288,7 +288,7 @@ def to_mm(pair):
 
 
 def test_the_singularity_measure_is_the_same(pair, to_mm):
-    q = random_configurations(pair[0], 50, seed=4, options=SamplingOptions(margin=0))
+    q = random_configurations(pair[0], 50, seed=4, options=SamplingOptions(singularity_threshold=0))
     metre, millimetre = (
         singularity_measure(robot, q * scales)
         for robot, scales in zip(pair, (1.0, to_mm), strict=True)

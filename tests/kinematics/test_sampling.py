@@ -22,7 +22,9 @@ from loopid.kinematics.projection import NEAR_SINGULARITY, singularity_measure
 
 
 def test_the_margin_is_kept(mechanism):
-    q = random_configurations(mechanism, 40, seed=0, options=SamplingOptions(margin=0.06))
+    q = random_configurations(
+        mechanism, 40, seed=0, options=SamplingOptions(singularity_threshold=0.06)
+    )
     assert (singularity_measure(mechanism, q) >= 0.06).all()
 
 
@@ -49,10 +51,14 @@ def test_an_endless_motor_is_drawn_over_a_whole_turn(four_bars):
 def test_a_margin_that_none_keeps_is_refused(knee):
     # The measure of a tree is 1, and its draws are cheap.
     tree = replace(knee, closures=(), actuated=knee.joints)
-    assert len(random_configurations(tree, 3, options=SamplingOptions(margin=1))) == 3
+    assert (
+        len(random_configurations(tree, 3, options=SamplingOptions(singularity_threshold=1))) == 3
+    )
     with pytest.raises(AssemblyError) as refused:
-        random_configurations(knee, 3, options=SamplingOptions(margin=1.0, attempts=1))
-    assert refused.value.facts["margin"] == 1
+        random_configurations(
+            knee, 3, options=SamplingOptions(singularity_threshold=1.0, attempts=1)
+        )
+    assert refused.value.facts["singularity_threshold"] == 1
 
 
 @pytest.mark.parametrize(
@@ -60,7 +66,7 @@ def test_a_margin_that_none_keeps_is_refused(knee):
     [
         lambda robot: random_configurations(robot, 0),
         lambda robot: random_configurations(robot, 10**10),
-        *(lambda robot, x=x: SamplingOptions(margin=x) for x in (-0.1, 1.1, np.nan)),
+        *(lambda robot, x=x: SamplingOptions(singularity_threshold=x) for x in (-0.1, 1.1, np.nan)),
     ],
 )
 def test_absurd_arguments_are_refused(mechanism, ask):

@@ -271,7 +271,7 @@ DESCRIPTIONS = {
     "limits of a stranger": ({"limits": {"knee": [0, 1]}}, ("limits", "'knee'", "elbow")),
     "limits of a ball": (BALL | {"limits": {"ball": [0, 1]}}, ("limits", "ball", "3 coordinates")),
     "gravity": ({"gravity": [0, -9.81]}, ("gravity",)),
-    "margin": ({"margin": -0.1}, ("margin", "-0.1")),
+    "singularity_threshold": ({"singularity_threshold": -0.1}, ("singularity_threshold", "-0.1")),
     "tolerance": ({"closure_rank_tolerance": 0}, ("closure_rank_tolerance", "0")),
     "curve of nothing": (
         {"couplings": [{"joints": {"elbow": 1}, "polynomial": [0, 1]}]},
@@ -405,7 +405,7 @@ def test_keys_that_change_the_tree_change_it(write_files):
     description = {
         "limits": {"elbow": [-0.5, 0.7], "rail": None},
         "gravity": [1, 2, -3],
-        "margin": 0.3,
+        "singularity_threshold": 0.3,
         "couplings": [{"joints": {"elbow": 1, "rail": 2}, "offset": 0.1}],
         "name_mot": ["shoulder", "elbow", "ball"],
     }

@@ -243,7 +243,7 @@ def test_records_that_differ_are_not_equal(knee, arrays):
 
 
 def test_a_recording_keeps_its_options(knee, arrays):
-    options = FilterOptions(cutoff=5.0, decimate=False), MaskOptions(singularity=0.01)
+    options = FilterOptions(cutoff=5.0, decimate=False), MaskOptions(singularity_threshold=0.01)
     log = Log.from_arrays(*arrays, knee.actuated)
     recording = loopid.prepare(knee, log, filter=options[0], masks=options[1])
     assert (recording.filter, recording.masks) == options
@@ -251,4 +251,4 @@ def test_a_recording_keeps_its_options(knee, arrays):
         with pytest.raises(OptionError):
             FilterOptions(**wrong)
     with pytest.raises(OptionError):
-        MaskOptions(singularity=np.nan)
+        MaskOptions(singularity_threshold=np.nan)

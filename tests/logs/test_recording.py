@@ -325,15 +325,15 @@ def test_a_log_of_another_robot_does_not_assemble(knee, log):
 
 
 def test_near_a_singularity_samples_are_left_out(knee, log, truth):
-    margin = float(np.median(truth.motion.singularity))
+    threshold = float(np.median(truth.motion.singularity))
     with pytest.warns(DataWarning, match="run: the robot is near a singularity in .* left out"):
-        recording = prepared(knee, log, masks=MaskOptions(singularity=margin))
-    assert (recording.motion.singularity >= margin).all()
+        recording = prepared(knee, log, masks=MaskOptions(singularity_threshold=threshold))
+    assert (recording.motion.singularity >= threshold).all()
     assert any(part.reason == "near a singularity" for part in recording.dropped)
     steps = np.diff(recording.motion.time)[np.diff(recording.segments) == 0]
     np.testing.assert_allclose(steps, 0.04, atol=1e-9)
     with pytest.raises(LogError, match="near a singularity in 391 of 391 samples"):
-        prepared(knee, log, masks=MaskOptions(singularity=1.0))
+        prepared(knee, log, masks=MaskOptions(singularity_threshold=1.0))
 
 
 def test_progress_ends_complete(knee, log, monkeypatch):

@@ -64,7 +64,7 @@ def test_what_cannot_be_followed_is_refused(mechanism):
     unknown = point_to_point(("elbow",), [0.0], [Waypoint([1.0], 1.0)])
     with pytest.raises(OptionError, match=r"elbow fits neither .*x_m.* nor joints"):
         joint_motion(mechanism, unknown)
-    with pytest.raises(OptionError, match="margin"):
+    with pytest.raises(OptionError, match="singularity_threshold"):
         review_motion(mechanism, lifted(mechanism, 0.02), -1.0)
 
 

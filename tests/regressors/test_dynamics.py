@@ -126,7 +126,7 @@ def test_a_single_coordinate_may_be_a_number(load_once):
 
 
 def test_positions_lead_to_poses_one_by_one_as_many(robot, dynamics, states):
-    if robot.held:
+    if robot.unmeasured:
         with pytest.raises(MobilityError, match=r"lock=\[.*dynamics\.pose\(q="):
             dynamics.assemble(np.zeros(len(robot.measured)))
         return
@@ -141,7 +141,7 @@ def test_positions_lead_to_poses_one_by_one_as_many(robot, dynamics, states):
 
 def test_it_follows_a_motion_from_where_it_was(robot, states):
     """A millisecond later, as a controller asks: at the measured values, and closed."""
-    if robot.held:
+    if robot.unmeasured:
         return
     measured = measured_coordinates(robot)
     for q, rates in zip(states[0], states[1], strict=True):

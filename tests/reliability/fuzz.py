@@ -58,7 +58,7 @@ VALUES = {
     "cutoff": ("1", "5", "0.05", "0", "-1", "nan", "inf", "24", "25", "1e9", "x"),
     "train": ("0.5", "0.9", "0.05", "0", "1", "nan", "-1", "x", "1e-9"),
     "rate": ("5", "20", "0.2", "0", "-1", "nan", "inf", "1e12", "1e-12", "x"),
-    "margin": ("0.02", "0", "-1", "nan", "inf", "x", "0.9"),
+    "singularity-threshold": ("0.02", "0", "-1", "nan", "inf", "x", "0.9"),
     "jobs": ("1", "1", "1", "1", "1", "1", "2", "0", "-1", "x", "1.5"),
     "lock": ("elbow", "rocker_joint", "motor", "crank_joint", "x", "", "shoulder", "hub"),
 }  # fmt: skip
@@ -68,7 +68,7 @@ WRITTEN = {"out": "", "robot": ".urdf", "yaml": ".yaml", "c": ""}
 VALID = {
     "model": 3, "terms": 4, "estimator": 6, "unidentifiable": 2, "consistent": 3,
     "search": 3, "criterion": 2, "samples": 1, "seed": 3, "time_limit": 2,
-    "cutoff": 2, "train": 2, "rate": 2, "margin": 2, "jobs": 7,
+    "cutoff": 2, "train": 2, "rate": 2, "singularity-threshold": 2, "jobs": 7,
 }  # fmt: skip
 
 

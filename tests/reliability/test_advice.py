@@ -266,7 +266,11 @@ def tilted(angle, **options):
 
 
 OF_ROBOTS = {
-    "a tag": (yaml("margin: !!float 0.02"), "is not read: remove it", yaml("margin: 0.02")),
+    "a tag": (
+        yaml("singularity_threshold: !!float 0.02"),
+        "is not read: remove it",
+        yaml("singularity_threshold: 0.02"),
+    ),
     "an odd number": (
         yaml("identical: {a: [1_6, crank]}"),
         "quote it if not",
@@ -802,13 +806,13 @@ OF_ANALYSES = {
         "so more samples are needed",
         lambda _: loopid.base_parameters.find_base(observed(load("five_bar"), samples=50)),
     ),
-    "a margin that no pose has": (
+    "a threshold that no pose has": (
         lambda _: loopid.random_configurations(
-            load("five_bar"), 3, options=SamplingOptions(margin=1.0, attempts=1)
+            load("five_bar"), 3, options=SamplingOptions(singularity_threshold=1.0, attempts=1)
         ),
-        "lower the margin",
+        "lower the threshold",
         lambda _: loopid.random_configurations(
-            load("five_bar"), 3, options=SamplingOptions(margin=0.1)
+            load("five_bar"), 3, options=SamplingOptions(singularity_threshold=0.1)
         ),
     ),
     "too few coordinates": (

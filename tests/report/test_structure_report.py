@@ -178,7 +178,7 @@ def test_expressions_read_as_sums(terms, text):
 
 
 def test_a_motion_that_breaks_a_limit_is_said_so():
-    record = motions_record("robot", {"1": replace(REVIEW, margin=0.9)}, {"1": 12.0})
+    record = motions_record("robot", {"1": replace(REVIEW, singularity_threshold=0.9)}, {"1": 12.0})
     table = motions_table(record)
     assert "singularity measure falls" in str(next(iter(table.columns[-1].cells)))
 

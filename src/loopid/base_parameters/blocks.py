@@ -1,14 +1,14 @@
 """Blocks of a choice problem: parts that can be searched apart, and good selections of each, fast.
 
 A block asks for k of its vectors. The squared singular values of the selected rows X_S are the
-eigenvalues of X_S X_Sᵀ; "smallest" and "largest" mean these throughout the exact search.
+eigenvalues of X_S X_Sᵀ. "Smallest" and "largest" mean these throughout the exact search.
 
 A good selection comes from pivoted QR, then swaps between barriers that close in on the
 eigenvalues. With a barrier b below those of M = X_SᵀX_S, the potential tr (M - b I)⁻¹ sees all of
-them, and those near the barrier most [Batson2012]; likewise tr (b I - M)⁻¹ above them. To swap a
-row for a vector changes M by a matrix of rank two; so with E = (M - b I)⁻¹ the Gram matrices
-P = X E Xᵀ and Q = X E² Xᵀ hold the potential after every one of the k (n - k) swaps in closed
-form, and the best of them updates both in O(n²). Derivation in docs/derivations.md.
+them. It sees those near the barrier most [Batson2012]. Likewise tr (b I - M)⁻¹ above them. To swap
+a row for a vector changes M by a matrix of rank two. With E = (M - b I)⁻¹ take the Gram matrices
+P = X E Xᵀ and Q = X E² Xᵀ. They hold the potential after every one of the k (n - k) swaps in closed
+form. The best of them updates both in O(n²). Derivation in docs/derivations.md.
 """
 
 from __future__ import annotations
@@ -123,8 +123,8 @@ class Levels:
 class Block:
     """Vectors of which ``count`` are to be selected.
 
-    Of vectors that agree up to their sign at most one can be selected, and it does not matter
-    which: one stands for all.
+    Of vectors that agree up to their sign at most one can be selected. It does not matter which:
+    one stands for all.
     """
 
     columns: IntArray  # (n,), columns of the problem, ascending
@@ -173,8 +173,8 @@ class Block:
     def least_largest(self) -> float:
         """What the largest eigenvalue of every regular selection reaches at least.
 
-        It exceeds every diagonal entry, and k of those above zero are selected; and leaving m - k
-        rows out lowers it at most to the eigenvalue that follows as many others (interlacing).
+        It exceeds every diagonal entry, and k of those above zero are selected. Leaving m - k rows
+        out lowers it at most to the eigenvalue that follows as many others (interlacing).
         """
         entries = np.sort(np.diag(self.gram))
         entry = entries[entries > 0][: self.count].max(initial=0.0)
@@ -287,8 +287,8 @@ def walked(
 ) -> IntArray:
     """Swap until the potential is at rest, close in with the barriers, and so on.
 
-    Of the selections (k,) at rest the one with the highest smallest eigenvalue, or with barriers
-    on both sides the one with the lowest ratio; the given one if that is it.
+    Of the selections (k,) at rest the one with the highest smallest eigenvalue. With barriers on
+    both sides it is the one with the lowest ratio. It may be the given one.
     """
     chosen, best, least = selection, selection, np.inf
     for _ in range(MOST_STAGES):

@@ -1,20 +1,20 @@
 """All selections of a block in a box, by branch and bound.
 
-A box is a range of eigenvalues. With X (m, k), G = X Xᵀ and F = XᵀX, a selection S of k rows with
-smallest eigenvalue above t and largest below u contains no subset C, and leaves out no set T, that
-break (Cauchy interlacing)
+A box is a range of eigenvalues. Let X be (m, k), G = X Xᵀ and F = XᵀX. Let S be a selection of k
+rows with smallest eigenvalue above t and largest below u. It contains no subset C, and leaves out
+no set T, that break (Cauchy interlacing)
 
     G_CC - t I > 0,    u I - G_CC > 0,    F - t I - X_Tᵀ X_T > 0.
 
-The last is (I - X (F - t I)⁻¹ Xᵀ)_TT > 0 by Schur's complement. So three m x m matrices decide:
-taking rows eliminates them in the first two, leaving rows out eliminates them in the third, and
-the Schur complements on the free rows say of every row, and of every two, whether they can still
-be taken or left. Rows with one option are settled at once. Derivation in docs/derivations.md.
+The last is (I - X (F - t I)⁻¹ Xᵀ)_TT > 0 by Schur's complement. So three m x m matrices decide.
+Taking rows eliminates them in the first two. Leaving rows out eliminates them in the third. The
+Schur complements on the free rows say of every row, and of every two, whether they can still be
+taken or left. Rows with one option are settled at once. Derivation in docs/derivations.md.
 
-Round-off must not lose a selection. The matrices are scaled to a diagonal of about 1, the box is
-widened by twice the ``margin``, and a row is ruled out only by a pivot below the margin, which
-exceeds what round-off does to a pivot of such a matrix [Higham2002, theorem 10.7]. The singular
-values of every selection that is left have the last word.
+Round-off must not lose a selection. The matrices are scaled to a diagonal of about 1. The box is
+widened by twice the ``margin``. A row is ruled out only by a pivot below the margin. That exceeds
+what round-off does to a pivot of such a matrix [Higham2002, theorem 10.7]. The singular values of
+every selection that is left have the last word.
 """
 
 from __future__ import annotations

@@ -86,8 +86,8 @@ class SearchOptions:
 class ChoiceProblem:
     """Choose d of n parameters to be dependent, so that the criterion is least.
 
-    Both criteria ask for k of n vectors with the least condition number: ``nullspace`` selects
-    the d rows of V2 that make V22, ``regressor`` the r columns of W that make W_B.
+    Both criteria ask for k of n vectors with the least condition number. ``nullspace`` selects the
+    d rows of V2 that make V22. ``regressor`` selects the r columns of W that make W_B.
 
     Attributes
     ----------
@@ -149,7 +149,7 @@ class ChoiceProblem:
     def uncertainty(self, condition: Number) -> float:
         """Relative error of condition numbers up to one given, by round-off in the vectors.
 
-        All vectors of such a selection are at most ``condition`` times as long as its shortest: a
+        All vectors of such a selection are at most ``condition`` times as long as its shortest. A
         vector with too few others that are as short is in none.
         """
         errors, (size, count) = self.structure.null_errors, self.vectors.shape

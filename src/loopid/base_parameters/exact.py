@@ -1,11 +1,11 @@
 """Exact search: the least condition number of all choices, with a certificate.
 
-The null-space criterion falls apart into independent blocks; the regressor criterion is one
-block. With s and l the smallest and largest eigenvalue over all blocks, the squared condition
-number is l / s. If ρ is the best value so far, a better joint selection has l in an interval:
-``floor`` <= l < ``ceiling`` = ρ ``highest``, with s at most ``highest``. Boxes without a selection,
-each shown by branch and bound, shrink the interval from both ends until it is empty. Ties are then
-listed and the most readable one is returned. Derivation in docs/derivations.md.
+The null-space criterion falls apart into independent blocks; the regressor criterion is one block.
+With s and l the smallest and largest eigenvalue over all blocks, the squared condition number is
+l / s. Let ρ be the best value so far. A better joint selection has l in an interval: ``floor`` < =
+l < ``ceiling`` = ρ ``highest``. Its s is at most ``highest``. Branch and bound shows boxes without
+a selection. They shrink the interval from both ends until it is empty. Ties are then listed and the
+most readable one is returned. Derivation in docs/derivations.md.
 """
 
 from __future__ import annotations
@@ -141,8 +141,8 @@ class _Interval:
         """Relative tolerance of condition numbers that covers all round-off.
 
         Singular values of a selection are computed to a small multiple of the unit round-off times
-        the largest one, those of the blocks are within ``apart`` of the problem's, and its vectors
-        have errors of their own.
+        the largest one. Those of the blocks are within ``apart`` of the problem's. Its vectors have
+        errors of their own.
         """
         largest = max(block.count for block in self.blocks)
         computed = 4 * largest * UNIT_ROUND_OFF * (sqrt(self.levels.ratio) + 1)
@@ -178,7 +178,7 @@ class _Interval:
         """Rule out largest eigenvalues below u: better selections have s = l / ρ > floor / ρ.
 
         Boxes become smaller where one is undecided, and where one holds selections that are not
-        better; if it is small already, its end goes beside such a selection.
+        better. If it is small already, its end goes beside such a selection.
         """
         undecided, step, barrier = np.inf, np.inf, np.inf
         while True:
@@ -311,7 +311,7 @@ class Tied:
     def overlap(self) -> bool:
         """Whether a selection may keep to two of the levels, and would be counted twice.
 
-        Its value is at most the smaller largest over the larger smallest, which is below the least
+        Its value is at most the smaller largest over the larger smallest. That is below the least
         value unless the levels nearly agree.
         """
         least = min(one.ratio for one in self.levels) * (1 - 2 * self.tolerance)
@@ -376,7 +376,7 @@ def _first(
 ) -> IntArray:
     """The selection in a box that makes the first columns dependent.
 
-    Column after column is made dependent where some selection allows it: an answer that does not
+    Column after column is made dependent where some selection allows it. This answer does not
     depend on how selections are found.
     """
     settled: tuple[list[int], list[int]] = ([], [])

@@ -4,7 +4,7 @@ Columns are brought to common units: of one per kg, with lengths measured by the
 length. A singular value then says how much of all forces depends on a combination. It counts when
 neither round-off nor the rounding of the robot file could have made it. Where that is not clear it
 does not count, and the combination is listed as doubtful. Without a gap between the values that
-count and the others the rank itself is unclear, and bounds say between which numbers it lies.
+count and the others the rank itself is unclear. Bounds say between which numbers it lies.
 """
 
 from __future__ import annotations
@@ -263,7 +263,7 @@ def _counted(
     """How many relative singular values count; and what tells of the rounding that made the rest.
 
     From the least one on, values that other numbers of the robot file would change are made by its
-    rounding; the first that stays the same is evidence of rank, and so are all above it.
+    rounding. The first that stays the same is evidence of rank. So are all above it.
     """
     draws, least = observation.draws, values[-1]
     if draws is None:
@@ -289,8 +289,8 @@ def _combinations(
 ) -> tuple[DoubtfulCombination, ...]:
     """Combinations that span those of some forces (k, p) in common units.
 
-    Each has a parameter that the others do not have, so they do not depend on the choice of
-    vectors for equal singular values.
+    Each has a parameter that the others do not have. So they do not depend on the choice of vectors
+    for equal singular values.
     """
     labels = observation.parameters.labels
     basis = forces / np.linalg.norm(forces, axis=1, keepdims=True)

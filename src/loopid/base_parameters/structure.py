@@ -1,9 +1,9 @@
 """What a regressor lets be known: rank, null space, independent blocks, regrouping.
 
-[Gautier1991]: with W = U S Vᵀ and rank r, the last columns V2 of V span the combinations of
-parameters that no force ever shows. With Pᵀ V2 = [V21; V22], V22 the rows of the dependent
-parameters D, W_D = -W_B V21 V22⁻¹, so Φ_base = Φ_B - V21 V22⁻¹ Φ_D reproduces every force:
-W_B Φ_base = W Φ.
+[Gautier1991]. Let W = U S Vᵀ have rank r. The last columns V2 of V span the combinations of
+parameters that no force ever shows. Let Pᵀ V2 = [V21; V22], V22 the rows of the dependent
+parameters D. Then W_D = -W_B V21 V22⁻¹. So Φ_base = Φ_B - V21 V22⁻¹ Φ_D reproduces every force: W_B
+Φ_base = W Φ.
 """
 
 from __future__ import annotations
@@ -150,8 +150,9 @@ def analyse(observation: Observation, tolerances: RankTolerances = RankTolerance
 def _orthonormal(vectors: FloatArray) -> FloatArray:
     """A basis of vectors (n, d), each row as exact as its size allows.
 
-    Rows of very different size lose nothing to the longer ones where these come first, pivots are
-    chosen [Higham2002, section 19.4], and the factor R is divided by; once more for what that left.
+    Rows of very different size lose nothing to the longer ones on three conditions. These come
+    first, pivots are chosen [Higham2002, section 19.4], and the factor R is divided by. That is
+    done once more for what it left.
     """
     order = np.argsort(-np.linalg.norm(vectors, axis=1), kind="stable")
     for _ in range(2):
@@ -170,7 +171,7 @@ def independent_blocks(null_basis: FloatArray) -> tuple[IntArray, ...]:
     """Groups of parameters that no null vector connects: components of the projector N = V2 V2ᵀ.
 
     Regrouping never mixes parameters of different blocks. Each is its ascending columns, in the
-    order of their first ones, of an orthonormal null basis (n, d); columns that no null vector
+    order of their first ones, of an orthonormal null basis (n, d). Columns that no null vector
     touches are blocks of their own.
     """
     basis = finite(null_basis, "null_basis")

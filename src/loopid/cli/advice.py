@@ -1,7 +1,7 @@
 """Advice in Python's words, as messages and findings give it, in the options of commands.
 
-Sentences are made where nobody knows the command line, and many are put together from others: so
-advice is found in the text, by the form that Python's keywords have and words of English have not.
+Sentences are made where nobody knows the command line, and many are put together from others. So
+advice is found in the text. Python's keywords have a form that words of English have not.
 """
 
 from __future__ import annotations

@@ -157,7 +157,7 @@ def motions(
     answer: Answer,
     program: str | None = MOTIONS,
     rate: float = Option(20.0, help="Samples per second."),
-    margin: float = Option(0.02, help="Least singularity measure."),
+    singularity_threshold: float = Option(0.02, help="Least singularity measure."),
 ) -> None:
     """Check motions against limits and singularities."""
     from loopid.motion.files import read_motion_program, review_program
@@ -166,7 +166,9 @@ def motions(
     answer.require(robot.path, program)
     planned = read_motion_program(program or robot.name)
     with progress_bar("motions") as report:
-        reviews = review_program(robot, planned, rate, margin=margin, progress=report)
+        reviews = review_program(
+            robot, planned, rate, singularity_threshold=singularity_threshold, progress=report
+        )
     answer.show(motions_report(robot.name, reviews, planned.seconds))
 
 
@@ -237,7 +239,7 @@ def excite(
     workspace: list[str] | None = Option(
         None, metavar="X=LOW:HIGH", help="Range of a platform coordinate; repeatable."
     ),
-    margin: float | None = Option(
+    singularity_threshold: float | None = Option(
         None, help="Least singularity measure; by default 0.02, or what is possible."
     ),
     collisions: bool = Option(True, help="Links must not touch, by the URDF's collision geometry."),
@@ -288,7 +290,7 @@ def excite(
         accelerations=sizes(max_acceleration, "--max-acceleration"),
         forces=sizes(max_force, "--max-force"),
         workspace=ranges(workspace, "--workspace"),
-        singularity=margin,
+        singularity_threshold=singularity_threshold,
         collisions=collisions,
     )
     options = DesignOptions(

@@ -141,11 +141,11 @@ class OnlineCompensation:
     """Gravity and friction with values that are estimated while the robot moves.
 
     The values fit the last forces, which hold the controller's own. Used at once, they would be a
-    loop of gain one, which no dynamics calm: they follow with a lag. A motor says something once it
-    has measurably followed its command since that turned: before, its friction may be anything.
-    Where a change is detected, the estimate forgets along what a body on a link would change, and
-    soon knows the body. Until the robot moves as commanded again it is detected again and again:
-    within five time constants after the last time it is the same change.
+    loop of gain one, which no dynamics calm. They follow with a lag. A motor says something once it
+    has measurably followed its command since that turned. Before, its friction may be anything.
+    Where a change is detected, the estimate forgets along what a body on a link would change. It
+    soon knows the body. Until the robot moves as commanded again it is detected again and again.
+    Within five time constants after the last time it is the same change.
 
     Parameters
     ----------

@@ -4,14 +4,15 @@ Motors with forces τ and a wrench w on a frame of Jacobian J move the robot by
 
     M ü + C u̇ + g + f = τ + Jᵀ w.
 
-A low-pass of gain k (1/s) of what the motors do not explain needs no accelerations [DeLuca2005]: as
-Ṁ = C + Cᵀ, the momentum's gain less what Cᵀ u̇ adds to it is M times the gain of u̇. Over dt
+A low-pass of gain k (1/s) of what the motors do not explain needs no accelerations [DeLuca2005]. As
+Ṁ = C + Cᵀ, take the momentum's gain less what Cᵀ u̇ adds to it. This is M times the gain of u̇.
+Over dt
 
     r⁺ = (r + k (M (u̇⁺ - u̇) + (C u̇ + g + f - τ) dt)) / (1 + k dt),
 
 with means of M and of C u̇ + g + f at both ends: as in the C code. All terms but τ are regressors
-times base parameters φ. The filter runs on the regressors, so that r = D φ less filtered forces,
-and the covariance of a fit becomes that of r: D Σ Dᵀ.
+times base parameters φ. The filter runs on the regressors, so that r = D φ less filtered forces.
+The covariance of a fit becomes that of r: D Σ Dᵀ.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Estimation while the robot moves: recursive least squares, and changes that it detects.
 
 The state is the triangular factor [R z; 0 ρ] of all weighted rows seen so far, R φ = z. A sample is
-stacked below and all is made triangular again, so that RᵀR stays positive definite, and without
+stacked below and all is made triangular again, so that RᵀR stays positive definite. Without
 forgetting the values are those of the batch fit. Forgetting multiplies the factor from the left,
 which moves no values:
 
@@ -173,7 +173,7 @@ def _information_root(covariance: FloatArray, values: FloatArray) -> FloatArray:
 class ChangeDetector:
     """Tells from innovations that something has changed: a one-sided cumulative sum [Page1954].
 
-    Squared innovations, divided by their number, are 1 on average while nothing changes; what is
+    Squared innovations, divided by their number, are 1 on average while nothing changes. What is
     above ``drift`` adds up, and at ``limit`` there is an alarm.
 
     Parameters

@@ -2,7 +2,7 @@
 
 Logs are independent, so that the variance of a difference is the sum of both variances. What is
 known of it has the degrees of freedom of [Welch1947]. The robot file, which both fits may weigh,
-draws them together: they then agree more often than intervals promise.
+draws them together. They then agree more often than intervals promise.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
 """Gains of drives, by what a load of known mass does to the force of each motor.
 
-What is logged of motor i is c_i = s_i (K_i Φ + L_i δ) + errors: K Φ are the forces of the robot,
-L δ those of the load in the runs that carry it, both in newtons, and the gain of the motor is
-g_i = 1 / s_i. The known mass is part of δ; all that is not known of Φ, δ and s is found together
-[Gautier2014] by Gauss-Newton steps. The currents, which are noisy, stand on the left alone: on the
-right, as columns of a least squares for g_i, their noise would make all gains too small.
+What is logged of motor i is c_i = s_i (K_i Φ + L_i δ) + errors. K Φ are the forces of the robot. L
+δ are those of the load in the runs that carry it. Both are in newtons. The gain of the motor is
+g_i = 1 / s_i. The known mass is part of δ. All that is not known of Φ, δ and s is found together
+[Gautier2014] by Gauss-Newton steps. The currents, which are noisy, stand on the left alone. On the
+right they would be columns of a least squares for g_i. Their noise would make all gains too small.
 
-Read the other way round, known gains determine the mass: with any other mass, s is as many
-times as large, so that m s_i is the mass by motor i alone.
+Read the other way round, known gains determine the mass. With any other mass, s is as many times as
+large. So m s_i is the mass by motor i alone.
 """
 
 from __future__ import annotations

@@ -214,13 +214,13 @@ def identify_payload(
 ) -> PayloadFit:
     """Identify a payload from runs without and with it, together with the robot's parameters.
 
-    The runs share the robot: K Φ are its forces in all of them, and in the loaded ones the
-    payload adds the columns of the link that it is fixed to [Gautier2014]. No CAD is needed. The
-    motions may differ, but have to excite the robot alike; the same motion is best.
+    The runs share the robot: K Φ are its forces in all of them. In the loaded ones the payload adds
+    the columns of the link that it is fixed to [Gautier2014]. No CAD is needed. The motions may
+    differ, but have to excite the robot alike; the same motion is best.
 
     Delay, cut-off and joint terms are those that the runs without the payload ask for. By weighted
-    least squares the robot file is weighed as in ``consistent_fit``, and the payload is a solid
-    body. Intervals hold what motors disagree by: each gain may be off by as much as they differ.
+    least squares the robot file is weighed as in ``consistent_fit``. The payload is a solid body.
+    Intervals hold what motors disagree by: each gain may be off by as much as they differ.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ class Collisions:
     """Distances between the links that may touch each other.
 
     Neighbours in the tree or in a loop, and links that touch each other at the reference, are left
-    out; so are those far from each other in poses (N, nq) of all over the workspace.
+    out. So are those far from each other in poses (N, nq) of all over the workspace.
     """
 
     def __init__(self, robot: Robot, poses: FloatArray) -> None:

@@ -3,7 +3,7 @@
 Criteria are functions of the information M = Σ Kᵀ R⁻¹ K, with their slopes.
 
 Forces τ = K φ + ε with errors of covariance R let φ be estimated with covariance M⁻¹ at best. Each
-criterion is a function f(M) that is to be small; an optimiser needs its slope P, df = tr(P dM).
+criterion is a function f(M) that is to be small. An optimiser needs its slope P, df = tr(P dM).
 With M = V diag(λ) Vᵀ that of a function of the eigenvalues is V diag(∂f/∂λ) Vᵀ.
 """
 
@@ -213,7 +213,7 @@ class Known:
     ) -> Known:
         """Of logs, and of noise that is given, else that of the logs, else assumed (motors,).
 
-        Errors of filtered logs are autocorrelated: independent ones at the rate stand for them that
+        Errors of filtered logs are autocorrelated. Independent ones at the rate stand for them that
         have as much of an effect on a mean.
         """
         robot = model.robot

@@ -27,7 +27,7 @@ from loopid.excitation.shapes import SHAPES, PosesShape
 from loopid.identification.force_models import ForceModel
 from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import closed_motion, project, singularity_measure
-from loopid.kinematics.sampling import DEFAULT_MARGIN, SamplingOptions, random_configurations
+from loopid.kinematics.sampling import SINGULARITY_THRESHOLD, SamplingOptions, random_configurations
 from loopid.logs.log import Log
 from loopid.logs.preparing import prepare
 from loopid.logs.recording import Recording
@@ -41,7 +41,7 @@ from loopid.workers import one_blas_thread
 
 # Seconds of a motion, and sizes, where nothing else is said.
 DURATIONS, SIZES = {"gravity": 20.0, "full": 10.0}, {"fourier": 6}
-# Random poses, which decide margins, reaches and pairs of links.
+# Random poses, which decide thresholds, reaches and pairs of links.
 POSES = 128
 # Part of the largest force of a motor, below which another's is round-off.
 NO_FORCE = 1e-6
@@ -250,7 +250,7 @@ def design_motion(
         warnings.simplefilter("ignore", AccuracyWarning)  # of motions that are tried
         unknown = Unknown.of(model, payload)
         poses = random_configurations(
-            model.robot, POSES, options.seed, options=SamplingOptions(margin=0.0)
+            model.robot, POSES, options.seed, options=SamplingOptions(singularity_threshold=0.0)
         )
         criterion = unknown.criterion(options.criterion, parameters, model)
         size = options.size or SIZES.get(options.shape)
@@ -260,7 +260,7 @@ def design_motion(
             force_model=model,
             shape=SHAPES[options.shape](options.duration or DURATIONS[model.model], size),
             bounds=Bounds(
-                model.robot, _with_margin(limits, model, poses), poses, model.model == "gravity"
+                model.robot, _with_threshold(limits, model, poses), poses, model.model == "gravity"
             ),
             criterion=criterion,
             noise=np.ones(len(model.robot.actuated)),
@@ -346,14 +346,14 @@ def _assumed_noise(problem: Problem, poses: Poses) -> FloatArray:
     return problem.options.noise_share * np.where(known, sizes, largest or 1.0)
 
 
-def _with_margin(limits: MotionLimits, model: ForceModel, poses: FloatArray) -> MotionLimits:
+def _with_threshold(limits: MotionLimits, model: ForceModel, poses: FloatArray) -> MotionLimits:
     """Limits with a singularity measure that most poses (N, nq) keep, unless one is given."""
-    if limits.singularity is not None:
+    if limits.singularity_threshold is not None:
         return limits
-    least = DEFAULT_MARGIN
+    least = SINGULARITY_THRESHOLD
     if model.robot.rows:
         least = min(least, float(np.median(singularity_measure(model.robot, poses))) / 2)
-    return replace(limits, singularity=least)
+    return replace(limits, singularity_threshold=least)
 
 
 def _warn_of_unexcited(
@@ -411,10 +411,10 @@ def _run(problem: Problem, X: FloatArray) -> Run:
 def _expected_fit(problem: Problem, motors: Motion, forces: FloatArray) -> ExpectedFit:
     """Information in a log of the motors' positions and forces (N, motors).
 
-    The log that the run would give without errors is prepared as any log is: filtered, cut at both
-    ends, thinned out, and without the motors that stand. Weighted least squares of its samples X,
-    whitened by the weights, have the covariance (XᵀX)⁻¹ HᵀH (XᵀX)⁻¹, where H is X filtered: errors
-    that are independent in the log are not any more after the filter.
+    The log that the run would give without errors is prepared as any log is. It is filtered, cut at
+    both ends, thinned out, and without the motors that stand. Weighted least squares of its samples
+    X, whitened by the weights, have the covariance (XᵀX)⁻¹ HᵀH (XᵀX)⁻¹, where H is X filtered.
+    Errors that are independent in the log are not any more after the filter.
     """
     model, count, before = problem.force_model, len(motors), _root(problem.prior)
     robot = model.robot

@@ -50,7 +50,7 @@ class MotionLimits:
         name ``"all"`` of every actuated joint.
     workspace : mapping
         Ranges (low, high) of platform coordinates.
-    singularity : float, optional
+    singularity_threshold : float, optional
         Least singularity measure (``Projection.singularity``); by default 0.02, or half of the
         median at random poses where that is less.
     collisions : bool
@@ -74,7 +74,7 @@ class MotionLimits:
     accelerations: Mapping[str, Positive] = field(default_factory=dict)
     forces: Mapping[str, Positive] = field(default_factory=dict)
     workspace: Mapping[str, Range] = field(default_factory=dict)
-    singularity: Annotated[float, Field(ge=0, le=1)] | None = None
+    singularity_threshold: Annotated[float, Field(ge=0, le=1)] | None = None
     collisions: bool = True
 
     def __post_init__(self) -> None:
@@ -152,7 +152,7 @@ class Bounds:
             self.pairs = collisions.pairs
             self._posed.append(_clearance(collisions, CLEARANCE * robot.length))
         if robot.closures:  # couplings alone have no singularities
-            least = 0.0 if limits.singularity is None else limits.singularity
+            least = 0.0 if limits.singularity_threshold is None else limits.singularity_threshold
             self._posed.append(_singularity(robot, least, poses))
             self._checked.append(_constraint_singularity(robot, least))
         self.needs_forces = bool(forces.bounds)

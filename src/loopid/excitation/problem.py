@@ -1,8 +1,8 @@
 """The optimisation problem: criterion and bounds of a motion, with their slopes.
 
-What a sample contributes depends on its own position, rate and acceleration alone. So all
-slopes follow from batches of samples that are moved a little along one coordinate's position, rate
-or acceleration: three batches a coordinate, whatever the number of variables. Forces are linear in
+What a sample contributes depends on its own position, rate and acceleration alone. So all slopes
+follow from batches of samples. These are moved a little along one coordinate's position, rate or
+acceleration. Three batches a coordinate do, whatever the number of variables. Forces are linear in
 accelerations and quadratic in rates. Along positions the loops stay closed to first order.
 """
 
@@ -249,7 +249,7 @@ class Problem:
     def outcome(self, motion: ClosedMotion, poses: int) -> Outcome:
         """Regressor rows and bounded values of a motion.
 
-        Samples after a number of poses repeat these with other rates and accelerations: what
+        Samples after a number of poses repeat these with other rates and accelerations. What
         depends on poses alone is left out there.
         """
         model, first = self.force_model.model, _first(motion, poses)

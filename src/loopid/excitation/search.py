@@ -1,8 +1,8 @@
 """The search for a motion: starts share evaluations, and only motions that pass the check count.
 
 A start is a random motion, shrunk around a pose until it keeps all bounds. A solver goes on from
-there. All that it does follows from the start and the number of evaluations, so that more of them
-never give a worse motion; the clock, and Ctrl-C, only stop it.
+there. All that it does follows from the start and the number of evaluations. So more of them never
+give a worse motion. The clock, and Ctrl-C, only stop it.
 """
 
 from __future__ import annotations

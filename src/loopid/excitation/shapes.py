@@ -1,6 +1,6 @@
 """What a designed motion is made of: Fourier series, or poses to stand in.
 
-A shape is linear in its variables: the positions of c coordinates over time are B X with functions
+A shape is linear in its variables. The positions of c coordinates over time are B X with functions
 of time B (N, m) and variables X (m, c). All begin and end at rest.
 """
 

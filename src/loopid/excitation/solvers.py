@@ -1,6 +1,6 @@
 """Solvers of the optimisation problem: SciPy's SLSQP, and IPOPT where it is installed.
 
-Both may leave the feasible set on their way, and both may be stopped at any time: the search keeps
+Both may leave the feasible set on their way, and both may be stopped at any time. The search keeps
 the best feasible point that was seen.
 """
 

@@ -61,10 +61,10 @@ def c_source(
 ) -> CSource:
     """Generate C source of a force model, for a controller that knows its motors only.
 
-    From the motors' positions, velocities and accelerations come all joints (``<name>_assemble``),
-    forces (``<name>_gravity``, ``<name>_forces``), K (dof, n) as ``ForceModel.regressor`` has it
-    (``<name>_regressor``), and external forces (``<name>_observe``). The header says how. Nothing
-    is allocated, and nothing kept but a ``struct <name>_state``.
+    From the motors' positions, velocities and accelerations come all joints (``<name>_assemble``)
+    and forces (``<name>_gravity``, ``<name>_forces``). So do K (dof, n) as ``ForceModel.regressor``
+    has it (``<name>_regressor``), and external forces (``<name>_observe``). The header says how.
+    Nothing is allocated, and nothing kept but a ``struct <name>_state``.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ def _strings(texts: Iterable[str]) -> str:
 def _string(text: str) -> str:
     """A C string; every character but plain ones by its octal codes.
 
-    Names come from files of any origin: a backslash at the end of a line or a trigraph would let
+    Names come from files of any origin. A backslash at the end of a line or a trigraph would let
     them out.
     """
     codes = text.encode("utf-8", "backslashreplace")

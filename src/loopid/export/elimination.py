@@ -1,8 +1,8 @@
 """Least squares A X = B with a sparse A as straight-line code: no branch, no pivoting at run time.
 
 Householder reflections, column by column, are backward stable in any order [Higham2002, ch. 19]. So
-the order follows the zeros of A alone, which do not depend on the pose: cheapest column first. That
-is leg by leg, as the coordinates of a leg take part in the equations of few loops.
+the order follows the zeros of A alone, which do not depend on the pose. The cheapest column is
+first. That is leg by leg, as the coordinates of a leg take part in the equations of few loops.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ def write_first_files(
     """Write a YAML for a robot that has none, and a mapping for a log of it, to be filled in.
 
     Both are commented. The YAML has the closures that the tree's file shows but does not declare,
-    if the loops close with them; what only the user knows stands in comments.
+    if the loops close with them. What only the user knows stands in comments.
 
     Parameters
     ----------

@@ -1,10 +1,10 @@
 """Robot files with new inertials and joint terms; all else in them stays.
 
-Links on fixed joints move as one body, whose parameters are the sum of theirs: forces tell the sum
-only. The link that the joint carries takes the whole change where it can; otherwise all links
-share the new body, so that each stays physically consistent.
+Links on fixed joints move as one body. Its parameters are the sum of theirs: forces tell the sum
+only. The link that the joint carries takes the whole change where it can. Otherwise all links share
+the new body, so that each stays physically consistent.
 
-Joint terms are written where the format has a place. The new file is read back: what it does not
+Joint terms are written where the format has a place. The new file is read back. What it does not
 say as the parameters do is named, whatever the reason.
 """
 
@@ -55,10 +55,10 @@ def updated_robot_file(
 ) -> bytes:
     """The file of the robot's tree with its inertials and joint terms updated in place.
 
-    ``standard_parameters`` (n,) are of ``robot.parameters("full")``, or of a gravity model: then
+    ``standard_parameters`` (n,) are of ``robot.parameters("full")``, or of a gravity model. Then
     masses and centres of mass change, and inertias about the centres of mass stay. Joint terms are
-    written where ``parameters`` name some; viscous and Coulomb friction have a place in every
-    format, drive inertias and springs in an MJCF; in a URDF these are updated where it has tags for
+    written where ``parameters`` name some. Viscous and Coulomb friction have a place in every
+    format, drive inertias and springs in an MJCF. In a URDF these are updated where it has tags for
     them. Of a friction curve, and of load friction, the file has the nearest of these over the
     rates of the log, at its mean load (``fit.use``).
 
@@ -106,7 +106,7 @@ def export_robot_file(
 ) -> Path:
     """Write the robot's file with updated inertials, whole or not at all; see above.
 
-    The name ends as the robot's own file does; paths of meshes and of a YAML's ``urdf`` are not
+    The name ends as the robot's own file does. Paths of meshes and of a YAML's ``urdf`` are not
     adapted. Of a robot with closures, motors or a reference given in Python a YAML beside it has
     these.
 
@@ -328,7 +328,7 @@ def _warn_of_others(robot: Robot, meant: Terms, there: Known, nearest: Sequence[
 def shared(links: Sequence[FloatArray], carrier: int, whole: FloatArray) -> list[FloatArray]:
     """Pseudo-inertias (4, 4) of the links of a body that add up to a new one of the body.
 
-    The carrier takes the whole change; where that leaves it inconsistent, each link gets its part
+    The carrier takes the whole change. Where that leaves it inconsistent, each link gets its part
     of the mass and the shape of the whole. Links that do not change are the very same arrays.
     """
     before = np.sum(links, axis=0)

@@ -1,10 +1,10 @@
 """The robot in CasADi's symbols, and the functions that become C: all of motor signals.
 
 The velocity of a joint along its own frame is a constant matrix times its coordinates' rates, as
-Pinocchio defines them. Newton's and Euler's recursion
-[Featherstone2008, ch. 5] hands twists and accelerations from parent to child and wrenches back, in
-each link's own axes, so that most entries of axes stay zero. Forces are linear in the parameters
-and in accelerations: their derivatives are the regressor and the mass matrix.
+Pinocchio defines them. Newton's and Euler's recursion [Featherstone2008, ch. 5] hands twists and
+accelerations from parent to child and wrenches back, in each link's own axes, so that most entries
+of axes stay zero. Forces are linear in the parameters and in accelerations. Their derivatives are
+the regressor and the mass matrix.
 """
 
 from __future__ import annotations
@@ -102,13 +102,13 @@ class SymbolicRobot:
     def _predicted(self, part: Any) -> list[Any]:
         """Along the tangent a part of the way to u: q, u, and the length of the others' step.
 
-        Angles of motors that turn on a circle go the short way; coordinates that are a part of a
+        Angles of motors that turn on a circle go the short way. Coordinates that are a part of a
         joint, such as a quaternion's, stay.
         """
         way = list[Any]()
         for k, name in enumerate(self.robot.independent):
             difference: Any = self.u[k] - self.before[k]
-            if name in self.robot.held:
+            if name in self.robot.unmeasured:
                 difference = 0
             elif self.robot.joint(name).nq == 2:
                 difference = ca.atan2(ca.sin(difference), ca.cos(difference))

@@ -1,6 +1,6 @@
 """MuJoCo compiles an MJCF in a process that ends at a limit of memory and of processor time.
 
-A few bytes can ask for any number of elements, or of pixels. This file is also what runs there: it
+A few bytes can ask for any number of elements, or of pixels. This file is also what runs there. It
 imports no more than that takes, so that the process starts in some 20 ms.
 """
 

@@ -33,9 +33,9 @@ DISABLING_BITS = 31  # MuJoCo's: groups from 0 to 30 can be disabled
 class Scene:
     """A compiled model, the file that it was read from, and names of its elements.
 
-    Those of bodies and joints are unique: unnamed bodies are called ``<parent>_body`` and unnamed
-    joints ``<body>_hinge``, ``_slide``, ``_ball`` or ``_free``. Of other elements they are empty
-    where the file gives none.
+    Those of bodies and joints are unique. Unnamed bodies are called ``<parent>_body``. Unnamed
+    joints are ``<body>_hinge``, ``_slide``, ``_ball`` or ``_free``. Of other elements they are
+    empty where the file gives none.
     """
 
     def __init__(self, file: Path, compiled: mujoco.MjModel) -> None:

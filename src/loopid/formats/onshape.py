@@ -20,7 +20,7 @@ def read_closing_frames(urdf: UrdfFile, model: pin.Model) -> Dialect:
 
     The names say that two frames meet, not by which joint. Only beside a hinge, versions of the
     exporter add a second pair of frames further along its axis, ``closing_NAME_1_z`` and
-    ``closing_NAME_2_z``; without them the origins meet, which the exporter's manual has one
+    ``closing_NAME_2_z``. Without them the origins meet, which the exporter's manual has one
     enforce.
     """
     links, closures = [link.name for link in urdf.links], []

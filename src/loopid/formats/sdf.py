@@ -283,8 +283,8 @@ class _Sdf:
     def _spread(self, edges: list[_Edge]) -> tuple[list[_Edge], list[_Edge]]:
         """Joints of the tree, and those that close its loops.
 
-        The tree spreads from the world, else from the first link that no joint carries; along
-        joints in the order of the file, and against them where nothing else reaches a link.
+        The tree spreads from the world, else from the first link that no joint carries. It goes
+        along joints in the order of the file, and against them where nothing else reaches a link.
         """
         children = {edge.ends[1] for edge in edges}
         on_world = any(WORLD in edge.ends for edge in edges)

@@ -239,7 +239,8 @@ def _header(path: Path, names: Sequence[str], separator: str | None, lines: int)
 def _names(line: Line, separator: str | None, width: int, spare: bool) -> list[str]:
     """A number of names in a line, with that separator or, without it, others; else none.
 
-    Separators at the end of the line, or of all samples, which have a spare cell, do not count.
+    Separators at the end of the line do not count. Nor do those of all samples, which have a spare
+    cell.
     """
     others = SEPARATORS if separator is None or len(line.cells(separator)) == 1 else ()
     for one in (separator, *others):

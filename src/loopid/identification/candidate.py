@@ -69,7 +69,7 @@ class Candidate:
     def loses_to_baseline(self) -> bool:
         """Whether the validation error is clearly larger than the baseline's.
 
-        By a twentieth and by more than two standard errors; or it is larger, and more than twice
+        By a twentieth and by more than two standard errors. Or it is larger, and more than twice
         that of the baseline in some motor.
         """
         ratio, error = self.error_ratio

@@ -3,29 +3,30 @@
     min  ½ |R (M [π; f], -1)|² + Σ_i D(P_i | P⁰_i) / s_i² + ½ Σ_j ((f_j - f⁰_j) / δ_j)²
     D(P | P⁰) = tr(P⁰⁻¹ P) - log det(P⁰⁻¹ P) - 4
 
-R is the triangular factor of the data, each motor by its deviation and effective samples; M makes
-base parameters of standard ones π and joint terms f; P_i is the pseudo-inertia of body i and P⁰_i
+R is the triangular factor of the data, each motor by its deviation and effective samples. M makes
+base parameters of standard ones π and joint terms f. P_i is the pseudo-inertia of body i and P⁰_i
 that of the robot file. D is the Bregman divergence of -log det [Lee2020]: convex, independent of
-frames and units, and its own barrier, so that no step leaves the solid bodies and what the data
-do not excite stays as in the file. Near the file, D is ½ |Z|² of P = L (1 + Z) Lᵀ, P⁰ = L Lᵀ: s_i
-is the deviation of body i in parts of itself. Joint terms keep linear limits, A f ≥ b, such as
-friction that does not drive (``joint_priors.py``).
+frames and units, and its own barrier. So no step leaves the solid bodies. What the data do not
+excite stays as in the file. Near the file, D is ½ |Z|² of P = L (1 + Z) Lᵀ, P⁰ = L Lᵀ: s_i is the
+deviation of body i in parts of itself. Joint terms keep linear limits, A f ≥ b, such as friction
+that does not drive (``joint_priors.py``).
 
-Newton's method turns with the bodies: with L a factor of the present P = L Lᵀ, the Hessian of D is
-the identity in Z, so that each step is a ridge regression, solved by an orthogonal factorisation at
-any scaling. Where it would leave the limits, it is a least-distance problem, solved by non-negative
+Newton's method turns with the bodies. With L a factor of the present P = L Lᵀ, the Hessian of D is
+the identity in Z. So each step is a ridge regression. An orthogonal factorisation solves it at any
+scaling. Where it would leave the limits, it is a least-distance problem, solved by non-negative
 least squares [Lawson1974, ch. 23].
 
-The deviations are those under which the data are most likely, by MacKay's fixed point
-[MacKay1992]. Those of single bodies scatter about a common s as 1 / s_i² ~ Gamma(ν / 2, ν s² / 2):
-a body that is far off does not loosen the others. With γ_i of the ten parameters of a body
-determined by the data and d_i = 2 D(P_i | P⁰_i),
+The deviations are those under which the data are most likely, by MacKay's fixed point [MacKay1992].
+Those of single bodies scatter about a common s as 1 / s_i² ~ Gamma(ν / 2, ν s² / 2). A body that is
+far off does not loosen the others. With γ_i of the ten parameters of a body determined by the data
+and d_i = 2 D(P_i | P⁰_i),
 
     s_i² = (ν s² + d_i) / (ν + γ_i)  and  Σ_i (d_i - γ_i s²) / (ν s² + d_i) = 0.
 
 A group of joint terms, such as the points of a friction curve, has one deviation σ, found in the
-same fixed point: with u the terms in units of σ and γ the number of them that the data determine,
-σ² = |σ u|² / γ. Where the data ask for none, σ falls to its least and the terms with it.
+same fixed point. Let u be the terms in units of σ, and γ the number of them that the data
+determine. Then σ² = |σ u|² / γ. Where the data ask for none, σ falls to its least and the terms
+with it.
 
 The inverse Hessian is the covariance (Laplace). What of a variance rests on the file is known with
 ν + γ_i degrees of freedom.
@@ -273,9 +274,9 @@ def _off_the_file(
     """How far bodies seem to be off the file, and joint terms with them: columns (p, 10 b).
 
     Of the standard parameters (p,) with the bodies of the file, and the triangular factor of their
-    joint terms. What is left of the forces, in the errors of the best fit, is e of the variance
-    1 + s² A Aᵀ with A what such changes leave of them; s is the most likely one. With how many
-    degrees of freedom it is known.
+    joint terms. What is left of the forces, in the errors of the best fit, is e of the variance 1 +
+    s² A Aᵀ with A what such changes leave of them. s is the most likely one. With how many degrees
+    of freedom it is known.
     """
     from scipy.optimize import minimize_scalar  # slow to import
 
@@ -479,8 +480,8 @@ class _Program:
     """What is minimised, of weighted data and a robot file.
 
     ``effects`` (r, p) are those of all standard parameters on the rows, ``target`` (r,) what is
-    measured; ``file`` (b, 4, 4) the upper factors of the bodies with a mass, ``columns`` (b, 4 or
-    10) where their parameters are; ``terms`` is what is known of the joint terms.
+    measured. ``file`` (b, 4, 4) are the upper factors of the bodies with a mass, ``columns`` (b, 4
+    or 10) where their parameters are. ``terms`` is what is known of the joint terms.
     """
 
     effects: FloatArray

@@ -1,9 +1,9 @@
 """Covariances of estimates whose errors are correlated from one time to the next.
 
 Errors of each actuator are an autoregressive process. Residuals are smaller, and less
-autocorrelated, than the errors are, because a fit takes up whatever of the errors its regressor can
+autocorrelated, than the errors are. A fit takes up whatever of the errors its regressor can
 express. A model of slow errors that is fitted to residuals alone gives intervals that are too
-narrow; what was taken up has a known expectation and is added back [Worsley2002].
+narrow. What was taken up has a known expectation and is added back [Worsley2002].
 
 Models are fitted by Burg's method [Percival1993], which never predicts across gaps.
 """
@@ -65,7 +65,7 @@ class Autoregression:
     def of_covariances(cls, covariances: FloatArray) -> Autoregression:
         """The model with autocovariances (p + 1,) at lags 0 to p, by Levinson's recursion.
 
-        No process has covariances that ask for a reflection coefficient of 1 or more; where they
+        No process has covariances that ask for a reflection coefficient of 1 or more. Where they
         do, the model ends at that lag with the largest allowed.
         """
         polynomial, variance = np.append(1.0, np.zeros(len(covariances) - 1)), float(covariances[0])
@@ -124,8 +124,8 @@ class Autoregression:
 class Spectra(NamedTuple):
     """Spectra of m signals (m, N), each of whose pieces is followed by as many zeros.
 
-    Ω X of a stationary process is then a product of spectra [Golub2013, 4.8]: made once, those
-    of X serve any model.
+    Ω X of a stationary process is then a product of spectra [Golub2013, 4.8]. Made once, those of X
+    serve any model.
     """
 
     pieces: Pieces
@@ -207,7 +207,7 @@ def burg_covariances(errors: FloatArray, runs: IntArray) -> FloatArray:
     """Autocovariances (p + 1,) of a model of errors (N,), its order p chosen by BIC [Schwarz1978].
 
     Forward and backward predictions within unbroken runs only [Burg1975], so that gaps are never
-    predicted across; ``runs`` (N,) are as of ``run_lengths``, 0 where a sample is not used. The
+    predicted across. ``runs`` (N,) are as of ``run_lengths``, 0 where a sample is not used. The
     errors count as if a little white noise had been added to them, by what it adds to the sums on
     average.
     """
@@ -254,8 +254,8 @@ def _burg(errors: FloatArray, runs: IntArray) -> tuple[FloatArray, IntArray]:
 def within_runs(fit: WorkingFit, corrections: int = CORRECTIONS) -> WorkingFit:
     """The same estimates, their covariance under autoregressive errors of each actuator.
 
-    The covariance is a sandwich, (XᵀX)⁻¹ XᵀΩX (XᵀX)⁻¹ with Ω the covariance of the weighted errors;
-    errors of different actuators count as independent. Rows of a prior are in X, their errors in Ω.
+    The covariance is a sandwich, (XᵀX)⁻¹ XᵀΩX (XᵀX)⁻¹ with Ω the covariance of the weighted errors.
+    Errors of different actuators count as independent. Rows of a prior are in X, their errors in Ω.
     A posterior stays the same where errors are independent: their size may be known beforehand.
     """
     result, samples, width = fit.result, fit.samples, len(fit.result.parameters)
@@ -393,7 +393,7 @@ class ErrorModel:
         """Make the model again, with what the fit takes up under the present models added back.
 
         A fit takes up what is smooth, so the innovations stay. Where the whole correction would
-        shrink them, no process has the autocovariances that it asks for, and it is damped.
+        shrink them, no process has the autocovariances that it asks for. It is then damped.
         """
         taken = self.taken_up(sums)
         lags = slice(len(taken))

@@ -1,11 +1,11 @@
 """The cut-off of the filter around which estimates change least.
 
-A narrow filter loses motion. A wide one lets noise of the positions into the regressor, whatever
-its colour: encoders in steps, stamps that jitter, held values. Both bias estimates before residuals
-show it. The first bias shrinks from one cut-off to the next, and the second grows: where estimates
-change least, the two are balanced. This is the rule of quasi-optimality [TikhonovGlasko1965], with
-the cut-off in place of the weight of a prior. The model is fitted once at each cut-off. A change is
-that of predicted forces, in parts of each motor's error.
+A narrow filter loses motion. A wide one lets noise of the positions into the regressor. That may
+have any colour: encoders in steps, stamps that jitter, held values. Both bias estimates before
+residuals show it. The first bias shrinks from one cut-off to the next, and the second grows. Where
+estimates change least, the two are balanced. This is the rule of quasi-optimality
+[TikhonovGlasko1965], with the cut-off in place of the weight of a prior. The model is fitted once
+at each cut-off. A change is that of predicted forces, in parts of each motor's error.
 """
 
 from __future__ import annotations
@@ -195,7 +195,7 @@ def _chosen(changes: Sequence[float], *, bounded: bool) -> IntArray:
 
     The larger change of the two sides counts. The first is there to compare with, and so is the
     last unless the rate of the log bounds it. From the lowest that is near the least on, changes
-    are followed to where they no longer fall; neighbours there that are as small are as good.
+    are followed to where they no longer fall. Neighbours there that are as small are as good.
     """
     after = changes[-1] if bounded and len(changes) else np.inf
     worse = np.maximum([np.inf, *changes], [*changes, after])

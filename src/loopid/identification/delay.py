@@ -1,22 +1,22 @@
 """The delay between forces and motion, found by the fit itself.
 
 Forces that come d late belong to a motion d earlier: τ(t + d) = W(t) φ. Where the shift s of the
-forces is not d, the best fit leaves residuals, whatever the base parameters φ: all of them are
-fitted at each shift, beside friction, an offset and the inertia of each drive, lest what a force
-model lacks looks like a delay. Friction that builds up after a reversal does, beside the sign of
-the velocity. So the delay is found twice: beside plain friction, which is sharp, and beside Maxwell
-slip of each motor, too, which is right in any case (``maxwell_slip.py``). The sharp one is taken
-where the evidence has no slip in any motor, and the other one is not clearly another.
+forces is not d, the best fit leaves residuals, whatever the base parameters φ. All of them are
+fitted at each shift, beside friction, an offset and the inertia of each drive. Else what a force
+model lacks would look like a delay. Friction that builds up after a reversal does, beside the sign
+of the velocity. So the delay is found twice. Plain friction beside it is sharp. Maxwell slip of
+each motor, too, is right in any case (``maxwell_slip.py``). The sharp one is taken where the
+evidence has no slip in any motor. Nor may the other one clearly be another.
 
 One orthonormal basis of W serves all shifts, whose forces are right-hand sides of it. From the best
-of them Newton's method goes on to where residuals are orthogonal to derivatives of the predicted
-forces by time, in a column a motor. Noise of positions is in these columns, too: they are
+of them Newton's method goes on. It ends where residuals are orthogonal to derivatives of the
+predicted forces by time, in a column a motor. Noise of positions is in these columns, too: they are
 instruments for the derivatives of the measured forces [Janot2014]. Intervals allow for
 autocorrelated errors as all others do (``correlation.py``).
 
 Most informative of a delay is where friction changes sides, in a wide band, where there is most
 noise of positions, too. The widest band that is looked at is that around which estimates change
-least (``cutoff.py``); narrower ones follow for as long as the interval shrinks and agrees.
+least (``cutoff.py``). Narrower ones follow for as long as the interval shrinks and agrees.
 """
 
 from __future__ import annotations
@@ -215,7 +215,7 @@ def find_delay(
 def _over_bands(best: Delay, tried: Sequence[Delay]) -> Delay:
     """A delay with intervals that allow for other bands, and are infinite where they are vague.
 
-    A delay is the same in all bands, friction that slip does not describe looks later in some: the
+    A delay is the same in all bands. Friction that slip does not describe looks later in some. The
     largest difference that errors do not explain is a further deviation.
     """
     others = [abs(each.common - best.common) for each in tried if not _agree(best, each)]
@@ -365,8 +365,8 @@ def with_delay_errors(
 ) -> Fit:
     """Add the uncertainty of the delay to a fit's covariance.
 
-    An error of the delay adds forces D = ∂τ/∂t to those of the samples x, which move the estimates
-    by C Σ xᵀ D / σ², with C their covariance and σ² the variance of this many independent errors as
+    An error of the delay adds forces D = ∂τ/∂t to those of the samples x. They move the estimates
+    by C Σ xᵀ D / σ², with C their covariance. σ² is the variance of this many independent errors as
     would determine a mean as well. Of a delay that is not clear all is left (``Delay.left``).
 
     Parameters

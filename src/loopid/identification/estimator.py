@@ -1,11 +1,11 @@
 """What an estimator is, and the registry of all of them: a new one is a file and a line.
 
-An estimator may clip forces, project regressors or use prior knowledge; its estimates still solve
-Σ x_t (y_t - x_tᵀ φ) = 0 for some regressor x and forces y, the *working* samples. Their residuals
-are the errors that add up in the estimates, so that one computation of the uncertainty, which
-allows for autocorrelated residuals, serves all estimators.
+An estimator may clip forces, project regressors or use prior knowledge. Its estimates still solve Σ
+x_t (y_t - x_tᵀ φ) = 0 for some regressor x and forces y, the *working* samples. Their residuals are
+the errors that add up in the estimates. So one computation of the uncertainty, which allows for
+autocorrelated residuals, serves all estimators.
 
-Rows of each actuator are weighted by one over the deviation of its errors; weights that follow from
+Rows of each actuator are weighted by one over the deviation of its errors. Weights that follow from
 the residuals that they lead to are found by iteration [Gautier1997].
 """
 
@@ -61,9 +61,9 @@ class WorkingFit:
 class Estimator:
     """A way of finding parameters: a record of its options with ``_fit`` or ``fit_samples``.
 
-    Triangular factors are enough for ``_fit``, which finds a ``Fit`` for independent errors;
-    an estimator that needs the samples has ``fit_samples`` instead. A new one is a file, and a line
-    in ``ESTIMATORS``.
+    Triangular factors are enough for ``_fit``, which finds a ``Fit`` for independent errors. An
+    estimator that needs the samples has ``fit_samples`` instead. A new one is a file, and a line in
+    ``ESTIMATORS``.
     """
 
     name: ClassVar[str]
@@ -295,8 +295,8 @@ def require_excitation(problem: FitProblem, R: FloatArray) -> None:
 def excited_rank(R: FloatArray, usual: FloatArray) -> int:
     """Number of combinations of parameters that the data of a triangular factor (n, n) excite.
 
-    Columns that are short beside their usual lengths (n,), as in random states, count as none:
-    alone they would be as long as any other.
+    Columns that are short beside their usual lengths (n,), as in random states, count as none.
+    Alone they would be as long as any other.
     """
     sensed = np.linalg.norm(R, axis=0) > LEAST_EXCITATION * usual
     _, values, _ = scaled_svd(np.where(sensed, R, 0.0))

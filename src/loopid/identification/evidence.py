@@ -1,12 +1,13 @@
 """How well a robot file explains a log: the evidence, once mistakes are undone.
 
 In the band of the motion, forces are explained by the bodies of the robot file, whose parameters
-may be off by half, by small offsets, and by friction and inertia of each drive, which are projected
-out; friction that would give energy does not count. Sizes of the errors and the bodies follow from
-each other; their evidence [MacKay1992] compares what may have been undone. Its rivals are real: a
-force over the position of a motor that the robot file lacks, such as a spring or a counterbalance,
-and bodies that are further off. All that is tried at one pose shares one table of columns: forces
-of another size, or motors, another time axis and rivals only weigh or exchange its columns.
+may be off by half, and by small offsets. Friction and inertia of each drive explain them, too, and
+are projected out. Friction that would give energy does not count. Sizes of the errors and the
+bodies follow from each other; their evidence [MacKay1992] compares what may have been undone. Its
+rivals are real: a force over the position of a motor that the robot file lacks, such as a spring or
+a counterbalance, and bodies that are further off. All that is tried at one pose shares one table of
+columns. Forces of another size, or motors, another time axis and rivals only weigh or exchange its
+columns.
 """
 
 from __future__ import annotations
@@ -213,7 +214,7 @@ class Evidence:
         if any(key[:3] != _pose(self.recorded)[:3] for key in new):
             found = try_assemble(self.robot, position, options=CLOSELY)
             q = np.where(found.assembled[:, None], found.configurations, self.robot.reference)
-            regular = singularity_measure(self.robot, q) >= MaskOptions().singularity
+            regular = singularity_measure(self.robot, q) >= MaskOptions().singularity_threshold
             q[~regular], closed = self.robot.reference, found.assembled & regular
         rest, moving = (K @ self.columns for K in self._regressors(q, moved))
         # Joint terms may be of any size: rates on another time axis need no other one.

@@ -122,7 +122,7 @@ def fit_in_steps(
 ) -> Fit:
     """Take known parameters from a first experiment, and the rest from a second.
 
-    All parameters of ``first`` are fitted to it. Those that are known keep their values; their
+    All parameters of ``first`` are fitted to it. Those that are known keep their values. Their
     forces are subtracted from ``second``, to which all its other parameters are fitted.
 
     Parameters

@@ -195,7 +195,7 @@ class ForceModel:
         """The same model with gears that carry the bodies of values (n,).
 
         Where a joint term leads a combination with bodies, as a rotor with its link, standard
-        parameters that begin with those of the bodies say how much is theirs; without them that
+        parameters that begin with those of the bodies say how much is theirs. Without them that
         stays as it is, by default none.
         """
         if not len(self.load_columns[1]):
@@ -292,7 +292,7 @@ class ForceModel:
     def with_columns(self, kinds: Mapping[str, tuple[str, ...]]) -> ForceModel:
         """The same model with further joint terms as columns of their own, after the others.
 
-        They may be nearly the same, such as two rates of Stribeck friction: what is separated is
+        They may be nearly the same, such as two rates of Stribeck friction. What is separated is
         for the data to say. Its structure is that of this model.
         """
         terms, base = (self.joint_terms or JointTerms(())).joined(kinds), self.base

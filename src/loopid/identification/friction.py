@@ -6,7 +6,7 @@ The line Fc + Fv |q̇| is Coulomb and viscous friction. What departs from it is 
 that double (``joint_laws``): c_k both ways alike, d_k not. c_k, and d_k, of a joint are a Gaussian
 process of the logarithm of the rate with one deviation. c is the part that a gear loses of the
 motor's force τ that moves the bodies [Hamon2010]. The evidence chooses each deviation, so that a
-joint has the shape that its data ask for, and where they ask for none a line; groups without an
+joint has the shape that its data ask for. Where they ask for none it is a line. Groups without an
 effect are dropped. Load needs bodies, which the fit gives: rounds of fits find both.
 """
 
@@ -134,7 +134,7 @@ def friction_at_rest(
     """What the filter spreads of friction at rest (N, dof), of those motors that show it.
 
     While a motor stands or turns back, its friction is anything up to what moves it. Those samples
-    are left out, but the filter spreads them: friction beside reversals looks smaller than it is,
+    are left out, but the filter spreads them. Friction beside reversals looks smaller than it is,
     as by a curve. So where the evidence has it without a curve, this is a column of its own.
 
     Parameters

@@ -1,7 +1,7 @@
 """Friction of a fit: curves over the rate, and the line that is nearest to each.
 
 The curve is identified between the slowest and the fastest rate of the fitted samples. Below, it
-stays as it is there; above, it goes on as the line; in both its band widens.
+stays as it is there. Above, it goes on as the line. In both its band widens.
 """
 
 from __future__ import annotations

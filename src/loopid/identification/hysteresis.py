@@ -1,7 +1,7 @@
 """Friction that builds up after a reversal, as a fit has it: over which way, and the loop of it.
 
 In steady motion hysteresis adds nothing to the friction of a joint, which a curve over the rate
-shows. After a reversal the elements of Maxwell slip (``maxwell_slip.py``) turn back one by one; the
+shows. After a reversal the elements of Maxwell slip (``maxwell_slip.py``) turn back one by one. The
 force goes from friction one way to friction the other way, as each element k does over 2 x_k.
 """
 

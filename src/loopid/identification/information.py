@@ -1,13 +1,13 @@
 """Identifiability from a log, of parameters that the structure makes identifiable.
 
 A combination of base parameters is *unidentifiable* from a log where no force of the log depends on
-it, and *weakly identifiable* where its standard error is above its size in the robot file.
+it. It is *weakly identifiable* where its standard error is above its size in the robot file.
 
 Sizes make the question independent of units and of the choice of base parameters. With D the sizes
-of the standard parameters (``body_sizes``) and Φ_base = M Φ, base parameters are φ = L x with
-L Lᵀ = M D² Mᵀ, and forces count in parts of what each motor gave. The singular values of the
-regressor W L are then effects: what a change of one size along each direction does to the forces,
-in the root mean square over the data.
+of the standard parameters (``body_sizes``) and Φ_base = M Φ, base parameters are φ = L x with L
+Lᵀ = M D² Mᵀ. Forces count in parts of what each motor gave. The singular values of the regressor W
+L are then effects. They are what a change of one size along each direction does to the forces, in
+the root mean square over the data.
 """
 
 from __future__ import annotations
@@ -196,9 +196,9 @@ def fit_excited(
     """Fit what the data excite; of all parameters that fit as well, those nearest to the prior.
 
     This is the limit of Bayes' estimate for a prior (n,) that is ever less certain, in sizes. In
-    unidentifiable directions the covariance is that of the robot file, one size; parameters that
+    unidentifiable directions the covariance is that of the robot file, one size. Parameters that
     have a part there are ``assumed``. A motor of few rows that is fitted without error counts for
-    so much that others are lost: the least excited directions are left out until it is not.
+    so much that others are lost. The least excited directions are left out until it is not.
     """
     found, excitation = _excited(
         samples, prior, excitation, lambda part: quiet_fit(part, estimator)

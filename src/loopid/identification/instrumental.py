@@ -1,9 +1,9 @@
 """Instrumental variables, for noisy positions: errors of the regressor bias least squares.
 
-Instruments Z, the regressor of a motion whose errors are independent of those of the regressor X,
-give ZᵀX φ = Zᵀy [Janot2014]. With the projection X̂ = Z (ZᵀZ)⁻¹ ZᵀX of X on Z, these are the least
-squares of y on X̂ [Soderstrom1989]: working samples are X̂ and X̂φ + r, with the residuals r of X
-itself.
+Instruments Z are the regressor of a motion whose errors are independent of those of the regressor
+X. They give ZᵀX φ = Zᵀy [Janot2014]. With the projection X̂ = Z (ZᵀZ)⁻¹ ZᵀX of X on Z, these are
+the least squares of y on X̂ [Soderstrom1989]. Working samples are X̂ and X̂φ + r, with the
+residuals r of X itself.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 A model that lacks a force errs by the state of the robot. Such errors are alike wherever a state
 comes back, so that their autocorrelation in time says little. Regions of states are left out in
-turn: how far estimates move without each shows what errors of any kind do to them
-[BellMcCaffrey2002]. Recordings are left out alike: what differs between them, such as friction by
+turn. How far estimates move without each shows what errors of any kind do to them
+[BellMcCaffrey2002]. Recordings are left out alike. What differs between them, such as friction by
 temperature, does not show within one [Efron1982].
 
 Without a group, whose orthonormal columns x and residuals r have the sums G = Σ x xᵀ and s = Σ x r,

@@ -1,7 +1,7 @@
 """Forces of each segment of some data, predicted by fits to the others.
 
 All data can then be fitted, and all judge. What is fitted keeps apart from a segment by as much as
-the filter spreads; of several logs each is a segment of its own.
+the filter spreads. Of several logs each is a segment of its own.
 """
 
 from __future__ import annotations

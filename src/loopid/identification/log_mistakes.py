@@ -1,12 +1,13 @@
 """Mistakes in logs: those that would explain the forces clearly better.
 
-Each mistake that is often made is undone in turn, at the size that explains the forces best: forces
-of a motor in other units or with another sign, columns of two motors exchanged, positions of a
-motor times another ratio or from another zero, a time axis that is a factor off
-(``mistake_kinds.py``). One that raises the evidence of the data clearly (``evidence.py``), more
-than any force that the robot file lacks, and after which the file explains the shape of the forces,
-is found and undone before the next is looked for. Wrong bodies alone do not look like a mistake of
-one motor: all motors carry them. Forces that are seconds late are found first (``log_timing.py``).
+Each mistake that is often made is undone in turn, at the size that explains the forces best
+(``mistake_kinds.py``). Forces of a motor may be in other units or with another sign, and columns of
+two motors exchanged. Positions of a motor may be times another ratio or from another zero. A time
+axis may be a factor off. One is found that raises the evidence of the data clearly
+(``evidence.py``), and more than any force that the robot file lacks. After it the file must explain
+the shape of the forces. It is undone before the next is looked for. Wrong bodies alone do not look
+like a mistake of one motor: all motors carry them. Forces that are seconds late are found first
+(``log_timing.py``).
 """
 
 from __future__ import annotations

@@ -121,10 +121,10 @@ def _percent(part: float) -> str:
 def choose_model(robot: Robot, recordings: Sequence[Recording]) -> ModelChoice:
     """Choose the model that recordings need.
 
-    The full one, unless the recordings do not distinguish the file's inertia from none, or have
-    clearly less than half of it, and fitted inertia of bodies and rotors predicts segments left
-    out no better. Errors count as alike within blocks of time, and as independent between them
-    (sandwich covariance).
+    The full one, unless two conditions hold. The recordings do not distinguish the file's inertia
+    from none, or have clearly less than half of it. Fitted inertia of bodies and rotors predicts
+    segments left out no better. Errors count as alike within blocks of time, and as independent
+    between them (sandwich covariance).
 
     Parameters
     ----------

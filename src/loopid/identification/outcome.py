@@ -69,8 +69,8 @@ class Outcome:
     def recommended(self) -> Candidate:
         """What to predict and to export with.
 
-        Consistent parameters, unless they are clearly worse on new data than the baseline; where
-        an estimator was chosen, all parameters by that.
+        Consistent parameters, unless they are clearly worse on new data than the baseline. Where an
+        estimator was chosen, all parameters by that.
         """
         if CONSISTENT not in self.candidates:
             return self[ALL]

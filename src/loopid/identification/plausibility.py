@@ -1,7 +1,7 @@
 """Laws that any fit keeps which is good for something: nothing absurd in a controller.
 
 Errors on data do not show what cancels there, or lies between the samples. A fit that breaks a law
-is fit for nothing, whatever its errors: it is not saved, nor given to a controller.
+is fit for nothing, whatever its errors. It is not saved, nor given to a controller.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ SANE = 'identify with terms="Fc,Fv" and estimator="wls"'
 def absurdities(force_model: ForceModel, fit: Estimates, data: FitSamples) -> tuple[str, ...]:
     """Laws that a fit breaks, a sentence each; none for a sane one.
 
-    Friction of a motor does not drive, clear of its band, nor is it by a tenth more than the
+    Friction of a motor does not drive, clear of its band. Nor is it by a tenth more than the
     largest force that the motor showed, at any rate up to the fastest of the log. No two joint
     terms, nor one and the bodies, cancel to less than a hundredth of their size. No joint term is
     more than all of the motor's force.

@@ -1,8 +1,8 @@
 """The data of a fit: samples, and the triangular factors that they are reduced to.
 
-R_i of [W_i | τ_i] = Q_i R_i holds all that least squares needs of the samples of actuator i, for
-any weights between actuators, however long the log was. Factors of parts of a log, stacked and
-factored again, are those of the whole.
+R_i of [W_i | τ_i] = Q_i R_i holds all that least squares needs of the samples of actuator i. This
+is so for any weights between actuators, however long the log was. Factors of parts of a log,
+stacked and factored again, are those of the whole.
 """
 
 from __future__ import annotations
@@ -277,7 +277,7 @@ class FitSamples:
         """The same forces with combinations of parameters only, the columns of (n, k).
 
         Without ``parameters`` (k,) each is named by a parameter with a large part in it, which
-        names no other: no more than n have such names.
+        names no other. No more than n have such names.
         """
         if parameters is None:
             parameters = self._led(directions)

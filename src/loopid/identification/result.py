@@ -32,7 +32,7 @@ class Fit(Estimates):
     """Estimated parameters with their uncertainty, found by their names or sums.
 
     A combination, of which forces determine the sum alone, is called ``<leading parameter> + 3
-    more``; ``parameters.expressions`` are the sums.
+    more``. ``parameters.expressions`` are the sums.
 
     Attributes
     ----------

@@ -1,9 +1,9 @@
 """The file of a fit: all that it takes to use its values, written and read.
 
 It holds which combinations of standard parameters the values are, the options of the force model,
-how the robot was loaded, and states with the forces there, by which the robot is known again.
-Reading never repeats a search for base parameters. A digest vouches for the content: what has one
-was written by ``Fit.save`` and not changed since, so that nothing else in it is looked at.
+and how the robot was loaded. States with the forces there are in it, too: by these the robot is
+known again. Reading never repeats a search for base parameters. A digest vouches for the content:
+what has one was written by ``Fit.save`` and not changed since, and is taken as it is.
 """
 
 from __future__ import annotations

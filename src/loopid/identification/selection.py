@@ -114,7 +114,7 @@ class Reduction:
 def eliminate(found: Outcome) -> Reduction:
     """Find the parameters of an identification that predictions need; ``eliminate_parameters``.
 
-    Dropped ones go back to the robot file, and joint terms that it gives no value of to zero; what
+    Dropped ones go back to the robot file, and joint terms that it gives no value of to zero. What
     is unidentifiable is dropped from the start. Joint terms whose size the evidence decides stay.
     What is essential is not for a prior to say: weighted least squares stands in for Bayes.
 
@@ -172,7 +172,7 @@ def eliminate_parameters(
     """Drop the least certain parameters one by one, and keep as few as predict as well.
 
     At each step the parameter with the largest relative standard deviation goes back to its
-    reference, and the others are fitted again. Of all steps, the one with the fewest parameters is
+    reference. The others are fitted again. Of all steps, the one with the fewest parameters is
     chosen whose validation error is not clearly above the least (``PredictionError``).
 
     Parameters
@@ -249,8 +249,8 @@ def _eliminations(
     """First fields of the steps, from all parameters down to one.
 
     Weights, working samples and error model stay those of the full fit, so that no sample is needed
-    again: with R the weighted triangular factor and C the full covariance, M = R C Rᵀ is the
-    covariance of the errors as R sees them, and a subset with R_S = Q T has T⁻¹ Qᵀ M Q T⁻ᵀ.
+    again. Let R be the weighted triangular factor and C the full covariance. M = R C Rᵀ is the
+    covariance of the errors as R sees them. A subset with R_S = Q T has T⁻¹ Qᵀ M Q T⁻ᵀ.
     """
     labels, width, factor = training.parameters.labels, len(reference), full.factor
     R, force = factor[:width, :width], factor[:width, width]
@@ -327,7 +327,7 @@ def influence(data: FitSamples, values: FloatArray) -> FloatArray:
     """Size of the forces of the first i parameters, in % of that of the measured forces.
 
     p_i = |W[:, :i] Φ[:i]| / |T| · 100 for i = 1 to r, the paper's (12), with the base regressor and
-    all i up to r. It is a ratio of norms, not an accuracy: it need not grow with i, may exceed 100,
+    all i up to r. It is a ratio of norms, not an accuracy. It need not grow with i, may exceed 100,
     and depends on the order of the parameters.
 
     Parameters

@@ -1,8 +1,8 @@
 """Noise of the sensors of force, by what is above half the Nyquist frequency.
 
-The motion of a robot ends far below. What is left there is the sensors' own, if it is white: then
+The motion of a robot ends far below. What is left there is the sensors' own, if it is white. Then
 it is as strong below the cut-off. Where a controller has filtered the forces their spectrum falls
-before the Nyquist frequency, and the noise below the cut-off is undetermined.
+before the Nyquist frequency. The noise below the cut-off is then undetermined.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Identifiable offsets: a motor without a clear one has none.
 
 An offset hardly differs from gravity, or from Coulomb friction where a motor moves one way, in
-motions that excite little. Errors of both would be large and opposite, and add up on other motions:
-a motor keeps its offset where the data determine it well, or where it is clearly significant.
+motions that excite little. Errors of both would be large and opposite, and add up on other motions.
+A motor keeps its offset where the data determine it well, or where it is clearly significant.
 
 All terms are fitted at once, and the residuals give the errors and their autocorrelation. With a
 unit vector q of what an offset adds to the other columns, and estimates u of covariance F,

@@ -2,7 +2,7 @@
 
 One number over all data hides where a model is wrong. A motion that repeats itself judges a fit by
 the states that it was fitted to. So errors are looked at by segments or logs, by regions of states
-that were left out, at low speed, and at standstill, where friction may be anything up to breakaway.
+that were left out, at low speed, and at standstill. There friction may be anything up to breakaway.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
 """Assembly: all coordinates from measured ones, on the assembly branch of the start.
 
-Samples on their own are reached along straight lines from the start, in steps whose length adapts
-so that Newton's method contracts at once and the Jacobian keeps its orientation: the solution then
+Samples on their own are reached along straight lines from the start. The length of steps adapts so
+that Newton's method contracts at once and the Jacobian keeps its orientation. The solution then
 stays on the branch of the start [Allgower2003]. All samples advance together; every linear solve is
 batched. Steps and residuals are in common units (see ``constraint``).
 
-Along a trajectory each is reached from the last one that was, as many at once as one step leads to:
-the tangent there, and Newton's method. Where the next sample is too far for that, the path to it is
-followed in full.
+Along a trajectory each is reached from the last one that was, as many at once as one step leads to.
+A step is the tangent there, and Newton's method. Where the next sample is too far for that, the
+path to it is followed in full.
 """
 
 from __future__ import annotations
@@ -124,8 +124,8 @@ def assemble(
 ) -> FloatArray:
     """Solve all coordinates from measured ones, on the assembly branch of the start.
 
-    A long trajectory may be assembled in parts: with the last configuration of a part as the start
-    of the next one, they are the same, to round-off, as those of the whole.
+    A long trajectory may be assembled in parts. Take the last configuration of a part as the start
+    of the next one. They are then the same, to round-off, as those of the whole.
 
     Parameters
     ----------
@@ -395,7 +395,7 @@ def _together(
 ) -> Assembly:
     """The leading samples (N, c) to which one step leads from the start (nq,).
 
-    The tangent at the start is the first Newton step; what is left then must be shorter, and no
+    The tangent at the start is the first Newton step. What is left then must be shorter. No
     singularity may lie in between.
     """
     here = measured.read(start[None])

@@ -3,8 +3,8 @@
 All starts advance together, each with its own damping; every linear solve is batched.
 
 Assembly modes are the closed poses that the same values of the motors allow. Loops that share no
-dependent coordinate are assembled each on its own: ten parallelograms need as many starts as one.
-Modes meet at singular poses, such as that of a folded parallelogram; there they are separated a
+dependent coordinate are assembled each on its own. Ten parallelograms need as many starts as one.
+Modes meet at singular poses, such as that of a folded parallelogram. There they are separated a
 step of the motors away.
 """
 
@@ -101,7 +101,7 @@ def displaced(
     """Move closed configurations (N, nq) by steps (N, dof) of the independent coordinates.
 
     The way for coordinates that have no value of their own, such as the spin of a rod in a ball
-    joint: u̇ is integrated along G, and Newton steps of the others keep the loops closed.
+    joint. u̇ is integrated along G, and Newton steps of the others keep the loops closed.
 
     Parameters
     ----------
@@ -261,8 +261,8 @@ def assembly_modes(robot: Robot, drawn: FloatArray) -> tuple[AssemblyMode, ...]:
     """Assembly modes of a robot around a drawn pose (nq,), closed or not; the best first.
 
     The robot is closed at its reference: the drawn pose, or one near it. Modes that lead to a
-    singular drawn pose come first, among them those in which most links stay parallel; then those
-    of least motion. There are none where no regular pose inside the limits is found.
+    singular drawn pose come first, among them those in which most links stay parallel. Then come
+    those of least motion. There are none where no regular pose inside the limits is found.
     """
     motors = JointCoordinates(robot, robot.measured)
     home = robot.reference[None]

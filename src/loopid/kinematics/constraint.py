@@ -1,12 +1,12 @@
 """Residual, Jacobian and drift of all closures, at closed and open configurations.
 
-The Jacobian A is the exact derivative of the residual, A v = dr/dt, and the drift is
-d²r/dt² at zero acceleration, so that A a + drift = d²r/dt² [Featherstone2008, ch. 8]. The rows of
-the loop closures come first, then one row a coupling of joints.
+The Jacobian A is the exact derivative of the residual, A v = dr/dt. The drift is d²r/dt² at zero
+acceleration, so that A a + drift = d²r/dt² [Featherstone2008, ch. 8]. The rows of the loop closures
+come first, then one row a coupling of joints.
 
-In common units every entry of A is a length: rows of angles, and columns of prismatic joints too,
-are multiplied by the robot's characteristic length. Ranks, singularity measures and step
-lengths then mean the same for a robot described in mm and one described in m.
+In common units every entry of A is a length. Rows of angles, and columns of prismatic joints too,
+are multiplied by the robot's characteristic length. Ranks, singularity measures and step lengths
+then mean the same for a robot described in mm and one described in m.
 """
 
 from __future__ import annotations
@@ -234,7 +234,7 @@ def scaled_jacobian(robot: Robot, jacobian: FloatArray) -> FloatArray:
     """Constraint Jacobians (N, rows, nv) in m per unit step, as they are where loops are closed.
 
     What carries both frames of a closure moves them alike. Where a loop is open, it turns the
-    residual without changing its size: steps that close the loop need not know.
+    residual without changing its size. Steps that close the loop need not know.
     """
     scaled = jacobian * prepared(robot).in_common_units
     # Equations that hold in any motion leave nothing but round-off, which has no rank.

@@ -1,7 +1,7 @@
 """Mobility: what the closures leave free, and which coordinates determine it.
 
-The null space Z (nv, dof) of the constraint Jacobian holds all motions; coordinates u determine
-them where the rows Z_u are independent, and G = Z Z_u⁻¹ is the larger the less they are.
+The null space Z (nv, dof) of the constraint Jacobian holds all motions. Coordinates u determine
+them where the rows Z_u are independent. G = Z Z_u⁻¹ is the larger the less they are.
 """
 
 from __future__ import annotations

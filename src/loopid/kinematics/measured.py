@@ -46,7 +46,7 @@ class MeasuredCoordinates(ABC):
         self.width = width
         self.scales = robot.coordinate_scales[unknown]
         # Whether parts of joints stay as they are, which then depends on the way to a sample.
-        self.holds = bool(robot.held)
+        self.holds = bool(robot.unmeasured)
 
     @abstractmethod
     def read(self, q: FloatArray) -> FloatArray:
@@ -83,14 +83,14 @@ class JointCoordinates(MeasuredCoordinates):
     """Measured joints: the others are unknown, but for single coordinates that are independent.
 
     The spin of a rod in a spherical joint, or the placement of a floating base, is no number that
-    could be given: it stays as it is at the start.
+    could be given. It stays as it is at the start.
     """
 
     def __init__(self, robot: Robot, joints: Sequence[str]) -> None:
         self.known, _ = partition(robot, joints)
         if len(self.known) != len(joints):
             raise OptionError("only joints with one coordinate can be measured", given=joints)
-        held = robot.velocity_indices(robot.held)
+        held = robot.velocity_indices(robot.unmeasured)
         unknown = np.setdiff1d(np.arange(robot.model.nv), np.append(self.known, held))
         super().__init__(robot, unknown, len(joints))
         self.known_scales = robot.coordinate_scales[self.known]

@@ -1,8 +1,9 @@
 """Asking Pinocchio, sample by sample: the one file that loops over samples.
 
-Poses of frames, Jacobians of joints and their rates, torque regressors; all else is batched NumPy
-on what is found here. Jacobians of joints are Pinocchio's ``data.J``: column by column the twist of
-all bodies behind a coordinate, linear above angular, at the fixed origin along the fixed axes.
+Poses of frames, Jacobians of joints and their rates, torque regressors. All else is batched NumPy
+on what is found here. Jacobians of joints are Pinocchio's ``data.J``. Column by column this is the
+twist of all bodies behind a coordinate, linear above angular, at the fixed origin along the fixed
+axes.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 v = G u̇ and a = G ü + γ, with G = [I; -A_d⁺ A_u] and A γ = -Ȧ v [Featherstone2008, ch. 8]: u are
 the independent coordinates, A_u and A_d the columns of the closure Jacobian at them and at all
-others. ``velocity_map`` is the place where G is computed, for one sample and for many; the solves
+others. ``velocity_map`` is the place where G is computed, for one sample and for many. The solves
 with ranks that it and others need come first.
 """
 
@@ -128,9 +128,8 @@ class Solver:
     """Least-squares solves with N matrices (N, m, n): inverses where these are proven regular.
 
     Of more rows than columns, as of planar loops, the inverse is the pseudoinverse R⁻¹Qᵀ. It takes
-    a fifth of the time of a singular value decomposition. The Frobenius norms of
-    a matrix and its inverse bound its condition; where the bound proves nothing, singular values
-    decide.
+    a fifth of the time of a singular value decomposition. The Frobenius norms of a matrix and its
+    inverse bound its condition. Where the bound proves nothing, singular values decide.
     """
 
     matrices: FloatArray  # (N, m, n)

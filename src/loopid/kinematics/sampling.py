@@ -19,9 +19,9 @@ from loopid.kinematics.projection import NEAR_SINGULARITY, partition, singularit
 from loopid.records import record
 from loopid.robot.robot import Robot
 
-DEFAULT_MARGIN = 0.02
-LEAST_MARGIN = 1e-4  # down to which it falls where few draws keep it
-BATCH = 64  # draws between which spread and margin adapt
+SINGULARITY_THRESHOLD = 0.02
+LEAST_THRESHOLD = 1e-4  # down to which it falls where few draws keep it
+BATCH = 64  # draws between which spread and threshold adapt
 # Where less than a part of a batch closes, the next is drawn from nearer by a factor, down to the
 # least spread.
 FEW, NARROWER, LEAST_SPREAD = 0.5, 0.5, 0.05
@@ -39,7 +39,7 @@ class SamplingOptions:
 
     Attributes
     ----------
-    margin : float, optional
+    singularity_threshold : float, optional
         Least singularity measure of a pose, see ``Projection.singularity``; by default that of the
         robot's file, else the usual one, or less where the geometry hardly allows it.
     spread : float
@@ -48,7 +48,7 @@ class SamplingOptions:
         Draws for each configuration found, after which they are given up.
     """
 
-    margin: Annotated[float, Field(ge=0, le=1)] | None = None
+    singularity_threshold: Annotated[float, Field(ge=0, le=1)] | None = None
     spread: float = 1.0
     attempts: int = 200
 
@@ -60,9 +60,9 @@ def random_configurations(
     """Draw closed configurations on the reference's branch.
 
     Independent joints are uniform within their limits (one turn, or one characteristic length,
-    around the reference where there are none); draws that cannot be assembled, break a limit of
-    a passive joint or come too near a singularity are left out. Where most draws fail, the next
-    ones keep nearer to the reference. Spins of rods and floating bases are anywhere.
+    around the reference where there are none). Draws that cannot be assembled, break a limit of a
+    passive joint or come too near a singularity are left out. Where most draws fail, the next ones
+    keep nearer to the reference. Spins of rods and floating bases are anywhere.
 
     Parameters
     ----------
@@ -97,8 +97,8 @@ def configuration_batches(
 ) -> Iterator[FloatArray]:
     """Yield the rows of ``random_configurations`` a few at a time."""
     options = SamplingOptions() if options is None else options
-    if options.margin is None:
-        options = replace(options, margin=robot.margin)
+    if options.singularity_threshold is None:
+        options = replace(options, singularity_threshold=robot.singularity_threshold)
     drawn = prepared(robot).drawn
     kept = drawn.get((seed, options), ())
     enough = sum(map(len, kept)) >= count
@@ -123,10 +123,10 @@ def _drawn(robot: Robot, seed: int, options: SamplingOptions) -> Iterator[FloatA
     steps = max(MOST_STEPS * options.spread, LEAST_STEPS)
     paths = AssemblyOptions(shortest_step=SHORTEST_STEP, most_steps=steps)
     spread = min(options.spread, MANY_LOOPS / max(len(robot.loops), 1))
-    least = options.margin
+    least = options.singularity_threshold
     if least is None:  # where the reference hardly keeps it, poses around it do not
         own = float(singularity_measure(robot, robot.reference[None])[0])
-        least = max(LEAST_MARGIN, min(DEFAULT_MARGIN, 0.5 * own))
+        least = max(LEAST_THRESHOLD, min(SINGULARITY_THRESHOLD, 0.5 * own))
     drawn, found, broken = 0, 0, np.zeros(robot.model.nq)
     while True:
         if drawn > options.attempts * (found + BATCH):
@@ -141,8 +141,8 @@ def _drawn(robot: Robot, seed: int, options: SamplingOptions) -> Iterator[FloatA
         regular = q[singularity_measure(robot, q) >= least]
         if len(q) < FEW * BATCH:  # draw nearer
             spread = max(NARROWER * spread, LEAST_SPREAD)
-        if len(regular) < FEW * len(q) and options.margin is None:  # accept less
-            least = max(0.5 * least, LEAST_MARGIN)
+        if len(regular) < FEW * len(q) and options.singularity_threshold is None:  # accept less
+            least = max(0.5 * least, LEAST_THRESHOLD)
         found, drawn = found + len(regular), drawn + BATCH
         if len(regular):
             yield regular
@@ -171,25 +171,26 @@ def _with_regular_reference(robot: Robot) -> Robot:
 
 
 def _too_few(
-    robot: Robot, found: int, drawn: int, margin: float, broken: FloatArray
+    robot: Robot, found: int, drawn: int, singularity_threshold: float, broken: FloatArray
 ) -> AssemblyError:
     worst = next((n for n in robot.joints if robot.joint(n).idx_q == int(broken.argmax())), "")
     limits = f" ({worst} broke them {int(broken.max())} times)" if broken.any() else ""
     return AssemblyError(
         f"only {found} of {drawn} random draws of {robot.name} close with a singularity "
-        f"measure of at least {margin:g}: lower the margin or check the limits{limits}",
+        f"measure of at least {singularity_threshold:g}: lower the threshold or check the "
+        f"limits{limits}",
         found=found,
         drawn=drawn,
-        margin=margin,
+        singularity_threshold=singularity_threshold,
     )
 
 
 def _completed(robot: Robot, q: FloatArray, generator: np.random.Generator) -> FloatArray:
     """Closed configurations inside the limits, with the parts that are held at random."""
-    if not robot.held:
+    if not robot.unmeasured:
         return q
     chosen, _ = partition(robot)
-    parts = np.isin(robot.independent, robot.held)
+    parts = np.isin(robot.independent, robot.unmeasured)
     units = np.where(np.isin(chosen, robot.prismatic), PART_LENGTH * robot.length, np.pi)
     steps = generator.uniform(-1.0, 1.0, size=(len(q), len(chosen)))
     steps = steps[:, robot.draw_places(chosen)] * units * parts
@@ -206,8 +207,8 @@ def random_motions(
 ) -> tuple[FloatArray, FloatArray]:
     """Draw independent velocities and accelerations (count, dof) each.
 
-    They are uniform and as large as a fall over the characteristic length would make them, so
-    that inertial and gravity forces have one order of magnitude.
+    They are uniform and as large as a fall over the characteristic length would make them. So
+    inertial and gravity forces have one order of magnitude.
 
     Parameters
     ----------

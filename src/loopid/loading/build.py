@@ -85,7 +85,7 @@ def _open_robot(path: Path | None, tree: TreeSource, description: Description) -
         platform=_platform(model, description),
         identical=_identical(model, description, bodies),
         closure_rank_tolerance=description.closure_rank_tolerance or RANK_TOLERANCE,
-        margin=description.margin,
+        singularity_threshold=description.singularity_threshold,
         left_out=tree.left_out,
         locked=tree.locked,
     )

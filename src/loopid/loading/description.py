@@ -2,7 +2,7 @@
 
 The YAML beside a URDF or MJCF holds these keys. It extends Gepetto's parallel-robot files
 (``closed_loop``, ``type``, ``name_mot``, ``joint_name``, ``joint_type``). Readers of formats that
-say some of it themselves fill in the same description, and the YAML has the last word.
+say some of it themselves fill in the same description. The YAML has the last word.
 """
 
 from __future__ import annotations
@@ -213,7 +213,9 @@ class Description(Section):
     )
     gravity: tuple[Component, Component, Component] | None = key(None, "In m/s².")
     rounding: Rounding | None = key(None, "To what numbers are rounded, in m and rad; 0: exact.")
-    margin: float | None = key(None, "Least singularity measure of random poses.", ge=0, lt=1)
+    singularity_threshold: float | None = key(
+        None, "Least singularity measure of random poses.", ge=0, lt=1
+    )
     closure_rank_tolerance: float | None = key(
         None, "Part of the largest singular value that counts as zero.", gt=0, lt=1
     )

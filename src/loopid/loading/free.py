@@ -76,7 +76,7 @@ def _motions(
 def _is_spin(robot: Robot, q: FloatArray, motion: FloatArray) -> bool:
     """Whether all that a motion (nv,) moves turns as one about a line, with a hold at either end.
 
-    A rod that spins between two balls does, and a pin between two hinges; so do halves of a rod
+    A rod that spins between two balls does, and a pin between two hinges. So do halves of a rod
     that a closure welds. Nothing else hangs on it, and its centre of mass is on the line: otherwise
     gravity turns it. Joints turn about that line only: locked, they hold nothing but the spin.
     """

@@ -73,12 +73,13 @@ def close_reference(
     """Close the loops of a robot at its reference.
 
     Motors with a given value stay. From what the file writes, passive joints move first, then also
-    motors that it leaves out; then several seeded starts of all joints left out are tried. Where
+    motors that it leaves out. Then several seeded starts of all joints left out are tried. Where
     that pose is singular or far from the written one, the best of its assembly modes is taken.
 
     Loops that hardly miss, or hardly keep the robot from moving, stay open by what the file's
-    rounding leaves: the one that is given, else six digits. That is warned of; a RobotFileError
-    names the closure that stays open most, a MobilityError says that nothing can move.
+    rounding leaves. That is the one that is given, else six digits. That is warned of. A
+    RobotFileError names the closure that stays open most. A MobilityError says that nothing can
+    move.
     """
     usual = min(SIX_DIGITS, FIVE_DIGITS * robot.length) if rounding is None else rounding
     near, closed = largest_gap(usual, robot.length), CLOSURE_TOLERANCE * robot.length

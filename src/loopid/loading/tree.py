@@ -60,8 +60,8 @@ def add_frame(model: pin.Model, name: str, link: str, placement: pin.SE3) -> Non
 def build_tree(source: TreeSource, description: Description, locked: Sequence[str]) -> TreeSource:
     """Replace and lock the joints that the description, or the caller, asks for.
 
-    Locked are joints, or single turns of spherical joints such as ``ball.wz``; of joints with one
-    coordinate also with the value, as in ``hip=0.5``. The reference of the description comes back
+    Locked are joints, or single turns of spherical joints such as ``ball.wz``. Joints with one
+    coordinate may have the value, as in ``hip=0.5``. The reference of the description comes back
     with the values of the joints that are left.
     """
     locked, held_at = _named_values(source.model, locked)
@@ -218,7 +218,7 @@ def _replacements(model: pin.Model, description: Description) -> dict[str, Chain
 def _replaced(source: TreeSource, chains: Mapping[str, Chain], turned: bool) -> TreeSource:
     """The tree with other joints in the places of some; bodies hang on the last of each chain.
 
-    Where a joint is ``turned``, its reference becomes the zero of what takes its place; else the
+    Where a joint is ``turned``, its reference becomes the zero of what takes its place. Else the
     reference of the chain comes as near to the joint's as it can.
     """
     if not chains:

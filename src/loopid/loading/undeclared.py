@@ -31,8 +31,9 @@ def undeclared_loops(
     """Signs of loops, each with what to write where it is one.
 
     ``around`` (n, nq) are closed configurations around the reference. Signs are frames without mass
-    on two branches that are named alike or meet in the reference pose, links named alike that meet
-    there, joints named alike as ends of a loop, and what the reader of the file has seen.
+    on two branches that are named alike or meet in the reference pose. Others are links named alike
+    that meet there, and joints named alike as ends of a loop. What the reader of the file has seen
+    counts, too.
     """
     signs = [] if robot.rows else [UndeclaredLoops(sign) for sign in tree.signs]
     if pairs := _pairs(robot, around, tree):

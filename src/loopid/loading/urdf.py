@@ -1,6 +1,6 @@
 """What a URDF says beyond its tree: closures, motors, forces in joints.
 
-Closures are joints that ``<mimic>`` others and joints that give a link a second parent; dialects,
+Closures are joints that ``<mimic>`` others and joints that give a link a second parent. Dialects,
 registered in ``urdf_dialects``, have tags of their own.
 """
 
@@ -197,7 +197,7 @@ def closure_of(
     """The closure of a tag with a type and a name, between places in two links.
 
     Its frames are mounted in the model, as ``NAME_SIDE``. ``axes`` are the tags of the axes in the
-    two frames, or the tag of both that must be there; by default both are ``axis``, or x.
+    two frames, or the tag of both that must be there. By default both are ``axis``, or x.
     """
     given = (element.get("type") or "").strip()
     kind = (LOOPS | ALSO).get(given)

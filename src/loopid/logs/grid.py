@@ -1,8 +1,8 @@
 """Streams of a log, values at time stamps, and all of them on one even grid.
 
 The grid follows the stream of the positions at the median rate of its stamps. A gap in any stream
-ends a segment of the grid. Between the stamps of a stream its values are interpolated linearly:
-they are off by at most h²/8 times their second derivative by time, h between stamps.
+ends a segment of the grid. Between the stamps of a stream its values are interpolated linearly.
+They are off by at most h²/8 times their second derivative by time, h between stamps.
 """
 
 from __future__ import annotations

@@ -55,8 +55,8 @@ class StreamColumns(Section):
 class JointMap(Section):
     """Motors that move joints together, as in a differential: q_joints = matrix q_motors.
 
-    Their power is the same, so that forces of the joints are the inverse transpose times those of
-    the motors.
+    Their power is the same. So forces of the joints are the inverse transpose times those of the
+    motors.
     """
 
     joints: list[str] = Field(min_length=1)
@@ -152,17 +152,17 @@ class LogMapping(Section):
     """Which columns hold time, positions and forces, and in which units.
 
     All may be left out. ``position`` and ``force`` give the column of each joint, as ``column`` or
-    ``stream:column``, or list the columns in the order of the motors; so do ``velocity`` and
-    ``acceleration`` where those that were measured are to be used. Values times the scale, plus
-    the offset, are in m, rad, N, N m and s; numbers hold for all joints, or are given by joint.
-    Without a scale, columns are in the unit of their header, or else in these units.
-    In all of them, the motors of ``joint_maps`` stand for the joints that they move. ``wrenches``
-    are what the surroundings exert on frames of the robot, each of six columns. ``free`` gives the
-    columns of joints that no motor moves: one, or the seven of a floating base.
-    ``delay`` is how much later forces are than positions, in s, of all joints or by joint, or how
-    late the time stamps of whole streams are, by their names.
-    Without a column of times, rows are even: ``rate`` in Hz, or ``period`` in s between them.
-    ``topic`` chooses among those of a bag, ``group`` among those of an HDF5 file.
+    ``stream:column``, or list the columns in the order of the motors. So do ``velocity`` and
+    ``acceleration`` where those that were measured are to be used. Values times the scale, plus the
+    offset, are in m, rad, N, N m and s. Numbers hold for all joints, or are given by joint. Without
+    a scale, columns are in the unit of their header, or else in these units. In all of them, the
+    motors of ``joint_maps`` stand for the joints that they move. ``wrenches`` are what the
+    surroundings exert on frames of the robot, each of six columns. ``free`` gives the columns of
+    joints that no motor moves: one, or the seven of a floating base. ``delay`` is how much later
+    forces are than positions, in s, of all joints or by joint, or how late the time stamps of whole
+    streams are, by their names. Without a column of times, rows are even: ``rate`` in Hz, or
+    ``period`` in s between them. ``topic`` chooses among those of a bag, ``group`` among those of
+    an HDF5 file.
 
     Raises
     ------

@@ -227,8 +227,8 @@ def at_cutoff(
 def in_motion_band(robot: Robot, recording: Recording) -> Recording:
     """The recording at the cut-off that hangs on its motion alone; as it is without a log.
 
-    Noise of positions, which looks like anything, grows fast with the cut-off, and most of what a
-    delay or a mistake does is near the motion.
+    Noise of positions, which looks like anything, grows fast with the cut-off. Most of what a delay
+    or a mistake does is near the motion.
     """
     filtered = recording.filter or FilterOptions()
     if filtered.cutoff == "auto":
@@ -439,7 +439,7 @@ def assemble_samples(
                 tolerance=UNASSEMBLED,
             )
         warn(f"{said}: left out", DataWarning)
-    regular = measure >= masks.singularity
+    regular = measure >= masks.singularity_threshold
     if not regular.all():
         near = good.copy()
         near[good] = ~regular
@@ -447,10 +447,10 @@ def assemble_samples(
         dropped.append(Dropped.at("near a singularity", time[near]))
         said = (
             f"{log.name}: the robot is near a singularity in {_where(time, near)} (measure down to "
-            f"{measure.min():.1e}, at least {masks.singularity:g} is required)"
+            f"{measure.min():.1e}, at least {masks.singularity_threshold:g} is required)"
         )
         if not good.any():
-            raise LogError(said, source=log.name, tolerance=masks.singularity)
+            raise LogError(said, source=log.name, tolerance=masks.singularity_threshold)
         warn(f"{said}: left out", DataWarning)
     return Assembled(np.concatenate(configurations)[regular], measure[regular], good, dropped)
 

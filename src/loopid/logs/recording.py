@@ -98,18 +98,20 @@ class MaskOptions:
     Examples
     --------
     >>> import loopid
-    >>> loopid.logs.MaskOptions(singularity=0.02).singularity
+    >>> loopid.logs.MaskOptions(singularity_threshold=0.02).singularity_threshold
     0.02
     """
 
-    singularity: NotNegative = 5e-3  # samples with a smaller singularity measure are left out
+    singularity_threshold: NotNegative = (
+        5e-3  # samples with a smaller singularity measure are left out
+    )
 
 
 @record
 class RateHistory:
     """Filtered rates at the rate of the log, before samples were left out.
 
-    Friction jumps where they change sign. The measured forces jump too, and are filtered: what a
+    Friction jumps where they change sign. The measured forces jump too, and are filtered. What a
     force model multiplies must be filtered alike, at the rate of the log.
     """
 

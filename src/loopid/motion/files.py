@@ -16,7 +16,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from loopid.arguments import FloatArray, Positive, checked
 from loopid.border import Section
 from loopid.errors import DataError, OptionError, RobotFileError, unknown_word
-from loopid.kinematics.sampling import DEFAULT_MARGIN
+from loopid.kinematics.sampling import SINGULARITY_THRESHOLD
 from loopid.loading.files import find_motion_file
 from loopid.motion.joints import MotionReview, joint_motion, review_motion
 from loopid.motion.trajectories import (
@@ -432,14 +432,14 @@ def review_program(
     program: MotionProgram,
     rate: float | None = None,
     *,
-    margin: float = DEFAULT_MARGIN,
+    singularity_threshold: float = SINGULARITY_THRESHOLD,
     progress: Callable[[float, float], None] | None = None,
 ) -> dict[str, MotionReview]:
     """Reviews of every motion of a file by name; see ``review_motion``."""
     reviews: dict[str, MotionReview] = {}
     for name in program.motions:
         motion = joint_motion(robot, program.motion(name, rate))
-        reviews[name] = review_motion(robot, motion, margin)
+        reviews[name] = review_motion(robot, motion, singularity_threshold)
         if progress is not None:
             progress(len(reviews), len(program.motions))
     return reviews

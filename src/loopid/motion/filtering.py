@@ -1,6 +1,6 @@
 """Zero-phase low-pass filtering and differentiation of evenly sampled signals.
 
-A Butterworth filter run forwards and backwards leaves no delay: each frequency keeps its phase, so
+A Butterworth filter run forwards and backwards leaves no delay. Each frequency keeps its phase, so
 that it is applied to the spectrum. Positions filtered like this are differentiated by central
 differences of fourth order. Forces are filtered alike, so that both sides of the equations lose the
 same frequencies [Gautier1997].

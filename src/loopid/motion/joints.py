@@ -12,7 +12,7 @@ from loopid.errors import DataError, OptionError
 from loopid.kinematics.assembly import assemble
 from loopid.kinematics.measured import platform_motion
 from loopid.kinematics.projection import ClosedMotion, closed_motion, singularity_measure
-from loopid.kinematics.sampling import DEFAULT_MARGIN
+from loopid.kinematics.sampling import SINGULARITY_THRESHOLD
 from loopid.motion.trajectories import Motion
 from loopid.parameters import html_table
 from loopid.records import record
@@ -145,7 +145,7 @@ class MotionReview:
     ranges: tuple[JointRange, ...]  # in the order of the robot's joints
     singularity: float  # least singularity measure on the way
     singular_time: float  # when it is least, in s
-    margin: float  # threshold of the measure
+    singularity_threshold: float  # threshold of the measure
     speeds: dict[str, float]  # largest speed of each independent coordinate, in m/s or rad/s
 
     def __repr__(self) -> str:
@@ -169,25 +169,25 @@ class MotionReview:
             for r in self.ranges
             if r.clearance < 0
         ]
-        if self.singularity < self.margin:
+        if self.singularity < self.singularity_threshold:
             found.append(
                 f"the singularity measure falls to {self.singularity:.3g} at "
-                f"{self.singular_time:.2f} s (margin {self.margin:g})"
+                f"{self.singular_time:.2f} s (threshold {self.singularity_threshold:g})"
             )
         return tuple(found)
 
 
 @checked
 def review_motion(
-    robot: Robot, motion: JointMotion, margin: NotNegative = DEFAULT_MARGIN
+    robot: Robot, motion: JointMotion, singularity_threshold: NotNegative = SINGULARITY_THRESHOLD
 ) -> MotionReview:
-    """Check a motion against joint limits and a singularity margin.
+    """Check a motion against joint limits and a threshold of the singularity measure.
 
     Parameters
     ----------
     robot : Robot
     motion : JointMotion
-    margin : float
+    singularity_threshold : float
         Singularity measure below which a pose is a problem.
 
     Returns
@@ -198,7 +198,7 @@ def review_motion(
     Raises
     ------
     OptionError
-        When the margin is negative.
+        When the threshold is negative.
 
     Examples
     --------
@@ -222,6 +222,6 @@ def review_motion(
         ranges=tuple(ranges),
         singularity=float(motion.singularity[worst]),
         singular_time=float(motion.time[worst]),
-        margin=margin,
+        singularity_threshold=singularity_threshold,
         speeds=dict(zip(robot.independent, map(float, fastest), strict=True)),
     )

@@ -145,8 +145,8 @@ def simulate(
 def scaled_bodies(robot: Robot, deviation: NotNegative, seed: int = 0) -> FloatArray:
     """Standard parameters (n,) of a robot whose bodies differ from the robot file's.
 
-    All ten parameters of a body are multiplied by one factor, log-normal, so that it stays
-    physically consistent.
+    All ten parameters of a body are multiplied by one factor, log-normal. So it stays physically
+    consistent.
 
     Parameters
     ----------
@@ -257,7 +257,7 @@ def _motor_forces(
 def _at_rest(robot: Robot, motion: ClosedMotion, fastest: float) -> ClosedMotion:
     """The motion with rates that are round-off beside the fastest one at zero.
 
-    The sign of a rounding error is no friction: in a joint that stands the motor carries the load,
+    The sign of a rounding error is no friction. In a joint that stands the motor carries the load,
     and nothing is left for stiction to hold.
     """
     rates = motion.velocities / robot.coordinate_scales

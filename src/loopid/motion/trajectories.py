@@ -1,8 +1,8 @@
 """Motions of some coordinates: sampled, periodic, from waypoint to waypoint, and smooth detours.
 
-A curve leaves a pose at rest and comes back to it at rest: x(t) = start + Σ_j φ_j(t) x_j with
-functions φ_j of one variable whose values, rates and accelerations vanish at both ends, or whose
-combination does.
+A curve leaves a pose at rest and comes back to it at rest. It is x(t) = start + Σ_j φ_j(t) x_j with
+functions φ_j of one variable. Their values, rates and accelerations vanish at both ends, or those
+of their combination.
 """
 
 from __future__ import annotations
@@ -228,9 +228,8 @@ def point_to_point(
 ) -> Motion:
     """Move from a start through waypoints, at rest in each.
 
-    Between two waypoints the path parameter runs from 0 to 1 by the polynomial
-    10 t³ - 15 t⁴ + 6 t⁵, whose velocity and acceleration vanish at both ends: the motion is C² with
-    holds and turns.
+    Between two waypoints the path parameter runs from 0 to 1 by the polynomial 10 t³ - 15 t⁴ + 6
+    t⁵. Its velocity and acceleration vanish at both ends. So the motion is C² with holds and turns.
 
     Parameters
     ----------

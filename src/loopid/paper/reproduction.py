@@ -1,8 +1,7 @@
 """All of the paper in one call: what it prints, and the same computed anew.
 
 Tables I to III are in ``structure.py``. For Tables IV and V and figures 2 to 6 the robot moves
-along nine trajectories in simulation, and logs of the real robot, or of a stand-in for it, are
-fitted.
+along nine trajectories in simulation. Logs of the real robot, or of a stand-in for it, are fitted.
 """
 
 from __future__ import annotations

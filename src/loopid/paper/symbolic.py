@@ -1,8 +1,8 @@
 """The 3UPS+RPU in symbols: gravity regressor and base parameters, derived with SymPy alone.
 
-Everything follows from the paper's frames and the virtual power of the weights, without a
-multibody library and without the rest of loopid, so that it can check both. The successor robot,
-the 5P, is the same machine with other base and platform points. Derivation: docs/derivations.md.
+Everything follows from the paper's frames and the virtual power of the weights. No multibody
+library and nothing else of loopid is used, so that this can check both. The successor robot, the
+5P, is the same machine with other base and platform points. Derivation: docs/derivations.md.
 """
 
 from __future__ import annotations
@@ -165,8 +165,8 @@ def stroke_functions() -> sp.ImmutableMatrix:
 def link_frames() -> dict[str, Frame]:
     """Frames of the nine bodies, by link name in the column order of the regressor.
 
-    Every stem is reached along its own limb, not through the platform: that both ways agree
-    is the loop closure, which the inertia transfer uses and a test proves.
+    Every stem is reached along its own limb, not through the platform. That both ways agree is the
+    loop closure, which the inertia transfer uses and a test proves.
     """
     frames: dict[str, Frame] = {}
     for leg, (A, d) in enumerate(zip(base_points(), _leg_vectors(), strict=True), start=1):
@@ -249,8 +249,8 @@ class BaseParameterRow:
 def base_parameter_rows() -> tuple[BaseParameterRow, ...]:
     """Derive the 15 base parameters, in the order and with the signs of the paper's Table II.
 
-    Rows 9 and 10 hold what the paper's Table III shows; row 9 also R_m3 cos(beta_MI) m_32, which
-    Table III omits and which is zero for beta_MI = 90°.
+    Rows 9 and 10 hold what the paper's Table III shows. Row 9 also has R_m3 cos(beta_MI) m_32.
+    Table III omits that, and it is zero for beta_MI = 90°.
     """
     symbols = parameter_symbols()
     energy = sp.expand(
@@ -270,7 +270,7 @@ def _transferred_heights() -> dict[str, tuple[sp.Expr, ...]]:
     """Heights of each link's origin and axes, over the atoms.
 
     The masses of stems 1 to 3 are transferred to B_i and that of stem 4 to p, points of the
-    platform on which the loop closures hold their origins; cylinders have fixed origins.
+    platform on which the loop closures hold their origins. Cylinders have fixed origins.
     """
     heights: dict[str, tuple[sp.Expr, ...]] = {}
     for (leg, axes), B in zip(_LIMBS.items(), platform_points(), strict=True):

@@ -1,7 +1,7 @@
 """Charts: said once, drawn as SVG on a page, which a script zooms, and alone for papers.
 
-Marks are paths in a plain square whose sides the page makes as wide as it is; the width of
-lines stays. Long lines are thinned to the least and the largest of each step of time.
+Marks are paths in a plain square whose sides the page makes as wide as it is. The width of lines
+stays. Long lines are thinned to the least and the largest of each step of time.
 """
 
 from __future__ import annotations

@@ -3,10 +3,10 @@
     M(u) ü + C(u, u̇) u̇ + g(u) + f(u, u̇) = τ
 
 The motion that the loops allow, v = G u̇ and a = G ü + γ, does work with Gᵀ of the tree's joint
-forces only: M = Gᵀ M_tree G, and inverse dynamics are Gᵀ of Pinocchio's, beside forces of the
-joints themselves [Featherstone2008, ch. 8]. A fit has base parameters φ = M_b π. All bodies π with
-the same φ give the same forces, though no single one need be real: Pinocchio takes those nearest to
-the robot file. c(v) = C(v) v is quadratic in the velocities; its polarisation
+forces only. So M = Gᵀ M_tree G. Inverse dynamics are Gᵀ of Pinocchio's, beside forces of the joints
+themselves [Featherstone2008, ch. 8]. A fit has base parameters φ = M_b π. All bodies π with the
+same φ give the same forces, though no single one need be real. Pinocchio takes those nearest to the
+robot file. c(v) = C(v) v is quadratic in the velocities; its polarisation
 
     C(v) w = c((v + w) / 2) - c((v - w) / 2)
 
@@ -238,13 +238,13 @@ class Dynamics:
     """Forces of a robot's motors, and how it moves under them.
 
     Each method takes one sample (dof,) or many (N, dof), and answers alike. Where it takes ``u``,
-    positions of the independent coordinates in m or rad, a ``Pose`` will do: of configurations
-    that are known, or to ask several things of one.
+    positions of the independent coordinates in m or rad, a ``Pose`` will do. It is of
+    configurations that are known, or asked for several things.
 
-    One sample is assembled from where the last one was, as in a control loop: further ways are
-    followed step by step, and friction builds up along them (``slips``). Each thread has a last
-    sample of its own, so that threads may share an object. Many samples are assembled from
-    ``start``; their friction is that of steady motion.
+    One sample is assembled from where the last one was, as in a control loop. Further ways are
+    followed step by step. Friction builds up along them (``slips``). Each thread has a last sample
+    of its own, so that threads may share an object. Many samples are assembled from ``start``;
+    their friction is that of steady motion.
 
     Parameters
     ----------
@@ -424,7 +424,7 @@ class Dynamics:
 
     @cached_property
     def _measured(self) -> MeasuredCoordinates:
-        if held := self.robot.held:
+        if held := self.robot.unmeasured:
             raise MobilityError(
                 f"no joint position gives {', '.join(held)} of {self.robot.name}: load it with "
                 f"{lock_options(self.robot, held)}, or give a pose, dynamics.pose(q=...)",

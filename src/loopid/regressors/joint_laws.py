@@ -61,7 +61,7 @@ Need = Literal["position", "rate", "acceleration", "load", "torque", "sign", "sl
 class PriorGroup:
     """Terms of a joint that share one prior deviation, which the evidence of the data chooses.
 
-    For laws of many coefficients, such as the points of a curve: where the data ask for none, all
+    For laws of many coefficients, such as the points of a curve. Where the data ask for none, all
     are zero.
     """
 

@@ -1,12 +1,12 @@
 """Friction that builds up over a displacement after each reversal: Maxwell slip.
 
-Friction does not jump where a joint turns back: its surfaces stick to each other, deform, and slip
+Friction does not jump where a joint turns back. Its surfaces stick to each other, deform, and slip
 one after the other. Elements of Maxwell slip are springs in parallel, of which number k deflects up
 to the displacement x_k, and slips from there on [Lampaert2002, Rizos2009]:
 
     F = Σ c_k z_k,  z_k ← clip(z_k + Δq / x_k, -1, 1).
 
-F is linear in the c_k, which are not negative in friction that dissipates, and does not depend on
+F is linear in the c_k, which are not negative in friction that dissipates. It does not depend on
 how fast the joint moves. A sign of the rate is an element of no displacement.
 """
 
@@ -42,7 +42,7 @@ def slip_states(
     """States z (N, k) of elements that slip at displacements (k,), along positions (N,).
 
     From states (k,) at the first position on, zero by default. Between two reversals all steps are
-    taken at once: there z is clip(z + q - q₀) whatever the steps are.
+    taken at once. There z is clip(z + q - q₀) whatever the steps are.
     """
     turns = 1 + np.flatnonzero(np.diff(np.sign(np.diff(position))))
     states = np.zeros((len(position), len(displacements)))

@@ -401,8 +401,8 @@ def base_record(
 ) -> dict[str, Any]:
     """Base parameters and their search, ready for JSON.
 
-    ``condition_number`` is that of W_B at the sampled poses; the search's is its criterion's, and
-    no choice has less than that over ``gap``, null where nothing was proven. Where coordinates are
+    ``condition_number`` is that of W_B at the sampled poses. The search's is its criterion's. No
+    choice has less than that over ``gap``, null where nothing was proven. Where coordinates are
     free, ``motors_alone`` is what has an effect without their rows "= 0".
     """
     return {

@@ -15,9 +15,9 @@ ROTATIONS = ("rx", "ry", "rz")
 class Platform:
     """A frame whose placement is a product of elementary motions.
 
-    The placement in the fixed frame is the translation along the fixed axes named among
-    x, y, z, then rotations about the moving axes named rx, ry, rz in their order: ``(x, z, ry,
-    rz)`` stands for ``R = Ry Rz`` and ``p = (x, 0, z)``.
+    The placement in the fixed frame is the translation along the fixed axes named among x, y, z,
+    then rotations about the moving axes named rx, ry, rz in their order. ``(x, z, ry, rz)`` stands
+    for ``R = Ry Rz`` and ``p = (x, 0, z)``.
     """
 
     frame: str
@@ -60,7 +60,7 @@ class Platform:
     def twist_map(self, coordinates: FloatArray) -> FloatArray:
         """E (N, 6, c) with twist = E times rates: velocity of the origin above angular velocity.
 
-        A translation moves along its fixed axis; a rotation turns about its axis as the rotations
+        A translation moves along its fixed axis. A rotation turns about its axis as the rotations
         before it have left it.
         """
         from scipy.spatial.transform import Rotation  # slow to import

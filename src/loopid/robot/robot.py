@@ -145,7 +145,7 @@ class Robot:
         where only they themselves tell.
     closure_rank_tolerance : float
         Singular values of the closures below this fraction of the largest count as zero.
-    margin : float or None
+    singularity_threshold : float or None
         Least singularity measure of random poses; None for the default.
     joint_values : mapping
         What the file gives of forces in joints: coordinate to kind of term, such as ``"Fv"``, to
@@ -187,7 +187,7 @@ class Robot:
     modes: tuple[AssemblyMode, ...] = ()
     rounding: float | None = None
     closure_rank_tolerance: float = RANK_TOLERANCE
-    margin: float | None = None
+    singularity_threshold: float | None = None
     joint_values: Mapping[str, Mapping[str, Number]] = field(default_factory=dict)
     left_out: tuple[LeftOut, ...] = ()
     undeclared: tuple[UndeclaredLoops, ...] = ()
@@ -368,7 +368,7 @@ class Robot:
         return tuple(name for name in self.independent if name in self.joints)
 
     @property
-    def held(self) -> tuple[str, ...]:
+    def unmeasured(self) -> tuple[str, ...]:
         """The other independent coordinates, parts of joints: rod spins, floating bases."""
         return tuple(name for name in self.independent if name not in self.joints)
 

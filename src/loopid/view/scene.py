@@ -107,7 +107,7 @@ class Scene:
     def moved(self, pose: Pose, values: FloatArray, *, part: float = 1.0) -> tuple[Pose, bool]:
         """The closed pose at values of the sliders, and whether they are reached from a pose.
 
-        The way there, or a part of it, is straight, and ends where it leaves the workspace or meets
+        The way there, or a part of it, is straight. It ends where it leaves the workspace or meets
         a singularity.
         """
         robot, start = self.robot, pose.configuration

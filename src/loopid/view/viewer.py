@@ -231,7 +231,7 @@ class Viewer:
     def _place(self, pose: Pose, said: str = "", dragged: Any = None) -> None:
         """Put everything where a pose has it, and say how the pose is.
 
-        What a browser receives at each pose costs it more than the pose itself: nothing is placed
+        What a browser receives at each pose costs it more than the pose itself. Nothing is placed
         that is not shown.
         """
         with self._lock, self._server.atomic():
