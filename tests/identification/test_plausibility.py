@@ -34,7 +34,7 @@ def changed(found, **values):
 
 
 def test_a_sane_fit_breaks_none(found):
-    assert absurdities(found.force_model, found.fit, found.data) == ()
+    assert absurdities(found.fit, found.data) == ()
     assert found.verdict.use.startswith("Fit for")
 
 
@@ -50,7 +50,7 @@ def test_a_sane_fit_breaks_none(found):
 )
 def test_what_breaks_a_law_is_fit_for_nothing(found, values, said):
     fit = changed(found, **values)
-    broken = absurdities(found.force_model, fit, found.data)
+    broken = absurdities(fit, found.data)
     if said is None:
         assert not broken
         return
@@ -70,7 +70,7 @@ def test_friction_may_be_all_of_a_force(found):
     most = np.array([curve.values.max() for curve in curves])
     for factor, broken in ((0.95, 0), (0.5, 2)):
         fit = replace(found.fit, use=replace(use, largest=factor * most))
-        assert len(absurdities(found.force_model, fit, found.data)) == broken
+        assert len(absurdities(fit, found.data)) == broken
 
 
 def test_terms_that_cancel_are_named(found):
@@ -81,7 +81,7 @@ def test_terms_that_cancel_are_named(found):
     W[:, :, other] = 1.0001 * W[:, :, column]
     fit = changed(found, Fo=3.0, Fv=-3.0)
     fit = replace(fit, use=None)
-    (said,) = absurdities(found.force_model, fit, replace(data, regressor=W))
+    (said,) = absurdities(fit, replace(data, regressor=W))
     assert f"{LEFT}.Fv and {LEFT}.Fo cancel" in said or f"{LEFT}.Fo and {LEFT}.Fv cancel" in said
 
 
@@ -93,7 +93,7 @@ def test_a_spring_and_where_it_is_slack_are_one_law(found):
     W = np.array(data.regressor)
     W[:, :, spring] = 1.0001 * W[:, :, offset]
     fit = changed(found, Fo=3.0, Ks=-3.0)
-    assert absurdities(found.force_model, fit, replace(data, regressor=W)) == ()
+    assert absurdities(fit, replace(data, regressor=W)) == ()
 
 
 ABSURD = (

@@ -117,7 +117,7 @@ def test_errors_are_looked_at_where_they_are_worst(identified):
     def looked(rows, used=new.used, scale=0.5, off=0.0):
         force = new.force + np.where(rows, off + rng.normal(scale=scale, size=used.shape), 0.0)
         samples = replace(new, force=force, used=used)
-        return UnseenErrors.of(found.recommended, found.force_model, samples, [run])
+        return UnseenErrors.of(found.recommended, samples, [run])
 
     assert looked(late).worst[0] == "part"
     assert looked(slow).worst[0] == "slow"
@@ -128,7 +128,7 @@ def test_errors_are_looked_at_where_they_are_worst(identified):
     assert (braked.standstill < 0.5 * standing.standstill).all()
     # Breakaway is no error: a force may be anything up to it.
     held = replace(new, used=new.used & ~slow)
-    alone = UnseenErrors.of(found.recommended, found.force_model, held, [run])
+    alone = UnseenErrors.of(found.recommended, held, [run])
     assert (alone.standstill < 0.05).all()
 
 

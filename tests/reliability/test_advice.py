@@ -13,6 +13,7 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+from unittest import mock
 
 import beside_tests  # noqa: F401
 import numpy as np
@@ -26,7 +27,7 @@ from loopid.control import RecursiveLeastSquares, WrenchObserver
 from loopid.errors import LoopidError, MissingExtraError, optional
 from loopid.export import c_source
 from loopid.export.robot_file import export_robot_file
-from loopid.identification import Bisquare, FitSamples, WeightedLeastSquares
+from loopid.identification import Bisquare, FitSamples, estimator, robust
 from loopid.identification.selection import eliminate_parameters
 from loopid.kinematics import SamplingOptions
 from loopid.loading.files import bundled_directory
@@ -442,6 +443,16 @@ def fitted(estimator, **samples):
     return lambda _: loopid.identification.fit(sampled(**samples), estimator)
 
 
+def hurried(name, module):
+    """Fitted in one iteration."""
+
+    def make(_):
+        with mock.patch.object(module, "ITERATIONS", 1):
+            return loopid.identification.fit(sampled(), name)
+
+    return make
+
+
 @cache
 def designed(**options):
     """A design, as short as can be."""
@@ -599,7 +610,7 @@ OF_FITS = {
         fitted("ols", errors=-W @ [2.0, 0.5]),
     ),
     "weights that do not converge": (
-        fitted(WeightedLeastSquares(iterations=1)),
+        hurried("wls", estimator),
         "in 1 iterations: use ols",
         fitted("ols"),
     ),
@@ -614,7 +625,7 @@ OF_FITS = {
         fitted(Bisquare(tuning=9.0), errors=SPIKES + NOISE),
     ),
     "a robust fit that does not converge": (
-        fitted(Bisquare(iterations=1)),
+        hurried("bisquare", robust),
         "use wls, or a larger",
         fitted("wls"),
     ),

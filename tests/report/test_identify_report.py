@@ -423,8 +423,8 @@ def test_candidates_are_recorded_with_their_errors(study):
         assert entry["beats_baseline"] is candidate.beats_baseline
         ratio, spread = entry["error_over_file"], entry["error_over_file_standard_error"]
         assert (ratio**2, 2 * ratio * spread) == pytest.approx(candidate.error_ratio)
-        for part in ("training", "validation"):
-            quality = getattr(candidate, part)
+        parts = {"training": candidate.fit.quality, "validation": candidate.validation}
+        for part, quality in parts.items():
             np.testing.assert_array_equal(entry[part]["rms"], quality.residual_rms)
 
 

@@ -24,6 +24,7 @@ from loopid.identification.quality import (
 )
 from loopid.parameters import ParameterSet, html_table
 from loopid.records import Tabular, record
+from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.robot import Robot
 
 # Fewer degrees of freedom determine no interval.
@@ -145,6 +146,11 @@ class Estimates(OfArrays, Tabular):
     def robot(self) -> Robot:
         """The robot of the force model."""
         return self.require_model().robot
+
+    @property
+    def joint_terms(self) -> JointTerms:
+        """Those of the force model, none where it is not known or has none."""
+        return (None if self.model is None else self.model.joint_terms) or JointTerms(())
 
     @property
     def standard_errors(self) -> FloatArray:

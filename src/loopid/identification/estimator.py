@@ -221,7 +221,6 @@ def inverse_deviations(problem: FitProblem, squares: FloatArray, freedom: FloatA
 def converged_weights(
     problem: FitProblem,
     fitted: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
-    iterations: int = ITERATIONS,
 ) -> FloatArray:
     """Weights (dof,) that are the inverse deviations of the residuals that they lead to.
 
@@ -229,7 +228,7 @@ def converged_weights(
     """
     weights = equal_weights(problem)
     present, force = weights > 0, problem.force_rms
-    for _ in range(iterations):
+    for _ in range(ITERATIONS):
         values, leverage = fitted(weights)
         last, squares = weights, problem.residual_squares(values)
         weights = inverse_deviations(problem, squares, problem.samples - leverage)
@@ -237,7 +236,7 @@ def converged_weights(
         if change <= max(CONVERGED, WEIGHT_ROUND_OFF * (weights * force).max()):
             return weights
     raise DataError(
-        f"the weights do not converge in {iterations} iterations: use ols", iterations=iterations
+        f"the weights do not converge in {ITERATIONS} iterations: use ols", iterations=ITERATIONS
     )
 
 
@@ -344,24 +343,17 @@ class OrdinaryLeastSquares(Estimator):
         return result_of(self.name, problem, values, R, weights, variance)
 
 
-@record(checked=True)
+@record
 class WeightedLeastSquares(Estimator):
-    """The variances are found by iteration.
-
-    Attributes
-    ----------
-    iterations : int
-        At most.
-    """
+    """The variances are found by iteration."""
 
     name = "wls"
-    iterations: int = ITERATIONS
 
     def _fit(self, problem: FitProblem) -> Fit:
         def fitted(weights: FloatArray) -> tuple[FloatArray, FloatArray]:
             values, R = solved(problem, weights)
             return values, leverages(problem, weights, R)
 
-        weights = converged_weights(problem, fitted, self.iterations)
+        weights = converged_weights(problem, fitted)
         values, R = solved(problem, weights)
         return result_of(self.name, problem, values, R, weights, 1.0)

@@ -28,7 +28,6 @@ from loopid.regressors.joint_laws import (
     grouped,
     joint_term,
 )
-from loopid.regressors.joint_terms import JointTerms
 
 # Part of the friction at the slowest, or fastest, rate that it may differ by far beyond: Stribeck
 # friction of half as much more, two deviations, is not unusual.
@@ -62,9 +61,7 @@ class FrictionCurve(Tabular):
 
 
 @checked
-def friction_curve(
-    fit: Estimates, joint: str, rates: FloatArray, *, joint_terms: JointTerms | None = None
-) -> FrictionCurve:
+def friction_curve(fit: Estimates, joint: str, rates: FloatArray) -> FrictionCurve:
     """Friction of a joint over its rate, of all its terms that depend on the rate alone.
 
     Beyond the rates of the samples that were fitted (``fit.use``) the band holds, too, what a
@@ -76,8 +73,6 @@ def friction_curve(
     joint : str
     rates : FloatArray
         (k,), in m/s or rad/s.
-    joint_terms : JointTerms, optional
-        Those of the force model, where they have a dead zone or are smoothed.
 
     Returns
     -------
@@ -109,7 +104,7 @@ def friction_curve(
     rate = finite(rates, "rates")
     if rate.ndim != 1:
         raise DataError(f"rates must have shape (k,), not {rate.shape}", argument="rates")
-    state = (joint_terms or JointTerms(())).state(JointState(None, rate, None))
+    state = fit.joint_terms.state(JointState(None, rate, None))
     terms = [joint_term(fit.parameters[j].kind) for j in columns]
     laws = np.stack([term.signal(state, len(rate)) for term in terms], axis=1)
     doubt = _doubt(fit, joint, rate, np.abs(laws @ fit.values[columns]))

@@ -20,7 +20,6 @@ from loopid.logs.recording import Recording
 from loopid.parameters import KINDS
 from loopid.records import Tabular, record
 from loopid.regressors.joint_laws import JointState, joint_term
-from loopid.regressors.joint_terms import JointTerms
 from loopid.regressors.maxwell_slip import slip_displacements, slip_states
 from loopid.workers import one_blas_thread
 
@@ -131,17 +130,13 @@ class HysteresisLoop(Tabular):
 
 
 @checked
-def hysteresis_loop(
-    fit: Estimates, joint: str, *, joint_terms: JointTerms | None = None
-) -> HysteresisLoop:
+def hysteresis_loop(fit: Estimates, joint: str) -> HysteresisLoop:
     """Friction of a joint that builds up after a reversal, as far as a fit has it.
 
     Parameters
     ----------
     fit : Fit
     joint : str
-    joint_terms : JointTerms, optional
-        Those of the force model, where they have a dead zone or are smoothed.
 
     Returns
     -------
@@ -179,7 +174,7 @@ def hysteresis_loop(
     shown = slice(2 * POINTS - 2, None)
     states = slip_states(way, slips, np.ones(len(slips)))[shown]
     rate = np.concatenate([-np.ones(POINTS), np.ones(POINTS - 1)]) * _slow(fit, joint)
-    state = (joint_terms or JointTerms(())).state(JointState(None, rate, None))
+    state = fit.joint_terms.state(JointState(None, rate, None))
     state = state._replace(slips=dict(zip(slips.tolist(), states.T, strict=True)))
     names = enumerate(fit.parameters)
     terms = {j: joint_term(n.kind) for j, n in names if n.link == joint and n.kind not in KINDS}

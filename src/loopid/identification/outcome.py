@@ -109,7 +109,7 @@ class Outcome:
     def unseen(self) -> UnseenErrors:
         """Errors of the recommended fit on data that it was not fitted to, by where."""
         runs = self.validation or self.training
-        return UnseenErrors.of(self.recommended, self.force_model, self.new, runs)
+        return UnseenErrors.of(self.recommended, self.new, runs)
 
     @cached_property
     def repeated(self) -> float:

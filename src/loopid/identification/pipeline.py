@@ -241,11 +241,7 @@ def identify(
         data = force_model.widened(data, training)
         new = data if left_out else force_model.widened(new, judging)
         judged = _judged(fits, data, new, left, regions)
-    broken = {name: absurdities(force_model, each.fit, data) for name, each in judged.items()}
-    judged = {
-        name: replace(each, fit=replace(each.fit, model=force_model, broken=broken[name]))
-        for name, each in judged.items()
-    }
+    judged = {name: _with_model(each, force_model, data) for name, each in judged.items()}
     parts = tuple(training), tuple(judging), tuple(friction)
     return Identification(
         *(force_model, *parts, data, new, excited, judged, options),
@@ -341,6 +337,12 @@ def _refits(
     noise = fits[ALL].noise
     found = {ROBOT_FILE: terms, ALL: every, CONSISTENT: solid}
     return {name: found[name] for name in fits}
+
+
+def _with_model(candidate: Candidate, force_model: ForceModel, data: FitSamples) -> Candidate:
+    """A candidate whose fit of data knows its model, and which laws it breaks."""
+    fit = replace(candidate.fit, model=force_model)
+    return replace(candidate, fit=replace(fit, broken=absurdities(fit, data)))
 
 
 def _friction_alone(

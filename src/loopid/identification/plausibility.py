@@ -14,12 +14,10 @@ import numpy as np
 from loopid.arguments import checked
 from loopid.errors import OptionError
 from loopid.identification.estimates import Estimates
-from loopid.identification.force_models import ForceModel
 from loopid.identification.friction_curves import friction_curve, frictional_joints
 from loopid.identification.problem import FitSamples
 from loopid.parameters import KINDS
 from loopid.regressors.joint_laws import joint_term
-from loopid.regressors.joint_terms import JointTerms
 
 # Part of two contributions to a force that must be left of them; of the largest force of a motor,
 # a contribution that is too small to do harm, and what a filter takes off: friction can be all of
@@ -33,8 +31,8 @@ SANE = 'identify with terms="Fc,Fv" and estimator="wls"'
 
 
 @checked
-def absurdities(force_model: ForceModel, fit: Estimates, data: FitSamples) -> tuple[str, ...]:
-    """Laws that a fit breaks, a sentence each; none for a sane one.
+def absurdities(fit: Estimates, data: FitSamples) -> tuple[str, ...]:
+    """Laws that a fit of a force model breaks, a sentence each; none for a sane one.
 
     Friction of a motor does not drive, clear of its band. Nor is it by a tenth more than the
     largest force that the motor showed, at any rate up to the fastest of the log. No two joint
@@ -46,10 +44,10 @@ def absurdities(force_model: ForceModel, fit: Estimates, data: FitSamples) -> tu
     data : FitSamples
         That was fitted.
     """
-    found = [*_of_friction(fit, force_model.joint_terms)]
+    found = [*_of_friction(fit)]
     for row in range(len(data.actuators)):
         if np.abs(data.force[data.used[:, row], row]).max(initial=0.0) > 0:
-            found += _of_terms(force_model, fit, data, row)
+            found += _of_terms(fit, data, row)
     return tuple(found)
 
 
@@ -62,8 +60,7 @@ def require_sane(fit: Estimates, anyway: bool) -> None:
     """
     if anyway:
         return
-    terms = None if fit.model is None else fit.model.joint_terms
-    broken = fit.broken or tuple(_of_friction(fit, terms))
+    broken = fit.broken or tuple(_of_friction(fit))
     if broken:
         mend = f"its log has a mistake, {fit.mistakes[0]}" if fit.mistakes else SANE
         raise OptionError(
@@ -89,7 +86,7 @@ def require_fit_for_use(fit: Estimates, anyway: bool) -> None:
     require_sane(fit, anyway)
 
 
-def _of_friction(fit: Estimates, joint_terms: JointTerms | None) -> Iterator[str]:
+def _of_friction(fit: Estimates) -> Iterator[str]:
     """Of joints whose rates and forces in the log are known."""
     if fit.use is None:
         return
@@ -100,7 +97,7 @@ def _of_friction(fit: Estimates, joint_terms: JointTerms | None) -> Iterator[str
         rates = fit.use.of(joint)[1] * np.geomspace(SLOW, 1.0, RATES)
         force, rate = _units(fit, joint)
         for way in (1.0, -1.0):
-            curve = friction_curve(fit, joint, way * rates, joint_terms=joint_terms)
+            curve = friction_curve(fit, joint, way * rates)
             values, ends = way * curve.values, (way * curve.band).max(axis=1)
             drives = (values < -SMALL * most) | ((values < -ROUND_OFF * most) & (ends < 0))
             if values.max() > (1 + SMALL) * most:
@@ -125,13 +122,14 @@ def _units(fit: Estimates, joint: str) -> tuple[str, str]:
     return ("N m", "rad/s") if turns else ("N", "m/s")
 
 
-def _of_terms(force_model: ForceModel, fit: Estimates, data: FitSamples, row: int) -> Iterator[str]:
+def _of_terms(fit: Estimates, data: FitSamples, row: int) -> Iterator[str]:
     """Of the contributions to the force of a motor."""
     used, motor = data.used[:, row], data.actuators[row]
     W, most = data.regressor[used, row], float(np.abs(data.force[used, row]).max())
-    own, kinds = force_model.body_columns, dict[str, str]()
+    model, kinds = fit.require_model(), dict[str, str]()
+    own = model.body_columns
     parts = {"the bodies": W[:, own] @ fit.values[own]}
-    for j in force_model.joint_columns:
+    for j in model.joint_columns:
         each = fit.parameters[j]
         parts[each.label], kinds[each.label] = W[:, j] * fit.values[j], each.kind
     sizes = {name: float(np.sqrt((part**2).mean())) for name, part in parts.items()}

@@ -39,8 +39,9 @@ HUBER_LIMIT = 1.345
 # Change of the predicted forces, relative to the scale of their errors, at which bisquare follows
 # Huber, and at which it ends.
 TOLERANCES = 1e-3, 1e-9
-# Iterations after which scales and mean slopes are held: single samples would let them flip.
-HELD_FROM = 20
+# Iterations at most, and those after which scales and mean slopes are held: single samples would
+# let them flip.
+ITERATIONS, HELD_FROM = 200, 20
 # Mean slope of ψ below which residuals are no normal core with outliers.
 LEAST_SLOPE = 0.1
 
@@ -81,8 +82,6 @@ class Bisquare(Estimator):
     tuning : float
         Residual, in units of their scale, from which on samples do not count. Weighted least
         squares for a large one; by default 95 % as efficient as these where errors are normal.
-    iterations : int
-        At most, of Huber's estimate, which is the start, and of this one.
 
     Examples
     --------
@@ -100,7 +99,6 @@ class Bisquare(Estimator):
 
     name = "bisquare"
     tuning: Positive = 4.685
-    iterations: int = 200
 
     def fit_samples(self, samples: FitSamples) -> WorkingFit:
         """As of ``Estimator``, by iteratively reweighted least squares.
@@ -129,7 +127,7 @@ class Bisquare(Estimator):
         """Reweighted until the predicted forces stay; with scales of its own only roughly."""
         problem = samples.problem
         tolerance = TOLERANCES[held_scale is not None]
-        for k in range(self.iterations):
+        for k in range(ITERATIONS):
             residual = samples.residual(values)
             if k < HELD_FROM:
                 scale = _scales(samples, residual) if held_scale is None else held_scale
@@ -149,9 +147,9 @@ class Bisquare(Estimator):
             if (np.sqrt((step**2).sum(axis=1) / len(samples)) <= tolerance * scale).all():
                 return _State(values, weights, scale, slope)
         raise DataError(
-            f"the robust fit does not converge in {self.iterations} iterations: use wls, or a "
-            "larger tuning constant",
-            iterations=self.iterations,
+            f"the robust fit does not converge in {ITERATIONS} iterations: use wls, or a larger "
+            "tuning constant",
+            iterations=ITERATIONS,
         )
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from hashlib import sha256
 from importlib.metadata import version
@@ -49,7 +49,6 @@ from loopid.regressors.structural import structural_observation
 from loopid.robot.robot import Robot
 
 ENDINGS = (".yaml", ".yml", ".json")
-LARGEST_JSON = 20_000_000  # bytes: a line a number
 FORM, VERSION = "loopid fit", 3  # another version is refused
 STATES = 3  # of the robot, by which it is known again
 # Relative difference of closures, forces and columns of one robot; of base parameters from those of
@@ -312,12 +311,9 @@ def _document(path: Path) -> bytes | str:
     if reason := why_no_file(path):
         kind = FileError if reason == "does not exist" else DataError
         raise kind(f"{path} {reason}", file=path)
-    with path.open("rb") as stream:
-        content = stream.read(LARGEST_JSON + 1)
+    content = path.read_bytes()
     if not content.strip():
         raise DataError(f"{path} is not a saved fit: it is empty", file=path)
-    if len(content) > LARGEST_JSON:
-        raise DataError(f"{path} is longer than the {LARGEST_JSON / 1e6:g} MB that are read")
     if ending != ".json" and not content.startswith(b"{"):
         from loopid.yaml_files import LARGE, load_yaml  # for what another program wrote
 
@@ -374,18 +370,16 @@ def _forces(
 def _differences(file: FitFile, robot: Robot) -> Iterator[str]:
     """What makes a robot another one, before any model: the next build on the first."""
     own, terms = file.force_model, file.joint_terms
-    known = {*robot.joints, *robot.coordinates}
-    missing = set(() if terms is None else terms.joints) - known
-    if missing:
-        yield f"that has no joint {min(missing)}"
-    for what, there, here in (
-        ("coordinate", robot.coordinates, file.robot["coordinates"]),
-        ("row", robot.independent, own["rows"]),
-        ("parameter", motion_parameters(robot, own["model"], terms).labels, file.standard.labels),
-    ):
+
+    def others(what: str, there: Sequence[str], here: Sequence[str]) -> Iterator[str]:
         for one, other in zip_longest(there, here):
             if one != other:
                 yield f"{what} {other or 'none'} is where that has {one or 'none'}"
+
+    yield from others("coordinate", robot.coordinates, file.robot["coordinates"])
+    yield from others("row", robot.independent, own["rows"])
+    labels = motion_parameters(robot, own["model"], terms).labels
+    yield from others("parameter", labels, file.standard.labels)
     gravity = robot.model.gravity.linear.tolist()
     if not np.allclose(gravity, own["gravity"], rtol=SAME_ROBOT):
         yield f"gravity is {gravity} m/s² there, not {own['gravity']}"

@@ -13,7 +13,6 @@ import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.identification.candidate import Candidate
-from loopid.identification.force_models import ForceModel
 from loopid.identification.friction_curves import friction_columns, friction_curve
 from loopid.identification.leaving_out import segments_of
 from loopid.identification.problem import FitSamples
@@ -59,11 +58,10 @@ class UnseenErrors:
     def of(
         cls,
         candidate: Candidate,
-        force_model: ForceModel,
         new: FitSamples,
         recordings: Sequence[Recording],
     ) -> UnseenErrors:
-        """Of a candidate on samples of recordings."""
+        """Of a candidate, whose fit knows its model, on samples of recordings."""
         error, used = new.force - candidate.predicted, new.used
         rates = np.abs(np.concatenate([run.motion.velocities for run in recordings]))
         segments = segments_of(new, recordings)
@@ -75,7 +73,7 @@ class UnseenErrors:
             for k in range(used.shape[1])
         ]
         none, regions = np.full(used.shape[1], np.nan), candidate.regions
-        beyond, standing = _standing(candidate.fit, force_model, new, rates)
+        beyond, standing = _standing(candidate.fit, new, rates)
         return cls(
             candidate.validation.residual_rms,
             np.fmax.reduce([_rms(error, part) for part in parts]),
@@ -120,11 +118,9 @@ def _rms(error: FloatArray, rows: BoolArray) -> FloatArray:
     return np.where(count >= LEAST_SAMPLES, np.sqrt(mean), np.nan)
 
 
-def _standing(
-    fit: Fit, force_model: ForceModel, new: FitSamples, rates: FloatArray
-) -> tuple[FloatArray, BoolArray]:
+def _standing(fit: Fit, new: FitSamples, rates: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Forces (N, dof) beyond breakaway, and where motors stand (N, dof)."""
-    left, loads = new.residual(fit.values), np.abs(force_model.loads(new.regressor))
+    left, loads = new.residual(fit.values), np.abs(fit.require_model().loads(new.regressor))
     standing = ~new.used & (rates <= IDLE * np.percentile(rates, 99, axis=0))
     for k, motor in enumerate(new.actuators):
         own = [j for j, p in enumerate(fit.parameters) if (p.link, p.kind) == (motor, "Ft")]
@@ -132,9 +128,7 @@ def _standing(
         most = loads[:, k] * fit.values[own].sum()
         if columns:
             slow = STANDING * max(float(rates[:, k].max()), np.finfo(float).tiny)
-            curve = friction_curve(
-                fit, motor, np.array([-slow, slow]), joint_terms=force_model.joint_terms
-            )
+            curve = friction_curve(fit, motor, np.array([-slow, slow]))
             most = most + np.abs(curve.values).max()
         friction = new.regressor[:, k, columns + own] @ fit.values[columns + own]
         held = left[:, k] + friction

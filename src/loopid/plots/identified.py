@@ -145,7 +145,7 @@ def friction_chart(found: Identification, *, worst: str = "") -> Chart:
         marks = [Mark("measured less all else", rate[used], left[used], "measured", "dots")]
         fastest = float(np.abs(rate).max(initial=0.0)) or 1.0
         rates = fastest * np.linspace(-1, 1, 2 * CURVE_POINTS)  # none is 0, where it jumps
-        curve = friction_curve(fit, joint, rates, joint_terms=found.force_model.joint_terms)
+        curve = friction_curve(fit, joint, rates)
         for half in (slice(CURVE_POINTS), slice(CURVE_POINTS, None)):
             marks += _banded(rates[half], curve.values[half], curve.band[half])
         # Next to standstill hardly anything is known: bands there would flatten the rest.
@@ -201,7 +201,7 @@ def hysteresis_chart(found: Identification, *, worst: str = "") -> Chart:
     """
     fit, robot, panels = found.fit, found.force_model.robot, list[Panel]()
     for joint in hysteretic_joints(fit):
-        loop = hysteresis_loop(fit, joint, joint_terms=found.force_model.joint_terms)
+        loop = hysteresis_loop(fit, joint)
         marks = _banded(1e3 * loop.displacement, loop.force, loop.band)
         title = f"friction ({force_unit(robot, joint)})"
         panels.append(Panel(title, tuple(marks), **of_motor(robot, joint, worst)))
