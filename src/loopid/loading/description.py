@@ -243,6 +243,11 @@ class Description(Section):
             raise ValueError(
                 "type: a coupling joins joints, not frames: list it as one of 'couplings'"
             )
+        for kind in self.type:
+            for more in keys_of(kind)[1][1:]:
+                raise ValueError(
+                    f"type: a {kind} closure needs '{more}': list it as one of 'closures'"
+                )
         if self.urdf is not None and self.mjcf is not None:
             raise ValueError("'urdf' and 'mjcf' exclude each other: the tree has one file")
         return self
