@@ -166,7 +166,7 @@ def one_log(case: Case, found: Identification, truth: FloatArray) -> dict[str, A
     def error(values: FloatArray) -> float:
         return float((((W @ (values - exact)) / case.noise) ** 2).mean())
 
-    file = error(found["robot file"].values)
+    file = error(found["robot file"].fit.values)
     low, high = fit.intervals().T
     start = process_time()
     noise = found["all parameters"].fit.noise
@@ -180,7 +180,7 @@ def one_log(case: Case, found: Identification, truth: FloatArray) -> dict[str, A
     largest = np.maximum(own[::width], truth[: len(own) : width])
     massive = largest > 0
     return {
-        "least squares": error(found["all parameters"].values) / file,
+        "least squares": error(found["all parameters"].fit.values) / file,
         "fit": error(fit.values) / file,
         "recommended": error(found.fit.values) / file,
         "covered": (low <= exact) & (exact <= high),

@@ -150,7 +150,7 @@ def test_round_off_makes_no_candidate_better():
 def test_qualities_are_those_of_the_data_they_are_named_after():
     training, validation = made(0), made(8)
     found = judged(validation, TRUTH, TRUTH)
-    for quality, samples in ((found.training, training), (found.validation, validation)):
+    for quality, samples in ((found.fit.quality, training), (found.validation, validation)):
         expected = np.sqrt((samples.residual(TRUTH) ** 2).mean(axis=0))
         np.testing.assert_allclose(quality.residual_rms, expected, rtol=1e-9)
     assert (found.name, found.fitted) == ("any", 2)

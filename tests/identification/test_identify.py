@@ -60,7 +60,7 @@ def test_the_fit_is_unbiased_and_most_intervals_cover_the_true_values(
     recordings = [modelled(knee_model, motions[0], truth, seed=2 * draw) for draw in range(DRAWS)]
     fits = [quiet_fit(knee_model.samples(recording)) for recording in recordings]
     for each, fitted in zip(found, fits, strict=False):
-        np.testing.assert_allclose(each["all parameters"].values, fitted.values, rtol=1e-6)
+        np.testing.assert_allclose(each["all parameters"].fit.values, fitted.values, rtol=1e-6)
     errors = np.array([deviations(each, truth) for each in fits])
     assert np.abs(errors).max() < 4
     assert np.abs(errors.mean(axis=0)).max() < 4 / np.sqrt(DRAWS)
@@ -74,10 +74,10 @@ def test_the_baseline_holds_the_robot_file_and_the_friction_of_the_data(found, k
     bodies, joints = knee_model.body_columns, knee_model.joint_columns
     for each in found:
         baseline = each.baseline
-        np.testing.assert_array_equal(baseline.values[bodies], truth[bodies])
+        np.testing.assert_array_equal(baseline.fit.values[bodies], truth[bodies])
         assert (baseline.name, baseline.fitted) == ("robot file", 8)
         assert not baseline.fit.covariance[bodies].any()
-        errors = baseline.values[joints] - truth[joints]
+        errors = baseline.fit.values[joints] - truth[joints]
         spread = np.sqrt(np.diag(baseline.fit.covariance)[joints])
         assert np.abs(errors / spread).max() < 4.5
 
@@ -99,7 +99,7 @@ def test_nearly_exact_data_give_nearly_exact_parameters(knee_model, motions, tru
     pair = [[modelled(knee_model, motion, truth, 1e-3, seed=4)] for motion in motions]
     found = quietly(identify, knee_model, pair[0], validation=pair[1])
     for candidate in found.candidates.values():
-        np.testing.assert_allclose(candidate.values, truth, atol=1e-2, rtol=1e-4)
+        np.testing.assert_allclose(candidate.fit.values, truth, atol=1e-2, rtol=1e-4)
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +124,7 @@ def test_a_mass_that_was_changed_is_found_and_nothing_else(essential, knee_model
     labels = reduction.result.parameters.labels
     assert [label for label in labels if not label.endswith((".Fc", ".Fv"))] == ["platform.m"]
     column = knee_model.parameters.labels.index("platform.m")
-    off = candidate.values - knee_model.prior
+    off = candidate.fit.values - knee_model.prior
     error = np.sqrt(candidate.fit.covariance[column, column])
     assert off[column] == pytest.approx(2.0, abs=max(4 * error, 0.05))
     others = np.setdiff1d(knee_model.body_columns, [column])
@@ -237,7 +237,7 @@ def test_friction_from_logs_of_its_own_is_held(knee_model, motions, truth):
     errors = whole.values[joints] - other[joints]
     assert np.abs(errors / whole.standard_errors[joints]).max() < 4
     # The baseline is the robot file with the friction of the fitted data.
-    assert np.abs(found.baseline.values - truth)[joints].max() < 60
+    assert np.abs(found.baseline.fit.values - truth)[joints].max() < 60
 
 
 def test_the_wrong_estimator_and_no_recordings_are_refused(knee_model, motions, truth):
@@ -304,7 +304,7 @@ def test_a_serial_robot_with_its_drives_is_identified_in_full(arm):
     assert np.abs(deviations(found.fit, truth)).max() < 4
     # The baseline takes the drives from the data, so only the bodies are those of the file.
     errors = np.sqrt(np.diag(found.baseline.fit.covariance))[model.joint_columns]
-    off = (found.baseline.values - truth)[model.joint_columns]
+    off = (found.baseline.fit.values - truth)[model.joint_columns]
     assert np.abs(off / errors).max() < 4
     assert found.fit.estimator == "ols"
 
@@ -336,7 +336,7 @@ def test_the_full_model_tells_a_changed_drive_of_a_closed_loop(knee):
     assert len(found.fit.values) == 63
     assert np.abs(deviations(found["all parameters"].fit, truth)).max() < 4
     drives = [j for j, name in enumerate(model.parameters) if name.kind == "Ia"]
-    assert np.abs(found.baseline.values - truth)[drives].max() < 10
+    assert np.abs(found.baseline.fit.values - truth)[drives].max() < 10
 
 
 @pytest.fixture(scope="module")
@@ -372,7 +372,7 @@ def test_an_identification_says_what_it_took_from_the_robot_file(crank_model, cr
     assert set(whole.fit.assumed) <= set(whole.fit.insignificant())
     assert "right_crank_joint.Fc" in whole.fit.assumed
     assert load_fit(whole.fit.save(tmp_path / "fit.yaml")) == whole.fit
-    assert whole.fitted == len(whole.values) - len(told.assumed)
+    assert whole.fitted == len(whole.fit.values) - len(told.assumed)
     # What is unidentifiable is not essential.
     reduction = eliminate(found)
     labels = reduction.result.parameters.labels
@@ -395,7 +395,7 @@ def test_instruments_come_from_a_reference_motion(crank_model, crank_runs, crank
     assert by_instruments.fit.estimator == "iv"
     # The reference is the motion itself: nothing changes.
     np.testing.assert_allclose(
-        by_instruments.fit.values, cranks["all parameters"].values, rtol=1e-6
+        by_instruments.fit.values, cranks["all parameters"].fit.values, rtol=1e-6
     )
     for estimator, references in (("iv", []), ("wls", [reference]), ("iv", [reference] * 2)):
         with pytest.raises(OptionError, match="references"):
@@ -473,7 +473,7 @@ def test_the_baseline_has_no_negative_friction_or_drive_inertia(load_once, model
     left = found.data.reduced(joints, force_model.prior)
     free = quiet_fit(left)
     assert (free.values < lower).any()  # or nothing is tested
-    values = found.baseline.values[joints]
+    values = found.baseline.fit.values[joints]
     assert (values >= lower).all()
     # No other values as high are better [Karush1939]: the gradient is zero, or asks for less.
     R = left.problem.weighted(free.weights)
@@ -483,7 +483,7 @@ def test_the_baseline_has_no_negative_friction_or_drive_inertia(load_once, model
     assert (np.abs(gradient[inside]) < 1e-7 * size[inside]).all()
     assert (gradient[~inside] > -1e-7 * size[~inside]).all()
     standard = found.baseline.fit.standard_parameters
-    np.testing.assert_allclose(force_model.base.values(standard), found.baseline.values)
+    np.testing.assert_allclose(force_model.base.values(standard), found.baseline.fit.values)
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1e-7, 1e-9, 1e-12])

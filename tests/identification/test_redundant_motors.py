@@ -106,7 +106,7 @@ def test_logs_of_all_motors_give_bodies_and_friction(found, model, truth):
     off = found["all parameters"].fit.forces(fresh) - expected
     assert np.sqrt((off**2).mean()) < 0.02 * np.sqrt((expected**2).mean())
     joints = model.joint_columns
-    np.testing.assert_allclose(found["all parameters"].values[joints], truth[joints], atol=0.05)
+    np.testing.assert_allclose(found["all parameters"].fit.values[joints], truth[joints], atol=0.05)
 
 
 def test_a_true_robot_file_is_confirmed(found):

@@ -136,7 +136,7 @@ def test_only_the_group_that_is_heavier_is_corrected():
     assert set(reduction.result.parameters.labels) == set(moved)
     assert essential.beats_baseline
     errors = np.sqrt(np.diag(essential.fit.covariance))
-    assert (np.abs(essential.values - truth) <= 4.5 * errors).all()
+    assert (np.abs(essential.fit.values - truth) <= 4.5 * errors).all()
 
 
 def test_the_prior_is_the_mean_of_what_the_file_says(tmp_path):

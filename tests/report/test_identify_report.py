@@ -397,7 +397,7 @@ def test_an_identification_is_recorded_whole(study):
     assert record["expressions"] == list(model.base.expressions)
     assert len(record["expressions"]) == count == 23
     np.testing.assert_array_equal(record["robot_file"], model.prior)
-    np.testing.assert_array_equal(record["essential"], study.essential.values)
+    np.testing.assert_array_equal(record["essential"], study.essential.fit.values)
     assert record["all_parameters"] == found["all parameters"].fit.record()
     corrected = [model.parameters.names[j] for j in study.reduction.columns]
     assert record["essential_parameters"] == corrected

@@ -60,16 +60,6 @@ class Candidate:
         return len(self.fit.values) - len(self.fit.assumed)
 
     @property
-    def values(self) -> FloatArray:
-        """Values (n,)."""
-        return self.fit.values
-
-    @property
-    def training(self) -> Quality:
-        """On the data of the fit."""
-        return self.fit.quality
-
-    @property
     def beats_baseline(self) -> bool:
         """Whether the validation error is smaller by more than two standard errors."""
         ratio, error = self.error_ratio

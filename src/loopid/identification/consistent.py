@@ -149,7 +149,7 @@ def consistent_fit(
         joint_deviations=joint_deviations,
     )
     warn_of_bodies(force_model, found.result)
-    return replace(found.result, model=force_model)
+    return found.result
 
 
 def quiet_consistent_fit(
@@ -168,7 +168,13 @@ def quiet_consistent_fit(
         last = len(found.result.values) - (program.terms.group >= 0).sum()  # those of groups
         groups = _groups(program, state, found.result.covariance[last:, last:])
     far = FileDeviation(common, program.names, state.deviations)
-    result = replace(found.result, deviation=far, term_deviations=groups, settled=state.settled)
+    result = replace(
+        found.result,
+        deviation=far,
+        term_deviations=groups,
+        settled=state.settled,
+        model=force_model,
+    )
     return replace(found, result=result)
 
 
@@ -245,19 +251,19 @@ def fit_terms(
         covariance=J @ working.result.covariance @ J.T,
         degrees_of_freedom=np.where(inside, alone, np.inf).min(axis=1, initial=data.problem.rows),
     )
-    variances, file = np.zeros((2, len(standard)))
-    variances[first:], file[first:] = (
-        np.diag(terms.covariance),
-        np.where(inside.any(axis=0), np.inf, 0.0),
-    )
-    none, freedom = np.zeros((len(standard), len(names))), np.full(len(standard), np.inf)
-    freedom[first:] = terms.degrees_of_freedom
+    file = np.where(inside.any(axis=0), np.inf, 0.0)
+    bodies, none = np.zeros(first), np.zeros((len(standard), len(names)))  # as they are known
     return replace(
         with_errors(found, folded[:, None] * (base.matrix @ off), known),
         quality=fit_quality(data.problem, found.values),
         assumed=tuple(names[j] for j in np.flatnonzero(~folded)),
         standard_parameters=standard,
-        uncertainty=StandardUncertainty(base.parameters, none, variances, file, freedom),
+        uncertainty=StandardUncertainty(
+            none,
+            np.append(bodies, np.diag(terms.covariance)),
+            np.append(bodies, file),
+            np.append(bodies + np.inf, terms.degrees_of_freedom),
+        ),
         term_deviations=groups,
     )
 
@@ -740,7 +746,6 @@ def _robot_uncertainty(
     sizes = np.where(sizes > 0, sizes, 1.0)
     gain = both / sizes @ np.linalg.pinv(base / np.outer(sizes, sizes), SINGULAR, True) / sizes
     return StandardUncertainty(
-        parameters=force_model.base.parameters,
         gain=gain,
         beside=np.maximum((spread * T).sum(axis=1) - (gain * both).sum(axis=1), 0.0),
         # What no force depends on only the file gives, though it goes with its body.

@@ -157,7 +157,10 @@ def choose_cutoff(
     limit, count = rate / PERIOD, len(force_model.parameters)
     last = min(STEP * WIDEST * band, limit)
     first = min(band, last / 2**OCTAVES)
-    shortest = min(_least_cutoff(open_ones, ROWS * count), last)
+    # From which on recordings have enough rows, with five samples a period.
+    spans = sum(float(np.ptp(run.motion.time)) * len(run.actuators) for run in open_ones)
+    least = ROWS * count / (OVERSAMPLING * max(spans, np.finfo(float).eps))
+    shortest = min(least, last)
     steps = int(np.log(last / max(first, shortest)) / np.log(STEP))
     tried, changes, values = list[float](), list[float](), force_model.prior
     with one_blas_thread():
@@ -202,12 +205,6 @@ def _chosen(changes: Sequence[float], *, bounded: bool) -> IntArray:
     small = worse <= TIE * worse[least]
     larger_before = np.cumsum(~small)
     return np.flatnonzero(small & (larger_before == larger_before[least]))
-
-
-def _least_cutoff(recordings: Sequence[Recording], rows: float) -> float:
-    """The cut-off in Hz from which recordings have this many rows, with five samples a period."""
-    spans = (np.ptp(run.motion.time) * len(run.actuators) for run in recordings)
-    return float(rows / (OVERSAMPLING * max(sum(spans), np.finfo(float).eps)))
 
 
 class _Fitted(NamedTuple):

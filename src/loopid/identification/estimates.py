@@ -207,13 +207,13 @@ class Estimates(OfArrays, Tabular):
     def standard(self) -> dict[str, Estimate]:
         """Masses, first moments, inertias and joint terms of the robot, by their labels.
 
-        Empty for fits of base parameters alone. Of what only the robot file gives the interval is
-        by how far off the file is.
+        Empty for fits of base parameters alone, or without a force model. Of what only the robot
+        file gives the interval is by how far off the file is.
         """
         from scipy.special import stdtrit  # here, as it takes a while to import
 
-        known, values = self.uncertainty, self.standard_parameters
-        if known is None or values is None:
+        known, values, model = self.uncertainty, self.standard_parameters, self.model
+        if known is None or values is None or model is None:
             return {}
         variance = known.beside + variances(known.gain, self.covariance)
         errors = np.sqrt(variance)
@@ -221,24 +221,19 @@ class Estimates(OfArrays, Tabular):
         reach = stdtrit(freedom, 0.975) * errors
         determined = variance < (1 - DETERMINED) * known.file
         numbers = (values, errors, values - reach, values + reach, determined)
-        rows = zip(known.parameters, *(each.tolist() for each in numbers), strict=True)
+        rows = zip(model.base.parameters, *(each.tolist() for each in numbers), strict=True)
         return {
             p.label: Estimate(value, error, (low, high), p.unit, p.label, determined=of_data)
             for p, value, error, low, high, of_data in rows
         }
 
-    @property
-    def rows(self) -> list[dict[str, Any]]:
-        """Rows of a table, one a parameter."""
+    def _table(self) -> list[dict[str, Any]]:
         return [
             {"parameter": e.name, "value": e.value, "standard_error": e.standard_error}
             | {"low": e.interval[0], "high": e.interval[1], "unit": e.unit}
             | {"expression": e.expression or e.name}
             for e in self.estimates
         ]
-
-    def _table(self) -> list[dict[str, Any]]:
-        return self.rows
 
     def insignificant(self) -> tuple[str, ...]:
         """Names of the parameters whose 95 % interval includes zero."""

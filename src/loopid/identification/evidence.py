@@ -96,18 +96,11 @@ class _Table(NamedTuple):
     friction: FloatArray  # (d, 2, 2 n + 3), the columns along two directions of the friction
     power: FloatArray  # (d, 2), mean power of these
 
-    def at(self, time: FloatArray) -> FloatArray:
-        """Columns (d, N, n + 2) with rates on the right time axis: what explains, and the force."""
-        return _on_axis(self.columns, time)
 
-    def friction_at(self, time: FloatArray) -> FloatArray:
-        """The same of the friction (d, 2, n + 2)."""
-        return _on_axis(self.friction, time)
-
-
-def _on_axis(columns: FloatArray, time: FloatArray) -> FloatArray:
+def _on_axis(columns: FloatArray, time: tuple[float, ...]) -> FloatArray:
+    """Columns (d, N, n + 2) with rates on the right time axis: what explains, and the force."""
     n = columns.shape[2] // 2
-    explained = columns[:, :, :n] + time[:, None, None] ** 2 * columns[:, :, n:-1]
+    explained = columns[:, :, :n] + np.square(time)[:, None, None] * columns[:, :, n:-1]
     return np.concatenate([explained, columns[:, :, -1:]], axis=2)
 
 
@@ -335,7 +328,7 @@ class Evidence:
             table, n = self._tables[pose], self._count
             found = np.zeros((len(self.names), n + 2, n + 2))
             if table is not None:
-                columns = table.at(np.array(time))
+                columns = _on_axis(table.columns, time)
                 found = columns.swapaxes(1, 2) @ columns / table.counts[:, None, None]
             self._known_products[pose, time] = found
         return self._known_products[pose, time]
@@ -346,7 +339,7 @@ class Evidence:
         if table is None:
             return np.zeros((len(self.names), 2, n + 2)), np.zeros((len(self.names), 2))
         size = np.sqrt(table.counts)[:, None, None]
-        return table.friction_at(np.array(time)) / size, table.power
+        return _on_axis(table.friction, time) / size, table.power
 
     def beside_rivals(self, found: Explanation) -> Explanation:
         """Explained beside each rival that raises the evidence, the likeliest first."""
@@ -365,7 +358,7 @@ class Evidence:
         (found,) = self.explained([undone])
         table = self._tables[_pose(undone)]
         assert table is not None
-        columns = table.at(np.array(undone.time))
+        columns = _on_axis(table.columns, undone.time)
         for k in self.present:
             z = np.concatenate([found.values, [1.0, -1.0 / undone.gain[k]]])
             error = (columns[k] @ z)[self.used[:, undone.forces[k]]]

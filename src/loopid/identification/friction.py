@@ -112,7 +112,7 @@ def friction_kinds(
     ``loads`` (N, dof) are the forces that move the bodies.
     """
     terms, found = force_model.joint_terms, dict[str, tuple[str, ...]]()
-    for joint, slowest, fastest in zip(*use.columns, strict=True):
+    for joint in use.joints:
         own = terms.of_joints.get(joint, ()) if terms is not None else ()
         curved = {kind for kind in own if kind != "Fc" and of_friction(kind)}
         if "Fc" not in own or curved - {"Fv"}:
@@ -121,7 +121,7 @@ def friction_kinds(
         used, load = data.used[:, row], loads[:, row]
         least = LEAST_LOAD * data.problem.force_rms[row]
         carries = "Ft" not in own and np.sqrt((load[used] ** 2).mean()) > least
-        kinds = (*curve_kinds(slowest, fastest), *(["Ft"] if carries else []))
+        kinds = (*curve_kinds(*use.of(joint)), *(["Ft"] if carries else []))
         if used.sum() >= LEAST_ROWS * len(kinds):
             found[joint] = kinds
     return {joint: kinds for joint, kinds in found.items() if kinds}

@@ -174,7 +174,8 @@ def friction_summary(fit: Estimates) -> FrictionSummary:
     >>> friction.joints, round(friction.coulomb[0].value, 2)
     (('left_crank_joint', 'right_crank_joint'), 0.1)
     """
-    joints = dict.fromkeys((*frictional_joints(fit), *_loaded_joints(fit)))
+    loaded = (each.link for each in fit.parameters if each.kind == "Ft")
+    joints = dict.fromkeys((*frictional_joints(fit), *loaded))
     places = {each.label: j for j, each in enumerate(fit.parameters)}
     every = fit.estimates
 
@@ -186,10 +187,6 @@ def friction_summary(fit: Estimates) -> FrictionSummary:
     return FrictionSummary(
         tuple(joints), *(tuple(of(joint, kind) for joint in joints) for kind in kinds)
     )
-
-
-def _loaded_joints(fit: Estimates) -> list[str]:
-    return [each.link for each in fit.parameters if each.kind == "Ft"]
 
 
 def _doubt(fit: Estimates, joint: str, rates: FloatArray, sizes: FloatArray) -> FloatArray:

@@ -82,27 +82,35 @@ class JointPriors:
             (k,), known deviations; a term with a finite one is in no group.
         """
         terms = joint_parameters(force_model)
-        members = _members(terms, given)
+        laws, members = (
+            [joint_term(term.kind) for term in terms],
+            dict[tuple[str, str], list[int]](),
+        )
+        for j, (term, law) in enumerate(zip(terms, laws, strict=True)):
+            if law.prior is not None and not np.isfinite(given[j]):
+                members.setdefault((term.link, law.prior.name), []).append(j)
         force = dict(zip(problem.actuators, problem.force_rms.tolist(), strict=True))
         group, factor = np.full(len(terms), -1), np.eye(len(terms))
         bounds = np.zeros((len(members), 2))
         for number, ((joint, _), columns) in enumerate(members.items()):
-            laws = [joint_term(terms[j].kind) for j in columns]
-            prior = laws[0].prior
+            first = laws[columns[0]]
+            prior = first.prior
             assert prior is not None
-            scale = 1.0 if not laws[0].units[0] else force.get(joint) or max(force.values())
+            scale = 1.0 if not first.units[0] else force.get(joint) or max(force.values())
             bounds[number] = prior.largest * (scale or 1.0) * np.array([LEAST, 1.0])
             group[columns] = number
             if prior.correlation is not None:
-                at = np.array([law.at for law in laws])
+                at = np.array([laws[j].at for j in columns])
                 factor[np.ix_(columns, columns)] = np.linalg.cholesky(prior.correlation(at, at))
-        box = np.array([_box(term) for term in terms]).reshape(-1, 2).T
-        limits, least = _limits(box)
+        low = np.array([0.0 if law.positive else -np.inf for law in laws])
+        high = np.array([np.inf if law.most is None else law.most for law in laws])
+        one, above, below = np.eye(len(terms)), np.isfinite(low), np.isfinite(high)
         dissipated = dissipation(terms)
-        limits = np.concatenate([limits, dissipated])
-        least = np.append(least, np.zeros(len(dissipated)))
+        limits = np.concatenate([one[above], -one[below], dissipated])
+        least = np.concatenate([low[above], -high[below], np.zeros(len(dissipated))])
         names = tuple(f"{joint}: {name}" for joint, name in members)
         alone = np.where(group < 0, deviations, 1.0)
+        box = np.stack([low, high])
         return cls(start, alone, names, group, factor, bounds, box, limits, least)
 
     @classmethod
@@ -137,30 +145,6 @@ class JointPriors:
 def joint_parameters(force_model: ForceModel) -> tuple[Parameter, ...]:
     """All k joint terms, in the order of ``force_model.joint_values``."""
     return tuple(p for p in force_model.base.parameters if p.kind not in KINDS)
-
-
-def _members(terms: tuple[Parameter, ...], given: FloatArray) -> dict[tuple[str, str], list[int]]:
-    """Numbers of the terms of each group, by its joint and name."""
-    members: dict[tuple[str, str], list[int]] = {}
-    for j, term in enumerate(terms):
-        prior = joint_term(term.kind).prior
-        if prior is not None and not np.isfinite(given[j]):
-            members.setdefault((term.link, prior.name), []).append(j)
-    return members
-
-
-def _box(term: Parameter) -> tuple[float, float]:
-    """Least and largest value of a term: no negative friction or drive inertia."""
-    law = joint_term(term.kind)
-    return 0.0 if law.positive else -np.inf, np.inf if law.most is None else law.most
-
-
-def _limits(box: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """A (m, k) and b (m,) of a box (2, k)."""
-    one, (least, most) = np.eye(box.shape[1]), box
-    above, below = np.isfinite(least), np.isfinite(most)
-    limits = np.concatenate([one[above], -one[below]])
-    return limits, np.concatenate([least[above], -most[below]])
 
 
 def dissipation(terms: Sequence[Parameter]) -> FloatArray:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -289,7 +290,7 @@ def _wrong_length(
     thinned = WorkingFit(result, replace(samples, **chosen, instruments=None), fit.prior)
     fit = _refitted(thinned)
     runs = [run.select(every) for run in recordings]
-    test, tried = _Test(fit), dict[str, tuple[float, FloatArray, FloatArray]]()
+    test, tried = _Test(fit, runs), dict[str, tuple[float, FloatArray, FloatArray]]()
     lengths = length_forces(force_model, standard, runs)
     for place, force in lengths.items():
         chance, x, _, bias = test.of(force[:, :, None])
@@ -303,9 +304,17 @@ def _wrong_length(
         return None
     clear = families * least < CHANCE
     certainty, chance = ("clear", families * least) if clear else ("likely", least)
-    left = _LeftOut.of(fit, runs).ratio(force[:, :, None])
-    known = "", place, chance, force * x, left, bias, MEASURE
-    return test.missing(*known, certainty=certainty, number=float(x[0]))
+    return test.missing(
+        force * x,
+        bias,
+        motor="",
+        law=place,
+        chance=chance,
+        left=test.left(force[:, :, None]),
+        do=MEASURE,
+        certainty=certainty,
+        number=float(x[0]),
+    )
 
 
 def with_missing(fit: Fit, missing: Sequence[MissingForce]) -> Fit:
@@ -358,10 +367,11 @@ def _steepest(recording: Recording, rate: FloatArray) -> float:
 class _Test:
     """An F test of columns beside those of a fit, by errors that are autocorrelated."""
 
-    def __init__(self, fit: WorkingFit) -> None:
+    def __init__(self, fit: WorkingFit, recordings: Sequence[Recording]) -> None:
         samples, result, n = fit.samples, fit.result, len(fit.result.parameters)
         assert result.noise is not None
         self.fit, self.used = fit, samples.used
+        self.segments = segments_of(samples, recordings)
         self.inverse = np.linalg.inv(fit.factor[:n, :n])
         self.scale = result.weights * samples.used
         self.columns = (samples.regressor @ self.inverse) * self.scale[:, :, None]
@@ -428,50 +438,29 @@ class _Test:
         F = float(x @ np.linalg.solve(told, x)) / k
         return float(fdtrc(k, max(float(result.degrees_of_freedom.min()), 1.0), F))
 
-    def missing(
-        self,
-        motor: str,
-        law: str,
-        chance: float,
-        force: FloatArray,
-        left: float,
-        bias: FloatArray,
-        do: str,
-        **known: Any,
-    ) -> MissingForce:
-        """What there is, or may be, of a force (N, dof) that it makes."""
-        own = self.used & force.any(axis=0)
+    @cached_property
+    def errors_left_out(self) -> FloatArray:
+        """Sums of squared errors (dof,) of the fit on segments that are left out of it."""
+        return _squares(self.fit, self.segments)
+
+    def left(self, columns: FloatArray) -> float:
+        """Squared errors there of the motors of columns (N, dof, k) with these, over those without.
+
+        It takes as long as a fit.
+        """
+        own = np.where(columns.any(axis=(0, 2)), self.fit.result.weights, 0.0) ** 2
+        before = float(own @ self.errors_left_out)
+        after = float(own @ _squares(_beside(self.fit, columns), self.segments))
+        return after / before if before > 0 else 1.0
+
+    def missing(self, force: FloatArray, bias: FloatArray, **known: Any) -> MissingForce:
+        """What there is, or may be, of a force (N, dof) that moves the estimates by a bias (n,)."""
+        own, errors = self.used & force.any(axis=0), self.fit.result.standard_errors
         whole = np.sqrt((self.fit.samples.force[own] ** 2).mean())
         size = float(np.sqrt((force[own] ** 2).mean()))
         share = size / float(whole) if whole > 0 else np.inf
-        return MissingForce(
-            *(motor, law, size, share, chance, left, bias, self.moved(bias), do), **known
-        )
-
-    def moved(self, bias: FloatArray) -> float:
-        """The most that a bias (n,) is in standard errors of the estimates."""
-        errors = self.fit.result.standard_errors
-        return float((np.abs(bias) / np.where(errors > 0, errors, np.inf)).max())
-
-
-class _LeftOut(NamedTuple):
-    """Errors of a fit on segments that are left out of it."""
-
-    fit: WorkingFit
-    segments: np.ndarray
-    squares: FloatArray  # (dof,)
-
-    @classmethod
-    def of(cls, fit: WorkingFit, recordings: Sequence[Recording]) -> _LeftOut:
-        segments = segments_of(fit.samples, recordings)
-        return cls(fit, segments, _squares(fit, segments))
-
-    def ratio(self, columns: FloatArray) -> float:
-        """Squared error of the motors of columns (N, dof, k) with these, over that without."""
-        own = np.where(columns.any(axis=(0, 2)), self.fit.result.weights, 0.0) ** 2
-        before = float(own @ self.squares)
-        after = float(own @ _squares(_beside(self.fit, columns), self.segments))
-        return after / before if before > 0 else 1.0
+        moved = float((np.abs(bias) / np.where(errors > 0, errors, np.inf)).max())
+        return MissingForce(size=size, share=share, bias=bias, moved=moved, **known)
 
 
 def _beside(fit: WorkingFit, columns: FloatArray) -> WorkingFit:
@@ -485,6 +474,7 @@ def _beside(fit: WorkingFit, columns: FloatArray) -> WorkingFit:
         covariance=np.zeros((n + k, n + k)),
         degrees_of_freedom=np.array(float(samples.problem.rows)),
         assumed=(),
+        model=None,
     )
     rows = None if prior is None else np.insert(prior, [n] * k, 0.0, axis=1)
     return _refitted(WorkingFit(result, samples, rows))
@@ -524,7 +514,7 @@ class _Search:
         self, fit: WorkingFit, force_model: ForceModel, recordings: Sequence[Recording]
     ) -> None:
         self.force_model, self.recordings = force_model, recordings
-        self.test, self.left = _Test(fit), _LeftOut.of(fit, recordings)
+        self.test = _Test(fit, recordings)
         loads = force_model.loads(fit.samples.regressor)
         parts = np.split(loads, np.cumsum([len(run) for run in recordings])[:-1])
         each = zip(recordings, parts, strict=True)
@@ -598,16 +588,20 @@ class _Search:
     def _missing(self, motor: str, one: _Tried, certainty: str) -> MissingForce:
         slides = self.force_model.robot.joint(motor).shortname().startswith("JointModelP")
         law, number = one.law, one.number
-        columns = self._columns(motor, law, number)
-        left = 1.0 if certainty == "hidden" else self.left.ratio(columns)  # takes as long as a fit
-        unit = ""
+        columns, unit = self._columns(motor, law, number), ""
         if law is WAVES:
             unit = "times a metre" if slides else "times a turn"
             number /= 2 * np.pi if slides else 1.0
         elif law.term:
             number, unit = float(one.x[0]), "N/m" if slides else "N m/rad"
         return self.test.missing(
-            *(motor, law.said, one.chance, columns @ one.x, left, one.bias, law.do),
+            columns @ one.x,
+            one.bias,
+            motor=motor,
+            law=law.said,
+            chance=one.chance,
+            left=1.0 if certainty == "hidden" else self.test.left(columns),
+            do=law.do,
             certainty=certainty,
             term=law.term,
             number=number,

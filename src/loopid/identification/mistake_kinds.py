@@ -133,27 +133,24 @@ class _Mistaken(NamedTuple):
 
 
 def _force(one: _Mistaken) -> Called:
-    do, what = one.scale("force_scale", one.scales), f"the force of {one.listed}"
-    if one.cause is None:
-        title = f"{what} is scaled by {one.factor:g}"
-        return Called(title, one.sized, f"check its unit, or {do}")
-    return Called(f"{what} {_caused(one.cause, 'has', 'is')}", one.sized, do)
+    do = one.scale("force_scale", one.scales)
+    return _scaled(one, f"the force of {one.listed}", "has", "is", "its", do)
 
 
 def _position(one: _Mistaken) -> Called:
     do = f"{one.scale('position_scale', {})}, times what it has"
-    what = f"the positions of {one.listed}"
-    if one.cause is None or not one.cause[1]:
-        title = f"{what} are scaled by {one.factor:g}"
-        return Called(title, one.sized, f"check their unit, or {do}")
-    return Called(f"{what} {_caused(one.cause, 'have', 'are')}", one.sized, do)
+    return _scaled(one, f"the positions of {one.listed}", "have", "are", "their", do)
 
 
-def _caused(cause: Cause, has: str, is_: str) -> str:
-    size, words = cause
-    if words == WRONG_SIGN:
-        return f"{has} the {words}"
-    return f"{is_} {words}{' with the wrong sign' if size < 0 else ''}"
+def _scaled(one: _Mistaken, what: str, has: str, is_: str, its: str, do: str) -> Called:
+    """Signals that are scaled: by which factor, or why."""
+    size, words = one.cause or (1.0, "")
+    if not words:
+        do = f"check {its} unit, or {do}"
+        return Called(f"{what} {is_} scaled by {one.factor:g}", one.sized, do)
+    turned = " with the wrong sign" if size < 0 else ""
+    said = f"{has} the {words}" if words == WRONG_SIGN else f"{is_} {words}{turned}"
+    return Called(f"{what} {said}", one.sized, do)
 
 
 def _zero(one: _Mistaken) -> Called:

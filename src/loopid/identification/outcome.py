@@ -119,9 +119,7 @@ class Outcome:
     @cached_property
     def sensor_noise(self) -> FloatArray:
         """Noise (dof,) of the sensors of force in N or N m; NaN where it is undetermined."""
-        every = np.array([sensor_noise(run) for run in self.training])
-        known = ~np.isnan(every).all(axis=0)
-        return np.where(known, np.nan_to_num(every, nan=0.0).max(axis=0), np.nan)
+        return np.asarray(np.fmax.reduce([sensor_noise(run) for run in self.training]))
 
     def relative_errors(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
         """Errors on new data (dof,) in parts of each motor's force, and their standard errors.

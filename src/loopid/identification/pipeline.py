@@ -527,7 +527,6 @@ def fit_joint_terms(
             quality=fit_quality(data.problem, values),
             weights=equal_weights(data.problem),
             standard_parameters=force_model.standard_prior,
-            model=None,
         )
     if excitation.rank == len(joints):
         terms = quiet_fit(left)
@@ -535,7 +534,7 @@ def fit_joint_terms(
         terms = fit_excited(left, values[joints], excitation)
     assert terms.noise is not None
     found = fit_terms(force_model, data, terms.noise, noise or terms.noise)
-    return replace(found, estimator=terms.estimator)
+    return replace(found, estimator=terms.estimator, model=force_model)
 
 
 @checked

@@ -10,7 +10,6 @@ from loopid.arguments import FloatArray, IntArray, checked, finite, frozen
 from loopid.errors import DataError
 from loopid.identification.problem import FitProblem
 from loopid.numbers import number
-from loopid.parameters import ParameterSet
 from loopid.records import record
 
 # Squared deviation of a force from its mean, relative to its square, that is but round-off.
@@ -18,7 +17,7 @@ CONSTANT_FORCE = 1e-12
 
 
 class OfArrays:
-    """Lists, as files have them, become arrays."""
+    """Lists, as files have them, become arrays or tuples; null is NaN."""
 
     def __post_init__(self) -> None:
         kinds = {"FloatArray": np.float64, "IntArray": np.int64, "FloatArray | None": np.float64}
@@ -26,6 +25,8 @@ class OfArrays:
             given = getattr(self, each.name)
             if each.type in kinds and given is not None:
                 object.__setattr__(self, each.name, frozen(given, kinds[each.type]))
+            elif isinstance(given, list):
+                object.__setattr__(self, each.name, tuple(given))
 
 
 @record
@@ -161,11 +162,6 @@ class MotorUse(OfArrays):
     load: FloatArray  # (m,), mean size of the force that moved the bodies, in N or N m
     largest: FloatArray  # (m,), largest size of the force, in N or N m
 
-    @property
-    def columns(self) -> tuple[tuple[str, ...], list[float], list[float]]:
-        """Joints, slowest and fastest rates."""
-        return self.joints, self.slowest.tolist(), self.fastest.tolist()
-
     def of(self, joint: str) -> tuple[float, float]:
         """Slowest and fastest rate of a joint."""
         k = self.joints.index(joint)
@@ -174,9 +170,11 @@ class MotorUse(OfArrays):
 
 @record
 class StandardUncertainty(OfArrays):
-    """What the covariance of a fit, and the robot file, say of the p standard parameters."""
+    """What the covariance of a fit, and the robot file, say of the p standard parameters.
 
-    parameters: ParameterSet  # the standard parameters of the bodies, and the joint terms
+    That is of the bodies, and of the joint terms, in the order of the force model.
+    """
+
     gain: FloatArray  # (p, n), changes of these with the n base parameters
     beside: FloatArray  # (p,), variances at known base parameters
     file: FloatArray  # (p,), variances by the robot file alone; 0 for what no force depends on

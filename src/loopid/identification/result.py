@@ -257,7 +257,7 @@ class Fit(Estimates):
 
     def record(self) -> dict[str, Any]:
         """All of it in plain numbers, lists and texts, as it stands in its file."""
-        return FitFile.of(self).record()
+        return FitFile.of(self).content
 
     def to_robot_file(
         self, path: str | Path, *, overwrite: bool = False, anyway: bool = False

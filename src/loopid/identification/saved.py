@@ -2,30 +2,28 @@
 
 It holds which combinations of standard parameters the values are, the options of the force model,
 and how the robot was loaded. States with the forces there are in it, too: by these the robot is
-known again. Reading never repeats a search for base parameters. A digest shows whether a file was
-changed.
+known again. Reading never repeats a search for base parameters. A digest vouches for the content:
+what has one was written by ``Fit.save`` and not changed since, and is taken as it is.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass, replace
 from hashlib import sha256
 from importlib.metadata import version
 from itertools import zip_longest
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError
 
-from loopid.arguments import LARGEST, FloatArray, Number, finite, frozen
+from loopid.arguments import FloatArray, frozen
 from loopid.base_parameters.base import BaseParameters, expression
 from loopid.base_parameters.choice import SearchResult
 from loopid.base_parameters.structure import Structure, analyse
-from loopid.border import refusal
 from loopid.errors import DataError, FileError, OptionError
 from loopid.files import why_no_file
 from loopid.identification.estimates import Estimates
@@ -44,6 +42,7 @@ from loopid.kinematics.sampling import random_configurations
 from loopid.loading.closure import Closure, Coupling
 from loopid.loading.files import bundled_directory, own_files
 from loopid.parameters import Parameter, ParameterSet
+from loopid.records import record
 from loopid.regressors.joint_terms import JointTerms
 from loopid.regressors.motion_regressors import motion_parameters
 from loopid.regressors.structural import structural_observation
@@ -51,147 +50,30 @@ from loopid.robot.robot import Robot
 
 ENDINGS = (".yaml", ".yml", ".json")
 LARGEST_JSON = 20_000_000  # bytes: a line a number
-VERSION: Final = 3  # of the form: another one is refused
+FORM, VERSION = "loopid fit", 3  # another version is refused
 STATES = 3  # of the robot, by which it is known again
 # Relative difference of closures, forces and columns of one robot; of base parameters from those of
 # the standard parameters.
 SAME_ROBOT, FOLLOWS = 1e-6, 1e-9
 NO_EFFECT = 1e-10  # of a column, relative to the largest
-
-Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
-Array = Annotated[FloatArray, PlainValidator(lambda given: frozen(finite(given, "numbers")))]
-Infinite = Annotated[  # where null
-    FloatArray,
-    PlainValidator(lambda given: frozen([math.inf if x is None else x for x in given])),
-]
-Column = Annotated[FloatArray, PlainValidator(lambda given: frozen(given))]  # NaN where null
-
-
-class _Section(BaseModel):
-    model_config = ConfigDict(
-        frozen=True,
-        strict=True,
-        extra="forbid",
-        allow_inf_nan=False,
-        from_attributes=True,
-        arbitrary_types_allowed=True,  # arrays: lists in the file
-        defer_build=True,  # by the first use: importing loopid does not wait for it
-    )
+# What a fit knows that is in sections of its own, and what of the others are records.
+APART = {"parameters", "values", "covariance", "standard_parameters", "model"}
+RECORDS = {
+    "quality": Quality,
+    "noise": NoiseModel,
+    "robustness": Robustness,
+    "uncertainty": StandardUncertainty,
+    "deviation": FileDeviation,
+    "term_deviations": TermDeviations,
+    "use": MotorUse,
+}
 
 
-class _Options(_Section):
-    """Arguments of ``load`` beside the path."""
+@record
+class FitFile:
+    """The content of the file of a fit, in plain numbers, lists and texts."""
 
-    closures: tuple[Closure | Coupling, ...] = ()
-    motors: tuple[str, ...] | None = None
-    reference: dict[str, float | list[float]] | None = None
-    lock: tuple[str, ...] = ()
-    floating_base: bool = False
-    free_mimics: bool = False
-    tied: bool = False
-    rounding: float | None = None
-    xacro: dict[str, str] = Field(default={})
-
-
-class _Robot(_Section):
-    """Name, path then, SHA-256 of the files, how they were loaded, coordinates."""
-
-    name: str
-    path: str = ""
-    files: dict[str, str]
-    options: _Options
-    coordinates: tuple[str, ...] = Field(min_length=1)
-
-
-class _Model(_Section):
-    """Options of the force model; forces are along the coordinates named by its rows."""
-
-    model: Literal["gravity", "full"]
-    rows: tuple[str, ...] = Field(min_length=1)
-    gravity: tuple[float, float, float]
-    joint_terms: JointTerms | None = None
-
-
-class _Standard(_Section):
-    """A standard parameter or joint term, with its value where the fit has bodies."""
-
-    name: str
-    unit: str
-    value: Finite | None = None
-    standard_error: Number | None = None
-    determined: bool | None = None  # by the data, not by the robot file alone
-
-
-class _Base(_Section):
-    """A base parameter: coefficients of standard parameters, 1 of the first, which leads it."""
-
-    name: str
-    unit: str
-    expression: str
-    value: Finite
-    standard_error: Number
-    relative_std_percent: Number
-    interval_95_percent: tuple[Number, Number]
-    terms: dict[str, Finite]
-
-
-class _States(_Section):
-    """Some states of the robot, and the forces that the values give there."""
-
-    configurations: Array  # (STATES, nq)
-    velocities: Array  # (STATES, dof)
-    accelerations: Array
-    forces: Array
-
-
-class _Uncertainty(_Section):
-    """``StandardUncertainty`` without its names."""
-
-    gain: Array
-    beside: Array
-    file: Infinite
-    degrees_of_freedom: Infinite
-
-
-class _Estimate(_Section):
-    """What a ``Fit`` has beside values, covariance and standard parameters."""
-
-    estimator: str
-    actuators: tuple[str, ...]
-    condition_number: Number
-    degrees_of_freedom: Column
-    quality: Quality
-    weights: Array
-    assumed: tuple[str, ...]
-    noise: NoiseModel | None = None
-    robustness: Robustness | None = None
-    uncertainty: _Uncertainty | None = None
-    deviation: FileDeviation | None = None
-    cutoff: Annotated[float, Field(gt=0, le=LARGEST)] | None = None
-    term_deviations: TermDeviations | None = None
-    use: MotorUse | None = None
-    settled: bool = True
-    mistakes: tuple[str, ...] = ()
-    unseen_rms: Column | None = None
-    broken: tuple[str, ...] = ()
-
-
-class FitFile(_Section):
-    """What the file of a fit says; ``load_fit`` makes the ``Fit`` of it."""
-
-    format: Literal["loopid fit"] = "loopid fit"
-    version: Literal[3] = VERSION
-    loopid: str
-    robot: _Robot  # what the fit is of
-    force_model: _Model
-    # All p standard parameters and joint terms, and the r base parameters
-    standard_parameters: tuple[_Standard, ...] = Field(min_length=1)
-    base_parameters: tuple[_Base, ...] = Field(min_length=1)
-    covariance: Array  # (r, r)
-    check: _States
-    estimate: _Estimate  # all else that is known of the values
-    # SHA-256 of all but names and paths of the robot; None before it is written
-    digest: str | None = None
+    content: dict[str, Any]
 
     @classmethod
     def of(cls, fit: Estimates) -> FitFile:
@@ -200,88 +82,114 @@ class FitFile(_Section):
         _require_own_bodies(fit, model)
         robot, base, bodies = model.robot, model.base, fit.standard_parameters
         values = [None] * len(base.parameters) if bodies is None else bodies.tolist()
-        return cls.model_validate(
-            {
-                "loopid": version("loopid"),
-                "robot": {
-                    "name": robot.name,
-                    "path": _place(robot),
-                    "files": _hashes(robot),
-                    "options": dict(robot.options),
-                    "coordinates": robot.coordinates,
-                },
-                "force_model": {
-                    "model": model.model,
-                    "rows": robot.independent,
-                    "gravity": tuple(robot.model.gravity.linear.tolist()),
-                    "joint_terms": model.joint_terms,
-                },
-                "standard_parameters": tuple(fit.standard.values())
-                or tuple(
-                    {"name": parameter.label, "unit": parameter.unit, "value": value}
-                    for parameter, value in zip(base.parameters, values, strict=True)
-                ),
-                "base_parameters": tuple(
-                    {
-                        **{"name": x.name, "unit": x.unit, "value": x.value},
-                        **{"expression": expression(terms), "terms": dict(terms)},
-                        "standard_error": x.standard_error,
-                        "relative_std_percent": x.relative_std,
-                        "interval_95_percent": x.interval,
-                    }
-                    for x, terms in zip(fit.estimates, base.terms, strict=True)
-                ),
-                "covariance": fit.covariance,
-                "check": _states(model, fit.values),
-                "estimate": fit,
-            }
-        )
+        told = "name", "unit", "value", "standard_error", "determined"
+        content = {
+            "format": FORM,
+            "version": VERSION,
+            "loopid": version("loopid"),
+            "robot": {
+                "name": robot.name,
+                "path": _place(robot),
+                "files": _hashes(robot),
+                "options": robot.options,
+                "coordinates": robot.coordinates,
+            },
+            # Forces are along the coordinates named by the rows.
+            "force_model": {
+                "model": model.model,
+                "rows": robot.independent,
+                "gravity": robot.model.gravity.linear,
+                "joint_terms": model.joint_terms,
+            },
+            # All p standard parameters and joint terms, with values where the fit has bodies.
+            "standard_parameters": [
+                {name: getattr(each, name) for name in told} for each in fit.standard.values()
+            ]
+            or [
+                {"name": parameter.label, "unit": parameter.unit, "value": value}
+                for parameter, value in zip(base.parameters, values, strict=True)
+            ],
+            # Terms are coefficients of standard parameters, 1 of the first, which leads them.
+            "base_parameters": [
+                {
+                    **{"name": x.name, "unit": x.unit, "value": x.value},
+                    **{"expression": expression(terms), "terms": terms},
+                    "standard_error": x.standard_error,
+                    "relative_std_percent": x.relative_std,
+                    "interval_95_percent": x.interval,
+                }
+                for x, terms in zip(fit.estimates, base.terms, strict=True)
+            ],
+            "covariance": fit.covariance,
+            "check": _states(model, fit.values),
+            "estimate": {
+                each.name: getattr(fit, each.name)
+                for each in fields(Estimates)
+                if each.name not in APART
+            },
+        }
+        plain: dict[str, Any] = _plain(content)
+        return cls(plain | {"digest": digest(plain)})
 
     @classmethod
     def read(cls, path: str | Path) -> FitFile:
         """Read a file; see ``load_fit`` for what is refused."""
-        document = _document(Path(path))
         try:
-            found, record = cls.model_validate_json(document), json.loads(document)
-        except ValidationError as error:
-            for detail in error.errors(include_url=False):
-                if detail["loc"] == ("version",) and detail["type"] == "literal_error":
-                    raise DataError(
-                        f"{path} is a fit in form {detail['input']!r:.60}, and this loopid reads "
-                        f"form {VERSION}: identify the log again and save the fit",
-                        field="version",
-                    ) from error
-            raise refusal(error, where=f"{path} is not a saved fit", kind=DataError) from error
-        except (TypeError, OverflowError) as error:  # of whole numbers that are none
-            raise DataError(f"{path} is not a saved fit: {error}") from error
-        if found.digest != digest(record):
+            content = json.loads(_document(Path(path)))
+        except (ValueError, RecursionError) as error:
+            raise DataError(f"{path} is not a saved fit: {error}", file=path) from error
+        if not isinstance(content, dict) or content.get("format") != FORM:
+            raise DataError(f"{path} is not a saved fit: its format is not {FORM!r}", file=path)
+        if content.get("version") != VERSION:
+            raise DataError(
+                f"{path} is a fit in form {content.get('version')!r:.60}, and this loopid reads "
+                f"form {VERSION}: identify the log again and save the fit",
+                field="version",
+            )
+        if content.get("digest") != digest(content):
             raise DataError(
                 f"{path} was changed after it was written: its digest is not that of its content, "
                 "so write it anew by fit.save",
                 field="digest",
             )
-        return found
-
-    def record(self) -> dict[str, Any]:
-        """All of it in plain numbers, lists and texts, as it stands in the file."""
-        record: dict[str, Any] = _plain(self.model_dump(exclude={"digest"}))
-        return record | {"digest": digest(record)}
+        return cls(content)
 
     # What it is made into.
 
     @property
+    def robot(self) -> dict[str, Any]:
+        """Name, path then, SHA-256 of the files, how they were loaded, and coordinates."""
+        return dict(self.content["robot"])
+
+    @property
+    def force_model(self) -> dict[str, Any]:
+        """The model, its rows, gravity and joint terms."""
+        return dict(self.content["force_model"])
+
+    @property
+    def joint_terms(self) -> JointTerms | None:
+        """Those of the force model."""
+        given = self.force_model.get("joint_terms")
+        return None if given is None else JointTerms(**given)
+
+    @property
     def estimates(self) -> dict[str, Any]:
         """What a ``Fit`` is made of but its force model, the same to the bit."""
-        standard = np.array([each.value for each in self.standard_parameters], dtype=np.float64)
-        estimate = dict(self.estimate)
-        if (known := self.estimate.uncertainty) is not None:
-            estimate["uncertainty"] = StandardUncertainty(self.standard, **dict(known))
+        estimate = dict(self.content["estimate"])
+        if known := estimate.get("uncertainty"):
+            ends = ("file", "degrees_of_freedom")  # null where infinite
+            found = {name: [math.inf if x is None else x for x in known[name]] for name in ends}
+            estimate["uncertainty"] = known | found
+        for name, kind in RECORDS.items():
+            if name in estimate:
+                estimate[name] = kind(**estimate[name])
+        values = [each.get("value") for each in self.content["standard_parameters"]]
         return {
             **estimate,
             "parameters": self.parameters,
-            "values": np.array([base.value for base in self.base_parameters]),
-            "covariance": self.covariance,
-            "standard_parameters": None if np.isnan(standard).any() else standard,
+            "values": [each["value"] for each in self.content["base_parameters"]],
+            "covariance": self.content["covariance"],
+            "standard_parameters": None if None in values else values,
         }
 
     @property
@@ -289,49 +197,53 @@ class FitFile(_Section):
         """Names of all p standard parameters and joint terms."""
         return ParameterSet(
             tuple(
-                replace(Parameter.parse(each.name), unit=each.unit)
-                for each in self.standard_parameters
+                replace(Parameter.parse(each["name"]), unit=each["unit"])
+                for each in self.content["standard_parameters"]
             )
         )
 
     @property
     def matrix(self) -> FloatArray:
         """M (r, p) of Φ_base = M Φ."""
-        labels = self.standard.labels
-        return np.array(
-            [[x.terms.get(label, 0.0) for label in labels] for x in self.base_parameters]
-        )
+        labels, every = self.standard.labels, self.content["base_parameters"]
+        return np.array([[each["terms"].get(label, 0.0) for label in labels] for each in every])
 
     @property
     def parameters(self) -> ParameterSet:
         """The r base parameters, each with its sum."""
         found = []
-        for base in self.base_parameters:
-            leading, *others = base.terms
-            own = replace(Parameter.parse(leading), unit=base.unit, others=tuple(others))
-            found.append(replace(own, expression=base.expression))
+        for each in self.content["base_parameters"]:
+            leading, *others = each["terms"]
+            own = replace(Parameter.parse(leading), unit=each["unit"], others=tuple(others))
+            found.append(replace(own, expression=each["expression"]))
         return ParameterSet(tuple(found))
 
     def load_robot(self, file: str | Path | None = None) -> Robot:
         """The robot, loaded as it was then: from a file, or from where it was."""
         own = self.robot
-        if file is None and not own.path:
+        if file is None and not own["path"]:
             raise FileError(
-                f"the robot of the fit, {own.name}, was made in Python: make it again, for "
+                f"the robot of the fit, {own['name']}, was made in Python: make it again, for "
                 "load_fit(path, robot=...)",
-                robot=own.name,
+                robot=own["name"],
             )
         from loopid.loading.robot_files import load  # readers, which fits made in Python do without
 
+        closures = [
+            (Coupling if "joints" in each else Closure)(**each)
+            for each in own["options"].get("closures", ())
+        ]
         try:
-            return load(own.path if file is None else file, **dict(own.options))
+            return load(
+                own["path"] if file is None else file, **own["options"] | {"closures": closures}
+            )
         except FileError:
             if file is not None:
                 raise
             raise FileError(
-                f"the robot of the fit, {own.name}, is no longer at {own.path}: say where it is, "
-                'robot="FILE"',
-                file=own.path,
+                f"the robot of the fit, {own['name']}, is no longer at {own['path']}: say where it "
+                'is, robot="FILE"',
+                file=own["path"],
             ) from None
 
     def model_of(self, robot: Robot) -> ForceModel:
@@ -343,23 +255,24 @@ class FitFile(_Section):
         """
         difference = next(_differences(self, robot), None)
         if difference is None:
-            kind, terms = self.force_model.model, self.force_model.joint_terms
+            kind, terms = self.force_model["model"], self.joint_terms
             observation = structural_observation(robot, kind, joint_terms=terms)
             model = ForceModel(robot, kind, terms, self._base(analyse(observation)))
             difference = next(_other_numbers(self, model, observation.factor), None)
         if difference is None:
             return model
-        hashes = _hashes(robot).items()
-        other = [name for name, hashed in hashes if self.robot.files.get(name) != hashed]
+        hashes, known = _hashes(robot).items(), self.robot["files"]
+        other = [name for name, hashed in hashes if known.get(name) != hashed]
         files = f" ({', '.join(other)}: not the files of the fit)" if other else ""
         raise DataError(
-            f"this is a fit of {self.robot.name}, not of {robot.source}{files}: {difference}"
+            f"this is a fit of {self.robot['name']}, not of {robot.source}{files}: {difference}"
         )
 
     def _base(self, structure: Structure) -> BaseParameters:
         """The base parameters of the file, for what a robot lets be known."""
         labels, M = self.standard.labels, self.matrix
-        base = np.array([labels.index(next(iter(each.terms))) for each in self.base_parameters])
+        leading = [next(iter(each["terms"])) for each in self.content["base_parameters"]]
+        base = np.array([labels.index(label) for label in leading])
         dependent = np.setdiff1d(structure.columns, base)
         chosen = tuple(np.searchsorted(structure.columns, dependent).tolist())
         return BaseParameters(
@@ -412,11 +325,12 @@ def _document(path: Path) -> bytes | str:
     return content
 
 
-def digest(record: dict[str, Any]) -> str:
-    """SHA-256 of a record but for where its robot was, which may move."""
-    place = ("name", "path", "files")
-    robot = {key: value for key, value in record["robot"].items() if key not in place}
-    rest = {key: value for key, value in record.items() if key != "digest"} | {"robot": robot}
+def digest(content: dict[str, Any]) -> str:
+    """SHA-256 of a content but for where its robot was, which may move."""
+    rest = {key: value for key, value in content.items() if key != "digest"}
+    if isinstance(robot := content.get("robot"), dict):
+        place = ("name", "path", "files")
+        rest["robot"] = {key: value for key, value in robot.items() if key not in place}
     return sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
 
 
@@ -430,7 +344,9 @@ def require_ending(path: str | Path) -> str:
 
 def _plain(value: Any) -> Any:
     """Without what is None; arrays as lists; what is not finite as None, which files call null."""
-    if isinstance(value, dict):
+    if is_dataclass(value):
+        value = {each.name: getattr(value, each.name) for each in fields(value)}
+    if isinstance(value, Mapping):
         return {key: _plain(entry) for key, entry in value.items() if entry is not None}
     if isinstance(value, np.ndarray):
         return value.tolist() if np.isfinite(value).all() else _plain(value.tolist())
@@ -439,13 +355,13 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _states(model: ForceModel, values: FloatArray) -> _States:
+def _states(model: ForceModel, values: FloatArray) -> dict[str, FloatArray]:
     """Random states, the same for the same robot, and the forces there."""
     q = random_configurations(model.robot, STATES, seed=0)
     shape = 2, STATES, len(model.robot.independent)
     v, a = np.random.default_rng(0).standard_normal(shape)
     forces = _forces(model, values, q, v, a)
-    return _States(configurations=q, velocities=v, accelerations=a, forces=forces)
+    return {"configurations": q, "velocities": v, "accelerations": a, "forces": forces}
 
 
 def _forces(
@@ -457,25 +373,24 @@ def _forces(
 
 def _differences(file: FitFile, robot: Robot) -> Iterator[str]:
     """What makes a robot another one, before any model: the next build on the first."""
-    kind, terms = file.force_model.model, file.force_model.joint_terms
+    own, terms = file.force_model, file.joint_terms
     known = {*robot.joints, *robot.coordinates}
     missing = set(() if terms is None else terms.joints) - known
     if missing:
         yield f"that has no joint {min(missing)}"
     for what, there, here in (
-        ("coordinate", robot.coordinates, file.robot.coordinates),
-        ("row", robot.independent, file.force_model.rows),
-        ("parameter", motion_parameters(robot, kind, terms).labels, file.standard.labels),
+        ("coordinate", robot.coordinates, file.robot["coordinates"]),
+        ("row", robot.independent, own["rows"]),
+        ("parameter", motion_parameters(robot, own["model"], terms).labels, file.standard.labels),
     ):
         for one, other in zip_longest(there, here):
             if one != other:
                 yield f"{what} {other or 'none'} is where that has {one or 'none'}"
     gravity = robot.model.gravity.linear.tolist()
-    if not np.allclose(gravity, file.force_model.gravity, rtol=SAME_ROBOT):
-        yield f"gravity is {gravity} m/s² there, not {list(file.force_model.gravity)}"
-    residual = np.abs(constraint_residual(robot, file.check.configurations)).max(
-        axis=0, initial=0.0
-    )
+    if not np.allclose(gravity, own["gravity"], rtol=SAME_ROBOT):
+        yield f"gravity is {gravity} m/s² there, not {own['gravity']}"
+    q = np.array(file.content["check"]["configurations"])
+    residual = np.abs(constraint_residual(robot, q)).max(axis=0, initial=0.0)
     most = SAME_ROBOT * robot.length + 2 * robot.closure_residual
     if residual.max(initial=0.0) > most:
         k = int(residual.argmax())
@@ -484,15 +399,16 @@ def _differences(file: FitFile, robot: Robot) -> Iterator[str]:
 
 def _other_numbers(file: FitFile, model: ForceModel, R: FloatArray) -> Iterator[str]:
     """Forces and coefficients of another robot; R is the triangular factor of all columns."""
-    fit, at = Estimates(**file.estimates, model=model), file.check
-    loaded = fit.require_model()
-    found = _forces(loaded, fit.values, at.configurations, at.velocities, at.accelerations)
-    apart = np.abs(found - at.forces).max(axis=0)
+    fit = Estimates(**file.estimates, model=model)
+    names = "configurations", "velocities", "accelerations", "forces"
+    *state, forces = (np.array(file.content["check"][name]) for name in names)
+    found = _forces(fit.require_model(), fit.values, *state)
+    apart = np.abs(found - forces).max(axis=0)
     k = int(apart.argmax())
-    if apart[k] > SAME_ROBOT * np.abs(at.forces).max():
+    if apart[k] > SAME_ROBOT * np.abs(forces).max():
         terms = model.joint_terms
         why = " (bodies that load joints count)" if terms is not None and terms.loaded else ""
-        yield f"the force along {file.force_model.rows[k]} differs by {apart[k]:.3g} there{why}"
+        yield f"the force along {file.force_model['rows'][k]} differs by {apart[k]:.3g} there{why}"
     M, own, sizes = file.matrix, model.base.base, np.linalg.norm(R, axis=0)
     errors = np.linalg.norm(R - R[:, own] @ M, axis=0)
     allowed = SAME_ROBOT * (sizes + sizes[own] @ np.abs(M)) + NO_EFFECT * sizes.max()

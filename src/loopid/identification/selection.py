@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from loopid.arguments import FloatArray, checked, finite, variances
+from loopid.arguments import FloatArray, IntArray, checked, finite, variances
 from loopid.errors import DataError, first_of
 from loopid.identification.candidate import Candidate, judge
 from loopid.identification.correlation import means_of_series
 from loopid.identification.estimates import relative_deviation
-from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator
+from loopid.identification.estimator import Estimator, WorkingFit
 from loopid.identification.fitting import quiet_fit, working_fit
 from loopid.identification.information import Excitation
 from loopid.identification.outcome import Outcome
@@ -137,31 +136,15 @@ def eliminate(found: Outcome) -> Reduction:
     >>> len(reduction.chosen.labels) < len(reduction.parameters)
     True
     """
-    model, estimator = found.force_model, chosen_estimator(found.options.estimator)
+    model, (data, new) = found.force_model, found.parts
     plain, prior = model.plain_columns, np.array(model.prior)
     prior[model.grouped_columns] = found.fit.values[model.grouped_columns]
-    data, new = found.parts
-    whole_data = data.reduced(plain, prior)
-    held = plain[Excitation.of(model, whole_data.problem).held]
-    free = np.setdiff1d(plain, held)
-    if len(free) == len(prior):
-        return eliminate_parameters(data, new, estimator=estimator, reference=prior)
-    parts = (part.reduced(free, prior) for part in (data, new))
-    reduction = eliminate_parameters(*parts, estimator=estimator, reference=prior[free])
-
-    def whole(values: FloatArray) -> FloatArray:
-        all_values = prior.copy()
-        all_values[free] = values
-        return all_values
-
-    steps = tuple(replace(step, values=whole(step.values)) for step in reduction.steps)
-    chosen = steps[[step is reduction.chosen for step in reduction.steps].index(True)]
-    return replace(
-        reduction,
-        parameters=found.data.parameters,
+    held = plain[Excitation.of(model, data.reduced(plain, prior).problem).held]
+    return eliminate_parameters(
+        *(data, new),
+        estimator=found.options.estimator,
         reference=prior,
-        steps=steps,
-        chosen=chosen,
+        free=np.setdiff1d(plain, held),
     )
 
 
@@ -184,6 +167,7 @@ def eliminate_parameters(
     *,
     estimator: str | Estimator = "wls",
     reference: FloatArray | None = None,
+    free: IntArray | None = None,
 ) -> Reduction:
     """Drop the least certain parameters one by one, and keep as few as predict as well.
 
@@ -199,6 +183,8 @@ def eliminate_parameters(
         As of ``fit``. Weights and error model are those of the full model at every step.
     reference : FloatArray, optional
         (n,), values of dropped parameters, such as the robot file's; by default zero.
+    free : IntArray, optional
+        Columns that are fitted at first, ascending; by default all.
 
     Raises
     ------
@@ -228,14 +214,20 @@ def eliminate_parameters(
     start = np.zeros(len(names)) if reference is None else finite(reference, "reference")
     if start.shape != (len(names),):
         raise DataError(f"reference must have shape ({len(names)},), not {start.shape}")
-    full = working_fit(training, estimator)
+    columns = np.arange(len(names)) if free is None else free
+    part = training.reduced(columns, start)
+    full = working_fit(part, estimator)
     scale = _error_scale(full.result)
-    fitted = list(_eliminations(full, training, start, scale))
+    fitted = []
+    for step in _eliminations(full, part, start[columns], scale):
+        values = start.copy()
+        values[columns] = step[3]
+        fitted.append((*step[:3], values, step[4]))
     errors = prediction_errors(validation, [values for *_, values, _ in fitted], scale)
     steps = tuple(ReductionStep(*f, e) for f, e in zip(fitted, errors, strict=True))
     chosen = [step for step in steps if step.error.as_good][-1]
-    columns = [names.labels.index(label) for label in chosen.labels]
-    result = quiet_fit(training.reduced(columns, start), estimator)
+    kept = [names.labels.index(label) for label in chosen.labels]
+    result = quiet_fit(training.reduced(kept, start), estimator)
     return Reduction(names, start, steps, chosen, result)
 
 

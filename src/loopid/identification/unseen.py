@@ -74,14 +74,11 @@ class UnseenErrors:
             np.percentile(rates[used[:, k], k], SLOW) if used[:, k].any() else 0.0
             for k in range(used.shape[1])
         ]
-        by_part = np.array([_rms(error, part) for part in parts])
-        known = ~np.isnan(by_part).all(axis=0)
-        worst = np.where(known, np.nan_to_num(by_part, nan=0.0).max(axis=0), np.nan)
         none, regions = np.full(used.shape[1], np.nan), candidate.regions
         beyond, standing = _standing(candidate.fit, force_model, new, rates)
         return cls(
             candidate.validation.residual_rms,
-            worst,
+            np.fmax.reduce([_rms(error, part) for part in parts]),
             none if regions is None else regions,
             _rms(error, used & (rates <= slow)),
             _rms(beyond, standing),

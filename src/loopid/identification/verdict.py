@@ -189,14 +189,15 @@ def _use(found: Outcome, error: float) -> str:
 
 def _doubtful(found: Outcome) -> bool:
     """Whether anything says that the model is wrong, so that intervals may not hold."""
-    deviation = found.fit.deviation
-    far = deviation is not None and bool(deviation.fault)
-    doubtful = (
-        any(each.certainty == "clear" for each in found.missing) or far or not found.fit.settled
+    deviation, model = found.fit.deviation, _of_model(found)
+    return (
+        any(each.certainty == "clear" for each in found.missing)
+        or bool(deviation is not None and deviation.fault)
+        or not found.fit.settled
+        or bool(model is not None and model.severity != "note")
+        or found.advantage is not None
+        or _noisy(found) is not None
     )
-    model = _of_model(found)
-    doubtful = doubtful or (model is not None and model.severity != "note")
-    return doubtful or found.advantage is not None or _noisy(found) is not None
 
 
 def _noisy(found: Outcome) -> tuple[str, float] | None:

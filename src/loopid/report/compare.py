@@ -72,7 +72,7 @@ def _pairs(files: dict[str, FitFile], fits: dict[str, Fit]) -> dict[tuple[str, s
     """Which fits of one robot and model agree, by their names."""
     found = {}
     for pair in combinations(fits, 2):
-        one, other = ((files[x].robot.coordinates, files[x].force_model.model) for x in pair)
+        one, other = ((files[x].robot["coordinates"], files[x].force_model["model"]) for x in pair)
         with suppress(DataError):
             if one == other:
                 found[pair] = compare_fits(*(fits[x] for x in pair))
@@ -129,7 +129,7 @@ def _record(
         row["differs"] = any(expression in one.clear for one in pairs.values())
     runs = [
         {
-            **{"name": name, "robot": file.robot.name, "model": file.force_model.model},
+            **{"name": name, "robot": file.robot["name"], "model": file.force_model["model"]},
             **json_fields(fit, "estimator"),
             "rms": json_value(fit.quality.residual_rms) if fit.quality.samples.any() else None,
         }

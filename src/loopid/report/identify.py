@@ -263,7 +263,7 @@ def identification_record(found: Identification, judged: Verdict | None = None) 
                 "unidentifiable": [_direction(direction) for direction in told.unidentifiable],
                 "weak": [_direction(direction) for direction in told.weak],
             },
-            "essential": found.essential.values,
+            "essential": found.essential.fit.values,
             "essential_parameters": found.reduction.result.parameters.names,
             "candidates": [_candidate(candidate) for candidate in _candidates(found)],
             "robot": [json_fields(each, *ROBOT) for each in found.fit.standard.values()],
@@ -304,7 +304,7 @@ def _direction(direction: WeakDirection) -> dict[str, Any]:
 
 
 def _candidate(candidate: Candidate) -> dict[str, Any]:
-    parts = (candidate.training, candidate.validation), candidate.rms_errors
+    parts = (candidate.fit.quality, candidate.validation), candidate.rms_errors
     training, validation = (
         {"rms": quality.residual_rms, "rms_standard_error": errors}
         for quality, errors in zip(*parts, strict=True)
