@@ -73,16 +73,17 @@ def test_a_public_function_says_what_it_takes_and_returns_with_an_example(name):
 
 
 def test_help_begins_with_a_map_of_all_names():
-    assert sorted(set(re.findall(r"``(\w+)``", loopid.__doc__))) == sorted(NAMES)
+    assert sorted(set(re.findall(r"``(\w+)``", loopid.__doc__))) == sorted(loopid.__all__)
 
 
 def test_the_page_of_public_names_lists_them_all_and_no_others():
     page = next(page for page in PAGES if page.name == "api.md").read_text()
-    tables = [table.split("\n| [")[1:] for table in page.split("|---|")[1:]]
-    own = [name for row in tables[0] for name in re.findall(r"`(\w+)`", row)]
+    top, below = re.findall(r"(?:^\|.*\n)+", page, re.MULTILINE)
+    own = re.findall(r"`(\w+)`", top)
     assert sorted(own) == sorted(NAMES)
     assert len(own) <= 25
-    for row in tables[1]:
+    assert {*re.findall(r"`loopid\.(\w+)`", below)} == {*loopid.__all__} - {*NAMES}
+    for row in below.splitlines():
         packages = [getattr(loopid, name) for name in re.findall(r"`loopid\.(\w+)`", row)]
         for name in re.findall(r"`(\w+)`", row):
             assert any(hasattr(package, name) for package in packages), name

@@ -21,7 +21,14 @@ The names, in the order of the work:
   ``identify_payload``
 - errors: all are a ``LoopidError``
 
-Subpackages hold the rest, such as ``loopid.regressors``, ``loopid.control`` and ``loopid.plots``.
+Subpackages hold the rest, by the order of the work:
+
+- robots and their loops: ``robot``, ``loading``, ``kinematics``
+- what can be known: ``regressors``, ``observation``, ``parameters``, ``base_parameters``
+- recordings and values: ``motion``, ``logs``, ``identification``, ``diagnosis``, ``excitation``
+- use of a fit: ``control``, ``export``
+- pictures and pages: ``plots``, ``report``, ``view``; the paper's case study: ``paper``
+- what may be told on the way: ``errors``, ``findings``, ``progress``
 """
 
 import lazy_loader

@@ -285,6 +285,11 @@ DESCRIPTIONS = {
         {"remove_closures": ["tip-slide"]},
         ("remove_closures", "'tip-slide'", "none"),
     ),
+    "a rod in short": (
+        {"closed_loop": [ENDS], "type": ["rod"]},
+        ("distance", "'length'", "'closures'"),
+    ),
+    "a coupling in short": ({"closed_loop": [ENDS], "type": ["gear"]}, ("'couplings'",)),
     "two trees": ({"mjcf": "robot.xml"}, ("'urdf'", "'mjcf'", "exclude")),
 }
 BROKEN = {name: ({"closures": [one]}, words) for name, (one, words) in CLOSURES.items()}

@@ -30,3 +30,15 @@ def test_a_planar_joint_moves_across_its_axis(tmp_path, axis):
         pose = robot.pose(q=poses[name])
         found.append([robot.gravity(pose), *robot.mass_matrix(pose)])
     np.testing.assert_allclose(*found, atol=1e-12)
+
+
+@pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")
+@pytest.mark.parametrize("inside", ["", '<mimic joint="hinge"/>'])
+def test_a_planar_joint_has_no_motor_where_the_file_names_none(tmp_path, inside):
+    """Alike whether another joint follows or not."""
+    follower = joint("follower", "tip", "end", (0.2, 0, 0)).replace("</joint>", f"{inside}</joint>")
+    parts = body("cart"), body("tip"), body("end"), joint("hinge", "cart", "tip", (0.2, 0, 0.1))
+    table = joint("table", "ground", "cart", kind="planar")
+    (tmp_path / "robot.urdf").write_text(urdf(*parts, follower, table))
+    motors = loopid.load(tmp_path / "robot.urdf").actuated
+    assert motors == (("hinge",) if inside else ("hinge", "follower"))

@@ -239,12 +239,21 @@ class Description(Section):
         for names in (self.name_mot, self.joint_name):
             for name in _repeated(names) if isinstance(names, list) else ():
                 raise ValueError(f"joint {name} is listed twice")
-        if COUPLING in self.type:
-            raise ValueError(
-                "type: a coupling joins joints, not frames: list it as one of 'couplings'"
-            )
         if self.urdf is not None and self.mjcf is not None:
             raise ValueError("'urdf' and 'mjcf' exclude each other: the tree has one file")
+        return self
+
+    @model_validator(mode="after")
+    def _types_need_frames_only(self) -> Description:
+        for kind in self.type:
+            if kind == COUPLING:
+                raise ValueError(
+                    "type: a coupling joins joints, not frames: list it as one of 'couplings'"
+                )
+            for more in keys_of(kind)[1][1:]:
+                raise ValueError(
+                    f"type: a {kind} closure needs '{more}': list it as one of 'closures'"
+                )
         return self
 
     @model_validator(mode="after")

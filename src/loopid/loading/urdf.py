@@ -259,7 +259,7 @@ def _motors(
     there are any.
     """
     joints = {joint.name: joint.type for joint in urdf.joints}
-    moving = [name for name, kind in joints.items() if kind not in ("fixed", "floating")]
+    moving = [name for name, kind in joints.items() if kind not in ("fixed", *SEVERAL)]
     independent = {k: v for dialect in dialects for k, v in dialect.independent.items()}
     if independent:
         return [name for name in moving if independent.get(name, True) and name not in mimics]
