@@ -243,8 +243,7 @@ class _Sdf:
         kind = element.get("type", "").strip()
         with naming(xml.label(element)):
             known = (*IN_TREE, *TWO_AXES, "gearbox")
-            if kind not in known:
-                raise RobotFileError.unknown("type", kind, known)
+            RobotFileError.require("type", kind, known)
             parent, carried = (
                 self.carrier(scope, (xml.child(element, side).text or "").strip())
                 for side in ("parent", "child")

@@ -169,8 +169,7 @@ def linked(
     for side in sides:
         tag = xml.child(element, side)
         found.append((tag.get("link") or tag.text or "").strip())
-        if found[-1] not in links:
-            raise RobotFileError.unknown("link", found[-1], links, f" in <{side}>")
+        RobotFileError.require("link", found[-1], links, f" in <{side}>")
     if found[0] == found[1]:
         raise RobotFileError(f"link {found[0]!r} is at both its ends")
     return found[0], found[1]

@@ -168,8 +168,7 @@ def _joint(element: xml.Element) -> Joint:
     parent, carried = (xml.required(xml.child(element, tag), "link") for tag in ("parent", "child"))
     along = (1.0, 0.0, 0.0) if axis is None else xml.numbers(axis, "xyz", 3)
     with naming(f"joint {name}"):
-        if kind not in JOINT_TYPES:
-            raise RobotFileError.unknown("type", kind, JOINT_TYPES)
+        RobotFileError.require("type", kind, JOINT_TYPES)
         if np.abs(along).max() < LEAST_AXIS:
             raise RobotFileError("<axis> is zero")
         if limit is not None:
