@@ -7,7 +7,6 @@ import pkgutil
 from collections.abc import Mapping
 from dataclasses import MISSING, field, fields, is_dataclass, replace
 from inspect import isabstract
-from timeit import timeit
 
 import numpy as np
 import pinocchio as pin
@@ -224,10 +223,11 @@ def test_options_check_themselves_however_they_are_made():
     assert hash(Options()) == hash(Options())
 
 
-def test_a_record_costs_microseconds():
+def test_read_only_arrays_are_kept_without_a_copy():
     place = np.zeros(3)
+    assert Point(place).place is not place
     place.setflags(write=False)
-    assert timeit(lambda: Point(place), number=1000) / 1000 < 30e-6
+    assert Point(place).place is place
 
 
 def test_options_can_be_replaced_one_by_one():

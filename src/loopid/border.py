@@ -26,7 +26,6 @@ WORDS = {
     "less_than": "must be below {lt:g}",
     "less_than_equal": "must be {le:g} or less",
     "sequence_str": "must be a sequence",
-    "json_invalid": "it is cut short or damaged ({error})",
 }
 SHORTER = {
     "Input should be": "must be",
@@ -37,7 +36,7 @@ SHORTER = {
 }
 UNKNOWN = "unknown_word"
 # Their sentences name the value themselves.
-COMPLETE = ("missing", "json_invalid", "too_short", "too_long", "value_error", UNKNOWN)
+COMPLETE = ("missing", "too_short", "too_long", "value_error", UNKNOWN)
 Form = TypeVar("Form", bound=BaseModel)
 
 

@@ -136,12 +136,16 @@ class FitFile:
         try:
             content = json.loads(_document(Path(path)))
         except (ValueError, RecursionError) as error:
-            raise DataError(f"{path} is not a saved fit: {error}", file=path) from error
+            raise DataError(
+                f"{path} is not a saved fit: it is cut short or damaged ({error})", file=path
+            ) from error
         if not isinstance(content, dict) or content.get("format") != FORM:
             raise DataError(f"{path} is not a saved fit: its format is not {FORM!r}", file=path)
-        if content.get("version") != VERSION:
+        if "version" not in content:
+            raise DataError(f"{path} is not a saved fit: its version is missing", file=path)
+        if content["version"] != VERSION:
             raise DataError(
-                f"{path} is a fit in form {content.get('version')!r:.60}, and this loopid reads "
+                f"{path} is a fit in form {content['version']!r:.60}, and this loopid reads "
                 f"form {VERSION}: identify the log again and save the fit",
                 field="version",
             )
