@@ -39,8 +39,8 @@ from loopid.identification.quality import (
 )
 from loopid.kinematics.constraint import constraint_residual
 from loopid.kinematics.sampling import random_configurations
-from loopid.loading.closure import Closure, Coupling
-from loopid.loading.files import bundled_directory, own_files
+from loopid.loading.closure import Closure, Coupling, not_in
+from loopid.loading.files import bundled_directory, find_files, own_files
 from loopid.parameters import Parameter, ParameterSet
 from loopid.records import record
 from loopid.regressors.joint_terms import JointTerms
@@ -237,9 +237,10 @@ class FitFile:
             for each in own["options"].get("closures", ())
         ]
         try:
-            return load(
-                own["path"] if file is None else file, **own["options"] | {"closures": closures}
-            )
+            place = own["path"] if file is None else file
+            # A YAML that was written beside an exported file has them, too.
+            closures = not_in(find_files(place).given, closures)
+            return load(place, **own["options"] | {"closures": closures})
         except FileError:
             if file is not None:
                 raise

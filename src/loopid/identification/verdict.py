@@ -23,7 +23,6 @@ GOOD, ROUGH = 0.1, 0.3
 # below, the force does not follow the motion.
 NOISE = 0.2
 NAMED = 1  # parameters that the sentence names
-NO_VALUE = 1e9  # standard error in % of a value from which on the value is the round-off of zero
 # Errors over the sensors' noise, from which on the model lacks something: values follow that.
 NOISY = 3.0
 REPEATED = 0.5  # part of the states that come back, from which on a motion repeats itself
@@ -310,7 +309,7 @@ def _least_known(found: Outcome) -> tuple[str, ...]:
     alone = found.recommended is found.baseline  # of the bodies it has no estimates
     fit = found["all parameters"].fit if alone else found.fit
     weak = set(insignificant(fit))
-    order = np.argsort(-np.minimum(fit.relative_std, NO_VALUE), kind="stable")
+    order = np.argsort(-fit.relative_std, kind="stable")
     labels, names = fit.parameters.labels, fit.parameters.names
     return tuple(labels[j] for j in order if names[j] in weak)
 
