@@ -33,9 +33,7 @@ LOGS = Argument(
     metavar="LOG...",
     help="CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream.",
 )
-CUTOFF = Option(
-    None, help="Cut-off of the low-pass filter in Hz; by default where estimates change least."
-)
+CUTOFF = Option(None, help="Cut-off of the low-pass filter in Hz; by default the best one.")
 AUTOMATIC_TERMS = Option(
     "auto",
     help=f"{TERMS[:-1]}; auto: the usual ones, and what LOG needs.",
@@ -278,9 +276,7 @@ def export(
     from loopid.report.look import json_text
 
     if robot is yaml is c is None:
-        raise OptionError(
-            "nothing to export: give --urdf FILE, --mjcf FILE, --yaml FILE or --c DIR"
-        )
+        raise OptionError("nothing to write: give --urdf FILE, --mjcf FILE, --yaml FILE or --c DIR")
     saved = load_fit(fit, robot=file)
     if yaml is not None:
         require_other_file(yaml, fit, *own_files(saved.robot))

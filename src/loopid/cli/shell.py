@@ -161,9 +161,8 @@ class Answer:
         console = Console(highlight=False)
         console.width = console.width or WIDTH
         console.print(Words(f"{report.title}: {report.verdict}"))
-        own = [
-            f for f in report.findings if f.severity == "mistake" or f.title not in report.verdict
-        ]
+        told = report.verdict
+        own = [f for f in report.findings if f.severity == "mistake" or f.title not in told]
         for line in in_words(own, self.verbose):
             console.print(Words(line))
         if report.advice:

@@ -170,6 +170,4 @@ def _refuse_unfinished(path: Path) -> None:
             )
     odd = [mark for mark in "#?%" if mark in str(path)]
     if odd and any(".db3" in file.suffixes for file in files):  # packed ones, too
-        raise LogError(
-            f"{path}: SQLite takes {odd[0]!r} in a path for something else: rename it", file=path
-        )
+        raise LogError(f"{path}: SQLite cannot have {odd[0]!r} in a path: rename it", file=path)

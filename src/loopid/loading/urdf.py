@@ -138,9 +138,7 @@ def _mimics(all_joints: Iterable[Joint]) -> dict[str, ClosureDescription]:
             chain.append(leaders[chain[-1]])
             if chain[-1] == follower:
                 circle = " mimics ".join(chain)
-                raise RobotFileError(
-                    f"joint {circle}: a circle, with no joint to lead it: take one <mimic> out"
-                )
+                raise RobotFileError(f"joint {circle}: a circle: take one <mimic> out")
     found = {}
     for name, (leading, factor, offset) in mimics.items():
         terms = {name: 1.0} | ({leading: -factor} if factor else {})

@@ -333,7 +333,5 @@ def frame_index(robot: Robot, name: str) -> int:
     OptionError.require(f"frame of {robot.name}", name, [*dict.fromkeys(names)])
     index = link_frames(model).get(name, names.index(name))
     if not robot.supports([index]).any():
-        raise OptionError(
-            f"frame {name} of {robot.name} does not move: a wrench on it moves nothing"
-        )
+        raise OptionError(f"frame {name} of {robot.name} does not move: no wrench moves it")
     return index

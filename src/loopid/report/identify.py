@@ -160,9 +160,7 @@ def _sections(found: Identification, worst: str) -> Iterator[Section]:
         short="Parameters",
     )
     if told.weak or told.unidentifiable:
-        yield Section(
-            "What the log does not identify", (_unidentified_table(found),), short="Not identified"
-        )
+        yield Section("Not identified", (_unidentified_table(found),))
     used = {"fitted": found.training, "new data, not fitted": found.validation}
     log = [charts.used_chart(robot, used), charts.gains_chart(robot, found.log_faults)]
     log += [] if found.delay is None else [charts.delays_chart(robot, found.delay)]
