@@ -109,7 +109,9 @@ def finite(array: ArrayLike, name: str) -> FloatArray:
     if values.size and not (values.max() <= LARGEST and values.min() >= -LARGEST):
         first = tuple(int(i) for i in np.argwhere(~(np.abs(values) <= LARGEST))[0])
         bound = f" (at most {LARGEST:g})" if np.isfinite(values[first]) else ""
-        raise DataError(f"{name} must be finite{bound}, but one is {values[first]}", argument=name)
+        raise DataError(
+            f"{name} must be finite{bound}, but entry {first} is {values[first]}", argument=name
+        )
     return values
 
 
@@ -288,7 +290,9 @@ def _checked(function: Callable[P, R], owner: type | None = None) -> Callable[P,
             details = error.errors(include_url=False)
             if details[0]["type"] == "extra_forbidden":  # as Python says it where no ** takes it
                 name = details[0]["loc"][0]
-                raise TypeError(f"{function.__name__}() has no argument {name!r}") from None
+                raise TypeError(
+                    f"{function.__name__}() got an unexpected keyword argument {name!r}"
+                ) from None
             # Which arguments there are is said by the call itself, with the function's name.
             if "argument" not in details[0]["type"]:
                 raise _refusal(details, list(signature(function).parameters)) from None

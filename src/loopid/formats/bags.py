@@ -74,9 +74,8 @@ class BagFormat(LogFormat):
     def accepts(cls, path: Path) -> bool:
         if not path.is_dir():
             return super().accepts(path)
-        return any(
-            f.name == DESCRIPTION or f.name.endswith(cls.endings[1:]) for f in path.iterdir()
-        )
+        names = [file.name for file in path.iterdir()]
+        return DESCRIPTION in names or any(name.endswith(cls.endings[1:]) for name in names)
 
     @cached_property
     def _topics(self) -> dict[str, Topic]:

@@ -344,9 +344,8 @@ class Lengths:
                     terms[f"{name}_{k}"] = factor
                     self.cables[f"{name}_{k}"] = self._frames(sites)
                 self.cables[name] = []
-                self.couplings.append(
-                    ClosureDescription(type="coupling", name=name, joints={name: -1.0} | terms)
-                )
+                joints = {name: -1.0} | terms
+                self.couplings.append(ClosureDescription(type="coupling", name=name, joints=joints))
             low, high = map(float, compiled.tendon_range[tendon])
             if compiled.tendon_limited[tendon] and low < high:
                 self.limits[name] = low, high

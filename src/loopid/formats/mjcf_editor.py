@@ -95,7 +95,10 @@ class MjcfEditor:
         for compiler in root.findall("compiler"):
             for attribute in OVERRULING:
                 if compiler.get(attribute) not in HARMLESS:
-                    raise self._refused(f"{attribute} of its <compiler> overrules each <inertial>")
+                    raise self._refused(
+                        f"{attribute} of its <compiler> overrules what an <inertial> says: take it "
+                        "out"
+                    )
 
     def _bodies(self, root: Element) -> list[Element]:
         """Tags of all bodies but the world, in the order of MuJoCo's."""

@@ -112,7 +112,9 @@ def _refuse_odd_numbers(compiled: mujoco.MjModel) -> None:
     numbers["jnt_range"] = np.nan_to_num(compiled.jnt_range, nan=np.inf, posinf=0.0, neginf=0.0)
     for name, values in numbers.items():
         if not (np.abs(values) <= LARGEST).all():
-            raise RobotFileError(f"{name} of MuJoCo's model must be finite, at most {LARGEST:g}")
+            raise RobotFileError(
+                f"{name} of MuJoCo's model must be finite, and {LARGEST:g} at most"
+            )
     for name in ("body_quat", "body_iquat", "site_quat", "jnt_axis"):
         # What is too long or short for MuJoCo to normalise is zero then.
         if not np.linalg.norm(getattr(compiled, name), axis=1).all():

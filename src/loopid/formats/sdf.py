@@ -90,9 +90,8 @@ def _completed(sdf: _Sdf, source: TreeSource, floats: bool) -> TreeSource:
         }
     )
     left_out = (*source.left_out, *sdf.left_out())
-    return replace(
-        source, description=description, notes=(*source.notes, *sdf.notes()), left_out=left_out
-    )
+    notes = (*source.notes, *sdf.notes())
+    return replace(source, description=description, notes=notes, left_out=left_out)
 
 
 @dataclass(frozen=True)

@@ -104,9 +104,8 @@ def own_files(robot: Robot) -> tuple[Path, ...]:
 
 def find_motion_file(path: str | Path) -> Path:
     """An existing motion file: the path itself, or the bundled one of a robot's name."""
-    bundled = sorted(
-        file.name.removesuffix(MOTIONS) for file in bundled_directory().glob(f"*{MOTIONS}")
-    )
+    files_there = bundled_directory().glob(f"*{MOTIONS}")
+    bundled = sorted(file.name.removesuffix(MOTIONS) for file in files_there)
     return _existing(path, MOTIONS, bundled, "motion file ", "robots with bundled motions are")
 
 

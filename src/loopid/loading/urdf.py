@@ -230,9 +230,7 @@ def _axes(
     axes = []
     for tag in tags or [etree.Element("axis", xyz="1 0 0")]:
         text = tag.findtext("xyz")  # as SDF writes it
-        axes.append(
-            xml.numbers(tag, "xyz", 3) if text is None else xml.numbers_in("<axis>", text, 3)
-        )
+        axes.append(xml.numbers_in("<axis>", text, 3) if text else xml.numbers(tag, "xyz", 3))
         if max(map(abs, axes[-1])) < LEAST_AXIS:
             raise RobotFileError(f"<{tag.tag!s}> is zero")
     return [axes[0], axes[-1]]

@@ -73,7 +73,10 @@ class JointMap(Section):
                 "column for each motor"
             )
         if not np.linalg.cond(self.matrix) < LARGEST_CONDITION:
-            raise ValueError(f"the condition number of the matrix is above {LARGEST_CONDITION:g}")
+            raise ValueError(
+                f"the matrix must be invertible, with a condition number of at most "
+                f"{LARGEST_CONDITION:g}"
+            )
         return self
 
 

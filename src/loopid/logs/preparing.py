@@ -206,9 +206,7 @@ def prepare_again(
             known = run.history.whole[1] if run.history else run.motion
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                whole[key] = prepare(
-                    robot, run.log, filter=options[0], masks=options[1], known=known
-                )
+                whole[key] = prepare(robot, run.log, filter=filtered, masks=options[1], known=known)
         found.append(whole[key].within(run))
     return tuple(found)
 

@@ -245,9 +245,8 @@ class Recording(Tabular):
         OptionError.require("motor", joint, self.actuators)
         rate, time = self.motion.velocities[:, self.actuators.index(joint)], self.motion.time
         ends = np.flatnonzero(np.diff(self.segments))
-        return [
-            np.cumsum(np.append(0.0, steps)) for steps in np.split(rate[1:] * np.diff(time), ends)
-        ]
+        parts = np.split(rate[1:] * np.diff(time), ends)
+        return [np.cumsum(np.append(0.0, steps)) for steps in parts]
 
     @property
     def at_rest(self) -> FloatArray:
@@ -259,9 +258,8 @@ class Recording(Tabular):
         for joint, column in zip(self.actuators, found.T, strict=True):
             if history is not None and joint in history.joints:
                 own = history.joints.index(joint)
-                column[:] = history.lowpassed(
-                    np.sign(history.velocity[:, own]) * history.idle[:, own]
-                )
+                sign = np.sign(history.velocity[:, own])
+                column[:] = history.lowpassed(sign * history.idle[:, own])
         return found
 
     def step_of(self, joint: str) -> float:

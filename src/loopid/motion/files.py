@@ -372,9 +372,8 @@ def read_motion_program(path: str | Path) -> MotionProgram:
         return Place(file, keys, coordinates, content.speeds, content.shortest)
 
     place("speeds").require_known(content.speeds)
-    plans = tuple(
-        _planned(name, motion, place("motions", name)) for name, motion in content.motions.items()
-    )
+    every = content.motions.items()
+    plans = tuple(_planned(name, motion, place("motions", name)) for name, motion in every)
     return MotionProgram(file, coordinates, content.rate, plans)
 
 

@@ -220,11 +220,7 @@ class Waypoint:
 
 @checked
 def point_to_point(
-    names: Sequence[str],
-    start: FloatArray,
-    waypoints: Sequence[Waypoint],
-    *,
-    rate: float = 100.0,
+    names: Sequence[str], start: FloatArray, waypoints: Sequence[Waypoint], *, rate: float = 100.0
 ) -> Motion:
     """Move from a start through waypoints, at rest in each.
 

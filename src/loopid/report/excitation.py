@@ -104,10 +104,7 @@ def _motion_files(found: ExcitationDesign) -> dict[str, bytes | str]:
     said = f"excites the {found.force_model.model} model, {found.options.criterion}"
     rate = float((len(motion) - 1) / motion.duration)
     steps = motion_text(NAME, said, motion.names, rate, found.start, found.waypoints)
-    return {
-        "motion.csv": csv_text([*table], *table.values(), digits=12),
-        "motion.yaml": steps,
-    }
+    return {"motion.csv": csv_text([*table], *table.values(), digits=12), "motion.yaml": steps}
 
 
 def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
