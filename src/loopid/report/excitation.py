@@ -46,7 +46,7 @@ def excitation_report(found: ExcitationDesign) -> Report:
     >>> loopid.report.excitation_report(found).title
     'parallelogram, gravity model, excitation'
     """
-    model, before, after = found.force_model, found.before.standard_errors, found.standard_errors
+    model, before, after = found.force_model, found.errors_before, found.standard_errors
     known, told, count = np.isfinite(before), int(np.isfinite(after).sum()), len(after)
     broken = ", ".join(check.name for check in found.checks if check.violations)
     seconds, condition = f"{found.motion.duration:g} s", f"{found.criteria.condition_number:.3g}"
@@ -120,7 +120,7 @@ def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
         "coordinates": list(found.motion.names),
         "noise": dict(zip(robot.actuated, json_value(found.noise), strict=True)),
         "parameters": list(found.parameters.names),
-        "errors_before": json_value(found.before.standard_errors),
+        "errors_before": json_value(found.errors_before),
         "checks": json_value(found.checks),
     }
 
