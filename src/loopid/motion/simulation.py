@@ -189,7 +189,7 @@ def simulate_log(
     cad_error: float = 0.0,
     seed: int = 0,
 ) -> str:
-    """The log that a robot would give while it follows a motion, as CSV.
+    """The log that a robot would give while it follows a motion, as CSV for ``read_log``.
 
     Terms come with values, as ``"Fc=60,Fv=900; elbow: Ks=12"``; ``cad_error`` is the deviation of
     ``scaled_bodies``.
@@ -204,13 +204,7 @@ def simulate_log(
         joint_terms=chosen,
         joint_values=values,
     )
-    return log_text(robot, measured)
-
-
-def log_text(robot: Robot, measured: Measurement) -> str:
-    """A measurement as the text of a CSV log that ``read_log`` reads without a mapping."""
-    motors = robot.actuated
-    names = [f"{motor}.{what}" for what in ("position", "force") for motor in motors]
+    names = [f"{motor}.{what}" for what in ("position", "force") for motor in robot.actuated]
     return csv_text(["time", *names], measured.time, measured.position, measured.force)
 
 
