@@ -279,8 +279,8 @@ class Log(Tabular):
         if segments is None:
             aligned = on_even_grid(name, joints, at, signals)
         else:
-            told = _segments(segments, len(at))
-            aligned = on_even_grids(name, joints, at, signals, told)
+            numbers = _segments(segments, len(at))
+            aligned = on_even_grids(name, joints, at, signals, numbers)
         limits = None if saturation is None else np.asarray(saturation)
         more = {"saturation": limits, "idle_speed": idle_speed, "slides": slides}
         fields = _by_field(aligned, wrenches) | more

@@ -47,7 +47,7 @@ def excitation_report(found: ExcitationDesign) -> Report:
     'parallelogram, gravity model, excitation'
     """
     model, before, after = found.force_model, found.errors_before, found.standard_errors
-    known, told, count = np.isfinite(before), int(np.isfinite(after).sum()), len(after)
+    known, excited, count = np.isfinite(before), int(np.isfinite(after).sum()), len(after)
     broken = ", ".join(check.name for check in found.checks if check.violations)
     seconds, condition = f"{found.motion.duration:g} s", f"{found.criteria.condition_number:.3g}"
     change = ""
@@ -56,7 +56,7 @@ def excitation_report(found: ExcitationDesign) -> Report:
         earlier = "with the logs alone" if found.after_logs else "by the first motion tried"
         change = f", with standard errors {share:.2g} times those {earlier} (median)"
     verdict = (
-        f"A motion of {seconds} breaks {broken or 'no limit'} and determines {told} of {count} "
+        f"A motion of {seconds} breaks {broken or 'no limit'} and determines {excited} of {count} "
         f"parameters{change}; the condition number is {condition}"
         + ("." if found.converged else ", which more evaluations may improve.")
     )
@@ -77,11 +77,11 @@ def excitation_report(found: ExcitationDesign) -> Report:
         record=excitation_record(found),
         brief=[panel_table(chart.panels[0])],
         card=Card(
-            tone="bad" if broken else "good" if told == count else "rough",
+            tone="bad" if broken else "good" if excited == count else "rough",
             word="Breaks limits" if broken else "Keeps all limits",
             use=broken or f"in a motion of {seconds}",
             figures=(
-                Figure(str(told), "parameters determined", f"of {count}"),
+                Figure(str(excited), "parameters determined", f"of {count}"),
                 Figure(condition, "condition number"),
                 Figure(f"{found.min_singularity_measure:.3g}", "least singularity measure"),
                 Figure(str(found.violations), "violations on the fine grid"),

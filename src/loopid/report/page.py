@@ -294,8 +294,10 @@ class Report:
         if self.findings or self.checks:
             findings = findings_html(self.findings, self.checks)
         data = {key: value for key, value in self.data.items() if key not in self.beside}
-        told = {name: version(name) for name in LIBRARIES} | {"Python": platform.python_version()}
-        used = ", ".join(f"{name} {which}" for name, which in told.items())
+        versions = {name: version(name) for name in LIBRARIES} | {
+            "Python": platform.python_version()
+        }
+        used = ", ".join(f"{name} {which}" for name, which in versions.items())
         parts: list[Part] = [E.pre(command)] if command else []
         parts.append(f"{used}; {platform.system()} {platform.machine()}")
         run = Section("To reproduce this run", tuple(parts), short="Reproduce")
