@@ -96,7 +96,7 @@ def _tree(file: Path, given: Description) -> Path:
 def files_of(robot: Robot) -> RobotFiles:
     """The files that a robot was loaded from; a FileError where it was made in Python."""
     if robot.path is None:
-        raise FileError(f"{robot.name} was made in Python: no file describes it", robot=robot.name)
+        raise FileError(f"{robot.name} was made in Python: no file describes it")
     return find_files(robot.path)
 
 
