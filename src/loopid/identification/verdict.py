@@ -138,7 +138,9 @@ class Verdict:
         size = 100 * abs(1 - root)
         spread = f" ± {number(50 * error / root, 1)}" if np.isfinite(error) else ""
         change = "smaller" if ratio < 1 else "larger"
-        return f" Over all motors they are {size:.0f}{spread} % {change} than with the given bodies."
+        return (
+            f" Over all motors they are {size:.0f}{spread} % {change} than with the given bodies."
+        )
 
 
 # What judged, in words.
