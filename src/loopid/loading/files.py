@@ -96,15 +96,23 @@ def _tree(file: Path, given: Description) -> Path:
 def files_of(robot: Robot) -> RobotFiles:
     """The files that a robot was loaded from; a FileError where it was made in Python."""
     if robot.path is None:
-        raise FileError(f"{robot.name} was made in Python: no file describes it", robot=robot.name)
+        raise FileError(
+            f"{robot.name} was made in Python, and no file describes it: fit.to_pinocchio() and "
+            "fit.to_c(folder) need none",
+            robot=robot.name,
+        )
     return find_files(robot.path)
 
 
 def own_files(robot: Robot) -> tuple[Path, ...]:
-    """The file that a robot was loaded from, and that of its tree, which may be the same."""
-    if robot.path is None:
+    """The file that a robot was loaded from, and that of its tree, which may be the same.
+
+    None where they are gone since, or never were.
+    """
+    try:
+        files = files_of(robot)
+    except FileError:
         return ()
-    files = files_of(robot)
     return files.named, files.tree
 
 
