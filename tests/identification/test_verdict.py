@@ -36,7 +36,9 @@ def recording(robot, wrong="nothing", seed=0):
     elif wrong == "a sign":
         force[:, 0] *= -1
     elif wrong == "a zero":
-        q[:, first] += 0.2
+        read = loopid.kinematics.measured_coordinates(robot).read(q)
+        read[:, robot.independent.index("left_crank_joint")] += 0.2
+        q = loopid.Dynamics(robot).assemble(read, trajectory=True)
     return Recording.of_motion(replace(motion, configurations=q), force, robot.actuated)
 
 

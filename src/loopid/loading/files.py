@@ -7,8 +7,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
-from loopid.errors import FileError, RobotFileError, near
-from loopid.files import require_name, why_no_file
+from loopid.errors import FileError, RobotFileError
+from loopid.files import near_file, require_name, why_no_file
 from loopid.loading.description import Description
 from loopid.registry import robot_formats
 from loopid.robot.robot import Robot
@@ -116,11 +116,16 @@ def own_files(robot: Robot) -> tuple[Path, ...]:
     return files.named, files.tree
 
 
-def find_motion_file(path: str | Path) -> Path:
-    """An existing motion file: the path itself, or the bundled one of a robot's name."""
-    bundled = sorted(
+def robots_with_motions() -> list[str]:
+    """Bundled robots that have motions."""
+    return sorted(
         file.name.removesuffix(MOTIONS) for file in bundled_directory().glob(f"*{MOTIONS}")
     )
+
+
+def find_motion_file(path: str | Path) -> Path:
+    """An existing motion file: the path itself, or the bundled one of a robot's name."""
+    bundled = robots_with_motions()
     return _existing(path, MOTIONS, bundled, "motion file ", "robots with bundled motions are")
 
 
@@ -134,7 +139,7 @@ def _existing(
     if str(path) in bundled:
         return bundled_directory() / f"{path}{ending}"
     names = tuple(bundled)
-    meant = "" if Path(path).suffix else near(path, names)
+    meant = near_file(Path(path), () if Path(path).suffix else names)
     raise FileError(
         f"{what}{Path(path)} {problem}{meant}, and {listing}: {', '.join(names)}",
         file=str(path),
