@@ -98,8 +98,7 @@ def files_of(robot: Robot) -> RobotFiles:
     if robot.path is None:
         raise FileError(
             f"{robot.name} was made in Python, and no file describes it: fit.to_pinocchio() and "
-            "fit.to_c(folder) need none",
-            robot=robot.name,
+            "fit.to_c(folder) need none"
         )
     return find_files(robot.path)
 

@@ -155,8 +155,6 @@ def read_streams(
         raise LogError(
             f"{source}: {joint} is locked at {locked[joint]:.6g}, but stands at {value:.6g}: load "
             f'the robot with lock=["{joint}={value:.6g}"]',
-            source=source,
-            joint=joint,
             given=value,
             tolerance=LOCKED,
         )
@@ -195,9 +193,7 @@ def _elsewhere(
         if high - low > LOCKED:
             raise LogError(
                 f"{source}: {joint} is locked, but moves from {low:.4g} to {high:.4g} in column "
-                f"{place.column!r}: load the robot without that lock",
-                source=source,
-                joint=joint,
+                f"{place.column!r}: load the robot without that lock"
             )
         middle = float(np.nanmedian(positions))
         if abs(middle - value) > LOCKED:
@@ -281,7 +277,6 @@ def open_log(path: Path, mapping: LogMapping) -> LogFormat:
                 f"of format {name}",
                 file=path,
                 key=key,
-                format=name,
             )
     chosen = getattr(mapping, kind.choice) if kind.choice else None
     return kind(path, chosen)
