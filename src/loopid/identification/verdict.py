@@ -175,6 +175,8 @@ def _of_model(found: Outcome) -> Finding | None:
 def _use(found: Outcome, error: float) -> str:
     if found.fit.broken:
         return f"{NOT_FIT}, as {found.fit.broken[0]}"
+    if _nothing_follows(found):
+        return f"{NOT_FIT}, as no force follows the motion"
     if not error <= ROUGH:
         return NOT_FIT
     use = "Fit for predicting forces" if error <= GOOD else ROUGHLY
@@ -282,8 +284,21 @@ def findings_of(found: Outcome) -> tuple[Finding, ...]:
     return most_important_first([*said, *told.findings, *bounds])
 
 
+def _nothing_follows(found: Outcome) -> bool:
+    """Whether all parameters together explain no motor's force, as where the robot stands still."""
+    return not (found["all parameters"].fit.quality.r_squared >= NOISE).any()
+
+
 def _unexplained(found: Outcome) -> Finding | None:
     """Forces that no parameters explain, or that the recommended fit does not."""
+    if _nothing_follows(found):
+        return Finding(
+            "warning",
+            "no force follows the motion",
+            f"all parameters together explain less than {100 * NOISE:.0f} % of any force's "
+            "variance, so that the log says nothing of the robot",
+            "record a motion in which the forces change, or look at the columns and time stamps",
+        )
     explained = found["all parameters"].fit.quality.r_squared
     noise = [name for name, r in zip(found.data.actuators, explained, strict=True) if r < NOISE]
     if noise:
