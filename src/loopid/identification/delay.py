@@ -366,8 +366,8 @@ def with_delay_errors(
     """Add the uncertainty of the delay to a fit's covariance.
 
     An error of the delay adds forces D = ∂τ/∂t to those of the samples x. They move the estimates
-    by C Σ xᵀ D / σ², with C their covariance. σ² is the variance of this many independent errors as
-    would determine a mean as well. Of a delay that is not clear all is left (``Delay.left``).
+    by C Σ xᵀ D / σ², with C their covariance. The variance σ² is that of as many independent errors
+    as would determine a mean as well. Of a delay that is not clear all is left (``Delay.left``).
 
     Parameters
     ----------

@@ -48,8 +48,8 @@ LEAST_MASS, LEAST_REACH = 0.01, 0.01
 def body_sizes(robot: Robot, model: str) -> FloatArray:
     """Sizes (p,) of the standard parameters of the bodies by the robot file, all positive.
 
-    m, m ℓ and m ℓ² for a body of mass m whose mass is ℓ from its link's origin in the root mean
-    square: what uncertainties are compared with.
+    They are m, m ℓ and m ℓ² for a body of mass m, which is ℓ from its link's origin in the root
+    mean square. Uncertainties are compared with them.
     """
     values = robot.standard_parameters("full").reshape(-1, len(KINDS))
     mass = np.abs(values[:, 0])
