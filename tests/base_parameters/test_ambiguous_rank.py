@@ -4,10 +4,13 @@ import pickle
 import warnings
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from choice_problems import parameters
 from hypothesis import given, strategies as st
+from scipy.spatial.transform import Rotation
 
+import loopid
 from loopid.base_parameters import SEARCHES, RankTolerances, find_base
 from loopid.base_parameters.choice import CRITERIA
 from loopid.base_parameters.rank import DoubtfulCombination
@@ -90,6 +93,49 @@ def test_a_slow_decay_counts_down_to_the_least_value_that_counts(lowest, least):
     found = quiet(with_values(values), least=10**least, zero=1e-13)
     assert abs(found.rank - (values > 10**least).sum()) <= 1  # one may be at the limit itself
     assert found.rank + len(found.doubtful) == 12
+
+
+@pytest.mark.parametrize("search", sorted({*SEARCHES} - {"subgroup"}))
+def test_without_a_gap_no_small_coefficient_is_dropped(search):
+    """Values that fall from 1 to 1e-13: forces are lost by no more than what is doubtful."""
+    rng = np.random.default_rng(0)
+    for seed in range(10):
+        W = with_values(10.0 ** np.linspace(0, -13, 14), seed)
+        W *= 10.0 ** rng.uniform(-2, 0, size=14)  # so that coefficients are of many sizes
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", AccuracyWarning)
+            base = find_base(observe(W), search)
+        assert base.structure.rank_bounds
+        assert base.reconstruction_error(W) < 3e-6
+
+
+def test_forces_of_a_loop_whose_rank_is_unclear_are_right():
+    """Seven hinges askew and a rigid closure: singular values fall without a gap."""
+    rng, model, last = np.random.default_rng(0), pin.Model(), 0
+    for k in range(7):
+        turn, place = Rotation.random(rng=rng).as_matrix(), rng.normal(size=3) * 0.3
+        last = model.addJoint(last, pin.JointModelRZ(), pin.SE3(turn, place), f"hinge{k}")
+        body = pin.Inertia.FromSphere(rng.uniform(0.5, 3), 0.1)
+        model.appendBodyToJoint(last, body, pin.SE3(np.eye(3), rng.normal(size=3) * 0.1))
+    q, data = rng.normal(size=7) * 0.5, model.createData()
+    pin.forwardKinematics(model, data, q)
+    closure = pin.RigidConstraintModel(
+        pin.ContactType.CONTACT_6D, model, last, pin.SE3.Identity(), 0, data.oMi[last], pin.LOCAL
+    )
+    closure.name = "loop"
+    reference = {f"hinge{k}": float(q[k]) for k in range(7)}
+    robot = loopid.from_pinocchio(
+        model, [closure], motors=["hinge0"], reference=reference, rounding=0
+    )
+    with pytest.warns(AccuracyWarning, match="unclear|doubtful") as warned:
+        fitted = loopid.Dynamics(loopid.force_model(robot, "full", None))
+    assert not any("rounding" in str(one.message) for one in warned)  # it is said to be exact
+    given = loopid.Dynamics(robot)
+    for u in q[0] + np.linspace(-0.01, 0.01, 5):
+        du, ddu = rng.normal(size=(2, 1))
+        forces = given.inverse([u], du, ddu)
+        assert fitted.inverse([u], du, ddu) == pytest.approx(forces, rel=1e-5)
+        assert fitted.mass_matrix([u]) == pytest.approx(given.mass_matrix([u]), rel=1e-5)
 
 
 def test_a_doubtful_combination_is_named_by_its_terms():

@@ -317,6 +317,18 @@ def test_all_terms_of_an_mjcf_come_back(tmp_path, angle, more):
     assert relative(felt[:, order], expected) < ROUND_TRIP
 
 
+@pytest.mark.filterwarnings("ignore::loopid.errors.ModelWarning")
+def test_a_negative_stiffness_is_no_spring_of_a_simulator(tmp_path):
+    pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
+    (tmp_path / "arm.xml").write_text(MODEL.replace("ANGLE", "radian").replace("MORE", ""))
+    mechanism = loopid.load(tmp_path / "arm.xml")
+    terms = JointTerms(("j1",), ("Ks",))
+    again, _, said = written(mechanism, terms, np.array([-1e-4, 0.04]), tmp_path / "new.xml")
+    assert not {"Ks", "Fo"} & again.joint_values.get("j1", {}).keys()
+    assert "zero stands for the negative j1.Ks = -0.0001" in said[0]
+    assert "without a place in the file (a YAML's joint_terms has one), are j1.Fo" in said[0]
+
+
 def inverse_dynamics(mujoco, path, motion):
     """Forces (N, nv) by MuJoCo, with the damping of actuators and without their controls."""
     model = mujoco.MjModel.from_xml_path(str(path))

@@ -2,6 +2,7 @@
 
 import re
 import warnings
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -119,3 +120,17 @@ def test_a_saved_robot_is_the_same(found, tmp_path):
             estimate.unit,
         )
         np.testing.assert_allclose(other.interval, estimate.interval, rtol=1e-9)
+
+
+def test_what_is_zero_but_for_round_off_has_no_share(found):
+    """Of a value that is held at zero no error is a part, whether it is 0 or 1e-20."""
+    few = found.fit.values.size
+    shares = []
+    for zero in (0.0, 2e-20, -2e-20):
+        fit = replace(found.fit, values=np.full(few, zero), standard_parameters=None, model=None)
+        shares.append(fit.relative_std)
+        first = fit.estimates[0]
+        assert first.relative_std == np.inf
+        assert "inf" not in str(first)
+        assert "%)" not in str(first)
+    assert all(np.array_equal(each, shares[0]) for each in shares)

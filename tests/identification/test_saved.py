@@ -192,6 +192,36 @@ def test_closures_and_motors_of_python_survive(tmp_path):
     assert fit.robot.actuated == tuple(motors)
 
 
+def test_a_robot_file_may_have_the_closures_of_python(tmp_path):
+    """As that beside an exported file has: they are the same, whatever their names."""
+    leg = ROOT / "examples" / "leg.urdf"
+    closures, motors = [loopid.Closure("rod_end", "lever", "3d")], ["hip_pitch", "knee_drive"]
+    robot = loopid.load(leg, closures=closures, motors=motors)
+    model = loopid.force_model(robot, "full")
+    saved = loopid.Fit.of(model, model.prior).save(tmp_path / "fit.json")
+    beside = export_robot_file(robot, 1.1 * robot.standard_parameters(), tmp_path / "new.urdf")
+    own = tmp_path / "own.yaml"
+    own.write_text(
+        beside.read_text().replace("frames: [rod_end, lever]", "frames: [lever, rod_end]")
+    )
+    for file in (beside, own, tmp_path / "new.urdf"):
+        fit = load_fit(saved, robot=file)
+        assert fit.robot.actuated == tuple(motors)
+        assert len(fit.robot.closures) == 1
+
+
+def test_a_fit_is_used_and_saved_after_its_robot_file_is_gone(load_once, tmp_path):
+    for ending in ("yaml", "urdf"):
+        copy(ROOT / "urdf" / f"five_bar.{ending}", tmp_path)
+    model = loopid.force_model(loopid.load(tmp_path / "five_bar.yaml"), joint_terms=None)
+    fit, u = loopid.Fit.of(model, model.prior), [2.0, 0.7]
+    expected = loopid.Dynamics(model.robot, fit).inverse(u)
+    (tmp_path / "five_bar.yaml").unlink()
+    bundled = load_once("five_bar")
+    np.testing.assert_allclose(loopid.Dynamics(bundled, fit).inverse(u), expected)
+    assert load_fit(fit.save(tmp_path / "fit.json"), robot=bundled).robot == bundled
+
+
 def test_no_other_robot_of_the_name_stands_in(tmp_path):
     """A robot that is gone is refused, though one of its name is bundled; the latter is found."""
     for ending in ("yaml", "urdf"):

@@ -84,7 +84,7 @@ class DoubtfulCombination:
     # How much forces depend on it, relative to the combination that they depend on most
     singular_value: float
     # In m, of the lengths in the robot file: numbers rounded so make such a value. NaN where the
-    # robot is not known
+    # robot is not known, or said to be exact
     rounding: float
     source: str = ""  # where it is known that the file is rounded so; empty where it need not be
 
@@ -299,6 +299,8 @@ def _combinations(
     along = rows / np.linalg.norm(rows, axis=1, keepdims=True)
     sizes = np.linalg.norm(forces @ along.T, axis=0)
     roundings, found = _roundings(observation, scales, along, sizes, known=bool(source)), []
+    if _exact(observation):
+        roundings = np.full(len(sizes), np.nan)
     for k in np.argsort(-np.log10(sizes).round(DIGITS), kind="stable"):
         leader, row = leaders[k], rows[k]
         kept = np.flatnonzero(np.abs(row) > SLIGHT * np.abs(row).max())
@@ -316,7 +318,10 @@ def _roundings(
     *,
     known: bool,
 ) -> FloatArray:
-    """Rounding (k,) in m: the ``known`` one, or one that makes as large forces along directions."""
+    """Rounding (k,) in m: the ``known`` one, or one that makes as large forces along directions.
+
+    NaN where the robot is not known.
+    """
     if observation.draws is None:
         return np.full(len(sizes), np.nan)
     if known:
@@ -326,6 +331,14 @@ def _roundings(
     own, *moved = (np.linalg.norm(factor @ along.T, axis=0) for factor in (written, *others))
     made = np.sqrt(np.mean((np.array(moved) - own) ** 2, axis=0)) / np.linalg.norm(written, 2)
     return np.asarray(tried * sizes / np.maximum(made, np.finfo(float).tiny))
+
+
+def _exact(observation: Observation) -> bool:
+    """Whether the geometry is said to be exact, as ``rounding=0`` does."""
+    draws = observation.draws
+    if draws is None or not draws.source:
+        return False
+    return draws.accuracy <= ROUND_OFF * observation.length
 
 
 def pivots(vectors: FloatArray, count: int) -> IntArray:

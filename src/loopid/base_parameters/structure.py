@@ -14,7 +14,13 @@ import numpy as np
 import scipy.linalg
 
 from loopid.arguments import FloatArray, IntArray, checked, finite
-from loopid.base_parameters.rank import DoubtfulCombination, RankTolerances, decide_rank, decomposed
+from loopid.base_parameters.rank import (
+    CLEAR,
+    DoubtfulCombination,
+    RankTolerances,
+    decide_rank,
+    decomposed,
+)
 from loopid.errors import DataError
 from loopid.observation import Observation
 from loopid.parameters import ParameterSet
@@ -25,7 +31,6 @@ ZERO = 100.0  # times the round-off of null vectors: shorter rows are zero
 NOISE = 10.0  # times the error of a null vector's row: smaller coefficients are none
 ROUND_OFF = 1e-9  # that inversions leave of zeros, in a null space and in coefficients
 COARSE = 1e-6  # of the last value that counts, of columns of equal length: more is no round-off
-COARSEST = 1e-2  # precision of null vectors that doubtful values leave at least
 
 
 @record(checked=True)
@@ -163,8 +168,11 @@ def _orthonormal(vectors: FloatArray) -> FloatArray:
 
 
 def _precision(gap: float) -> float:
-    """Of null vectors, where doubtful values leave less than round-off does."""
-    return min(COARSEST, max(ROUND_OFF, 1 / gap))
+    """Of null vectors, where doubtful values leave less than round-off does.
+
+    Where the gap is unclear, no part of a null vector is known to be noise: all of it is kept.
+    """
+    return max(ROUND_OFF, 1 / gap) if gap >= CLEAR else ROUND_OFF
 
 
 def independent_blocks(null_basis: FloatArray) -> tuple[IntArray, ...]:

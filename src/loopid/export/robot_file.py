@@ -267,18 +267,23 @@ def straightened(meant: Terms, use: MotorUse | None) -> tuple[Terms, list[str]]:
 
 
 def _writable(meant: Terms) -> Terms:
-    """What is tried to be written: no half of a force, and no negative friction or drive inertia.
+    """What is tried to be written: no half of a force, no negative friction, inertia or stiffness.
 
-    Simulators take numbers as they are written: with a negative one they would gain energy.
+    Simulators take numbers as they are written: with negative friction they would gain energy, and
+    with a negative stiffness be drawn away from the rest of a spring.
     """
     return {
         joint: {
-            kind: max(value, 0.0) if joint_term(kind).positive else value
+            kind: max(value, 0.0) if _never_negative(kind) else value
             for kind, value in terms.items()
             if not any(other.startswith(HALVES.get(kind, ())) for other in terms)
         }
         for joint, terms in meant.items()
     }
+
+
+def _never_negative(kind: str) -> bool:
+    return kind == "Ks" or joint_term(kind).positive
 
 
 def _on_coordinates(robot: Robot, terms: Mapping[str, Mapping[str, Any]]) -> Known:
@@ -309,7 +314,7 @@ def _warn_of_others(robot: Robot, meant: Terms, there: Known, nearest: Sequence[
         label, value = f"{joint}.{kind}", meant[joint][kind]
         if kind in given.get(joint, {}):
             what = f"joint_terms of {files.named.name} overrule"
-        elif value < 0 and joint_term(kind).positive and read.get(joint, {}).get(kind, 0.0) == 0:
+        elif value < 0 and _never_negative(kind) and read.get(joint, {}).get(kind, 0.0) == 0:
             what, label = "zero stands for the negative", f"{label} = {value:.3g}"
         else:
             what = "in the fit, but without a place in the file (a YAML's joint_terms has one), are"

@@ -33,6 +33,8 @@ LEAST_FREEDOM = 1.0
 LISTED = 7
 # Part of the file's variance that the data must take away for a value to count as theirs.
 DETERMINED = 0.5
+# Standard error in % of a value from which on the value is the round-off of zero.
+NO_VALUE = 1e9
 
 
 @record
@@ -63,16 +65,18 @@ class Estimate:
 
     @property
     def relative_std(self) -> float:
-        """Standard error in % of the value; infinite for a value of zero."""
-        return 100 * self.standard_error / abs(self.value) if self.value else np.inf
+        """Standard error in % of the value; infinite for a value that is zero but for round-off."""
+        errors, values = np.array([self.standard_error]), np.array([self.value])
+        return float(relative_deviation(errors, values)[0])
 
     def __str__(self) -> str:
         low, high = self.interval
         if not self.standard_error and np.isinf(high):
             return f"{self.name}: {self.value:.5g} {self.unit}".rstrip() + ", assumed"
+        relative = f" ({self.relative_std:.1f} %)" if np.isfinite(self.relative_std) else ""
         return (
             f"{self.name}: {self.value:.5g} ± {self.standard_error:.2g} {self.unit}".rstrip()
-            + f" ({self.relative_std:.1f} %), 95 %: {low:.5g} to {high:.5g}"
+            + f"{relative}, 95 %: {low:.5g} to {high:.5g}"
         )
 
 
@@ -159,7 +163,7 @@ class Estimates(OfArrays, Tabular):
 
     @property
     def relative_std(self) -> FloatArray:
-        """Standard errors (n,) in % of the estimates; infinite for an estimate of zero."""
+        """Standard errors (n,) in % of the estimates; infinite for one of zero."""
         return relative_deviation(self.standard_errors, self.values)
 
     def intervals(self, level: float = 0.95) -> FloatArray:
@@ -278,7 +282,11 @@ class Estimates(OfArrays, Tabular):
 
 
 def relative_deviation(errors: FloatArray, values: FloatArray) -> FloatArray:
-    """Standard errors (n,) in % of values (n,); infinite for a value of zero."""
+    """Standard errors (n,) in % of values (n,); infinite for one that is zero but for round-off.
+
+    A bound of zero leaves values such as 1e-20 or 0, which are one and the same.
+    """
     relative = np.full(len(values), np.inf)
-    np.divide(100 * errors, np.abs(values), out=relative, where=values != 0)
+    held = np.abs(values) > 100 * errors / NO_VALUE
+    np.divide(100 * errors, np.abs(values), out=relative, where=held)
     return relative

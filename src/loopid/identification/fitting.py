@@ -104,7 +104,9 @@ def _warn_of_insignificant(result: Fit) -> None:
     if not names or result.degrees_of_freedom.max() < LEAST_FREEDOM:
         return  # without freedom no interval is finite: the autocorrelation is to blame
     stds = dict(zip(result.parameters.names, result.relative_std, strict=True))
-    listed = ", ".join(f"{name} ({stds[name]:.0f} %)" for name in names)
+    listed = ", ".join(
+        f"{name} ({stds[name]:.0f} %)" if np.isfinite(stds[name]) else name for name in names
+    )
     warn(
         f"{len(names)} of {len(stds)} parameters are not significantly different from zero, by "
         f"their relative standard deviation: {listed}",

@@ -25,7 +25,7 @@ from loopid.base_parameters.base import BaseParameters, expression
 from loopid.base_parameters.choice import SearchResult
 from loopid.base_parameters.structure import Structure, analyse
 from loopid.errors import DataError, FileError, OptionError
-from loopid.files import why_no_file
+from loopid.files import near_file, why_no_file
 from loopid.identification.estimates import Estimates
 from loopid.identification.force_models import ForceModel
 from loopid.identification.quality import (
@@ -39,8 +39,8 @@ from loopid.identification.quality import (
 )
 from loopid.kinematics.constraint import constraint_residual
 from loopid.kinematics.sampling import random_configurations
-from loopid.loading.closure import Closure, Coupling
-from loopid.loading.files import bundled_directory, own_files
+from loopid.loading.closure import Closure, Coupling, not_in
+from loopid.loading.files import bundled_directory, find_files, own_files
 from loopid.parameters import Parameter, ParameterSet
 from loopid.records import record
 from loopid.regressors.joint_terms import JointTerms
@@ -133,8 +133,9 @@ class FitFile:
     @classmethod
     def read(cls, path: str | Path) -> FitFile:
         """Read a file; see ``load_fit`` for what is refused."""
+        document = _document(Path(path))
         try:
-            content = json.loads(_document(Path(path)))
+            content = json.loads(document)
         except (ValueError, RecursionError) as error:
             raise DataError(
                 f"{path} is not a saved fit: it is cut short or damaged ({error})", file=path
@@ -237,9 +238,10 @@ class FitFile:
             for each in own["options"].get("closures", ())
         ]
         try:
-            return load(
-                own["path"] if file is None else file, **own["options"] | {"closures": closures}
-            )
+            place = own["path"] if file is None else file
+            # A YAML that was written beside an exported file has them, too.
+            closures = not_in(find_files(place).given, closures)
+            return load(place, **own["options"] | {"closures": closures})
         except FileError:
             if file is not None:
                 raise
@@ -311,10 +313,11 @@ def as_file(record: dict[str, Any]) -> str:
 
 def _document(path: Path) -> bytes | str:
     """The content of a file as JSON, also of a YAML that was written otherwise."""
-    ending = require_ending(path)
     if reason := why_no_file(path):
-        kind = FileError if reason == "does not exist" else DataError
-        raise kind(f"{path} {reason}", file=path)
+        if reason == "does not exist":
+            raise FileError(f"{path} {reason}{near_file(path)}", file=path)
+        raise DataError(f"{path} {reason}", file=path)
+    ending = require_ending(path)
     content = path.read_bytes()
     if not content.strip():
         raise DataError(f"{path} is not a saved fit: it is empty", file=path)

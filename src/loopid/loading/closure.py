@@ -117,6 +117,16 @@ class Coupling:
         return validated(ClosureDescription, content, what, OptionError)
 
 
+def not_in(given: Description, closures: Sequence[Closure | Coupling]) -> list[Closure | Coupling]:
+    """Those that a description does not have already, under whatever names."""
+
+    def ends(closure: ClosureDescription) -> tuple[str, frozenset[str]]:
+        return closure.type, frozenset(closure.frames or closure.joints or ())
+
+    known = {ends(closure) for closure in given.all_closures}
+    return [each for each in closures if ends(each.description) not in known]
+
+
 def with_more(
     given: Description,
     closures: Sequence[Closure | Coupling],
