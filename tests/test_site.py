@@ -80,7 +80,7 @@ BROWSER = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chr
 
 @pytest.mark.skipif(BROWSER is None, reason="needs Chromium")
 def test_no_page_is_wider_than_a_phone(site):
-    """Long formulas, blocks and tables scroll in boxes of their own: all pages, one below another."""
+    """Long formulas, blocks and tables scroll in boxes of their own; all pages in one."""
     api = pytest.importorskip("playwright.sync_api")
     first = next(path for path in site if path.name == "index.html")
     whole = html.parse(first).getroot()
