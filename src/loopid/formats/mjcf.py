@@ -456,8 +456,7 @@ def _left_out(scene: Scene, lengths: Mapping[int, str]) -> list[str]:
         "equalities of motion-capture bodies are left out": _where(equalities, active & mocap),
         "limits of ball joints are not checked": _where(scene.joints, limited_balls),
         "limits of tendons are not modelled": _where(
-            tendons,
-            (compiled.tendon_limited != 0) & ~np.isin(np.arange(len(tendons)), [*lengths]),
+            tendons, (compiled.tendon_limited != 0) & ~np.isin(np.arange(len(tendons)), [*lengths])
         ),
     }
     notes = [f"{what}: {shortened(which)}" for what, which in left_out.items() if which]

@@ -237,7 +237,6 @@ class LogMapping(Section):
             raise LogError(
                 f"{source}: joint_maps of the mapping must name joints among {', '.join(joints)}, "
                 "and call no motor like another joint",
-                source=source,
                 valid=joints,
             )
         return names
@@ -252,7 +251,6 @@ class LogMapping(Section):
                 raise LogError(
                     f"{source}: delay of the mapping names {name!r}: give joints among "
                     f"{', '.join(joints)}, or streams among {', '.join(streams)}",
-                    source=source,
                     key="delay",
                     valid=(*joints, *streams),
                 )
@@ -321,7 +319,6 @@ class LogMapping(Section):
             raise LogError(
                 f"{source}: {key} of the mapping leaves out "
                 f"{name!r}: give the motors {', '.join(joints)}",
-                source=source,
                 key=key,
                 valid=tuple(joints),
             )

@@ -242,8 +242,7 @@ class Recording(Tabular):
         history = self.history
         if history is not None and joint in history.joints:
             return history.ways(history.velocity[:, history.joints.index(joint)])
-        if joint not in self.actuators:
-            raise OptionError.unknown("motor", joint, self.actuators)
+        OptionError.require("motor", joint, self.actuators)
         rate, time = self.motion.velocities[:, self.actuators.index(joint)], self.motion.time
         ends = np.flatnonzero(np.diff(self.segments))
         return [
@@ -336,9 +335,7 @@ class Recording(Tabular):
         if not part.used.any():
             raise LogError(
                 f"{self.name}: no motor moves between {start:g} and {min(end, time[-1]):g} s; the "
-                f"log has samples from {time[0]:g} to {time[-1]:g} s",
-                source=self.name,
-                between=(start, end),
+                f"log has samples from {time[0]:g} to {time[-1]:g} s"
             )
         return part
 

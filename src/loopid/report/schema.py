@@ -225,8 +225,7 @@ def json_schema(name: str) -> dict[str, Any]:
     >>> json_schema("gains")["properties"]["actuators"]
     {'type': 'array', 'items': {'type': 'string'}}
     """
-    if name not in FORMS:
-        raise OptionError.unknown("record", name, FORMS)
+    OptionError.require("record", name, FORMS)
     checks = [{"passed": bool, "what": str}]
     said = {"verdict": str, "advice": str, "findings": [of(Finding)], "checks": checks}
     said = {} if name == "export" else said
