@@ -9,6 +9,7 @@ import pytest
 from lxml.html import fromstring
 from rich.console import Console
 
+from loopid.base_parameters import ChoiceProblem, SubgroupSearch
 from loopid.paper.page import actual_chart, base_table, paper_report, simulated_chart
 from loopid.plots import Chart
 
@@ -69,9 +70,8 @@ def test_the_verdict_counts_the_rows_that_are_found(paper):
 
 def test_a_subgroup_search_that_finds_nothing_is_said_so(paper):
     """As by the pseudocode, on some processors."""
-    one = next(iter(paper.base.subgroups.values()))
-    account = replace(one.subgroups, found_in=None)
-    nothing = replace(one, dependent=None, condition_number=np.inf, subgroups=account)
+    strict = SubgroupSearch(condition_limit=1.5)
+    nothing = strict.search(ChoiceProblem(paper.base.base.structure))
     searches = dict.fromkeys(paper.base.subgroups, nothing)
     report = paper_report(replace(paper, base=replace(paper.base, subgroups=searches)))
     assert "subgroup search finds nothing" in report.verdict
