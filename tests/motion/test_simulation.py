@@ -178,7 +178,7 @@ def test_a_motion_that_no_motor_can_give_is_refused(linkage):
 
 def test_what_is_simulated_is_data_as_it_is_and_as_a_file(tmp_path, load_once):
     robot = load_once("five_bar")
-    sizes, phases = [[0.1, 0.05], [0.05, 0.1]], [[0.1, 0.0], [0.0, 0.1]]
+    sizes, phases = [[0.08, 0.04], [0.04, 0.08]], [[0.1, 0.0], [0.0, 0.1]]
     series = FourierSeries(robot.actuated, 0.5, [2.0, 0.8], sizes, phases)
     noise, moved = Noise(gaussian=0.01), series.motion(rate=100)
     measured = loopid.simulate(robot, moved, noise, seed=1)
