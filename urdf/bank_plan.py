@@ -88,7 +88,7 @@ class Plan:
             return
         element = add_link(self.root, name, {"inertials": {name: inertial(balls)}})
         for mass, point in balls:
-            add_sphere(element, "joint", radius(mass), point)
+            add_sphere(element, "mass", radius(mass), point)
             _stick(element, point)
         if kind(name) != name:
             self.alike.setdefault(kind(name), []).append(name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
@@ -57,7 +57,8 @@ class LoopidError(Exception):
     Attributes
     ----------
     facts : dict
-        What the sentence names, for programs: the offender, the value, the tolerance, the choices.
+        What programs may act on: the file, the argument or key, the value, the tolerance, the
+        choices; numbers of what cannot be computed.
 
     Examples
     --------
@@ -84,6 +85,15 @@ class LoopidError(Exception):
         known = (*valid,)
         message = unknown_word(what, given, known, where)
         return cls(message, given=given, valid=known, **facts)
+
+    @classmethod
+    def require(
+        cls, what: str, given: Iterable[str], valid: Collection[str], where: str = ""
+    ) -> None:
+        """Refuse a word, or the first of several, that is none of the valid ones."""
+        for word in [given] if isinstance(given, str) else given:
+            if word not in valid:
+                raise cls.unknown(what, word, valid, where)
 
 
 class OptionError(LoopidError, ValueError):

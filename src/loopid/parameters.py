@@ -25,8 +25,7 @@ MODELS = {"gravity": GRAVITY_KINDS, "full": KINDS}
 
 def model_kinds(model: str) -> tuple[str, ...]:
     """Kinds of parameters in a model, ``"gravity"`` or ``"full"``."""
-    if model not in MODELS:
-        raise OptionError.unknown("model", model, MODELS)
+    OptionError.require("model", model, MODELS)
     return MODELS[model]
 
 

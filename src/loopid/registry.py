@@ -44,8 +44,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         self._entries[name] = entry
 
     def __getitem__(self, name: str) -> Entry:
-        if name not in self:
-            raise OptionError.unknown(self.what, name, self)
+        OptionError.require(self.what, name, self)
         entry = self._entries[name]
         if isinstance(entry, str):
             module, _, attribute = entry.partition(":")

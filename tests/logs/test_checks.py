@@ -1,6 +1,7 @@
 """Every bad log is refused or warned of, in words that name the file and the rows."""
 
 import re
+from itertools import chain
 
 import numpy as np
 import polars
@@ -63,13 +64,13 @@ def numbered(message, made):
     return re.sub(r"@(\d+)", lambda row: str(int(row[1]) + made.first), message)
 
 
-def refused(function, *arguments, **facts):
-    """Check that a log is refused, with these facts; gives the error."""
+def refused(function, *arguments, tolerance=None, **named):
+    """Check that a log is refused in a sentence that names these; gives the error."""
     with pytest.raises(LogError) as refusal:
         function(*arguments)
-    found = refusal.value.facts
-    assert {name: found.get(name) for name in facts} == facts
-    assert str(found.get("file", found.get("source"))) in str(refusal.value)
+    assert refusal.value.facts.get("tolerance") == tolerance or tolerance is None
+    lists = (each if isinstance(each, tuple) else [each] for each in named.values())
+    assert [word for word in chain(*lists) if str(word) not in str(refusal.value)] == []
     return refusal.value
 
 
@@ -85,7 +86,7 @@ def refused(function, *arguments, **facts):
         ("time,a\n", {"quantity": "position", "joint": "leg1_stroke"}),
         ("time,a,a\n1,2,3\n", {"column": "a"}),
         ("leg1_stroke leg2_stroke leg3_stroke leg4_stroke\n1 2 3 4\n", {"quantity": "force"}),
-        ("position_0,position_1,force_0\n", {"columns": ("log:position_0", "log:position_1")}),
+        ("position_0,position_1,force_0\n", {"quantity": "position", "count": "2 columns"}),
         (
             "leg1_stroke,leg1_stroke.position\n",
             {"columns": ("log:leg1_stroke.position", "log:leg1_stroke")},
@@ -129,7 +130,7 @@ def test_two_columns_of_time(read_text, good_text):
 def test_unordered_times_are_named(read_text, good_text):
     header, rows = lines_of(good_text)
     rows[100], rows[101] = rows[101], rows[100]
-    refused(read_text, joined(header, rows), rows=[103])
+    refused(read_text, joined(header, rows), rows="in row 103")
 
 
 def repeated(rows, count, new_values):
@@ -201,7 +202,7 @@ def test_rows_of_another_length_and_repeated_headers_are_left_out(read_text, goo
 def test_too_many_bad_rows_are_refused(read_text, good_text):
     header, rows = lines_of(good_text)
     rows[100:300] = [row.rsplit(",", 1)[0] + ",nan" for row in rows[100:300]]
-    refused(read_text, joined(header, rows), rows=[*range(102, 302)], tolerance=0.1)
+    refused(read_text, joined(header, rows), rows="rows 102, 103", tolerance=0.1)
 
 
 PENDULUM = """<robot name="arm"><link name="base"/>
@@ -224,7 +225,7 @@ def test_angles_in_degrees(swings, made):
     time = np.arange(0, 5, 0.01)
     angle = np.degrees(np.sin(3 * time))[:, None]
     signals = swings["revolute"], time, angle, angle
-    said = refused(made, *signals, joint="swing", limits=(-2.0, 2.0))
+    said = refused(made, *signals, joint="swing", limits="[-2, 2]")
     assert "deg to rad" in str(said)
 
 
@@ -296,8 +297,8 @@ def stop(name, columns=np.s_[:]):
         (shift("position", -0.69), "position_offset", {"joint": "leg1_stroke"}),
         (multiply("time", 1e3), "0.001", {"fitting": (1e-3,)}),
         (multiply("time", 1e6), "1e-06", {"fitting": (1e-9, 1e-6)}),
-        (multiply("time", 1e-6), "1000", {"fitting": (1e3, 1e6)}),
-        (stop("position"), "", {"joints": tuple(f"leg{k}_stroke" for k in (1, 2, 3, 4))}),
+        (multiply("time", 1e-6), "1000", {"fitting": "1000 or 1e+06"}),
+        (stop("position"), "nothing moves", {}),
     ],
 )
 def test_wrong_units_and_robots_at_rest_are_refused(changed, change, advice, facts):

@@ -115,29 +115,29 @@ def test_headers_of_many_makers(read, text):
 
 
 @pytest.mark.parametrize(
-    ("text", "facts"),
+    ("text", "named"),
     [
-        ("time,q1 [counts],q2 [counts],tau1,tau2\n" + rows(), {"column": "q1 [counts]"}),
-        ("time,q1,q2,tau1 [A],tau2 [A]\n" + rows(), {"unit": "A"}),
-        ("time,q1,q2,tau1 [MN m],tau2 [MN m]\n" + rows(), {"unit": "MN m"}),
-        ("time," + NAMES + "s,rad,rad,A,A\n" + rows(), {"column": "tau1 [A]"}),
-        ("time [min]," + NAMES + rows(), {"unit": "min"}),
-        ("time,q1 [mm],q2 [mm],tau1,tau2\n" + rows(), {"column": "q1 [mm]"}),
-        ("time,q1,q2,tau1 [N],tau2 [N]\n" + rows(), {"joint": "left_crank_joint"}),
-        ("time," + NAMES + commas(rows()), {"columns": 5}),
-        (ECHO + rows(time=1.6e18 + 1e9 * TIME), {"column": "time"}),
+        ("time,q1 [counts],q2 [counts],tau1,tau2\n" + rows(), "q1 [counts]"),
+        ("time,q1,q2,tau1 [A],tau2 [A]\n" + rows(), "A"),
+        ("time,q1,q2,tau1 [MN m],tau2 [MN m]\n" + rows(), "MN m"),
+        ("time," + NAMES + "s,rad,rad,A,A\n" + rows(), "tau1 [A]"),
+        ("time [min]," + NAMES + rows(), "min"),
+        ("time,q1 [mm],q2 [mm],tau1,tau2\n" + rows(), "q1 [mm]"),
+        ("time,q1,q2,tau1 [N],tau2 [N]\n" + rows(), "left_crank_joint"),
+        ("time," + NAMES + commas(rows()), "5 cells"),
+        (ECHO + rows(time=1.6e18 + 1e9 * TIME), "time"),
         # What was asked for is not what was measured, and no current is a torque.
-        ("time,cmd/position[0],cmd/position[1],tau1,tau2\n" + rows(), {"quantity": "position"}),
-        ("timestamp target_q_0 target_q_1 tau_0 tau_1\n" + rows(" "), {"quantity": "position"}),
-        ("time q_0 q_1 actual_current_0 actual_current_1\n" + rows(" "), {"quantity": "force"}),
-        ("time," + NAMES.replace("tau2", "tau3") + rows(), {"columns": ("log:tau1",)}),
-        (("time," + NAMES + rows()).encode("utf-16"), {"row": 1}),
+        ("time,cmd/position[0],cmd/position[1],tau1,tau2\n" + rows(), "position"),
+        ("timestamp target_q_0 target_q_1 tau_0 tau_1\n" + rows(" "), "position"),
+        ("time q_0 q_1 actual_current_0 actual_current_1\n" + rows(" "), "force"),
+        ("time," + NAMES.replace("tau2", "tau3") + rows(), "1 columns for the force"),
+        (("time," + NAMES + rows()).encode("utf-16"), "row 1"),
     ],
 )
-def test_headers_that_leave_a_question_are_refused(read, text, facts):
+def test_headers_that_leave_a_question_are_refused(read, text, named):
     with pytest.raises(LogError) as refusal:
         read(text)
-    assert {name: refusal.value.facts.get(name) for name in facts} == facts
+    assert named in str(refusal.value)
     assert "log.csv" in str(refusal.value)
 
 

@@ -142,28 +142,28 @@ def test_wrong_mappings_are_explained(knee, foreign, write_mapping, old, new, me
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "facts"),
+    ("old", "new", "named"),
     [
-        ("ticks", "tacks", {"given": "tacks", "stream": "foreign"}),
-        ("enc3", "enc7", {"given": "enc7"}),
-        ("enc3", "enc2", {"column": "enc2"}),
-        ("u4]", "enc4]", {"column": "enc4"}),
-        (", u4]", "]", {"columns": ("foreign:u1", "foreign:u2", "foreign:u3")}),
-        ("leg4_stroke: enc4", "leg5_stroke: enc4", {"key": "position"}),
-        (", leg4_stroke: enc4", "", {"key": "position"}),
-        (", leg4_stroke: 2343", "", {"key": "saturation"}),
-        ("columns: [u1", "stream: 1, columns: [u1", {"given": "1", "valid": ("foreign",)}),
-        ("{columns: [u1", "{stream: pull, columns: [u1", {"given": "pull"}),
-        ("unit: ms", "unit: s", {"step": 10.0}),
+        ("ticks", "tacks", "foreign has no column 'tacks'"),
+        ("enc3", "enc7", "enc7"),
+        ("enc3", "enc2", "enc2"),
+        ("u4]", "enc4]", "enc4"),
+        (", u4]", "]", "3 columns for the force"),
+        ("leg4_stroke: enc4", "leg5_stroke: enc4", "position"),
+        (", leg4_stroke: enc4", "", "position"),
+        (", leg4_stroke: 2343", "", "saturation"),
+        ("columns: [u1", "stream: 1, columns: [u1", "no stream '1': choose among foreign"),
+        ("{columns: [u1", "{stream: pull, columns: [u1", "pull"),
+        ("unit: ms", "unit: s", "is 10 s"),
     ],
 )
 def test_mappings_that_do_not_fit_the_log_are_refused(
-    knee, foreign, write_mapping, old, new, facts
+    knee, foreign, write_mapping, old, new, named
 ):
     assert old in MAPPING
     with pytest.raises(LogError) as refusal:
         read_log(foreign, knee, mapping=write_mapping(MAPPING.replace(old, new, 1)))
-    assert refusal.value.facts.items() >= facts.items()
+    assert named in str(refusal.value)
 
 
 def test_a_scale_may_name_some_motors_only(knee, foreign, write_mapping):

@@ -125,24 +125,20 @@ def test_a_wrench_in_a_stream_of_its_own_rate(knee, truth, loads, write_folder):
 
 
 @pytest.mark.parametrize(
-    ("given", "error", "facts"),
+    ("given", "error", "named"),
     [
-        ({"frame": "plattform", "columns": COLUMNS}, OptionError, {"given": "plattform"}),
-        ({"frame": "base", "columns": COLUMNS}, OptionError, {"frame": "base"}),
-        (
-            {"frame": "platform", "columns": COLUMNS[3:] + COLUMNS[:3]},
-            LogError,
-            {"column": "Mx [N mm]"},
-        ),
-        ({"frame": "platform", "columns": [*COLUMNS[:5], "Mw"]}, LogError, {"given": "Mw"}),
-        ({"frame": "platform", "columns": [*COLUMNS[:5], "Fx"]}, LogError, {"column": "Fx [kN]"}),
-        ({"frame": "platform", "stream": "log"}, LogError, {}),
+        ({"frame": "plattform", "columns": COLUMNS}, OptionError, "plattform"),
+        ({"frame": "base", "columns": COLUMNS}, OptionError, "base"),
+        ({"frame": "platform", "columns": COLUMNS[3:] + COLUMNS[:3]}, LogError, "Mx [N mm]"),
+        ({"frame": "platform", "columns": [*COLUMNS[:5], "Mw"]}, LogError, "Mw"),
+        ({"frame": "platform", "columns": [*COLUMNS[:5], "Fx"]}, LogError, "Fx [kN]"),
+        ({"frame": "platform", "stream": "log"}, LogError, "wrench on platform"),
     ],
 )
-def test_wrenches_that_are_none_are_refused(knee, with_loads, write_text, given, error, facts):
+def test_wrenches_that_are_none_are_refused(knee, with_loads, write_text, given, error, named):
     with pytest.raises(error) as refusal:
         read_log(write_text(with_loads), knee, mapping=LogMapping(wrenches=[given]))
-    assert {name: refusal.value.facts.get(name) for name in facts} == facts
+    assert named in str(refusal.value)
 
 
 @pytest.mark.parametrize(

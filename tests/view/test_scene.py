@@ -72,6 +72,11 @@ def test_rods_are_rigid_but_for_slides_and_reach_every_joint(scene):
     sliding = [name for name in robot.joints if robot.joint(name).shortname()[10] == "P"]
     assert changed.sum() <= len(sliding)
     assert changed.any() == bool(sliding)
+    # A joint is marked at its origin, one that slides between there and where it comes from.
+    marked = np.abs(here.joints - here.origins[1:]).max(axis=1) > 0
+    assert {robot.joints[k] for k in np.flatnonzero(marked)} <= set(sliding)
+    middles = here.rods.mean(axis=1)
+    assert all((middles == place).all(axis=1).any() for place in here.joints[marked])
     # One can walk along rods from each closure to where its links begin.
     ends = here.rods.reshape(-1, 3)
     for point in here.closures.reshape(-1, 3):

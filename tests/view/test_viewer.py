@@ -108,6 +108,7 @@ def test_pictures_show_the_poses_and_whether_loops_are_closed(five_bar):
     assert np.abs(closed - later).max() > 50  # it moves
     assert coloured(closed, CLOSED) > 100 > 10 > coloured(closed, OPEN)
     assert coloured(opened, OPEN) > 50
+    assert (closed.max(axis=2) < 100).sum() > 100  # motors are dark, and nothing else is
 
 
 @IN_A_BROWSER

@@ -89,8 +89,7 @@ class BaseParameters(Tabular):
 
     def __getitem__(self, name: str) -> dict[str, float]:
         """Labels and factors of the sum that a parameter leads, with factor 1."""
-        if name not in self.names:
-            raise OptionError.unknown("base parameter", name, self.names)
+        OptionError.require("base parameter", name, self.names)
         labels, row = self.parameters.labels, self.regrouping[self.names.index(name)]
         folded = {labels[self.dependent[k]]: float(row[k]) for k in np.flatnonzero(row)}
         return {name: 1.0, **folded}

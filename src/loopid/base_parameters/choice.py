@@ -105,8 +105,7 @@ class ChoiceProblem:
     criterion: str = "nullspace"
 
     def __post_init__(self) -> None:
-        if self.criterion not in CRITERIA:
-            raise OptionError.unknown("criterion", self.criterion, CRITERIA)
+        OptionError.require("criterion", self.criterion, CRITERIA)
 
     @property
     def size(self) -> int:

@@ -74,8 +74,7 @@ class SubgroupSearch(SearchStrategy):
     variant: str = "gap"
 
     def __post_init__(self) -> None:
-        if self.variant not in VARIANTS:
-            raise OptionError.unknown("variant", self.variant, VARIANTS)
+        OptionError.require("variant", self.variant, VARIANTS)
 
     def group_size(self, problem: ChoiceProblem) -> int:
         """Rows n* of a group; OptionError if that makes no combination, or too many."""

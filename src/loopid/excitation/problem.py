@@ -118,8 +118,7 @@ class DesignOptions:
             ("shape", self.shape, SHAPES),
             ("solver", self.solver or "slsqp", SOLVERS),
         ):
-            if given not in choices:
-                raise OptionError.unknown(what, given, choices)
+            OptionError.require(what, given, choices)
         noise = self.noise.values() if isinstance(self.noise, Mapping) else [self.noise]
         if not all(each is None or each > 0 for each in noise):
             raise OptionError(

@@ -106,8 +106,7 @@ class _AnyForm(GenerateJsonSchema):
 
 def file_schema(kind: str) -> dict[str, Any]:
     """JSON Schema of a kind of YAML, by which editors complete keys and mark what does not fit."""
-    if kind not in FORMS:
-        raise OptionError.unknown("kind of file", kind, FORMS)
+    OptionError.require("kind of file", kind, FORMS)
     draft = {"$schema": "http://json-schema.org/draft-07/schema#"}
     schema = FORMS[kind].model_json_schema(schema_generator=_AnyForm)
     return draft | schema | {"title": f"loopid {kind} file"}

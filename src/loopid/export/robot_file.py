@@ -59,8 +59,8 @@ def updated_robot_file(
     masses and centres of mass change, and inertias about the centres of mass stay. Joint terms are
     written where ``parameters`` name some. Viscous and Coulomb friction have a place in every
     format, drive inertias and springs in an MJCF. In a URDF these are updated where it has tags for
-    them. Of a friction curve, and of load friction, the file has the nearest of these over the
-    rates of the log, at its mean load (``fit.use``).
+    them. A friction curve and load friction become the nearest of these (``fit.use``). They are
+    nearest over the rates of the log, at its mean load.
 
     Raises
     ------
@@ -269,8 +269,8 @@ def straightened(meant: Terms, use: MotorUse | None) -> tuple[Terms, list[str]]:
 def _writable(meant: Terms) -> Terms:
     """What is tried to be written: no half of a force, no negative friction, inertia or stiffness.
 
-    Simulators take numbers as they are written: with negative friction they would gain energy, and
-    with a negative stiffness be drawn away from the rest of a spring.
+    Simulators take numbers as they are written. With negative friction they would gain energy. A
+    negative stiffness would push away from the rest of a spring.
     """
     return {
         joint: {

@@ -55,9 +55,7 @@ class Topic:
         if len(values) != len(names) or len(set(names)) < len(names):
             raise LogError(
                 f"{self.source}: message {number + 1} has {len(values)} values for "
-                f"{len(set(names))} columns, from {len(state.name)} joints",
-                source=self.source,
-                row=number + 1,
+                f"{len(set(names))} columns, from {len(state.name)} joints"
             )
         for name, value in zip(names, values, strict=True):
             messages, cells = self.columns.setdefault(name, (array("q"), array("d")))
@@ -101,8 +99,7 @@ class BagFormat(LogFormat):
             if len(topic.stamps) != counts[name]:
                 raise self.refused(
                     f"is damaged, or was not closed: {name} has {len(topic.stamps)} messages, but "
-                    f"its index says {counts[name]}",
-                    topic=name,
+                    f"its index says {counts[name]}"
                 )
         filled = {name: topic for name, topic in topics.items() if topic.columns}
         if not filled:

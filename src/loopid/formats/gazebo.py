@@ -9,18 +9,10 @@ import pinocchio as pin
 from lxml import etree
 
 from loopid.errors import naming
+from loopid.loading import xml_elements as xml
 from loopid.loading.description import ClosureDescription
 from loopid.loading.urdf import Dialect, closure_of, coefficients, linked
 from loopid.loading.urdf_tree import UrdfFile
-from loopid.loading.xml_elements import (
-    Element,
-    child,
-    inner_tags,
-    label,
-    local_name,
-    placement,
-    said,
-)
 from loopid.robot.robot import LeftOut, shortened
 
 DETACHABLE = re.compile("detachable_?-?joint", re.IGNORECASE)
@@ -39,15 +31,17 @@ def read_gazebo(urdf: UrdfFile, model: pin.Model) -> Dialect:
         if name in joints:
             terms[name] = terms.get(name, {}) | coefficients(extension)
         for tag, words in WEIGHTLESS.items() if name in heavy else ():
-            if said(extension, tag).lower() in words:
+            if xml.said(extension, tag).lower() in words:
                 weight = heavy[name].mass, *map(float, heavy[name].centre)
                 left_out.append(LeftOut(f"<{tag}>: {name} has no weight", {name: weight}))
-        left_out += [LeftOut(f"<{local_name(tag)}>") for tag in inner_tags(extension, SLOWING)]
+        left_out += [
+            LeftOut(f"<{xml.local_name(tag)}>") for tag in xml.inner_tags(extension, SLOWING)
+        ]
     notes = _unread_plugins(urdf)
     return Dialect(_loops(urdf, model), joint_terms=terms, left_out=left_out, notes=notes)
 
 
-def detachable_joints(root: Element) -> Iterator[tuple[Element, str, str, str]]:
+def detachable_joints(root: xml.Element) -> Iterator[tuple[xml.Element, str, str, str]]:
     """Plugins that hold two links together as drawn: the tag, a link, a model and its link."""
     for plugin in root.iter("plugin"):
         if DETACHABLE.search(plugin.get("filename", "") + plugin.get("name", "")):
@@ -56,7 +50,7 @@ def detachable_joints(root: Element) -> Iterator[tuple[Element, str, str, str]]:
             yield plugin, link, model, other
 
 
-def _welds(urdf: UrdfFile) -> Iterator[Element]:
+def _welds(urdf: UrdfFile) -> Iterator[xml.Element]:
     """Gazebo's DetachableJoint between links of the robot, as a fixed joint."""
     for _, parent, owner, link in detachable_joints(urdf.root):
         if _is_own(urdf, owner):
@@ -75,15 +69,15 @@ def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
     closures, data = [], model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     for element in (*urdf.root.findall("gazebo/joint"), *_welds(urdf)):
-        parent = (child(element, "parent").text or "").strip()
+        parent = (xml.child(element, "parent").text or "").strip()
         if parent == "world" and all(link.name != "world" for link in urdf.links):
             continue  # a mount, which a URDF has anyway
-        with naming(label(element)):
+        with naming(xml.label(element)):
             links = linked(urdf, element)
             first, second = (data.oMf[model.getFrameId(k, pin.FrameType.BODY)] for k in links)
             words = (element.findtext("pose") or "0 0 0 0 0 0").split()
             pose = {"xyz": " ".join(words[:3]), "rpy": " ".join(words[3:])}
-            place = placement(etree.Element("origin", pose))
+            place = xml.placement(etree.Element("origin", pose))
             places = first.actInv(second * place), place
             closures.append(closure_of(model, element, links, places))
     return closures

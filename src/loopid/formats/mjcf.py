@@ -272,9 +272,9 @@ def _holds_mocap(scene: Scene, equality: int) -> bool:
 def _coupling(lengths: Lengths, equality: int) -> ClosureDescription:
     """Coupling of joint coordinates, or of lengths of tendons; else a ValueError.
 
-    MuJoCo holds ``y - y0 = c0 + c1 (x - x0) + c2 (x - x0)^2 + ...``, with coordinates or lengths
-    ``y`` and ``x`` that are ``y0`` and ``x0`` where the file draws the robot. Without ``x``, ``y``
-    is constant.
+    MuJoCo holds ``y - y0 = c0 + c1 (x - x0) + c2 (x - x0)^2 + ...`` of coordinates or lengths ``y``
+    and ``x``. They are ``y0`` and ``x0`` where the file draws the robot. Without ``x``, ``y`` is
+    constant.
     """
     scene, compiled = lengths.scene, lengths.scene.compiled
     kind, data = scene.equality_kinds[equality], compiled.eq_data[equality].tolist()
@@ -456,8 +456,7 @@ def _left_out(scene: Scene, lengths: Mapping[int, str]) -> list[str]:
         "equalities of motion-capture bodies are left out": _where(equalities, active & mocap),
         "limits of ball joints are not checked": _where(scene.joints, limited_balls),
         "limits of tendons are not modelled": _where(
-            tendons,
-            (compiled.tendon_limited != 0) & ~np.isin(np.arange(len(tendons)), [*lengths]),
+            tendons, (compiled.tendon_limited != 0) & ~np.isin(np.arange(len(tendons)), [*lengths])
         ),
     }
     notes = [f"{what}: {shortened(which)}" for what, which in left_out.items() if which]

@@ -97,8 +97,7 @@ class MjcfEditor:
                 if compiler.get(attribute) not in HARMLESS:
                     raise self._refused(
                         f"{attribute} of its <compiler> overrules what an <inertial> says: take it "
-                        "out",
-                        attribute=attribute,
+                        "out"
                     )
 
     def _bodies(self, root: Element) -> list[Element]:
@@ -109,9 +108,7 @@ class MjcfEditor:
         if given != names or len(tags) != len(names):
             raise self._refused(
                 f"only {len(tags)} of its {len(names)} bodies are written in it: inertials of "
-                "included, attached or replicated ones cannot be changed in place",
-                written=len(tags),
-                bodies=len(names),
+                "included, attached or replicated ones cannot be changed in place"
             )
         return tags
 
@@ -146,7 +143,7 @@ class MjcfEditor:
         meant = {name: inertial.P for name, inertial in self.inertials.items()} | dict(new)
         for name, P in meant.items():
             if name not in read or np.abs(read[name].P - P).max() > FAITHFUL * np.abs(P).max():
-                raise self._refused(f"the inertial of {name} cannot be changed in place", body=name)
+                raise self._refused(f"the inertial of {name} cannot be changed in place")
 
 
 def _inertials(scene: Scene) -> dict[str, Inertial]:

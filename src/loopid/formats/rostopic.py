@@ -56,7 +56,6 @@ class RostopicFormat(TextFormat):
                     f"{self.path}: column {column!r} names different joints, so that its numbers "
                     f"are of several: {', '.join(map(str, said.head(LOOKED_AT)))}",
                     file=self.path,
-                    column=column,
                 )
             joints[number] = str(said[0]).strip()
         found = {TIME: names[0] if (table.cells[stamp] == "0").all() else stamp}

@@ -21,22 +21,11 @@ from loopid.arguments import FloatArray, number
 from loopid.errors import OptionError, RobotFileError, naming
 from loopid.formats.gazebo import detachable_joints
 from loopid.inertia import written
+from loopid.loading import xml_elements as xml
 from loopid.loading.description import ClosureDescription
 from loopid.loading.tree import Reference, TreeSource, add_frame
 from loopid.loading.urdf import read_urdf
 from loopid.loading.urdf_tree import MOMENTS, ROOT_JOINT
-from loopid.loading.xml_elements import (
-    Element,
-    child,
-    exact_angle,
-    inner_tags,
-    label,
-    local_name,
-    named_tags,
-    numbers_in,
-    read_xml,
-    required,
-)
 from loopid.robot.robot import LeftOut, shortened
 
 WORLD, MODEL = "world", "__model__"
@@ -55,11 +44,14 @@ CONTROLLER = re.compile("joint.*(control|trajectory)", re.IGNORECASE)
 
 
 def read_sdf(
-    path: Path, floating_base: bool = False, free_mimics: bool = False, root: Element | None = None
+    path: Path,
+    floating_base: bool = False,
+    free_mimics: bool = False,
+    root: xml.Element | None = None,
 ) -> TreeSource:
     """Read tree, closures, motors and joint forces of the robot in an SDF file."""
     with naming(path):
-        sdf = _Sdf(read_xml(path) if root is None else root)
+        sdf = _Sdf(xml.read_xml(path) if root is None else root)
         floats = sdf.root_link != WORLD
         if floating_base and not floats:
             what = "an SDF says itself whether its base floats"
@@ -107,7 +99,7 @@ def _completed(sdf: _Sdf, source: TreeSource, floats: bool) -> TreeSource:
 class _Edge:
     """A joint between two links, in the direction of the tree."""
 
-    element: Element
+    element: xml.Element
     scope: str
     name: str
     kind: str
@@ -123,7 +115,7 @@ class _Edge:
 class _Sdf:
     """The moving model of an SDF file; names of nested models have theirs in front."""
 
-    def __init__(self, root: Element) -> None:
+    def __init__(self, root: xml.Element) -> None:
         if root.tag != "sdf":
             raise RobotFileError(f"it is no SDF: the root is <{root.tag!s}>, not <sdf>")
         words = re.findall(r"\d+", root.get("version", ""))
@@ -132,10 +124,10 @@ class _Sdf:
         self.static = [each.get("name", "") for each in _models(root) if _is_static(each)]
         self.gravity = None
         if (text := root.findtext("world/gravity")) is not None:
-            self.gravity = np.array(numbers_in("<gravity>", text, 3))
+            self.gravity = np.array(xml.numbers_in("<gravity>", text, 3))
         # Elements that have a place, each with the scope of its name; models by "scope__model__".
         self.held: list[str] = []  # other models, by DetachableJoint
-        self.placed: dict[str, tuple[Element, str]] = {}
+        self.placed: dict[str, tuple[xml.Element, str]] = {}
         self._collect(self.model, "")
         self.places: dict[str, pin.SE3] = {}
         self.links = {
@@ -156,24 +148,26 @@ class _Sdf:
         # Placement of a link's frame in the tree, as seen from the link itself.
         self.moved = {edge.led[1]: self._moved(edge) for edge in self.tree}
 
-    def _collect(self, model: Element, scope: str) -> None:
+    def _collect(self, model: xml.Element, scope: str) -> None:
         if model.find("include") is not None:
-            raise RobotFileError(f"<include> of {label(model)} is not read: write it out")
+            raise RobotFileError(f"<include> of {xml.label(model)} is not read: write it out")
         if model.get("placement_frame"):
-            raise RobotFileError(f"placement_frame of {label(model)} is not read: write its <pose>")
+            raise RobotFileError(
+                f"placement_frame of {xml.label(model)} is not read: write its <pose>"
+            )
         self.placed[scope + MODEL] = model, scope
         for tag in ("link", "joint", "frame"):
-            for element in named_tags(model, tag):
-                name = scope + required(element, "name")
-                if required(element, "name") == WORLD:
+            for element in xml.named_tags(model, tag):
+                name = scope + xml.required(element, "name")
+                if xml.required(element, "name") == WORLD:
                     raise RobotFileError(
-                        f"{label(element)}: {WORLD!r} is a reserved name: rename it"
+                        f"{xml.label(element)}: {WORLD!r} is a reserved name: rename it"
                     )
                 if name in self.placed:
-                    raise RobotFileError(f"{label(element)}: another element has its name")
+                    raise RobotFileError(f"{xml.label(element)}: another element has its name")
                 self.placed[name] = element, scope
-        for nested in named_tags(model, "model"):
-            self._collect(nested, f"{scope}{required(nested, 'name')}::")
+        for nested in xml.named_tags(model, "model"):
+            self._collect(nested, f"{scope}{xml.required(nested, 'name')}::")
 
     # Places.
 
@@ -201,7 +195,7 @@ class _Sdf:
     def _place(self, full: str) -> pin.SE3:
         element, scope = self.placed[full]
         pose = element.find("pose")
-        with naming(label(element)):
+        with naming(xml.label(element)):
             own = _pose(pose)
             relative = "" if pose is None else pose.get("relative_to") or pose.get("frame") or ""
             if element.tag == "model":
@@ -210,7 +204,7 @@ class _Sdf:
                 where = relative or (MODEL if scope else WORLD)
                 return self.place(outer, where) * own
             if element.tag == "joint":
-                where = relative or (child(element, "child").text or "").strip()
+                where = relative or (xml.child(element, "child").text or "").strip()
             else:
                 where = relative or element.get("attached_to") or MODEL
             return self.place(scope, where) * own
@@ -229,10 +223,10 @@ class _Sdf:
             if element.tag == "model":
                 inner = element.find("link")
                 inner = element.find("model") if inner is None else inner
-                first = "" if inner is None else required(inner, "name")
+                first = "" if inner is None else xml.required(inner, "name")
                 name = element.get("canonical_link") or first
             elif element.tag == "joint":
-                name = (child(element, "child").text or "").strip()
+                name = (xml.child(element, "child").text or "").strip()
             else:
                 name = element.get("attached_to") or MODEL
         return WORLD
@@ -245,14 +239,13 @@ class _Sdf:
 
     # Joints.
 
-    def _edge(self, name: str, element: Element, scope: str) -> _Edge:
+    def _edge(self, name: str, element: xml.Element, scope: str) -> _Edge:
         kind = element.get("type", "").strip()
-        with naming(label(element)):
+        with naming(xml.label(element)):
             known = (*IN_TREE, *TWO_AXES, "gearbox")
-            if kind not in known:
-                raise RobotFileError.unknown("type", kind, known)
+            RobotFileError.require("type", kind, known)
             parent, carried = (
-                self.carrier(scope, (child(element, side).text or "").strip())
+                self.carrier(scope, (xml.child(element, side).text or "").strip())
                 for side in ("parent", "child")
             )
             if parent == carried:
@@ -277,8 +270,8 @@ class _Sdf:
             with naming("DetachableJoint"):
                 if joint.get("name") in self.placed:
                     raise RobotFileError(f"another element has the name {joint.get('name')!r}")
-                self.placed[required(joint, "name")] = joint, ""
-                yield self._edge(required(joint, "name"), joint, "")
+                self.placed[xml.required(joint, "name")] = joint, ""
+                yield self._edge(xml.required(joint, "name"), joint, "")
 
     def _spread(self, edges: list[_Edge]) -> tuple[list[_Edge], list[_Edge]]:
         """Joints of the tree, and those that close its loops.
@@ -330,7 +323,7 @@ class _Sdf:
         """Axis of a joint along the world's axes."""
         axis = _axis_element(edge.element, tag)
         xyz = axis.find("xyz")
-        direction = np.array(numbers_in("<xyz>", _said(axis, "xyz") or "0 0 1", 3))
+        direction = np.array(xml.numbers_in("<xyz>", _said(axis, "xyz") or "0 0 1", 3))
         where = "" if xyz is None else xyz.get("expressed_in", "")
         if where:
             return np.asarray(self.place(edge.scope, where).rotation @ direction)
@@ -341,24 +334,24 @@ class _Sdf:
 
     # As a URDF.
 
-    def urdf(self) -> Element:
+    def urdf(self) -> xml.Element:
         """The model as a URDF."""
-        root = etree.Element("robot", name=required(self.model, "name"))
+        root = etree.Element("robot", name=xml.required(self.model, "name"))
         if self.root_link == WORLD:
             etree.SubElement(root, "link", name=WORLD)
         for name in self.links:
             with naming(f"link {name}"):
                 root.append(self._link(name))
         for edge in self.tree:
-            with naming(label(edge.element)):
+            with naming(xml.label(edge.element)):
                 for part in self._joints(edge):
                     root.append(part)
         for edge in self.closing:
-            with naming(label(edge.element)):
+            with naming(xml.label(edge.element)):
                 root.append(self._constraint(edge))
         return root
 
-    def _link(self, name: str) -> Element:
+    def _link(self, name: str) -> xml.Element:
         element, _ = self.placed[name]
         link, given = etree.Element("link", name=name), element.find("inertial")
         if given is not None and given.get("auto", "false").strip() in ("true", "1"):
@@ -384,7 +377,7 @@ class _Sdf:
         there = self.place(scope, relative) if relative else self.links[name]
         return self.links[name].actInv(there * _pose(pose))
 
-    def _joints(self, edge: _Edge) -> Iterator[Element]:
+    def _joints(self, edge: _Edge) -> Iterator[xml.Element]:
         """A joint of the tree; of two axes a chain with a link between."""
         before, after = edge.led
         frame = self._in_tree(after)
@@ -410,7 +403,7 @@ class _Sdf:
         origin: pin.SE3,
         *,
         tag: str = "axis",
-    ) -> Element:
+    ) -> xml.Element:
         joint = etree.Element("joint", name=name)
         etree.SubElement(joint, "parent", link=links[0])
         etree.SubElement(joint, "child", link=links[1])
@@ -429,7 +422,7 @@ class _Sdf:
         joint.set("type", kind)
         return joint
 
-    def _constraint(self, edge: _Edge) -> Element:
+    def _constraint(self, edge: _Edge) -> xml.Element:
         """A joint that closes a loop, as the file is drawn."""
         if edge.kind not in CLOSING:
             raise RobotFileError(f"a loop cannot be closed by a joint of type {edge.kind}")
@@ -469,9 +462,9 @@ class _Sdf:
         for name, axis in self._axes():
             if text := _said(axis, "initial_position"):
                 with naming(f"joint {name}"):
-                    yield name, numbers_in("<initial_position>", text)[0]
+                    yield name, xml.numbers_in("<initial_position>", text)[0]
 
-    def _axes(self) -> Iterator[tuple[str, Element]]:
+    def _axes(self) -> Iterator[tuple[str, xml.Element]]:
         """Joints of the tree with one coordinate each, as a URDF has them, and their axes."""
         for edge in self.tree:
             if edge.kind not in ("fixed", "ball"):
@@ -485,8 +478,8 @@ class _Sdf:
         Both are angles from the reference body, about the first and the second axis.
         """
         for edge in self.geared:
-            with naming(label(edge.element)):
-                body = (child(edge.element, "gearbox_reference_body").text or "").strip()
+            with naming(xml.label(edge.element)):
+                body = (xml.child(edge.element, "gearbox_reference_body").text or "").strip()
                 reference = self.carrier(edge.scope, body)
                 ratio = float(_text(edge.element, "gearbox_ratio", "1"))
                 angles = (
@@ -518,11 +511,11 @@ class _Sdf:
                 mass = float(_text(element, "inertial/mass", "1"))
                 weight = {name: (mass, *map(float, self._inertial_place(name).translation))}
                 yield LeftOut(f"<gravity>: {name} has no weight", weight)
-            for tag in inner_tags(element, ("velocity_decay", "fluid_added_mass")):
+            for tag in xml.inner_tags(element, ("velocity_decay", "fluid_added_mass")):
                 if any(
                     number(word) for part in tag.iter("*") for word in (part.text or "").split()
                 ):
-                    yield LeftOut(f"<{local_name(tag)}> of {name}")
+                    yield LeftOut(f"<{xml.local_name(tag)}> of {name}")
         for edge in self.closing:
             given = [key for key in DYNAMICS[:3] for tag in ("axis", "axis2")
                      if number(_said(edge.element, f"{tag}/dynamics/{key}") or "0")]  # fmt: skip
@@ -549,15 +542,15 @@ class _Sdf:
             yield f"links without <inertial> have 1 kg and 1 kg m², as SDF says: {shortened(bare)}"
 
 
-def _models(root: Element) -> list[Element]:
+def _models(root: xml.Element) -> list[xml.Element]:
     return [*root.findall("model"), *root.findall("world/model")]
 
 
-def _is_static(model: Element) -> bool:
+def _is_static(model: xml.Element) -> bool:
     return _said(model, "static") in ("true", "1")
 
 
-def _moving_model(root: Element) -> Element:
+def _moving_model(root: xml.Element) -> xml.Element:
     models = _models(root)
     free = [each for each in models if not _is_static(each)]
     moving = [each for each in free if len(models) == 1 or each.find(".//joint") is not None]
@@ -570,45 +563,45 @@ def _moving_model(root: Element) -> Element:
     return moving[0]
 
 
-def _pose(pose: Element | None) -> pin.SE3:
+def _pose(pose: xml.Element | None) -> pin.SE3:
     """Placement of a ``<pose>``; the identity without one."""
     text = "" if pose is None else pose.text or ""
     if pose is None or not text.strip():
         return pin.SE3.Identity()
     if pose.get("rotation_format") == "quat_xyzw":
-        *xyz, x, y, z, w = numbers_in("<pose>", text, 7)
+        *xyz, x, y, z, w = xml.numbers_in("<pose>", text, 7)
         if not np.linalg.norm((x, y, z, w)) > 0:
             raise RobotFileError("the quaternion of <pose> is zero")
         return pin.SE3(pin.Quaternion(w, x, y, z).normalized().matrix(), np.array(xyz))
-    values, words = numbers_in("<pose>", text, 6), text.split()
+    values, words = xml.numbers_in("<pose>", text, 6), text.split()
     degrees = pose.get("degrees") in ("true", "1")
-    rpy = np.radians(values[3:]) if degrees else np.array([exact_angle(x) for x in words[3:]])
+    rpy = np.radians(values[3:]) if degrees else np.array([xml.exact_angle(x) for x in words[3:]])
     return pin.SE3(pin.rpy.rpyToMatrix(rpy), np.array(values[:3]))
 
 
-def _origin(place: pin.SE3, tag: str = "origin") -> Element:
+def _origin(place: pin.SE3, tag: str = "origin") -> xml.Element:
     rpy = pin.rpy.matrixToRpy(place.rotation)
     return etree.Element(tag, xyz=written(*place.translation), rpy=written(*rpy))
 
 
-def _said(element: Element, path: str) -> str:
+def _said(element: xml.Element, path: str) -> str:
     """Text of a tag inside; empty where it is missing or empty: both mean its default."""
     return (element.findtext(path) or "").strip()
 
 
-def _axis_element(joint: Element, tag: str) -> Element:
+def _axis_element(joint: xml.Element, tag: str) -> xml.Element:
     """The ``<axis>`` or ``<axis2>`` of a joint; an empty one, which is z, where it has none."""
     axis = joint.find(tag)
     return etree.Element(tag) if axis is None else axis
 
 
-def _text(element: Element, path: str, default: str) -> str:
+def _text(element: xml.Element, path: str, default: str) -> str:
     """Text of a number inside, checked to be one."""
-    (value,) = numbers_in(f"<{path.rpartition('/')[2]}>", _said(element, path) or default)
+    (value,) = xml.numbers_in(f"<{path.rpartition('/')[2]}>", _said(element, path) or default)
     return repr(value)
 
 
-def _add_limits(joint: Element, kind: str, axis: Element) -> str:
+def _add_limits(joint: xml.Element, kind: str, axis: xml.Element) -> str:
     """Add the limits of an axis; gives the kind of the joint, which may have none."""
     values = {}
     defaults = {"lower": -UNLIMITED, "upper": UNLIMITED, "effort": -1.0, "velocity": -1.0}
@@ -627,12 +620,12 @@ def _add_limits(joint: Element, kind: str, axis: Element) -> str:
     return kind
 
 
-def _mimic(mimic: Element, scope: str) -> Element:
+def _mimic(mimic: xml.Element, scope: str) -> xml.Element:
     """A joint follows another one: multiplier · (leader - reference) + offset."""
     factor, offset, start = (
         float(_text(mimic, key, default))
         for key, default in (("multiplier", "1"), ("offset", "0"), ("reference", "0"))
     )
-    leader = scope + required(mimic, "joint") + ("_2" if mimic.get("axis") == "axis2" else "")
+    leader = scope + xml.required(mimic, "joint") + ("_2" if mimic.get("axis") == "axis2" else "")
     values = {"multiplier": written(factor), "offset": written(offset - factor * start)}
     return etree.Element("mimic", values, joint=leader)

@@ -114,7 +114,6 @@ def _read_table(path: Path, times: Sequence[str], values: Sequence[str]) -> Tabl
             f"{path} has no rows of {width} cells below row {header.lines}, as its header has: "
             "decimal commas, or names with a separator that are not in quotes?",
             file=path,
-            columns=width,
         )
     return table
 
@@ -228,11 +227,7 @@ def _header(path: Path, names: Sequence[str], separator: str | None, lines: int)
     """The header, whose names must differ."""
     repeated = sorted(name for name, count in Counter(names).items() if name and count > 1)
     if repeated:
-        raise LogError(
-            f"{path}: its header names column {repeated[0]!r} more than once",
-            file=path,
-            column=repeated[0],
-        )
+        raise LogError(f"{path}: its header names column {repeated[0]!r} more than once", file=path)
     return Header(tuple(names), separator, lines)
 
 
@@ -270,7 +265,7 @@ def _first_lines(path: Path) -> tuple[str, list[Line]]:
             if not lines and not text.replace("\t", " ").isprintable():
                 wide = ": is it in UTF-16? Save it in UTF-8" if "\x00" in text else ""
                 said = f"{path} is no text: row {row} is {text!r:.60}{wide}"
-                raise LogError(said, file=path, row=row)
+                raise LogError(said, file=path)
             if not lines and text.startswith(COMMENTS):
                 comment = text.lstrip("".join(COMMENTS)).strip()
             elif text.strip():
@@ -291,7 +286,6 @@ def _require_narrow(path: Path, row: int, text: str) -> None:
         raise LogError(
             f"{path}: row {row} has some {cells:,} columns, but at most {MOST_COLUMNS:,} are read",
             file=path,
-            row=row,
             tolerance=MOST_COLUMNS,
         )
 

@@ -24,9 +24,7 @@ def read_urdf_plus(urdf: UrdfFile, model: pin.Model) -> Dialect:
         )
     couplings = _couplings(urdf)
     return Dialect(
-        closures=[*couplings.values()],
-        followers=tuple(couplings),
-        independent=_independent(urdf),
+        closures=[*couplings.values()], followers=tuple(couplings), independent=_independent(urdf)
     )
 
 

@@ -26,9 +26,7 @@ def read(
     OptionError
         As ``recordings_of``.
     """
-    first = next(iter(each_of(data[0])), None)
-    if first is None:
-        raise OptionError(f"data must be {FORMS}, or a list of these, not none", given=data[0])
+    first = require_some(data[0])
     if isinstance(robot, Robot) and isinstance(first, str | Path):
         from loopid.logs.reading import locked_as_logged  # where files are read
 
@@ -68,6 +66,13 @@ def recordings_of(robot: Robot, *data: Any, mapping: Any = None) -> list[tuple[R
 def each_of(data: Any) -> Sequence[Any]:
     """Data as a list, also of a single one."""
     return data if isinstance(data, list | tuple) else [data]
+
+
+def require_some(data: Any) -> Any:
+    """The first of the data; an OptionError where there are none."""
+    for first in each_of(data):
+        return first
+    raise OptionError(f"data must be {FORMS}, or a list of these, not none", given=data)
 
 
 def _recording(robot: Robot, data: Any, mapping: Any) -> Recording:

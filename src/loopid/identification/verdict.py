@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from loopid.errors import first_of
-from loopid.findings import PAGE, Finding, most_important_first
+from loopid.findings import PAGE, Finding
 from loopid.identification.consistent import UNSETTLED
 from loopid.identification.missing import missing_findings
 from loopid.identification.outcome import Outcome
@@ -22,7 +22,8 @@ GOOD, ROUGH = 0.1, 0.3
 # Part of a force's variance that a fit of all parameters explains in the data that were fitted:
 # below, the force does not follow the motion.
 NOISE = 0.2
-NAMED = 1  # parameters that the sentence names
+NAMED = 1  # motors that a finding names
+LEAST_CERTAIN = 2  # parameters that the verdict names
 # Errors over the sensors' noise, from which on the model lacks something: values follow that.
 NOISY = 3.0
 REPEATED = 0.5  # part of the states that come back, from which on a motion repeats itself
@@ -33,7 +34,7 @@ PARAMETERS = " and as parameters of the robot"
 
 @record
 class Verdict:
-    """What an identification is good for; printed, it is one sentence.
+    """What an identification is good for; printed, a few short sentences.
 
     Attributes
     ----------
@@ -105,13 +106,13 @@ class Verdict:
     def __str__(self) -> str:
         if self.mistake is not None:
             return self.mistake.veto
-        page = "" if self.error <= ROUGH else f" ({PAGE})"
         judged = JUDGED["regions" if self.where == "regions" else self.judged]
-        band = "" if self.band is None else f" below {self.band:.3g} Hz"
+        band = "" if self.band is None else f", below {self.band:.3g} Hz"
+        at = f"{self.motor}{AT.get(self.where, '')}"
+        page = "" if self.error <= ROUGH else f" ({PAGE})"
         return (
-            f"{self.use}: {judged}{band} errors are at most {number(100 * self.error, 2)} % "
-            f"of a motor's force ({self.motor}{AT.get(self.where, '')}){self._beside_file}; "
-            f"{self.significant} of "
+            f"{self.use}. On {judged}{band}, errors are at most {number(100 * self.error, 2)} % "
+            f"of a motor's force ({at}).{self._beside_file} {self.significant} of "
             f"{self.parameters} values are significant. Next: {self.improvement}{page}."
         )
 
@@ -133,19 +134,21 @@ class Verdict:
         ratio, error = self.ratio
         if ratio == 1 or not np.isfinite(ratio):
             return ""
-        below, root = ratio < 1, np.sqrt(ratio)
+        root = np.sqrt(ratio)
         size = 100 * abs(1 - root)
         spread = f" ± {number(50 * error / root, 1)}" if np.isfinite(error) else ""
-        side = "below" if below else "above"
-        return f", over all motors {size:.0f}{spread} % {side} those with the given bodies"
+        change = "smaller" if ratio < 1 else "larger"
+        return (
+            f" Over all motors they are {size:.0f}{spread} % {change} than with the given bodies."
+        )
 
 
 # What judged, in words.
 JUDGED = {
-    "segments": "on segments left out of the fit",
-    "logs": "on logs left out of the fit",
-    "validation": "on new data",
-    "regions": "on states left out of the fit",
+    "segments": "segments left out of the fit",
+    "logs": "logs left out of the fit",
+    "validation": "new data",
+    "regions": "states left out of the fit",
 }
 AT = {"slow": ", at low speed", "standstill": ", at standstill"}
 
@@ -172,6 +175,8 @@ def _of_model(found: Outcome) -> Finding | None:
 def _use(found: Outcome, error: float) -> str:
     if found.fit.broken:
         return f"{NOT_FIT}, as {found.fit.broken[0]}"
+    if _nothing_follows(found):
+        return f"{NOT_FIT}, as no force follows the motion"
     if not error <= ROUGH:
         return NOT_FIT
     use = "Fit for predicting forces" if error <= GOOD else ROUGHLY
@@ -247,39 +252,51 @@ def _improvement(found: Outcome) -> tuple[tuple[str, ...], str]:
     if (unexplained := _unexplained(found)) is not None:
         return (), unexplained.do
     excite = found.identifiability.leads or _least_known(found)
-    return excite, f"excite {first_of(excite, NAMED)}" if excite else "record a longer log"
+    least = " and ".join(excite[:LEAST_CERTAIN])
+    return excite, f"excite the least certain, {least}" if excite else "record a longer log"
 
 
-def findings_of(found: Outcome) -> tuple[Finding, ...]:
-    """What to know beside the numbers, the most important first."""
-    said = [each for one in found.log_faults for each in one.mistakes]
-    told, deviation, unexplained = found.identifiability, found.fit.deviation, _unexplained(found)
-    said += [each for each in (_better(found), unexplained) if each is not None]
-    said += _model_findings(found)
-    if deviation is not None and deviation.fault:
-        said.append(
-            Finding(
-                "warning",
-                "bodies would be far off the robot file",
-                deviation.fault,
-                "look for a tool, a payload or a missing joint term",
-            )
+def findings_of(found: Outcome) -> Iterator[Finding]:
+    """What to know beside the numbers."""
+    for one in found.log_faults:
+        yield from one.mistakes
+    yield from (each for each in (_better(found), _unexplained(found)) if each is not None)
+    yield from _model_findings(found)
+    fit = found.fit
+    if fit.deviation is not None and fit.deviation.fault:
+        yield Finding(
+            "warning",
+            "bodies would be far off the robot file",
+            fit.deviation.fault,
+            "look for a tool, a payload or a missing joint term",
         )
-    if not found.fit.settled:
-        said.append(UNSETTLED)
-    if found.delay is not None and found.delay.clear:
-        said.append(found.delay.finding)
-    said += [one.hidden for one in found.log_faults if one.hidden is not None]
-    for broken in found.fit.broken:
-        said.append(
-            Finding("warning", "the fit is not physical", broken, 'try fewer terms, terms="Fc,Fv"')
+    if not fit.settled:
+        yield UNSETTLED
+    yield from () if found.delay is None else found.delay.findings
+    yield from (one.hidden for one in found.log_faults if one.hidden is not None)
+    for broken in fit.broken:
+        yield Finding(
+            "warning", "the fit is not physical", broken, 'try fewer terms, terms="Fc,Fv"'
         )
-    bounds = () if found.cutoff is None else found.cutoff.findings
-    return most_important_first([*said, *told.findings, *bounds])
+    yield from found.identifiability.findings
+    yield from () if found.cutoff is None else found.cutoff.findings
+
+
+def _nothing_follows(found: Outcome) -> bool:
+    """Whether all parameters together explain no motor's force, as where the robot stands still."""
+    return not (found["all parameters"].fit.quality.r_squared >= NOISE).any()
 
 
 def _unexplained(found: Outcome) -> Finding | None:
     """Forces that no parameters explain, or that the recommended fit does not."""
+    if _nothing_follows(found):
+        return Finding(
+            "warning",
+            "no force follows the motion",
+            f"all parameters together explain less than {100 * NOISE:.0f} % of any force's "
+            "variance, so that the log says nothing of the robot",
+            "record a motion in which the forces change, or look at the columns and time stamps",
+        )
     explained = found["all parameters"].fit.quality.r_squared
     noise = [name for name, r in zip(found.data.actuators, explained, strict=True) if r < NOISE]
     if noise:

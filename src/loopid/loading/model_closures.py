@@ -28,8 +28,7 @@ def warn_of_size(where: str, axis: Iterable[float]) -> None:
 def joint_named(model: pin.Model, name: str, where: str) -> pin.JointModel:
     """Joint of a name; where there is none, an error that lists the joints."""
     names = tuple(model.names)[1:]
-    if name not in names:
-        raise RobotFileError.unknown("joint", name, names, f" {where}")
+    RobotFileError.require("joint", name, names, f" {where}")
     return model.joints[model.getJointId(name)]
 
 
@@ -70,8 +69,7 @@ def _closure(
         sliding = joint_named(model, closure.joint, f"in closure {name}")
         if not sliding.shortname().startswith("JointModelP") or sliding.nv > 1:
             raise RobotFileError(
-                f"closure {name}: joint {closure.joint} must slide, as its value is a length",
-                joint=closure.joint,
+                f"closure {name}: joint {closure.joint} must slide, as its value is a length"
             )
         indices = sliding.idx_q, sliding.idx_v
     numbers = closure.length or 0.0, closure.joint, indices
@@ -133,7 +131,7 @@ def _coupling(
     for name, joint in zip(moving, models, strict=True):
         if joint.nq != 1:
             said = f"joint {name} in a coupling has {joint.nv} coordinates"
-            raise RobotFileError(said, joint=name)
+            raise RobotFileError(said)
     return JointCoupling(
         joints=tuple(moving),
         coefficients=tuple(moving.values()),
@@ -162,8 +160,7 @@ def _refuse_contradictions(where: object, couplings: list[JointCoupling]) -> Non
         if left > 10 * ROUND_OFF * max(1.0, np.abs(offsets).max()):
             raise RobotFileError(
                 f"coupling {name} contradicts the ones before it: leave one of them out, those of "
-                "the tree's own file by 'remove_closures' in a YAML",
-                coupling=name,
+                "the tree's own file by 'remove_closures' in a YAML"
             )
         if rank == before:
             warn(f"{where}: coupling {name} follows from the ones before it", ModelWarning)

@@ -79,7 +79,7 @@ def build_tree(source: TreeSource, description: Description, locked: Sequence[st
     for name, limits in description.limits.items():
         joint = joint_named(source.model, name, "in limits")
         if joint.nq != 1:
-            raise RobotFileError(f"limits: joint {name} has {joint.nv} coordinates", joint=name)
+            raise RobotFileError(f"limits: joint {name} has {joint.nv} coordinates")
         low, high = limits or (-np.inf, np.inf)
         source.model.lowerPositionLimit[joint.idx_q] = low
         source.model.upperPositionLimit[joint.idx_q] = high
@@ -108,7 +108,7 @@ def _add_joint(
 ) -> None:
     """Add a joint without mass and limits, that a key of the description names."""
     if model.existJointName(name):
-        raise RobotFileError(f"{key}: {name} is the name of a joint", joint=name)
+        raise RobotFileError(f"{key}: {name} is the name of a joint")
     unlimited = np.full(1, np.inf)
     limits = unlimited, unlimited, -unlimited, unlimited
     model.addJointFrame(model.addJoint(0, joint, place, name, *limits), 0)
@@ -143,9 +143,7 @@ def _locks(source: TreeSource, names: Iterable[str]) -> dict[str, Chain]:
                 given=name,
             )
         left[joint] = left.get(joint, "XYZ").replace(TURNS[turn], "")
-    for name in whole:
-        if name not in joints:
-            raise OptionError.unknown("joint to lock", name, joints)
+    OptionError.require("joint to lock", whole, joints)
     return {joint: _hinges(axes) for joint, axes in left.items()} | dict.fromkeys(whole, ())
 
 
@@ -298,10 +296,7 @@ def _nearest(rotation: FloatArray, chain: Sequence[pin.JointModel]) -> list[Refe
     if len(chain) == 1:
         return [pin.Quaternion(rotation).coeffs().tolist()]
     first, second = (axes[hinge.shortname()] for hinge in chain)
-    return [
-        _angle(first, second, rotation @ second),
-        -_angle(second, first, rotation.T @ first),
-    ]
+    return [_angle(first, second, rotation @ second), -_angle(second, first, rotation.T @ first)]
 
 
 def _angle(axis: FloatArray, start: FloatArray, end: FloatArray) -> float:

@@ -18,6 +18,7 @@ from lxml import etree
 from loopid.arguments import number
 from loopid.border import validated
 from loopid.errors import RobotFileError, naming
+from loopid.loading import xml_elements as xml
 from loopid.loading.description import ClosureDescription, Description
 from loopid.loading.model_closures import warn_of_size
 from loopid.loading.tree import TreeSource, add_frame
@@ -28,19 +29,6 @@ from loopid.loading.urdf_tree import (
     UrdfFile,
     build_model,
     read_urdf_file,
-)
-from loopid.loading.xml_elements import (
-    Element,
-    child,
-    inner_tags,
-    label,
-    local_name,
-    numbers,
-    numbers_in,
-    placement,
-    required,
-    said,
-    single,
 )
 from loopid.registry import urdf_dialects
 from loopid.robot.robot import LeftOut, shortened
@@ -68,7 +56,10 @@ class Dialect:
 
 
 def read_urdf(
-    path: Path, floating_base: bool = False, free_mimics: bool = False, root: Element | None = None
+    path: Path,
+    floating_base: bool = False,
+    free_mimics: bool = False,
+    root: xml.Element | None = None,
 ) -> TreeSource:
     """Read the tree of a URDF, and what the file says of closures, motors and forces.
 
@@ -85,7 +76,7 @@ def read_urdf(
         mimics = {} if free_mimics else _mimics(joints)
         closures = _second_parents(urdf, model)
         what = "gives its link a second parent: it closes a loop"
-        notes = [f"{label(element)} {what}" for element in urdf.second]
+        notes = [f"{xml.label(element)} {what}" for element in urdf.second]
         signs = [sign for sign in urdf_dialects if urdf.root.xpath(sign)]
         dialects = [urdf_dialects[sign](urdf, model) for sign in signs]
         closures += [closure for dialect in dialects for closure in dialect.closures]
@@ -126,7 +117,7 @@ def _mimics(all_joints: Iterable[Joint]) -> dict[str, ClosureDescription]:
         for name, joint in joints.items()
         if joint.mimic is not None and joint.type != "fixed"
     }
-    leaders = {name: mimic.joint for name, mimic in mimics.items()}
+    leaders = {name: leader for name, (leader, _, _) in mimics.items()}
     for name, leading in leaders.items():
         what = f"joint {name} mimics {leading!r}"
         valid = ", ".join(other for other in joints if leaders.get(other) is None)
@@ -161,14 +152,14 @@ def _second_parents(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription
     """Closures of joints that give a link a second parent, placed in their child."""
     found = []
     for element in urdf.second:
-        with naming(label(element)):
-            places = placement(element.find("origin")), pin.SE3.Identity()
+        with naming(xml.label(element)):
+            places = xml.placement(element.find("origin")), pin.SE3.Identity()
             found.append(closure_of(model, element, linked(urdf, element), places))
     return found
 
 
 def linked(
-    urdf: UrdfFile, element: Element, sides: tuple[str, str] = PARENT_CHILD
+    urdf: UrdfFile, element: xml.Element, sides: tuple[str, str] = PARENT_CHILD
 ) -> tuple[str, str]:
     """The two links that tags inside an element name, by an attribute or, in SDF, by text.
 
@@ -176,10 +167,9 @@ def linked(
     """
     links, found = [link.name for link in urdf.links], []
     for side in sides:
-        tag = child(element, side)
+        tag = xml.child(element, side)
         found.append((tag.get("link") or tag.text or "").strip())
-        if found[-1] not in links:
-            raise RobotFileError.unknown("link", found[-1], links, f" in <{side}>")
+        RobotFileError.require("link", found[-1], links, f" in <{side}>")
     if found[0] == found[1]:
         raise RobotFileError(f"link {found[0]!r} is at both its ends")
     return found[0], found[1]
@@ -187,7 +177,7 @@ def linked(
 
 def closure_of(
     model: pin.Model,
-    element: Element,
+    element: xml.Element,
     links: tuple[str, str],
     places: tuple[pin.SE3, pin.SE3],
     *,
@@ -228,19 +218,23 @@ def mounted(
 
 
 def _axes(
-    element: Element, kind: str, names: tuple[str, str] | str | None
+    element: xml.Element, kind: str, names: tuple[str, str] | str | None
 ) -> list[tuple[float, ...]]:
     """Axes of a closure in its two frames; x where there is none."""
     if isinstance(names, tuple):
         tags = [tag for name in names if (tag := element.find(name)) is not None]
     else:
-        tags = [] if names is None and element.find("axis") is None else [child(element, "axis")]
+        tags = (
+            [] if names is None and element.find("axis") is None else [xml.child(element, "axis")]
+        )
     if kind == "universal" and len(tags) < 2:
         raise RobotFileError("a universal joint needs <parent_axis> and <child_axis>")
     axes = []
     for tag in tags or [etree.Element("axis", xyz="1 0 0")]:
         text = tag.findtext("xyz")  # as SDF writes it
-        axes.append(numbers(tag, "xyz", 3) if text is None else numbers_in("<axis>", text, 3))
+        axes.append(
+            xml.numbers(tag, "xyz", 3) if text is None else xml.numbers_in("<axis>", text, 3)
+        )
         if max(map(abs, axes[-1])) < LEAST_AXIS:
             raise RobotFileError(f"<{tag.tag!s}> is zero")
     return [axes[0], axes[-1]]
@@ -269,7 +263,7 @@ def _motors(
         for joint in transmission.findall("joint"):
             named.append((joint.get("name") or "").strip())
             if named[-1] not in joints:
-                with naming(label(transmission)):
+                with naming(xml.label(transmission)):
                     raise RobotFileError.unknown("joint", named[-1], joints)
     if not named and not followers:
         return None
@@ -328,14 +322,14 @@ def _read_dynamics(urdf: UrdfFile, given: Terms) -> list[LeftOut]:
     """Coefficients of ``<dynamics>`` and of tags inside joints, and what is left out."""
     others: dict[str, list[str]] = {}
     for joint in urdf.root.findall("joint"):
-        name = required(joint, "name")
-        with naming(label(joint)):
+        name = xml.required(joint, "name")
+        with naming(xml.label(joint)):
             if name not in given:
                 continue  # it closes a loop
-            dynamics = single(joint, "dynamics")
+            dynamics = xml.single(joint, "dynamics")
             for key in () if dynamics is None else map(str, dynamics.attrib):
                 if dynamics is not None and key in COEFFICIENTS:
-                    given[name][COEFFICIENTS[key]] = numbers(dynamics, key)[0]
+                    given[name][COEFFICIENTS[key]] = xml.numbers(dynamics, key)[0]
                 else:
                     others.setdefault(key, []).append(name)
             given[name] |= coefficients(joint)
@@ -345,11 +339,11 @@ def _read_dynamics(urdf: UrdfFile, given: Terms) -> list[LeftOut]:
     ]
 
 
-def coefficients(element: Element) -> dict[str, float]:
+def coefficients(element: xml.Element) -> dict[str, float]:
     """Coefficients of terms that simulators write as tags of their own inside an element."""
     found: dict[str, float] = {}
-    for tag in inner_tags(element, COEFFICIENTS):
-        name, text = local_name(tag), (tag.get("value") or tag.text or "").strip()
+    for tag in xml.inner_tags(element, COEFFICIENTS):
+        name, text = xml.local_name(tag), (tag.get("value") or tag.text or "").strip()
         if text and COEFFICIENTS[name] not in found:
             found[COEFFICIENTS[name]] = value = number(text)
             if not math.isfinite(value):
@@ -357,12 +351,14 @@ def coefficients(element: Element) -> dict[str, float]:
     return found
 
 
-def _read_transmission(transmission: Element, given: Terms, left_out: list[LeftOut]) -> None:
+def _read_transmission(transmission: xml.Element, given: Terms, left_out: list[LeftOut]) -> None:
     """Inertia of the rotor behind the reduction, of a transmission of one joint."""
-    joints = [(joint.get("name") or "").strip() for joint in inner_tags(transmission, ("joint",))]
+    joints = [
+        (joint.get("name") or "").strip() for joint in xml.inner_tags(transmission, ("joint",))
+    ]
     driven = [name for name in dict.fromkeys(joints) if name in given]
     texts = {
-        what: said(transmission, *tags)
+        what: xml.said(transmission, *tags)
         for what, tags in (("reduction", REDUCTIONS), ("rotor inertia", ROTORS))
     }
     listed = ", ".join(f"{what} {text}" for what, text in texts.items() if text)

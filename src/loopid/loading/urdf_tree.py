@@ -6,7 +6,7 @@ cannot read. So it gets a copy of what the tree is made of, with sound names and
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -17,17 +17,7 @@ from lxml import etree
 
 from loopid.errors import ModelWarning, RobotFileError, naming, warn
 from loopid.inertia import Inertial
-from loopid.loading.xml_elements import (
-    REQUIRED,
-    Element,
-    child,
-    numbers,
-    placement,
-    read_xml,
-    refuse_repetition,
-    required,
-    single,
-)
+from loopid.loading import xml_elements as xml
 from loopid.robot.robot import shortened
 
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -60,23 +50,6 @@ class Link(NamedTuple):
     inertial: Inertial | None
 
 
-class Limit(NamedTuple):
-    """A ``<limit>``."""
-
-    lower: float
-    upper: float
-    effort: float
-    velocity: float
-
-
-class Mimic(NamedTuple):
-    """A ``<mimic>``."""
-
-    joint: str
-    multiplier: float
-    offset: float
-
-
 class Joint(NamedTuple):
     """A ``<joint>``."""
 
@@ -85,24 +58,23 @@ class Joint(NamedTuple):
     parent: str
     child: str
     axis: tuple[float, ...]
-    limit: Limit | None
-    mimic: Mimic | None
+    mimic: tuple[str, float, float] | None  # the joint that leads, multiplier and offset
 
 
 @dataclass(frozen=True)
 class UrdfFile:
     """A URDF whose names, numbers and tree are sound."""
 
-    root: Element  # the whole file
+    root: xml.Element  # the whole file
     tree: str  # XML of links and joints only, for Pinocchio
     name: str
     links: tuple[Link, ...]  # in the order of the file
     joints: tuple[Joint, ...]
     # Joints that give a link a second parent: they are no part of the tree
-    second: tuple[Element, ...] = ()
+    second: tuple[xml.Element, ...] = ()
 
 
-def read_urdf_file(path: Path, root: Element | None = None) -> UrdfFile:
+def read_urdf_file(path: Path, root: xml.Element | None = None) -> UrdfFile:
     """Read a URDF; errors name the file, the element and the offending value.
 
     ``root`` is what the file says, where that is no URDF itself.
@@ -115,11 +87,11 @@ def read_urdf_file(path: Path, root: Element | None = None) -> UrdfFile:
             raise RobotFileError(f"the name of <robot> must be printable, not {name!r:.60}")
         _warn_of_repetition(path, root)
         copy = etree.Element("robot", {"name": name})
-        second, carried = list[Element](), set[str]()
+        second, carried = list[xml.Element](), set[str]()
         for element in root.iterchildren("link", "joint"):
-            with naming(f"{element.tag!s} {required(element, 'name')}"):
+            with naming(f"{element.tag!s} {xml.required(element, 'name')}"):
                 sound = _sound(element)
-            link = "" if element.tag == "link" else required(child(sound, "child"), "link")
+            link = "" if element.tag == "link" else xml.required(xml.child(sound, "child"), "link")
             if link in carried:
                 second.append(element)
             else:
@@ -129,22 +101,15 @@ def read_urdf_file(path: Path, root: Element | None = None) -> UrdfFile:
         joints = tuple(map(_joint, copy.iterchildren("joint")))
         if not links:
             raise RobotFileError("not a valid URDF: it has no <link>")
-        refuse_repetition("link", (link.name for link in links))
-        refuse_repetition("joint", (joint.name for joint in joints))
-        for joint in joints:
-            with naming(f"joint {joint.name}"):
-                _check_joint(joint)
-        for body in links:
-            if body.inertial is not None and body.inertial.mass < 0:
-                mass = f"{body.inertial.mass:g} kg"
-                raise RobotFileError(f"link {body.name}: mass must not be negative: {mass}")
+        xml.refuse_repetition("link", (link.name for link in links))
+        xml.refuse_repetition("joint", (joint.name for joint in joints))
         _check_tree(links, joints)
     return UrdfFile(root, etree.tostring(copy).decode(), name, links, joints, tuple(second))
 
 
-def urdf_root(path: Path) -> Element:
+def urdf_root(path: Path) -> xml.Element:
     """Root of a URDF; another root is refused."""
-    root = read_xml(path)
+    root = xml.read_xml(path)
     # Some simulators declare a default namespace.
     space = f"{{{root.nsmap.get(None)}}}"
     for element in root.iter(f"{space}*"):
@@ -155,9 +120,9 @@ def urdf_root(path: Path) -> Element:
     return root
 
 
-def _warn_of_repetition(path: Path, root: Element) -> None:
+def _warn_of_repetition(path: Path, root: xml.Element) -> None:
     """Warn of tags of joints that are written twice."""
-    found = {tag: list[str]() for tag in (*TAGS["joint"], "dynamics") if tag not in REQUIRED}
+    found = {tag: list[str]() for tag in (*TAGS["joint"], "dynamics") if tag not in xml.REQUIRED}
     for joint in root.iterchildren("joint"):
         for tag, names in found.items():
             if len(joint.findall(tag)) > 1:
@@ -168,64 +133,65 @@ def _warn_of_repetition(path: Path, root: Element) -> None:
             warn(f"{what}: the first counts, as for Pinocchio; keep one", ModelWarning)
 
 
-def _sound(element: Element) -> Element:
+def _sound(element: xml.Element) -> xml.Element:
     """What the tree needs of an element."""
     tag, kind = str(element.tag), element.get("type", "").strip()
     copy = etree.Element(tag, {"type": kind} if tag == "joint" else None)
     if tag in NAMES:
-        copy.set(NAMES[tag], required(element, NAMES[tag]))
+        copy.set(NAMES[tag], xml.required(element, NAMES[tag]))
     for attribute, (count, default) in NUMBERS.get(tag, {}).items():
-        copy.set(attribute, " ".join(map(repr, numbers(element, attribute, count, default))))
+        copy.set(attribute, " ".join(map(repr, xml.numbers(element, attribute, count, default))))
     for inner in TAGS.get(tag, ()):
-        there = child(element, inner) if inner in REQUIRED else single(element, inner)
+        there = xml.child(element, inner) if inner in xml.REQUIRED else xml.single(element, inner)
         if there is not None and not (inner == "axis" and kind in ("fixed", "floating")):
             copy.append(_sound(there))
     return copy
 
 
-def _link(element: Element) -> Link:
+def _link(element: xml.Element) -> Link:
     """A sound ``<link>``."""
-    name, own = required(element, "name"), element.find("inertial")
+    name, own = xml.required(element, "name"), element.find("inertial")
     if own is None:
         return Link(name, None)
-    place, (mass,) = placement(own.find("origin")), numbers(child(own, "mass"), "value")
-    xx, xy, xz, yy, yz, zz = (numbers(child(own, "inertia"), key)[0] for key in MOMENTS)
+    place, (mass,) = xml.placement(own.find("origin")), xml.numbers(xml.child(own, "mass"), "value")
+    xx, xy, xz, yy, yz, zz = (xml.numbers(xml.child(own, "inertia"), key)[0] for key in MOMENTS)
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if mass < 0:
+        raise RobotFileError(f"link {name}: mass must not be negative: {mass:g} kg")
     return Link(name, Inertial(mass, place.translation, place.rotation, tensor))
 
 
-def _joint(element: Element) -> Joint:
-    """A sound ``<joint>``."""
+def _joint(element: xml.Element) -> Joint:
+    """A sound ``<joint>``, whose type, axis and limits can be."""
+    name, kind = xml.required(element, "name"), element.get("type", "")
     axis, limit, mimic = (element.find(tag) for tag in ("axis", "limit", "mimic"))
-    parent, carried = (required(child(element, tag), "link") for tag in ("parent", "child"))
-    return Joint(
-        *(required(element, "name"), element.get("type", ""), parent, carried),
-        axis=(1.0, 0.0, 0.0) if axis is None else numbers(axis, "xyz", 3),
-        limit=None if limit is None else Limit(*_values(limit)),
-        mimic=None if mimic is None else Mimic(required(mimic, "joint"), *_values(mimic)),
-    )
+    parent, carried = (xml.required(xml.child(element, tag), "link") for tag in ("parent", "child"))
+    along = (1.0, 0.0, 0.0) if axis is None else xml.numbers(axis, "xyz", 3)
+    with naming(f"joint {name}"):
+        RobotFileError.require("type", kind, JOINT_TYPES)
+        if np.abs(along).max() < LEAST_AXIS:
+            raise RobotFileError("<axis> is zero")
+        if limit is not None:
+            _check_limit(*_values(limit))
+        elif kind in ("revolute", "prismatic"):
+            raise RobotFileError(f"a {kind} joint needs a <limit>")
+    if mimic is None:
+        return Joint(name, kind, parent, carried, along, None)
+    factor, offset = _values(mimic)
+    return Joint(name, kind, parent, carried, along, (xml.required(mimic, "joint"), factor, offset))
 
 
-def _values(element: Element) -> list[float]:
+def _values(element: xml.Element) -> Iterator[float]:
     """Single numbers of a sound element."""
-    return [numbers(element, attribute)[0] for attribute in NUMBERS[str(element.tag)]]
+    return (xml.numbers(element, attribute)[0] for attribute in NUMBERS[str(element.tag)])
 
 
-def _check_joint(joint: Joint) -> None:
-    if joint.type not in JOINT_TYPES:
-        raise RobotFileError.unknown("type", joint.type, JOINT_TYPES)
-    if np.abs(joint.axis).max() < LEAST_AXIS:
-        raise RobotFileError("<axis> is zero")
-    limit = joint.limit
-    if limit is None:
-        if joint.type in ("revolute", "prismatic"):
-            raise RobotFileError(f"a {joint.type} joint needs a <limit>")
-        return
-    if limit.lower > limit.upper:
-        raise RobotFileError(f"<limit> lower {limit.lower} exceeds upper {limit.upper}")
-    for key in ("effort", "velocity"):
-        if getattr(limit, key) < 0:
-            raise RobotFileError(f"<limit> {key} must not be negative: {getattr(limit, key)}")
+def _check_limit(lower: float, upper: float, effort: float, velocity: float) -> None:
+    if lower > upper:
+        raise RobotFileError(f"<limit> lower {lower} exceeds upper {upper}")
+    for key, most in {"effort": effort, "velocity": velocity}.items():
+        if most < 0:
+            raise RobotFileError(f"<limit> {key} must not be negative: {most}")
 
 
 def _check_tree(every: Sequence[Link], joints: Sequence[Joint]) -> None:
@@ -239,9 +205,7 @@ def _check_tree(every: Sequence[Link], joints: Sequence[Joint]) -> None:
     roots = sorted(links - carriers)
     if len(roots) != 1:
         listed = ", ".join(roots) or "none"
-        hint = (
-            "" if roots else ": a joint closes a loop at the root: write it as a closure in a YAML"
-        )
+        hint = "" if roots else ": a joint closes a loop there: write it as a closure in a YAML"
         raise RobotFileError(
             f"the links must form one tree with one root, but roots are: {listed}{hint}"
         )

@@ -78,11 +78,7 @@ def check_log(robot: Robot, log: Log) -> Log:
     if log.checked:
         return log
     if len(log) < LEAST_ROWS:
-        raise LogError(
-            f"{log.name} has {len(log)} rows of numbers: it takes at least {LEAST_ROWS}",
-            source=log.name,
-            rows=len(log),
-        )
+        raise LogError(f"{log.name} has {len(log)} rows of numbers: it takes at least {LEAST_ROWS}")
     _require_even_segments(log)
     given = {name: getattr(log, name) for name in QUANTITIES if getattr(log, name) is not None}
     whole = stream_of(log.name, log.joints, log.time, given, log.slides)
@@ -108,7 +104,6 @@ def _require_even_segments(log: Log) -> None:
                 f"{log.name}: time stamps of segment {log.segments[part.start]} are up to "
                 f"{off:.3g} s off even steps of {step:.3g} s: make the log by Log.from_arrays, "
                 "which splits it at gaps and puts it on an even grid",
-                source=log.name,
                 tolerance=UNEVEN,
             )
 
@@ -140,9 +135,7 @@ def _require_usual_step(stream: Stream) -> None:
         raise stream.refused(
             f"the median step between time stamps is {step:.3g} s, but must be "
             f"from {shortest:g} to {longest:g} s: give the unit of the time in a mapping"
-            f"{f'; times {factors} it would fit' if factors else ''}",
-            step=step,
-            fitting=tuple(fitting),
+            f"{f'; times {factors} it would fit' if factors else ''}"
         )
 
 
@@ -155,9 +148,7 @@ def _require_units(robot: Robot, stream: Stream) -> None:
             raise stream.refused(
                 f"the unit of column {what.column!r} is that of a joint that "
                 f"{said[1]}, but {what.joint} {said[0]}: give {what.quantity}_scale in a mapping "
-                "if the column is right",
-                joint=what.joint,
-                column=what.column,
+                "if the column is right"
             )
 
 
@@ -242,7 +233,7 @@ def check_moving(streams: Sequence[Stream]) -> None:
         dead = [joint for joint, moved in moves.items() if not moved]
         if quantity == "position" and len(dead) == len(moves):
             said = f"{source}: no position ever changes, so nothing moves"
-            raise LogError(said, source=source, joints=tuple(dead))
+            raise LogError(said)
         if dead:
             warn(
                 f"{source}: the {quantity} of {', '.join(dead)} never changes: a dead sensor?",
@@ -274,10 +265,6 @@ def check_rates(log: Log) -> None:
             if not 1 / GAIN < gain < GAIN:
                 raise LogError(
                     f"{said}: is it in another unit ({quantity}_scale), or of another?",
-                    source=log.name,
-                    quantity=quantity,
-                    joint=joint,
-                    gain=gain,
                     tolerance=GAIN,
                 )
             if apart > APART:
@@ -307,9 +294,7 @@ def _both_changes(log: Log, k: int, rates: FloatArray, order: int) -> tuple[Floa
 def require_known_motion(robot: Robot, free: Collection[str] = ()) -> None:
     """Refuse robots whose configuration does not follow from the motors and these free joints."""
     known = measurable(robot)
-    for name in free:
-        if name not in known:
-            raise OptionError.unknown(f"free joint of {robot.name}", name, known)
+    OptionError.require(f"free joint of {robot.name}", free, known)
     told = robot.coordinates_of(free)
     left = [name for name in robot.free if name not in told]
     if left:
@@ -325,8 +310,7 @@ def require_known_motion(robot: Robot, free: Collection[str] = ()) -> None:
     if several:
         raise OptionError(
             f"a log has one position a motor, but {', '.join(several)} of {robot.name} turn "
-            "about several axes: name the motors in 'name_mot'",
-            joints=tuple(several),
+            "about several axes: name the motors in 'name_mot'"
         )
 
 
@@ -346,12 +330,10 @@ def frame_index(robot: Robot, name: str) -> int:
     """Index of a frame in Pinocchio's model; an OptionError for one that is not there, or fixed."""
     model = robot.model
     names = [frame.name for frame in model.frames]
-    if name not in names:
-        raise OptionError.unknown(f"frame of {robot.name}", name, dict.fromkeys(names))
+    OptionError.require(f"frame of {robot.name}", name, [*dict.fromkeys(names)])
     index = link_frames(model).get(name, names.index(name))
     if not robot.supports([index]).any():
         raise OptionError(
-            f"frame {name} of {robot.name} does not move: a wrench on it moves nothing",
-            frame=name,
+            f"frame {name} of {robot.name} does not move: a wrench on it moves nothing"
         )
     return index

@@ -118,11 +118,7 @@ def make_stream(
     if table.cut_off is not None:
         left_out.append(("last row without an end: cut off?", np.array([table.cut_off])))
     if fine.sum() < LEAST_ROWS:
-        raise LogError(
-            f"{source} has {fine.sum()} rows of numbers: it takes at least {LEAST_ROWS}",
-            source=source,
-            rows=int(fine.sum()),
-        )
+        raise LogError(f"{source} has {fine.sum()} rows of numbers: it takes at least {LEAST_ROWS}")
     rest = table.rows[fine], stamps[fine], values[fine]
     return with_increasing_stamps(Stream(source, channels, *rest, tuple(left_out)))
 
@@ -159,8 +155,7 @@ def with_increasing_stamps(stream: Stream) -> Stream:
     if len(wrong):
         raise stream.refused(
             f"time must increase from row to row, but goes back {len(wrong)} times, in "
-            f"{rows_text(stream.rows[wrong])}",
-            rows=stream.rows[wrong].tolist(),
+            f"{rows_text(stream.rows[wrong])}"
         )
     return stream
 
@@ -179,10 +174,7 @@ def on_joints(stream: Stream, maps: Sequence[JointMap]) -> Stream:
             if len(here) < len(one.motors):
                 raise LogError(
                     f"{stream.source} does not have the {quantity} of all motors that move "
-                    f"{', '.join(one.joints)}: they must have the same time stamps",
-                    source=stream.source,
-                    quantity=quantity,
-                    joints=tuple(one.joints),
+                    f"{', '.join(one.joints)}: they must have the same time stamps"
                 )
             values[:, here] = stream.values[:, here] @ factors.T
             for place, joint in zip(here, one.joints, strict=True):
@@ -196,13 +188,7 @@ def refuse_or_warn(
     """Warn of rows that are left out; refuse a log with more than a part of them."""
     sentence = f"{source}: {reason} in {rows_text(rows)} of {count}"
     if len(rows) > most * count:
-        raise LogError(
-            f"{sentence} (at most {most:.0%} may be left out)",
-            source=source,
-            reason=reason,
-            rows=rows.tolist(),
-            tolerance=most,
-        )
+        raise LogError(f"{sentence} (at most {most:.0%} may be left out)", tolerance=most)
     warn(f"{sentence}: left out", DataWarning)
 
 
@@ -245,7 +231,6 @@ def align(streams: Sequence[Stream], joints: tuple[str, ...]) -> Aligned:
         raise LogError(
             f"no {LEAST_ROWS} samples in a row, without a gap of more than {GAP:g} median "
             f"steps, are in all streams: {listed}",
-            streams={s.source: (t[0], t[-1]) for s, t in zip(streams, times, strict=True)},
             tolerance=GAP,
         )
     time = np.concatenate(grids)
@@ -351,7 +336,7 @@ def on_even_grids(
             own = {one: signals[one][a:b] for one in signals}
             found.append(on_even_grid(name, joints, time[a:b], own))
     if not found:
-        raise LogError(f"{name}: no segment has {LEAST_ROWS} samples", source=name)
+        raise LogError(f"{name}: no segment has {LEAST_ROWS} samples")
     times, tables, numbers, dropped = zip(*found, strict=True)
     first = np.cumsum([0, *(own[-1] + 1 for own in numbers[:-1])])
     return (
@@ -383,7 +368,6 @@ def continued(values: FloatArray) -> FloatArray:
         raise DataError(
             f"sample {int(off.argmax())} of a pose ends in no unit quaternion: its length is off "
             f"by {off.max():.3g} (tolerance {UNIT:g}; columns are {', '.join(POSE)})",
-            sample=int(off.argmax()),
             tolerance=UNIT,
         )
     flips = np.where((turn[1:] * turn[:-1]).sum(axis=1) < 0, -1.0, 1.0)

@@ -250,9 +250,7 @@ class Log(Tabular):
         <Log 'swing': 200 samples of crank_joint over 1.99 s in 1 segment>
         """
         joints, units = tuple(joints), units or {}
-        for quantity in units:
-            if quantity not in UNITS:
-                raise OptionError.unknown("quantity with a unit", quantity, UNITS)
+        OptionError.require("quantity with a unit", units, UNITS)
         at = _row(time, repeated=True) * _unit("time", units.get("time")).scale
         given = dict(zip(QUANTITIES, (position, force, velocity, acceleration), strict=True))
         signals, slides = dict[str, FloatArray](), dict[str, bool]()
@@ -527,9 +525,7 @@ def _by_joint(given: Any, joints: Sequence[str], default: Any = None) -> list[An
     """What is given for all or by joint, in the order of the joints."""
     if not isinstance(given, Mapping):
         return [given] * len(joints)
-    for name in given:
-        if name not in joints:
-            raise OptionError.unknown("joint", name, joints)
+    OptionError.require("joint", given, joints)
     return [given.get(joint, default) for joint in joints]
 
 

@@ -159,8 +159,8 @@ class LogMapping(Section):
     motors of ``joint_maps`` stand for the joints that they move. ``wrenches`` are what the
     surroundings exert on frames of the robot, each of six columns. ``free`` gives the columns of
     joints that no motor moves: one, or the seven of a floating base. ``delay`` is how much later
-    forces are than positions, in s, of all joints or by joint, or how late the time stamps of whole
-    streams are, by their names. Without a column of times, rows are even: ``rate`` in Hz, or
+    forces are than positions, in s, of all joints or by joint. Or it is how late the time stamps of
+    whole streams are, by their names. Without a column of times, rows are even: ``rate`` in Hz, or
     ``period`` in s between them. ``topic`` chooses among those of a bag, ``group`` among those of
     an HDF5 file.
 
@@ -237,7 +237,6 @@ class LogMapping(Section):
             raise LogError(
                 f"{source}: joint_maps of the mapping must name joints among {', '.join(joints)}, "
                 "and call no motor like another joint",
-                source=source,
                 valid=joints,
             )
         return names
@@ -252,7 +251,6 @@ class LogMapping(Section):
                 raise LogError(
                     f"{source}: delay of the mapping names {name!r}: give joints among "
                     f"{', '.join(joints)}, or streams among {', '.join(streams)}",
-                    source=source,
                     key="delay",
                     valid=(*joints, *streams),
                 )
@@ -321,7 +319,6 @@ class LogMapping(Section):
             raise LogError(
                 f"{source}: {key} of the mapping leaves out "
                 f"{name!r}: give the motors {', '.join(joints)}",
-                source=source,
                 key=key,
                 valid=tuple(joints),
             )

@@ -146,7 +146,7 @@ def prepare(
     idle = standing(robot, log, signals.velocity, rows, lowpass)
     if (idle | saturated).all():
         said = f"{log.name}: no force can be used, as all motors stand or are saturated"
-        raise LogError(said, source=log.name)
+        raise LogError(said)
     motion = motion_of(robot, log, told, rows, found)
     force, used = on_independent(robot, motion, signals.force[rows], ~(idle | saturated))
     if {*log.free} & {*robot.floating} and not log.wrenches:
@@ -186,9 +186,7 @@ def prepare(
 
 @checked
 def prepare_again(
-    robot: Robot,
-    recordings: Sequence[Recording],
-    **changed: Any,
+    robot: Robot, recordings: Sequence[Recording], **changed: Any
 ) -> tuple[Recording, ...]:
     """The same parts of the recordings' logs, with other fields of ``FilterOptions``.
 
@@ -304,9 +302,7 @@ def long_enough(log: Log, lowpass: LowPass | None) -> Log:
         longest = max(one.count for one in short)
         raise LogError(
             f"{log.name}: all segments without gaps are too short to filter, the longest has "
-            f"{longest} samples",
-            source=log.name,
-            longest=longest,
+            f"{longest} samples"
         )
     return log if good.all() else log.select(good, *short)
 
@@ -434,8 +430,6 @@ def assemble_samples(
             raise AssemblyError(
                 f"{said}: is the robot on another branch than the start, or are these not its "
                 "positions?",
-                source=log.name,
-                part=part,
                 tolerance=UNASSEMBLED,
             )
         warn(f"{said}: left out", DataWarning)
@@ -450,7 +444,7 @@ def assemble_samples(
             f"{measure.min():.1e}, at least {masks.singularity_threshold:g} is required)"
         )
         if not good.any():
-            raise LogError(said, source=log.name, tolerance=masks.singularity_threshold)
+            raise LogError(said, tolerance=masks.singularity_threshold)
         warn(f"{said}: left out", DataWarning)
     return Assembled(np.concatenate(configurations)[regular], measure[regular], good, dropped)
 
@@ -497,11 +491,7 @@ def _assembled(
 
 
 def motion_of(
-    robot: Robot,
-    log: Log,
-    told: FreeMotion,
-    rows: IntArray,
-    found: Assembled,
+    robot: Robot, log: Log, told: FreeMotion, rows: IntArray, found: Assembled
 ) -> JointMotion:
     """What all joints do at rows (K,) that are assembled, with bases as measured."""
     q, independent = found.configurations, robot.velocity_indices(robot.independent)
@@ -539,11 +529,7 @@ def _where(time: FloatArray, flags: BoolArray) -> str:
 
 
 def standing(
-    robot: Robot,
-    log: Log,
-    velocity: FloatArray,
-    rows: IntArray,
-    lowpass: LowPass | None,
+    robot: Robot, log: Log, velocity: FloatArray, rows: IntArray, lowpass: LowPass | None
 ) -> BoolArray:
     """Where each motor is at or near a standstill (K, m), of some rows (K,).
 

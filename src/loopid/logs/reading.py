@@ -11,7 +11,7 @@ import numpy as np
 
 from loopid.arguments import checked
 from loopid.errors import FileError, LogError, ModelWarning, OptionError, warn
-from loopid.files import require_name, why_no_file
+from loopid.files import near_file, require_name, why_no_file
 from loopid.logs.checks import (
     check_moving,
     check_rates,
@@ -128,7 +128,7 @@ def _existing(path: str | Path) -> Path:
     place = Path(path)
     reason = why_no_file(place)
     if reason == "does not exist":
-        raise FileError(f"there is no log {place}", file=place)
+        raise FileError(f"there is no log {place}{near_file(place)}", file=place)
     if reason not in ("", "is a folder"):
         raise LogError(f"log {place} {reason}", file=place)
     return place
@@ -155,8 +155,6 @@ def read_streams(
         raise LogError(
             f"{source}: {joint} is locked at {locked[joint]:.6g}, but stands at {value:.6g}: load "
             f'the robot with lock=["{joint}={value:.6g}"]',
-            source=source,
-            joint=joint,
             given=value,
             tolerance=LOCKED,
         )
@@ -195,9 +193,7 @@ def _elsewhere(
         if high - low > LOCKED:
             raise LogError(
                 f"{source}: {joint} is locked, but moves from {low:.4g} to {high:.4g} in column "
-                f"{place.column!r}: load the robot without that lock",
-                source=source,
-                joint=joint,
+                f"{place.column!r}: load the robot without that lock"
             )
         middle = float(np.nanmedian(positions))
         if abs(middle - value) > LOCKED:
@@ -281,7 +277,6 @@ def open_log(path: Path, mapping: LogMapping) -> LogFormat:
                 f"of format {name}",
                 file=path,
                 key=key,
-                format=name,
             )
     chosen = getattr(mapping, kind.choice) if kind.choice else None
     return kind(path, chosen)

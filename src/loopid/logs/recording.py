@@ -242,13 +242,16 @@ class Recording(Tabular):
         history = self.history
         if history is not None and joint in history.joints:
             return history.ways(history.velocity[:, history.joints.index(joint)])
-        if joint not in self.actuators:
-            raise OptionError.unknown("motor", joint, self.actuators)
+        OptionError.require("motor", joint, self.actuators)
         rate, time = self.motion.velocities[:, self.actuators.index(joint)], self.motion.time
         ends = np.flatnonzero(np.diff(self.segments))
         return [
             np.cumsum(np.append(0.0, steps)) for steps in np.split(rate[1:] * np.diff(time), ends)
         ]
+
+    def lowpassed(self, signal: FloatArray) -> FloatArray:
+        """A signal at the rate of the log, filtered as the forces are, at the samples (N, ...)."""
+        return signal if self.history is None else self.history.lowpassed(signal)
 
     @property
     def at_rest(self) -> FloatArray:
@@ -336,9 +339,7 @@ class Recording(Tabular):
         if not part.used.any():
             raise LogError(
                 f"{self.name}: no motor moves between {start:g} and {min(end, time[-1]):g} s; the "
-                f"log has samples from {time[0]:g} to {time[-1]:g} s",
-                source=self.name,
-                between=(start, end),
+                f"log has samples from {time[0]:g} to {time[-1]:g} s"
             )
         return part
 

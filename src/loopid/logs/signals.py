@@ -277,8 +277,7 @@ class ColumnFinder:
             if place in found:
                 raise self._refused(
                     f"column {place.column!r} is mapped twice: each {channel.quantity} has a "
-                    "column of its own",
-                    column=place.column,
+                    "column of its own"
                 )
             found[place] = channel
         streams: dict[str, list[Channel]] = {}
@@ -290,8 +289,7 @@ class ColumnFinder:
                 if channel.column in times:
                     raise self._refused(
                         f"column {channel.column!r} is the time, so that it cannot be the "
-                        f"{channel.quantity} of {channel.joint}, too",
-                        column=channel.column,
+                        f"{channel.quantity} of {channel.joint}, too"
                     )
         return streams
 
@@ -302,9 +300,7 @@ class ColumnFinder:
             raise self._refused(
                 f"column {place.column!r} is a current, not a force: give the force of one ampere "
                 "(N m or N, by joint) as 'force_scale' in a mapping; with 1, identify says what it "
-                "is by the robot file's masses",
-                quantity="force",
-                column=place.column,
+                "is by the robot file's masses"
             )
 
     def _channels_of(
@@ -315,9 +311,7 @@ class ColumnFinder:
         if len(places) != len(joints):
             raise self._refused(
                 f"there are {len(places)} columns for the {quantity}, but the robot has "
-                f"{len(joints)} motors: {', '.join(joints)}",
-                columns=tuple(map(str, places)),
-                joints=joints,
+                f"{len(joints)} motors: {', '.join(joints)}"
             )
         scales = self.mapping.by_joint(self.source, f"{quantity}_scale", joints)
         offsets = self.mapping.by_joint(self.source, f"{quantity}_offset", joints)
@@ -332,8 +326,7 @@ class ColumnFinder:
             if len(places) != len(COMPONENTS):
                 raise self._refused(
                     f"there are {len(places)} columns for the wrench on {given.frame}, but it "
-                    f"takes {len(COMPONENTS)}: {', '.join(COMPONENTS)}",
-                    columns=tuple(map(str, places)),
+                    f"takes {len(COMPONENTS)}: {', '.join(COMPONENTS)}"
                 )
             numbers = zip(places, COMPONENTS, given.six("scale"), given.six("offset"), strict=True)
             for place, component, scale, offset in numbers:
@@ -342,8 +335,7 @@ class ColumnFinder:
                 if unit.straight is not None and unit.straight != component.startswith("force"):
                     raise self._refused(
                         f"the unit of column {column!r} is not that of the {component} on "
-                        f"{given.frame}: forces stand before moments",
-                        column=column,
+                        f"{given.frame}: forces stand before moments"
                     )
                 yield place, Channel(wrench_name(k), component, column, unit.scale, offset)
 
@@ -353,8 +345,7 @@ class ColumnFinder:
             if len(columns) not in (1, len(POSE)):
                 raise self._refused(
                     f"there are {len(columns)} columns for {joint}, but it takes one or, of a "
-                    f"floating base, {', '.join(POSE)}",
-                    columns=tuple(columns),
+                    f"floating base, {', '.join(POSE)}"
                 )
             for component, place in zip(POSE, map(self._called, columns), strict=False):
                 unit = self._unit("position", place.column, None, "a header's unit")
@@ -381,8 +372,6 @@ class ColumnFinder:
             raise self._refused(
                 f"column {column!r} is in {said.unit!r}, which is no known unit of a {quantity} "
                 f"({', '.join(unit_names(quantity))}): give {key} in a mapping",
-                column=column,
-                unit=said.unit,
                 valid=tuple(unit_names(quantity)),
             )
         return Unit("SI", 1.0)
@@ -414,9 +403,7 @@ class ColumnFinder:
         problem = f"several columns for the time ({', '.join(found)})" if found else "no time"
         raise self._refused(
             f"{stream} has {problem}: call one column time, or name it in a mapping, or give the "
-            f"'rate' of even rows there, in Hz; {self._choices()}",
-            stream=stream,
-            columns=tuple(found),
+            f"'rate' of even rows there, in Hz; {self._choices()}"
         )
 
     def _given_time(self, given: TimeColumns, stream: str) -> TimeColumn:
@@ -426,9 +413,7 @@ class ColumnFinder:
         for name in columns:
             if name not in here:
                 raise self._refused(
-                    f"{stream} has no column {name!r} for the time: {self._choices()}",
-                    stream=stream,
-                    given=name,
+                    f"{stream} has no column {name!r} for the time: {self._choices()}", given=name
                 )
         first, *rest = (here[name] for name in columns)
         unit = NANOSECONDS["s"] if rest else self._nanoseconds(first, given.unit)
@@ -477,8 +462,7 @@ class ColumnFinder:
         if not self.ordered:
             raise self._refused(
                 f"the columns of {given.stream} stand in no order: list them in that of the "
-                f"motors; {self._choices()}",
-                stream=given.stream,
+                f"motors; {self._choices()}"
             )
         times, names = self.time(given.stream).names, self.streams[given.stream]
         return [Place(given.stream, name) for name in names if name not in times]
@@ -526,19 +510,14 @@ class ColumnFinder:
         if not found:
             raise self._refused(
                 f"there is no {quantity} of {joint}: call a column {joint}.{quantity}, "
-                f"{'' if also else 'or '}name it in a mapping{also}; {self._choices()}",
-                quantity=quantity,
-                joint=joint,
+                f"{'' if also else 'or '}name it in a mapping{also}; {self._choices()}"
             )
         if len(found) > 1:
             several = self.choice is not None and len(self.streams) > 1
             also = f", or a {self.choice}," if several else ""
             raise self._refused(
                 f"there are {len(found)} columns for the {quantity} of {joint}: "
-                f"{', '.join(map(str, found))}; name one{also} in a mapping",
-                quantity=quantity,
-                joint=joint,
-                columns=tuple(map(str, found)),
+                f"{', '.join(map(str, found))}; name one{also} in a mapping"
             )
         return found[0]
 
@@ -555,7 +534,7 @@ class ColumnFinder:
             columns = tuple(map(str, found))
             choice = f"write {' or '.join(columns)}" if found else self._choices()
             said = f"there {'are several columns' if found else 'is no column'} {reference!r}"
-            raise self._refused(f"{said}: {choice}", given=reference, columns=columns)
+            raise self._refused(f"{said}: {choice}", given=reference)
         return found[0]
 
     def _matching(self, names: Sequence[str], alone: Sequence[str] = ()) -> list[Place]:

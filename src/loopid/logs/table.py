@@ -172,7 +172,6 @@ def _require_possible(source: str, column: polars.Series, unit: int) -> None:
             f"{source}: times in column {column.name!r} are {least:.3g} and more, which is too "
             "much in its unit: give the unit of the time in a mapping, such as ns",
             file=source,
-            column=column.name,
             given=least,
         )
 
@@ -237,7 +236,6 @@ def common_length(source: str | Path, lengths: Mapping[str, int]) -> int:
         raise LogError(
             f"{source}: {short!r} has {lengths[short]} rows, but {long!r} has {lengths[long]}",
             file=source,
-            columns=(short, long),
         )
     return lengths[long]
 
@@ -245,7 +243,7 @@ def common_length(source: str | Path, lengths: Mapping[str, int]) -> int:
 def other_kind(source: str | Path, name: str, kind: object, wanted: str) -> LogError:
     """A column that holds something else than it must."""
     said = f"{source}: column {name!r} holds {kind}, not {wanted}"
-    return LogError(said, file=source, column=name, given=str(kind))
+    return LogError(said, file=source, given=str(kind))
 
 
 @contextmanager
@@ -313,7 +311,7 @@ class ArrayFormat(LogFormat):
         for name, place in places.items():
             if name in columns:
                 both = f"{columns[name].array} and {array}"
-                raise self.refused(f"has column {name!r} in {both}", column=name)
+                raise self.refused(f"has column {name!r} in {both}")
             columns[name] = Column(array, place)
 
 

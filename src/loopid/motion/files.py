@@ -334,8 +334,7 @@ class MotionProgram:
         By default the first one of the file, with the file's rate in Hz.
         """
         name = next(iter(self.motions)) if name is None else name
-        if name not in self.motions:
-            raise OptionError.unknown("motion", name, self.motions)
+        OptionError.require("motion", name, self.motions)
         plan, rate = self.motions[name], self.rate if rate is None else rate
         return point_to_point(self.coordinates, plan.start, plan.waypoints, rate=rate)
 

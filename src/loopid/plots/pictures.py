@@ -99,9 +99,9 @@ def forces_chart(
     predictions, some = {"fit": ("this fit", found.predicted)}, spread_rows(len(run), MOST_DOTS)
     if file is not None:
         predictions = {"file": ("the robot file", file), **predictions}
-    for motor in run.actuators if motors is None else motors:
-        if motor not in run.actuators:
-            raise OptionError.unknown("motor", motor, run.actuators)
+    chosen = run.actuators if motors is None else motors
+    OptionError.require("motor", chosen, run.actuators)
+    for motor in chosen:
         k = run.actuators.index(motor)
         used, force, unit = run.used[:, k], run.force[:, k], force_unit(robot, motor)
         first, end = segments(~used).T

@@ -12,7 +12,7 @@ from loopid.base_parameters.choice import SearchResult
 from loopid.errors import OptionError
 from loopid.plots.chart import Chart, Mark, Panel
 from loopid.robot.robot import Robot
-from loopid.view.scene import link_rods, placed
+from loopid.view.scene import link_rods, placed, slides
 
 FLAT = 1e-6  # part of the largest extent below which a robot is flat
 VIEWS = (0, 2), (0, 1), (1, 2)  # axes that go right and up
@@ -64,12 +64,9 @@ def robot_chart(robot: Robot, configuration: FloatArray | None = None, *, worst:
     given = robot.reference if configuration is None else configuration
     q = shaped(given, "configuration", robot.model.nq)
     rods = link_rods(robot)
-    places, ends, pairs = placed(robot, rods, q)
-    joints, met = np.array([place.translation for place in places[1:]]), pairs.reshape(-1, 3)
-    slides = np.zeros(len(joints), dtype=bool)
-    for ((base, _), (joint, _)), both in zip(rods, ends, strict=True):
-        if base != joint:  # a slide, in its middle: at its ends are other joints
-            joints[joint - 1], slides[joint - 1] = both.mean(axis=0), True
+    _, joints, ends, pairs = placed(robot, rods, q)
+    met, sliding = pairs.reshape(-1, 3), np.zeros(len(joints), dtype=bool)
+    sliding[np.array([*slides(rods)], dtype=int) - 1] = True
     extent = np.ptp(np.vstack([joints, met, ends.reshape(-1, 3)]), axis=0)
     flat = [axes for axes in VIEWS if extent.sum() - extent[[*axes]].sum() <= FLAT * extent.max()]
     right, up = np.eye(3)[[*flat[0]]] if flat else ACROSS
@@ -86,7 +83,7 @@ def robot_chart(robot: Robot, configuration: FloatArray | None = None, *, worst:
         Mark("loop closed here", *_seen(met, right, up), "file", "closure"),
         Mark("passive joint", *_seen(joints[~motors], right, up), "measured", "joint"),
     ]
-    kinds = (("motor", motors & ~slides, "motor"), ("sliding motor", motors & slides, "slide"))
+    kinds = (("motor", motors & ~sliding, "motor"), ("sliding motor", motors & sliding, "slide"))
     x, y = _seen(joints, right, up)
     x[motors], y[motors] = _apart(x[motors], y[motors], SIGN * extent.max())
     for name, own, kind in kinds:

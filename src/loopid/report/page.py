@@ -256,7 +256,7 @@ class Report:
 
     name: str  # of the record's form, and of its file
     title: str
-    verdict: str  # one sentence, which comes first
+    verdict: str  # which comes first
     record: dict[str, Any]  # all findings in plain numbers, lists and texts
     brief: Sequence[Table]  # what the terminal shows below the verdict
     sections: Callable[[], Sequence[Section]]  # of the page

@@ -253,8 +253,7 @@ class Robot:
 
     def joint(self, name: str) -> pin.JointModel:
         """Pinocchio's joint of a name; an OptionError lists the joints."""
-        if name not in self.joints:
-            raise OptionError.unknown("joint", name, self.joints)
+        OptionError.require("joint", name, self.joints)
         return self.model.joints[self.model.getJointId(name)]
 
     def velocity_indices(self, names: Iterable[str]) -> IntArray:

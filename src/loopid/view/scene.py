@@ -38,6 +38,7 @@ class Pose:
     values: FloatArray  # of the sliders
     origins: FloatArray  # (joints + 1, 3), the fixed frame first
     rotations: FloatArray  # (joints + 1, 3, 3)
+    joints: FloatArray  # (joints, 3), those that slide in their middle
     rods: FloatArray  # (rods, 2, 3), their ends
     closures: FloatArray  # (closures, 2, 3), the origins of the two frames of each
     open_by: FloatArray  # (closures,), the largest residual of each
@@ -89,7 +90,7 @@ class Scene:
         """What is where at a configuration (nq,), closed or not."""
         robot = self.robot
         q = samples(configuration, robot.model.nq, "configuration", 1)
-        places, rods, ends = placed(robot, self._rods, q[0])
+        places, joints, rods, ends = placed(robot, self._rods, q[0])
         residual, owner = np.abs(scaled_residual(robot, q)[0]), robot.row_closures
         own = residual[: len(owner)]
         return Pose(
@@ -97,6 +98,7 @@ class Scene:
             values=self._measured.read(q)[0],
             origins=np.array([place.translation for place in places]),
             rotations=np.array([place.rotation for place in places]),
+            joints=joints,
             rods=rods,
             closures=ends,
             open_by=np.array([own[owner == k].max() for k in range(len(robot.closures))]),
@@ -156,12 +158,26 @@ def link_rods(robot: Robot) -> list[Rod]:
     return rods
 
 
+def slides(rods: Sequence[Rod]) -> dict[int, int]:
+    """Joints that slide to the rods that show how far they are out."""
+    return {joint: k for k, ((base, _), (joint, _)) in enumerate(rods) if base != joint}
+
+
 def placed(
     robot: Robot, rods: Sequence[Rod], configuration: FloatArray
-) -> tuple[list[pin.SE3], FloatArray, FloatArray]:
-    """Where joints, rods (R, 2, 3) and frames of closures (closures, 2, 3) are."""
+) -> tuple[list[pin.SE3], FloatArray, FloatArray, FloatArray]:
+    """Frames of joints; where joints (joints, 3), rods (R, 2, 3) and closures (closures, 2, 3) are.
+
+    A joint that slides is in the middle of its rod: at its ends are other joints.
+    """
     data = scratch_data(robot.model)
     pin.framesForwardKinematics(robot.model, data, configuration)
     places, frames = list(data.oMi), [data.oMf[k].translation for k in robot.closure_frames[0]]
-    ends = [places[joint].act(point) for rod in rods for joint, point in rod]
-    return places, np.reshape(ends, (-1, 2, 3)), np.reshape(frames, (-1, 2, 3))
+    points = [places[joint].act(point) for rod in rods for joint, point in rod]
+    joints, ends = (
+        np.array([place.translation for place in places[1:]]),
+        np.reshape(points, (-1, 2, 3)),
+    )
+    for joint, rod in slides(rods).items():
+        joints[joint - 1] = ends[rod].mean(axis=0)
+    return places, joints, ends, np.reshape(frames, (-1, 2, 3))

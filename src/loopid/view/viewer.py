@@ -47,7 +47,11 @@ THICKNESS = 0.012  # radius of a rod, of the robot's characteristic length
 BEHIND = np.array([1.0, -1.3, 0.8])  # from where one looks
 FIELD = 0.8  # rad, the height of what one sees
 ROD, OPEN, CLOSED = (120, 144, 156), (213, 94, 0), (0, 158, 115)
-BALL = creation.icosphere(1)
+MOTOR, PASSIVE = (30, 36, 42), (250, 250, 250)
+BALL, CUBE = creation.icosphere(1), creation.box()
+LEGEND = (
+    "Dark cubes: motors. White balls: passive joints. Green: loops that are closed; orange: open."
+)
 MASSES = (0, 114, 178), (230, 159, 0), (204, 121, 167), (86, 180, 233)  # of the file, then fits
 
 
@@ -205,6 +209,15 @@ class Viewer:
         self._rods = self._batch("/rods", creation.cylinder(1.0, 1.0, sections=12), rods, ROD)
         self._ends = self._batch("/ends", BALL, thick * np.tile(rods, (2, 1)), ROD)
         self._cuts = self._batch("/cuts", BALL, 2.6 * thick * cuts, CLOSED)
+        robot, sizes = self.scene.robot, thick * np.ones((len(pose.joints), 3))
+        motors = np.isin(robot.joints, robot.actuated)
+        self._joints = [
+            (rows, self._batch(f"/{name}", shape, size * sizes[rows], color))
+            for name, rows, shape, size, color in (
+                ("motors", motors, CUBE, 7.0, MOTOR),
+                ("passive", ~motors, BALL, 2.2, PASSIVE),
+            )
+        ]
         names = [closure.name for closure in self.scene.robot.closures]
         self._labels = [
             draw.add_label(f"/labels/{k}", n, visible=False) for k, n in enumerate(names)
@@ -247,6 +260,8 @@ class Viewer:
             self._rods.batched_scales = np.hstack([thick, lengths])
             self._ends.batched_positions = pose.rods.reshape(-1, 3)
             self._cuts.batched_positions = pose.closures.reshape(-1, 3)
+            for rows, batch in self._joints:
+                batch.batched_positions = pose.joints[rows]
             colours = np.where(pose.open_by[:, None] <= self.scene.closed, CLOSED, OPEN)
             self._cuts.batched_colors = np.repeat(colours, 2, axis=0)
             for box, bodies, batch in self._masses:
@@ -273,6 +288,7 @@ class Viewer:
 
     def _add_controls(self) -> None:
         gui, robot = self._server.gui, self.scene.robot
+        gui.add_markdown(LEGEND)
         self._state = gui.add_text("loops", "", disabled=True)
         hint = "0 where the motors lose control of the motion"
         self._singularity = gui.add_text("singularity measure", "", disabled=True, hint=hint)
