@@ -10,7 +10,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray, row_blocks
 from loopid.errors import DataError, OptionError
-from loopid.identification.data import each_of, read
+from loopid.identification.data import each_of, read, require_no_repetition
 from loopid.identification.delay import in_time
 from loopid.identification.force_models import ForceModel, force_model as model_of, samples_of
 from loopid.identification.friction import less_noise, with_friction
@@ -53,6 +53,7 @@ class LoadedRuns:
         if not all(map(each_of, data)):
             raise DataError("a load takes recordings without it, and others with it")
         robot, runs = read(robot, *data, mapping=mapping)
+        require_no_repetition([run for each in runs for run in each])
         if isinstance(robot, Robot):
             robot = model_of(robot, choose_model(robot, [*runs[0], *runs[1]]).model)
         force_model = robot
