@@ -98,8 +98,8 @@ class ExcitationDesign:
     criteria : Criteria
         Of the weighted observation of the motion, with what there was before.
     expected, before : ExpectedFit
-        What a fit of a run tells, together with what there was before; and of that alone: of the
-        logs, or of the motion that the search started from.
+        What a fit of a run determines, together with what there was before. The other is of that
+        alone: of the logs, or of the motion that the search started from.
     after_logs : bool
         Whether there were logs before.
     noise : FloatArray

@@ -158,7 +158,7 @@ def _slacks(problem: Problem, positions: FloatArray) -> tuple[FloatArray, FloatA
     options = AssemblyOptions(shortest_step=2.0**-6)
     outcome = try_assemble(robot, positions, options=options)
     q = outcome.configurations[outcome.assembled]
-    # Singular poses have no velocities to tell.
+    # Singular poses have no velocities.
     regular = singularity_measure(robot, q) > 1e-6
     rows = np.flatnonzero(outcome.assembled)[regular]
     if len(rows):
@@ -217,7 +217,7 @@ def feasible_start(problem: Problem, poses: Poses, number: int) -> tuple[FloatAr
 
 @dataclass
 class Search:
-    """The points that a solver asks for, each evaluated once, and the best ones."""
+    """The points that a solver evaluates, each evaluated once, and the best ones."""
 
     problem: Problem
     best: FloatArray  # variables (n,) of the best point that keeps all bounds on the grid

@@ -24,7 +24,16 @@ REST = 1e-9
 
 @record(checked=True)
 class Motion(Tabular):
-    """Coordinates over time, with their first two derivatives."""
+    """Coordinates over time, with their first two derivatives.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> there = loopid.motion.Waypoint([0.3], seconds=2.0)
+    >>> motion = loopid.motion.point_to_point(["crank_joint"], [0.0], [there], rate=10)
+    >>> motion.time.shape, motion.position[-1].round(6).tolist()
+    ((21,), [0.3])
+    """
 
     names: tuple[str, ...]  # the c coordinates: joints, or those of the platform
     time: FloatArray  # (N,) in s, increasing
