@@ -13,6 +13,7 @@ import loopid
 from loopid import random_configurations
 from loopid.arguments import MADE_BY, FloatArray, Positive, checked, checked_late
 from loopid.errors import DataError, LoopidError, OptionError
+from loopid.identification import Identification
 from loopid.kinematics import mobility, random_motions
 from loopid.regressors import structural_observation
 
@@ -109,6 +110,16 @@ def test_what_gives_an_object_is_named(knee):
         mobility("knee")
     for maker in MADE_BY.values():
         assert callable(getattr(loopid, maker))
+
+
+def test_an_object_that_has_what_is_asked_for_says_so(load_once):
+    robot = load_once("five_bar")
+    model = loopid.force_model(robot, "gravity", None)
+    found = Identification.__new__(Identification)  # no attribute is asked for its value
+    with pytest.raises(OptionError, match=r"not Identification: give its fit, \.fit$"):
+        loopid.Dynamics(robot, found)
+    with pytest.raises(OptionError, match=r"not ForceModel: give its robot, \.robot$"):
+        mobility(model)
 
 
 def test_functions_mappings_paths_and_arrays():

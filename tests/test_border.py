@@ -1,5 +1,7 @@
 """One voice for what does not fit a form: line, keys, value, choices, what was meant."""
 
+from ast import literal_eval
+
 import pytest
 
 import loopid
@@ -140,3 +142,12 @@ def test_a_word_is_refused_with_the_one_that_was_meant(given, meant):
     assert ("did you mean" in str(error)) == (meant is not None)
     assert f"did you mean {meant!r}?" in str(error) or meant is None
     assert error.facts == {"given": given, "valid": ("joint", "frame")}
+
+
+def test_advice_for_one_axis_is_two_that_are_taken():
+    for axis, advised in (((0, 0, 2), "[[0.0, 0.0, 2.0], [0.0, 0.0, 2.0]]"),
+                          ((0, 0, 0), "[[0, 0, 1], [0, 0, 1]]")):  # fmt: skip
+        with pytest.raises(LoopidError) as refused:
+            loopid.Closure("rod", "lever", "hinge", axes=axis)
+        assert str(refused.value).endswith(f"axes: {advised}")
+        assert loopid.Closure("rod", "lever", "hinge", axes=literal_eval(advised)).axes

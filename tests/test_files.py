@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from loopid.errors import FileError, LoopidError
-from loopid.files import csv_text, require_folder, write_file, write_files
+from loopid.files import csv_text, near_file, require_folder, write_file, write_files
 from loopid.formats.text import TextFormat
 
 CONTENTS = {"page.md": "é ≤ µ\n", "figure.png": bytes(range(256))}
@@ -155,3 +155,11 @@ def test_a_folder_that_cannot_be_is_refused_before_the_work(tmp_path):
             require_folder(place)
     require_folder(tmp_path / "new" / "deeper")
     assert not (tmp_path / "new").exists()
+
+
+def test_a_file_that_was_likely_meant_is_named(tmp_path):
+    (tmp_path / "leg.urdf").touch()
+    for slip in ("leg.urfd", "lge.urdf", "leg"):
+        assert near_file(tmp_path / slip) == " (did you mean 'leg.urdf'?)"
+    assert near_file(tmp_path / "five_bra", ["five_bar"]) == " (did you mean 'five_bar'?)"
+    assert near_file(tmp_path / "arm.xml") == near_file(tmp_path / "none" / "leg.urfd") == ""

@@ -4,6 +4,7 @@ import copy
 import importlib
 import pickle
 import pkgutil
+import sys
 from collections.abc import Mapping
 from dataclasses import MISSING, field, fields, is_dataclass, replace
 from inspect import isabstract
@@ -16,7 +17,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 
 import loopid
 from loopid.arguments import FloatArray
-from loopid.errors import OptionError
+from loopid.errors import MissingExtraError, OptionError
 from loopid.kinematics import AssemblyOptions
 from loopid.records import digest, record, same
 
@@ -248,3 +249,12 @@ def test_options_can_be_replaced_one_by_one():
 
 def has_default(each):
     return each.default is not MISSING or each.default_factory is not MISSING
+
+
+def test_a_table_without_pandas_says_what_to_do(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    model = loopid.force_model(loopid.load("five_bar"), "gravity", None)
+    fit = loopid.Fit.of(model, model.prior)
+    with pytest.raises(MissingExtraError, match=r"pip install pandas, or take to_polars\(\)"):
+        fit.to_pandas()
+    assert len(fit.to_polars()) == len(fit.values)

@@ -177,7 +177,8 @@ def samples(array: ArrayLike, width: int, name: str, count: int | None = None) -
     """The array as finite rows (N, width), as many as required; one may come without its axis."""
     values = np.atleast_2d(finite(array, name))
     if values.ndim != 2 or values.shape[1] != width:
-        message = f"{name} must have shape (samples, {width}), not {np.shape(array)}"
+        one = f"({width},)" if np.ndim(array) < 2 else f"(samples, {width})"
+        message = f"{name} must have shape {one}, not {np.shape(array)}"
         raise DataError(message, argument=name, given=np.shape(array), width=width)
     if count is not None and len(values) != count:
         message = f"{name} must have {count} rows, one a sample, not {len(values)}"
@@ -226,10 +227,10 @@ def checked(thing: Callable[P, R]) -> Callable[P, R]: ...
 def checked(thing: Any) -> Any:
     """Refuse arguments that are not of the annotated types, among numbers also NaN.
 
-    Of a class these are arguments of ``__init__`` and of all public methods. Methods do not check
-    where a checked function calls them. What loopid itself gives them is right. Lists become arrays
-    where these are annotated. Arrays or columns of data frames become lists. Shapes of arrays are
-    left to the function, which knows them.
+    Of a class these are arguments of ``__init__`` and of all public methods. What a checked
+    function calls does not check again, but for ``__init__``: what loopid gives it is right. Lists
+    become arrays where these are annotated. Arrays or columns of data frames become lists. Shapes
+    of arrays are left to the function, which knows them.
 
     Raises
     ------
@@ -277,7 +278,7 @@ def _checked(function: Callable[P, R], owner: type | None = None) -> Callable[P,
         config = ConfigDict(arbitrary_types_allowed=True, allow_inf_nan=False)
         return validate_call(config=config)(taken)
 
-    trusting = owner is not None and function.__name__ != "__init__"
+    trusting = function.__name__ != "__init__"
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -329,6 +330,8 @@ MADE_BY = {
     "Fit": "load_fit",
     "Estimates": "load_fit",
 }
+# Where other objects have one.
+PARTS = {"Robot": "robot", "ForceModel": "force_model", "Fit": "fit"}
 # What they are known as: these say only what is used of them.
 ABSTRACT = {"LinearModel": "ForceModel", "Values": "Fit"}
 
@@ -416,9 +419,19 @@ def _refusal(details: list[ErrorDetails], names: list[str]) -> LoopidError:
         kinds = [*dict.fromkeys(ABSTRACT.get(each, each) for each in kinds)]
         makers = " or ".join(MADE_BY[each] for each in kinds if each in MADE_BY)
         said = f"must be of type {' or '.join(kinds)}, not {_shown(detail['input']):.60}"
-        said += f": {makers} gives one" if makers else ""
+        own = type(detail["input"])
+        part = next((p for k in kinds if (p := PARTS.get(k)) and _has(own, p)), None)
+        if part is not None:
+            said += f": give its {part}, .{part}"
+        elif makers:
+            said += f": {makers} gives one"
     error = DataError if isinstance(problem, DataError) else OptionError
     return error(f"{at} {said}", argument=name, given=detail["input"])
+
+
+def _has(kind: type, name: str) -> bool:
+    """Whether objects of a class have an attribute: a property may refuse to be asked."""
+    return hasattr(kind, name) or name in getattr(kind, "__dataclass_fields__", {})
 
 
 def _shown(given: Any) -> str:

@@ -44,7 +44,11 @@ class Section(BaseModel):
     """Part of a file: known keys only, finite numbers only, names that may look like numbers."""
 
     model_config = ConfigDict(
-        extra="forbid", allow_inf_nan=False, coerce_numbers_to_str=True, frozen=True
+        extra="forbid",
+        allow_inf_nan=False,
+        coerce_numbers_to_str=True,
+        frozen=True,
+        defer_build=True,  # importing loopid does not wait for forms that no file asks for
     )
 
     @model_validator(mode="before")

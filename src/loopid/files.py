@@ -12,15 +12,17 @@ import tempfile
 import zlib
 from collections.abc import Generator, Mapping, Sequence
 from errno import EISDIR
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from loopid.errors import FileError, LogError
+from loopid.errors import FileError, LogError, near
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 BLOCK_BYTES = 2**20  # of text that are read at a time
+MOST_BESIDE = 1000  # files in a folder that are looked at for the one that was meant
 LONGEST_LINE = 200_000  # bytes; a thousand columns with all digits take 25,000
 PLAIN_NAME = re.compile(r"""[^\s,;"']+""")  # of a column: nothing that separates or quotes
 
@@ -38,6 +40,19 @@ def why_no_file(path: Path) -> str:
     if stat.S_ISDIR(mode):
         return "is a folder"
     return "" if stat.S_ISREG(mode) else "is no regular file"
+
+
+def near_file(path: Path, others: Sequence[str] = ()) -> str:
+    """Which file beside a path, or which of other names, likely was meant; empty if none is near.
+
+    A name without its ending is that of the file.
+    """
+    try:
+        beside = [each.name for each in islice(path.parent.iterdir(), MOST_BESIDE)]
+    except (OSError, ValueError):
+        return ""
+    whole = next((name for name in sorted(beside) if Path(name).stem == path.name), path.name)
+    return near(whole, (*others, *beside))
 
 
 def text_blocks(path: Path) -> Generator[bytes]:

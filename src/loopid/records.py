@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from loopid.arguments import checked
+from loopid.errors import MissingExtraError
 
 if TYPE_CHECKING:
     import polars
@@ -168,9 +169,20 @@ class Tabular:
         return polars.DataFrame(self._table())
 
     def to_pandas(self) -> Any:
-        """The table as a data frame of pandas, which must be installed."""
-        import pandas  # type: ignore[import-untyped]
+        """The table as a data frame of pandas, which must be installed.
 
+        Raises
+        ------
+        MissingExtraError
+            Where it is not.
+        """
+        try:
+            import pandas  # type: ignore[import-untyped]
+        except ImportError as error:
+            raise MissingExtraError(
+                "pandas is not installed: pip install pandas, or take to_polars()",
+                package="pandas",
+            ) from error
         return pandas.DataFrame(self._table())
 
 

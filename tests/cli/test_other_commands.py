@@ -10,6 +10,7 @@ from dataclasses import replace
 import pytest
 import typer
 
+import loopid
 from loopid.cli import app
 
 MOTIONS = """coordinates: [shoulder, elbow]
@@ -80,7 +81,7 @@ def test_motions_beyond_a_limit_or_margin_are_said(run, run_json, arm_files, tmp
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["motions", "5p"], ["5p", "3ups_rpu"]),
+        (["motions", "5p"], ["5p", "loopid excite 5p"]),
         (["motions", "3ups_rpu", "nowhere.yaml"], ["nowhere.yaml"]),
         (["motions", "3ups_rpu", "--rate", "0"], ["rate"]),
         (["motions", "3ups_rpu", "--singularity-threshold", "-1", "--rate", "1"], ["threshold"]),
@@ -191,3 +192,14 @@ def test_view_shows_a_robot_or_says_what_is_missing(run, monkeypatch, tmp_path):
     assert refused.code == 2
     assert refused.err.startswith("loopid: error: pictures need a browser")
     assert not (tmp_path / "pictures").exists()
+
+
+def test_one_fit_is_not_compared_with_itself(run, tmp_path):
+    model = loopid.force_model(loopid.load("five_bar"), "gravity", None)
+    for name in ("one.json", "other.json"):
+        loopid.Fit.of(model, model.prior).save(tmp_path / name)
+    once, other = tmp_path / "one.json", tmp_path / "other.json"
+    done = run("compare", once, other, once)
+    assert (done.code, done.out) == (2, "")
+    assert done.err == f"loopid: error: {once} is given twice: compare different fits\n"
+    assert run("compare", once, other).code == 0

@@ -80,13 +80,17 @@ def test_three_motors_are_identified_from_their_log(run_json, tmp_path):
         assert found[name] == pytest.approx(value, abs=0.08)
 
 
-def test_robots_without_motions_of_their_own_say_who_has_some(run):
-    done = run("motions", "3rrr")
-    assert (done.code, done.out) == (2, "")
-    assert done.err == (
-        "loopid: error: motion file 3rrr does not exist, and robots with bundled motions are: "
-        "3ups_rpu, five_bar\n"
-    )
+def test_robots_without_motions_of_their_own_need_a_file(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for command in ("motions", "simulate"):
+        done = run(command, "four_bar")
+        assert (done.code, done.out) == (2, "")
+        advice = "such as motion/motion.yaml that loopid excite four_bar --out motion writes"
+        assert f"four_bar has no motions of its own: name a motion file, MOTIONS, {advice}" in (
+            done.err
+        )
+    assert run("excite", "four_bar", "--out", "motion", "--evaluations", "20").code == 0
+    assert run("motions", "four_bar", "motion/motion.yaml").code == 0
 
 
 def test_redundant_motors_are_reviewed(run_json, tmp_path):

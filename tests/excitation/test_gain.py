@@ -12,7 +12,7 @@ from loopid.errors import DataError
 
 def test_a_design_that_gained_nothing_is_refused_with_advice(load_once):
     model = loopid.force_model(load_once("four_bar"), "full", None)
-    options = DesignOptions(duration=4.0, starts=1, evaluations=3, solver="slsqp")
+    options = DesignOptions(duration=4.0, starts=1, evaluations=3, size=2, solver="slsqp")
     found = loopid.design_motion(model, options=options)
     assert found.gain > 0
     none = replace(found, before=found.expected)
@@ -28,5 +28,5 @@ def test_a_gain_is_over_the_start_that_solvers_leave_as_it_was(load_once, solver
     if solver == "ipopt":
         pytest.importorskip("ipyopt")
     model = loopid.force_model(load_once("four_bar"), "full", None)
-    options = DesignOptions(duration=4.0, starts=1, evaluations=10, solver=solver)
+    options = DesignOptions(duration=4.0, starts=1, evaluations=10, rate=50.0, solver=solver)
     assert loopid.design_motion(model, options=options).gain > 1.5

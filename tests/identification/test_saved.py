@@ -210,6 +210,18 @@ def test_a_robot_file_may_have_the_closures_of_python(tmp_path):
         assert len(fit.robot.closures) == 1
 
 
+def test_a_fit_is_used_and_saved_after_its_robot_file_is_gone(load_once, tmp_path):
+    for ending in ("yaml", "urdf"):
+        copy(ROOT / "urdf" / f"five_bar.{ending}", tmp_path)
+    model = loopid.force_model(loopid.load(tmp_path / "five_bar.yaml"), joint_terms=None)
+    fit, u = loopid.Fit.of(model, model.prior), [2.0, 0.7]
+    expected = loopid.Dynamics(model.robot, fit).inverse(u)
+    (tmp_path / "five_bar.yaml").unlink()
+    bundled = load_once("five_bar")
+    np.testing.assert_allclose(loopid.Dynamics(bundled, fit).inverse(u), expected)
+    assert load_fit(fit.save(tmp_path / "fit.json"), robot=bundled).robot == bundled
+
+
 def test_no_other_robot_of_the_name_stands_in(tmp_path):
     """A robot that is gone is refused, though one of its name is bundled; the latter is found."""
     for ending in ("yaml", "urdf"):

@@ -9,6 +9,7 @@ import loopid
 from bank_robots import few_of
 from loopid import JointTerms, identify
 from loopid.findings import SEVERITIES
+from loopid.identification import FitOptions
 from loopid.identification.unseen import UnseenErrors
 from loopid.logs import Log, Recording
 from loopid.motion import Noise, scaled_bodies
@@ -35,7 +36,9 @@ def recording(robot, wrong="nothing", seed=0):
     elif wrong == "a sign":
         force[:, 0] *= -1
     elif wrong == "a zero":
-        q[:, first] += 0.2
+        read = loopid.kinematics.measured_coordinates(robot).read(q)
+        read[:, robot.independent.index("left_crank_joint")] += 0.2
+        q = loopid.Dynamics(robot).assemble(read, trajectory=True)
     return Recording.of_motion(replace(motion, configurations=q), force, robot.actuated)
 
 
@@ -145,3 +148,17 @@ def test_findings_are_two_lines_at_most_the_most_important_first(identified, wro
         assert len(f"{each.severity}: {each.title}") <= 80
         assert len(each.title.split()) <= 8
         assert len(f"{each.severity}: {each.brief}") <= 2 * 80
+
+
+@pytest.mark.parametrize("model", ["gravity", "full"])
+def test_a_log_of_a_standstill_is_fit_for_nothing(robot, model):
+    """However small its errors are beside the weight that the motors hold all along."""
+    time, rng = np.arange(0, 10, 0.01), np.random.default_rng(0)
+    u = np.tile([2.09, 0.71], (len(time), 1))
+    force = loopid.Dynamics(robot).gravity(u) + 0.1 * rng.normal(size=u.shape)
+    log = Log.from_arrays(time, u + 1e-6 * rng.normal(size=u.shape), force, robot.actuated)
+    verdict = quietly(identify, robot, log, options=FitOptions(model=model)).verdict
+    assert verdict.error < 0.1
+    assert verdict.use == "Not fit for use, as no force follows the motion"
+    assert verdict.forces == "no"
+    assert "record a motion in which the forces change" in str(verdict)

@@ -229,6 +229,13 @@ def test_what_no_robot_has_is_refused_by_name(case, tree):
         made(tree, constraints, **options)
 
 
+def test_a_name_on_two_lines_is_refused_once(tree):
+    tree.name = "two\nlines"
+    with pytest.raises(LoopidError) as refused:
+        made(tree, [rigid(tree)])
+    assert str(refused.value).count("two") == 1
+
+
 def test_mimicking_joints_are_refused_and_coupled_as_advised(tree):
     arguments = {"index_mimicked": 1, "index_mimicking": 3, "scaling": -1.0, "offset": 0.0}
     mimicking = pin.transformJointIntoMimic(tree, *arguments.values())

@@ -310,6 +310,42 @@ def test_wrong_arguments_are_refused(parallel, load_once):
     assert "left_crank" in refused.value.facts["valid"]
 
 
+def test_open_configurations_are_refused_and_those_with_four_digits_are_not(load_once):
+    robot = load_once("five_bar")
+    dynamics, model = Dynamics(robot), loopid.force_model(robot, "gravity", None)
+    still = np.zeros(2)
+    doors = (
+        lambda q: dynamics.pose(q=q),
+        lambda q: Dynamics(robot, start=q),
+        lambda q: loopid.kinematics.project(robot, [robot.reference, q]),
+        lambda q: loopid.kinematics.closed_motion(robot, q, still, still),
+        lambda q: loopid.regressors.gravity_regressor(robot, q),
+        model.regressor,
+    )
+    written, opened = robot.reference.round(4), robot.reference + np.array([0.01, 0, 0, 0])
+    for door in doors:
+        door(written)
+        with pytest.raises(DataError, match=r"must be closed, but left_coup.* m \(at most") as said:
+            door(opened)
+        largest = np.abs(loopid.kinematics.constraint_residual(robot, opened)).max()
+        assert said.value.facts["given"] == pytest.approx(largest)
+        assert said.value.facts["tolerance"] < largest
+    u = dynamics.pose(q=written).q[[0, 2]]  # the advice, followed
+    for door in doors:
+        door(dynamics.pose(u).q)
+
+
+def test_starts_and_coefficients_are_checked_at_once(load_once):
+    robot = load_once("five_bar")
+    with pytest.raises(DataError, match=r"start must have shape \(4,\), not \(3,\)"):
+        Dynamics(robot, start=[1, 2, 3])
+    with pytest.raises(OptionError, match="unknown joint term 'Fcc'"):
+        Dynamics(robot).coefficients("Fcc")
+    assert not Dynamics(robot).coefficients("Fc").any()
+    with pytest.raises(DataError, match=r"velocities must have shape \(2,\), not \(3,\)"):
+        Dynamics(robot).inverse([2.0, 0.7], [1, 2, 3])
+
+
 def test_a_singular_sample_is_refused_alone_and_among_others(parallel):
     # Turned so far, the motors lose the yaw of the platform: their rates do not tell its own.
     robot, limb = parallel.robot, ("leg4_revolute", "leg4_stroke", "platform_pitch",

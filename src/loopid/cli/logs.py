@@ -334,6 +334,9 @@ def compare(
 
     answer.require(*runs)
     files = [Path(run, "parameters.yaml") if Path(run).is_dir() else Path(run) for run in runs]
+    twice = next((run for k, run in enumerate(runs) if files[k] in files[:k]), None)
+    if twice is not None:
+        raise OptionError(f"{twice} is given twice: compare different fits", given=twice)
     names = [(each.parent if each.name == "parameters.yaml" else each).name for each in files]
     fits = map(FitFile.read, files)
     known = dict(zip(names if len({*names}) == len(names) else runs, fits, strict=True))

@@ -164,12 +164,25 @@ def motions(
     from loopid.report.structure import motions_report
 
     answer.require(robot.path, program)
-    planned = read_motion_program(program or robot.name)
+    planned = read_motion_program(program or _bundled_motions(robot))
     with progress_bar("motions") as report:
         reviews = review_program(
             robot, planned, rate, singularity_threshold=singularity_threshold, progress=report
         )
     answer.show(motions_report(robot.name, reviews, planned.seconds))
+
+
+def _bundled_motions(robot: Robot) -> str:
+    """The name of a robot that has motions; others need a file."""
+    from loopid.loading.files import robots_with_motions
+
+    if robot.name not in robots_with_motions():
+        design = command_with("excite", robot, "--out", "motion")
+        raise OptionError(
+            f"{robot.name} has no motions of its own: name a motion file, MOTIONS, such as "
+            f"motion/motion.yaml that {design} writes"
+        )
+    return robot.name
 
 
 @with_options(robot=loaded)
@@ -201,7 +214,7 @@ def simulate(
         require_other_file(out, *own_files(robot), program or "")
         require_own_kind(out, LOG_ENDINGS)
     errors = Noise(gaussian=noise, encoder_step=encoder_step)
-    planned = read_motion_program(program or robot.name).motion(motion, rate)
+    planned = read_motion_program(program or _bundled_motions(robot)).motion(motion, rate)
     text = simulate_log(robot, planned, errors, terms=terms, cad_error=cad_error, seed=seed)
     if out is None:
         typer.echo(text, nl=False)

@@ -75,6 +75,7 @@ def updated_robot_file(
         friction that it has is to the curve.
     """
     files = files_of(robot)
+    _require_editable(files.tree)
     file = editable_files[files.tree.suffix](files.tree)
     rows = _body_parameters(robot, standard_parameters, parameters)
     new: dict[str, FloatArray] = {}
@@ -117,6 +118,7 @@ def export_robot_file(
     """
     place, files = Path(path), files_of(robot)
     tree, texts = files.tree, dict[str, bytes | str]()
+    _require_editable(tree)
     if place.suffix != tree.suffix:
         what = f"ending of a copy of {tree.name}"
         raise OptionError.unknown(what, place.suffix or str(path), [tree.suffix])
@@ -138,6 +140,15 @@ def export_robot_file(
         robot, standard_parameters, parameters=parameters, use=use
     )
     return place.with_name(next(iter(write_files(place.parent, texts))).name)
+
+
+def _require_editable(tree: Path) -> None:
+    if tree.suffix not in editable_files:
+        endings = ", ".join(editable_files)
+        raise RobotFileError(
+            f"{tree}: bodies are not written into {tree.suffix}, but into {endings}: "
+            "fit.to_pinocchio() and fit.to_c(folder) have them, too"
+        )
 
 
 def _given_in_python(robot: Robot, files: RobotFiles, tree: str) -> str:

@@ -11,6 +11,7 @@ from loopid.identification.force_models import ForceModel
 from loopid.logs.log import Log
 from loopid.logs.preparing import prepare
 from loopid.logs.recording import Recording
+from loopid.records import Tabular
 from loopid.robot.robot import Robot
 
 FORMS = "a path, a table of pandas or Polars, a Log or a Recording"
@@ -26,9 +27,7 @@ def read(
     OptionError
         As ``recordings_of``.
     """
-    first = next(iter(each_of(data[0])), None)
-    if first is None:
-        raise OptionError(f"data must be {FORMS}, or a list of these, not none", given=data[0])
+    first = require_some(data[0])
     if isinstance(robot, Robot) and isinstance(first, str | Path):
         from loopid.logs.reading import locked_as_logged  # where files are read
 
@@ -43,8 +42,8 @@ def recordings_of(robot: Robot, *data: Any, mapping: Any = None) -> list[tuple[R
     Parameters
     ----------
     *data
-        A path, a table with columns by name (of pandas or Polars, a dictionary of arrays), a
-        ``Log``, a ``Recording``; or a list of these.
+        A path, a table with columns by name (of pandas or Polars, a dictionary of arrays), what
+        ``simulate`` gives, a ``Log``, a ``Recording``; or a list of these.
     mapping : LogMapping or path, optional
         Which columns are what, in paths and tables.
 
@@ -70,6 +69,13 @@ def each_of(data: Any) -> Sequence[Any]:
     return data if isinstance(data, list | tuple) else [data]
 
 
+def require_some(data: Any) -> Any:
+    """The first of the data; an OptionError where there are none."""
+    for first in each_of(data):
+        return first
+    raise OptionError(f"data must be {FORMS}, or a list of these, not none", given=data)
+
+
 def _recording(robot: Robot, data: Any, mapping: Any) -> Recording:
     if isinstance(data, Recording):
         return data
@@ -77,6 +83,8 @@ def _recording(robot: Robot, data: Any, mapping: Any) -> Recording:
         from loopid.logs.reading import read_log  # where files are read
 
         data = read_log(data, robot, mapping=mapping)
+    elif isinstance(data, Tabular):  # what was simulated
+        data = Log.from_frame(data.to_polars(), robot.actuated, mapping=mapping)
     elif isinstance(data, Mapping) or hasattr(type(data), "columns"):
         data = Log.from_frame(data, robot.actuated, mapping=mapping)
     if not isinstance(data, Log):

@@ -19,7 +19,6 @@ from dataclasses import replace
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
-from loopid.errors import DataError
 from loopid.identification.consistent import (
     consistent_parameters,
     error_weights,
@@ -199,9 +198,7 @@ def with_friction(
     >>> len(wider.parameters) >= len(model.parameters), fit.result.noise is not None
     (True, True)
     """
-    noise = whole.noise
-    if whole.noise is None or noise is None:
-        raise DataError("the fit has no model of its errors that friction could be weighed by")
+    noise = whole.require_noise()
     standard = consistent_parameters(force_model, data, noise)
     use, loads = motor_use(force_model, data, recordings), force_model.loads(data.regressor)
     kinds = friction_kinds(force_model, data, use, loads)
@@ -228,17 +225,15 @@ def with_friction(
             standard = consistent_parameters(wide, moving, noise)
             noise = residual_noise(moving, wide.base.values(standard), rank)
         else:
-            noise = _of_motors(kinds, noise, whole.noise)
+            noise = _of_motors(kinds, noise, whole.require_noise())
             working = quiet_consistent_fit(wide, moving, noise)
             fit = working.result
             asked = {} if fit.term_deviations is None else _asked(kinds, fit.term_deviations)
             if asked == kinds and honest:
                 warn_of_bodies(wide, fit)
                 return wide, data, working
-            assert fit.noise is not None
-            assert fit.standard_parameters is not None
             # With what the fit took up of slow errors added back.
-            kinds, standard, noise, honest = asked, fit.standard_parameters, fit.noise, True
+            kinds, standard, noise, honest = asked, fit.require_bodies(), fit.require_noise(), True
 
 
 def _of_motors(motors: Iterable[str], noise: NoiseModel, others: NoiseModel) -> NoiseModel:
@@ -274,8 +269,7 @@ def _asked(
 
 def less_noise(whole: Fit, data: FitSamples, values: FloatArray) -> NoiseModel:
     """The errors of a fit with what further terms explain of them taken off."""
-    noise, old = whole.noise, whole.quality.residual_rms
-    assert noise is not None
+    noise, old = whole.require_noise(), whole.quality.residual_rms
     squares = data.problem.residual_squares(values) / np.maximum(data.problem.samples, 1)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(old > 0, np.sqrt(squares) / old, 1.0)

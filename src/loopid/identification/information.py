@@ -20,7 +20,7 @@ import numpy as np
 from loopid.arguments import FloatArray, IntArray, checked
 from loopid.base_parameters.base import expression
 from loopid.errors import DataError, RankError, counted
-from loopid.findings import Finding
+from loopid.findings import Finding, Telling
 from loopid.identification.estimator import LEAST_EXCITATION, Estimator, excited_rank
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_models import ForceModel, samples_of
@@ -283,7 +283,7 @@ class WeakDirection:
 
 
 @record
-class Identifiability:
+class Identifiability(Telling):
     """Identifiability of the base parameters from a log."""
 
     parameters: ParameterSet  # the n base parameters, all of which are structurally identifiable
@@ -381,11 +381,6 @@ class Identifiability:
             title = f"{counted(len(self.weak), 'combination')} weakly identifiable"
             said.append(Finding("warning", title, self.weak_message, do))
         return tuple(said)
-
-    def warn(self) -> None:
-        """Tell what is unidentifiable and what is weak, each by a DataWarning."""
-        for each in self.findings:
-            each.warn()
 
 
 def _listed(directions: Sequence[WeakDirection]) -> str:

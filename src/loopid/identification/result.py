@@ -11,7 +11,7 @@ import numpy as np
 from loopid.arguments import FloatArray, IntArray, checked, finite
 from loopid.errors import DataError
 from loopid.files import require_other_file, write_file
-from loopid.identification.data import recordings_of
+from loopid.identification.data import recordings_of, require_some
 from loopid.identification.estimates import Estimates
 from loopid.identification.force_models import ForceModel
 from loopid.identification.plausibility import require_sane
@@ -188,7 +188,7 @@ class Fit(Estimates):
         Raises
         ------
         OptionError
-            When the fit does not know its force model, or the data are nothing of that.
+            When the fit does not know its force model, or the data are nothing of that, or none.
         DataError
             When the data are of other motors than the fit.
 
@@ -199,6 +199,7 @@ class Fit(Estimates):
         >>> loopid.Fit.of(model, model.prior).predict("urdf/logs/five_bar.csv").predicted.shape[1]
         2
         """
+        require_some(data)
         (runs,) = recordings_of(self.robot, data, mapping=mapping)
         found = tuple(predicted(self, each) for each in runs)
         return found if isinstance(data, list | tuple) else found[0]

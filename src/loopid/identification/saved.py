@@ -25,7 +25,7 @@ from loopid.base_parameters.base import BaseParameters, expression
 from loopid.base_parameters.choice import SearchResult
 from loopid.base_parameters.structure import Structure, analyse
 from loopid.errors import DataError, FileError, OptionError
-from loopid.files import why_no_file
+from loopid.files import near_file, why_no_file
 from loopid.identification.estimates import Estimates
 from loopid.identification.force_models import ForceModel
 from loopid.identification.quality import (
@@ -133,8 +133,9 @@ class FitFile:
     @classmethod
     def read(cls, path: str | Path) -> FitFile:
         """Read a file; see ``load_fit`` for what is refused."""
+        document = _document(Path(path))
         try:
-            content = json.loads(_document(Path(path)))
+            content = json.loads(document)
         except (ValueError, RecursionError) as error:
             raise DataError(
                 f"{path} is not a saved fit: it is cut short or damaged ({error})", file=path
@@ -313,10 +314,11 @@ def as_file(record: dict[str, Any]) -> str:
 
 def _document(path: Path) -> bytes | str:
     """The content of a file as JSON, also of a YAML that was written otherwise."""
-    ending = require_ending(path)
     if reason := why_no_file(path):
-        kind = FileError if reason == "does not exist" else DataError
-        raise kind(f"{path} {reason}", file=path)
+        if reason == "does not exist":
+            raise FileError(f"{path} {reason}{near_file(path)}", file=path)
+        raise DataError(f"{path} {reason}", file=path)
+    ending = require_ending(path)
     content = path.read_bytes()
     if not content.strip():
         raise DataError(f"{path} is not a saved fit: it is empty", file=path)

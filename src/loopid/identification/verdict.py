@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from loopid.errors import first_of
-from loopid.findings import PAGE, Finding, most_important_first
+from loopid.findings import PAGE, Finding
 from loopid.identification.consistent import UNSETTLED
 from loopid.identification.missing import missing_findings
 from loopid.identification.outcome import Outcome
@@ -175,6 +175,8 @@ def _of_model(found: Outcome) -> Finding | None:
 def _use(found: Outcome, error: float) -> str:
     if found.fit.broken:
         return f"{NOT_FIT}, as {found.fit.broken[0]}"
+    if _nothing_follows(found):
+        return f"{NOT_FIT}, as no force follows the motion"
     if not error <= ROUGH:
         return NOT_FIT
     use = "Fit for predicting forces" if error <= GOOD else ROUGHLY
@@ -254,36 +256,47 @@ def _improvement(found: Outcome) -> tuple[tuple[str, ...], str]:
     return excite, f"excite the least certain, {least}" if excite else "record a longer log"
 
 
-def findings_of(found: Outcome) -> tuple[Finding, ...]:
-    """What to know beside the numbers, the most important first."""
-    said = [each for one in found.log_faults for each in one.mistakes]
-    told, deviation, unexplained = found.identifiability, found.fit.deviation, _unexplained(found)
-    said += [each for each in (_better(found), unexplained) if each is not None]
-    said += _model_findings(found)
-    if deviation is not None and deviation.fault:
-        said.append(
-            Finding(
-                "warning",
-                "bodies would be far off the robot file",
-                deviation.fault,
-                "look for a tool, a payload or a missing joint term",
-            )
+def findings_of(found: Outcome) -> Iterator[Finding]:
+    """What to know beside the numbers."""
+    for one in found.log_faults:
+        yield from one.mistakes
+    yield from (each for each in (_better(found), _unexplained(found)) if each is not None)
+    yield from _model_findings(found)
+    fit = found.fit
+    if fit.deviation is not None and fit.deviation.fault:
+        yield Finding(
+            "warning",
+            "bodies would be far off the robot file",
+            fit.deviation.fault,
+            "look for a tool, a payload or a missing joint term",
         )
-    if not found.fit.settled:
-        said.append(UNSETTLED)
-    if found.delay is not None and found.delay.clear:
-        said.append(found.delay.finding)
-    said += [one.hidden for one in found.log_faults if one.hidden is not None]
-    for broken in found.fit.broken:
-        said.append(
-            Finding("warning", "the fit is not physical", broken, 'try fewer terms, terms="Fc,Fv"')
+    if not fit.settled:
+        yield UNSETTLED
+    yield from () if found.delay is None else found.delay.findings
+    yield from (one.hidden for one in found.log_faults if one.hidden is not None)
+    for broken in fit.broken:
+        yield Finding(
+            "warning", "the fit is not physical", broken, 'try fewer terms, terms="Fc,Fv"'
         )
-    bounds = () if found.cutoff is None else found.cutoff.findings
-    return most_important_first([*said, *told.findings, *bounds])
+    yield from found.identifiability.findings
+    yield from () if found.cutoff is None else found.cutoff.findings
+
+
+def _nothing_follows(found: Outcome) -> bool:
+    """Whether all parameters together explain no motor's force, as where the robot stands still."""
+    return not (found["all parameters"].fit.quality.r_squared >= NOISE).any()
 
 
 def _unexplained(found: Outcome) -> Finding | None:
     """Forces that no parameters explain, or that the recommended fit does not."""
+    if _nothing_follows(found):
+        return Finding(
+            "warning",
+            "no force follows the motion",
+            f"all parameters together explain less than {100 * NOISE:.0f} % of any force's "
+            "variance, so that the log says nothing of the robot",
+            "record a motion in which the forces change, or look at the columns and time stamps",
+        )
     explained = found["all parameters"].fit.quality.r_squared
     noise = [name for name, r in zip(found.data.actuators, explained, strict=True) if r < NOISE]
     if noise:

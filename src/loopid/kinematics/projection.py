@@ -19,7 +19,7 @@ from scipy.sparse import block_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from loopid.arguments import FloatArray, IntArray, checked, samples
-from loopid.errors import AccuracyWarning, MobilityError, SingularityError, counted, warn
+from loopid.errors import AccuracyWarning, DataError, MobilityError, SingularityError, counted, warn
 from loopid.kinematics.constraint import Constraint, constraint_jacobian, scaled_jacobian
 from loopid.kinematics.poses import blocks, prepared
 from loopid.records import record
@@ -27,6 +27,8 @@ from loopid.robot.robot import RANK_TOLERANCE, Robot
 
 # Below this singularity measure forces in the loops exceed the motors' some thousandfold.
 NEAR_SINGULARITY = 1e-3
+# Part of the robot's length by which loops may be open: a configuration with four digits is closed.
+OPEN = 1e-4
 LARGE = 400  # entries of a matrix that is worth looking at for blocks
 
 
@@ -289,6 +291,8 @@ def project(
         When the independent joints are more than the degrees of freedom.
     SingularityError
         Where the independent joints do not determine the motion.
+    DataError
+        When a loop is open by more than ``OPEN``, in parts of the robot's length.
 
     Warns
     -----
@@ -337,7 +341,7 @@ def closed_motion(
 
     Raises
     ------
-    MobilityError, SingularityError
+    DataError, MobilityError, SingularityError
         As ``project``.
 
     Examples
@@ -420,10 +424,12 @@ class TangentSpaces:
 def tangent_spaces(
     robot: Robot, q: FloatArray, parts: tuple[IntArray, IntArray]
 ) -> Iterator[tuple[slice, TangentSpaces]]:
-    """All samples, block by block, none of which may be singular."""
+    """All samples, block by block, none of which may be singular, or open."""
     doubts = list[_Doubt]()
     for rows in blocks(len(q)):
-        found = TangentSpaces.of(Constraint(robot, q[rows]), parts)
+        constraint = Constraint(robot, q[rows])
+        _require_closed(constraint, "configurations", rows.start)
+        found = TangentSpaces.of(constraint, parts)
         if rows.start == 0:
             _refuse_too_many(found.constraint, parts)
         solver = found.solver
@@ -452,6 +458,27 @@ def velocity_map(
     G = np.empty((len(jacobian), len(scales), len(chosen)))
     G[:, chosen], G[:, dependent] = np.eye(len(chosen)), dependent_rows
     return G, solver
+
+
+def require_closed(robot: Robot, q: FloatArray, name: str) -> None:
+    """Refuse a configuration (nq,) whose loops are open: no motion there is one of the robot."""
+    _require_closed(Constraint(robot, q[None], jacobians=False), name)
+
+
+def _require_closed(constraint: Constraint, name: str, first: int = 0) -> None:
+    robot = constraint.robot
+    residual = np.abs(robot.row_scales * constraint.residual())
+    most = max(OPEN * robot.length, 2.0 * robot.closure_residual)
+    if residual.max(initial=0.0) > most:
+        k, row = np.unravel_index(int(residual.argmax()), residual.shape)
+        raise DataError(
+            f"{name} must be closed, but {robot.row_names[row]} of sample {first + k} is open by "
+            f"{residual[k, row]:.3g} m (at most {most:.3g} m): loopid.Dynamics(robot).pose(u).q is "
+            "closed, for positions u of the independent coordinates",
+            argument=name,
+            given=float(residual[k, row]),
+            tolerance=most,
+        )
 
 
 # Numbers of samples whose condition is in doubt, and their singular values.

@@ -113,7 +113,7 @@ class ClosureDescription(Section):
         if kind is None or not kind.axes or not (word == "axis" or single):
             return content
         if not kind.one_axis:
-            pair = f"[{axis}, {axis}]" if single else "[[0, 0, 1], [0, 0, 1]]"
+            pair = f"[{axis}, {axis}]" if single and axis != [0, 0, 0] else "[[0, 0, 1], [0, 0, 1]]"
             raise ValueError(
                 f"{word}: a {content['type']} closure has two 'axes', one in each frame, such as "
                 f"axes: {pair}"

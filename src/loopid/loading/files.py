@@ -7,8 +7,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
-from loopid.errors import FileError, RobotFileError, near
-from loopid.files import require_name, why_no_file
+from loopid.errors import FileError, RobotFileError
+from loopid.files import near_file, require_name, why_no_file
 from loopid.loading.description import Description
 from loopid.registry import robot_formats
 from loopid.robot.robot import Robot
@@ -96,23 +96,35 @@ def _tree(file: Path, given: Description) -> Path:
 def files_of(robot: Robot) -> RobotFiles:
     """The files that a robot was loaded from; a FileError where it was made in Python."""
     if robot.path is None:
-        raise FileError(f"{robot.name} was made in Python: no file describes it")
+        raise FileError(
+            f"{robot.name} was made in Python, and no file describes it: fit.to_pinocchio() and "
+            "fit.to_c(folder) need none"
+        )
     return find_files(robot.path)
 
 
 def own_files(robot: Robot) -> tuple[Path, ...]:
-    """The file that a robot was loaded from, and that of its tree, which may be the same."""
-    if robot.path is None:
+    """The file that a robot was loaded from, and that of its tree, which may be the same.
+
+    None where they are gone since, or never were.
+    """
+    try:
+        files = files_of(robot)
+    except FileError:
         return ()
-    files = files_of(robot)
     return files.named, files.tree
+
+
+def robots_with_motions() -> list[str]:
+    """Bundled robots that have motions."""
+    return sorted(
+        file.name.removesuffix(MOTIONS) for file in bundled_directory().glob(f"*{MOTIONS}")
+    )
 
 
 def find_motion_file(path: str | Path) -> Path:
     """An existing motion file: the path itself, or the bundled one of a robot's name."""
-    bundled = sorted(
-        file.name.removesuffix(MOTIONS) for file in bundled_directory().glob(f"*{MOTIONS}")
-    )
+    bundled = robots_with_motions()
     return _existing(path, MOTIONS, bundled, "motion file ", "robots with bundled motions are")
 
 
@@ -126,7 +138,7 @@ def _existing(
     if str(path) in bundled:
         return bundled_directory() / f"{path}{ending}"
     names = tuple(bundled)
-    meant = "" if Path(path).suffix else near(path, names)
+    meant = near_file(Path(path), () if Path(path).suffix else names)
     raise FileError(
         f"{what}{Path(path)} {problem}{meant}, and {listing}: {', '.join(names)}",
         file=str(path),

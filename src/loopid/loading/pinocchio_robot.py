@@ -92,6 +92,11 @@ def from_pinocchio(
             "couple the joints by closures=[Coupling(...)]",
             given=mimics[0],
         )
+    if not model.name.isprintable():
+        raise OptionError(
+            f"the model's name must be printable and on one line, not {model.name!r:.60}",
+            given=model.name,
+        )
     tree = model.copy()
     tree.name = model.name or "robot"
     links, notes = dict(_named_links(tree)), [*_other_rotors(tree)]

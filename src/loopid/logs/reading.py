@@ -11,7 +11,7 @@ import numpy as np
 
 from loopid.arguments import checked
 from loopid.errors import FileError, LogError, ModelWarning, OptionError, warn
-from loopid.files import require_name, why_no_file
+from loopid.files import near_file, require_name, why_no_file
 from loopid.logs.checks import (
     check_moving,
     check_rates,
@@ -128,7 +128,7 @@ def _existing(path: str | Path) -> Path:
     place = Path(path)
     reason = why_no_file(place)
     if reason == "does not exist":
-        raise FileError(f"there is no log {place}", file=place)
+        raise FileError(f"there is no log {place}{near_file(place)}", file=place)
     if reason not in ("", "is a folder"):
         raise LogError(f"log {place} {reason}", file=place)
     return place

@@ -257,6 +257,10 @@ class Recording(Tabular):
             np.cumsum(np.append(0.0, steps)) for steps in np.split(rate[1:] * np.diff(time), ends)
         ]
 
+    def lowpassed(self, signal: FloatArray) -> FloatArray:
+        """A signal at the rate of the log, filtered as the forces are, at the samples (N, ...)."""
+        return signal if self.history is None else self.history.lowpassed(signal)
+
     @property
     def at_rest(self) -> FloatArray:
         """What the filter spreads of each motor's friction while it stands or turns back (N, dof).

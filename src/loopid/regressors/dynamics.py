@@ -28,7 +28,6 @@ from loopid.arguments import (
     IntArray,
     NotNegative,
     checked_late,
-    finite,
     frozen,
     samples,
     shaped,
@@ -61,6 +60,7 @@ from loopid.kinematics.projection import (
     Projection,
     TangentSpaces,
     partition,
+    require_closed,
     tangent_spaces,
 )
 from loopid.parameters import ParameterSet
@@ -339,7 +339,11 @@ class Dynamics:
         shape = 2 * self.values.shape
         self.covariance = np.zeros(shape) if covariance is None else np.array(covariance)
         self.dof, self._partition = len(self.robot.independent), partition(self.robot)
-        self.start = frozen(self.robot.reference if start is None else finite(start, "start"))
+        self.start = frozen(
+            self.robot.reference if start is None else shaped(start, "start", self.robot.model.nq)
+        )
+        if start is not None:
+            require_closed(self.robot, self.start, "start")
         self.kind = "full" if model is None else model.model
         terms = (None if model is None else model.joint_terms) or JointTerms(())
         self._terms = terms if smoothing is None else replace(terms, smoothing=smoothing)
@@ -684,7 +688,14 @@ class Dynamics:
         return np.stack([found[name] for name in law.names], axis=1)[:, None]
 
     def coefficients(self, kind: str) -> FloatArray:
-        """Values (dof,) of a kind of joint term, such as Coulomb friction ``"Fc"``; 0 without."""
+        """Values (dof,) of a kind of joint term, such as Coulomb friction ``"Fc"``; 0 without.
+
+        Raises
+        ------
+        OptionError
+            When there is no such kind.
+        """
+        joint_term(kind)
         values = dict(zip(self.parameters.labels, self.values.tolist(), strict=True))
         return np.array([values.get(f"{each}.{kind}", 0.0) for each in self.robot.independent])
 
