@@ -168,8 +168,7 @@ class SymbolicRobot:
                 way = last - first
             else:  # from cosine and sine to cosine and sine
                 way = ca.atan2(
-                    last[1] * first[0] - last[0] * first[1],
-                    last[0] * first[0] + last[1] * first[1],
+                    last[1] * first[0] - last[0] * first[1], last[0] * first[0] + last[1] * first[1]
                 )
             moved = self.slip[k] + way / joint_term(parameter.kind).at
             states.append(ca.fmax(-1.0, ca.fmin(moved, 1.0)))

@@ -314,9 +314,8 @@ def _motor_steps(motors: JointCoordinates, origin: FloatArray) -> Iterator[Float
     for attempt in range(MOTOR_STEPS):
         size = generator.uniform(LEAST_STEP, LARGEST_STEP, motors.width)[places]
         upwards = generator.uniform(size=motors.width)[places] < 0.5 if attempt else up >= down
-        size = np.minimum(
-            size * robot.coordinate_scales[motors.known], 0.5 * np.where(upwards, up, down)
-        )
+        room = 0.5 * np.where(upwards, up, down)
+        size = np.minimum(size * robot.coordinate_scales[motors.known], room)
         yield np.where(upwards, 1.0, -1.0) * np.maximum(size, 0.0)
 
 

@@ -384,9 +384,7 @@ def partition(robot: Robot, independent: Sequence[str] | None = None) -> tuple[I
         names = robot.independent if key is None else key
         chosen = robot.velocity_indices(names)
         if len(set(chosen)) != len(chosen):
-            raise MobilityError(
-                f"a joint is named twice among {', '.join(names)}", given=tuple(names)
-            )
+            raise MobilityError(f"a joint is twice among {', '.join(names)}", given=tuple(names))
         dependent = np.setdiff1d(np.arange(robot.model.nv), chosen)
         chosen.setflags(write=False)
         dependent.setflags(write=False)

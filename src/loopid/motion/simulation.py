@@ -233,7 +233,7 @@ def simulate_log(
     cad_error: float = 0.0,
     seed: int = 0,
 ) -> str:
-    """The log that a robot would give while it follows a motion, as CSV.
+    """The log that a robot would give while it follows a motion, as CSV for ``read_log``.
 
     Terms come with values, as ``"Fc=60,Fv=900; elbow: Ks=12"``; ``cad_error`` is the deviation of
     ``scaled_bodies``.
@@ -263,11 +263,7 @@ def _motor_forces(
         whole = _at_rest(robot, motion.closed(robot, rows), fastest)
         bodies = values[: len(robot.parameters())]
         K = motion_regressor(
-            robot,
-            whole,
-            joint_terms=terms,
-            standard_parameters=bodies,
-            slips=slips_at(slips, rows),
+            robot, whole, joint_terms=terms, standard_parameters=bodies, slips=slips_at(slips, rows)
         )
         if terms is not None:
             every = robot.parameters() + terms.parameters(robot)
@@ -299,6 +295,5 @@ def _at_rest(robot: Robot, motion: ClosedMotion, fastest: float) -> ClosedMotion
     """
     rates = motion.velocities / robot.coordinate_scales
     scale = max(fastest, float(np.abs(rates).max(initial=0.0)))
-    return replace(
-        motion, velocities=np.where(np.abs(rates) > STANDS * scale, motion.velocities, 0.0)
-    )
+    moves = np.abs(rates) > STANDS * scale
+    return replace(motion, velocities=np.where(moves, motion.velocities, 0.0))
