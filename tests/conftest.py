@@ -99,6 +99,15 @@ def taken_as_prepared():
         yield
 
 
+@pytest.fixture(scope="module")
+def none_missing():
+    """Forces that the model lacks are not looked for: a quarter of what is left."""
+    with pytest.MonkeyPatch.context() as patch:
+        pipeline = import_module("loopid.identification.pipeline")
+        patch.setattr(pipeline, "missing_forces", lambda *_: ())
+        yield
+
+
 @pytest.fixture(scope="session")
 def urdf_folder():
     return ROOT / "urdf"
@@ -371,7 +380,7 @@ def knee_run(knee, once, tmp_path_factory):
     """Path of a log of the knee robot with friction, in which motors stand at times."""
 
     def text():
-        motion = wander(knee, 1, seconds=40.0, rate=50.0)
+        motion = wander(knee, 1, seconds=40.0, rate=25.0)
         return logged(knee, motion, friction(knee), noise=2.0)
 
     path = tmp_path_factory.mktemp("knee") / "run.csv"

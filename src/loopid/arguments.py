@@ -227,10 +227,10 @@ def checked(thing: Callable[P, R]) -> Callable[P, R]: ...
 def checked(thing: Any) -> Any:
     """Refuse arguments that are not of the annotated types, among numbers also NaN.
 
-    Of a class these are arguments of ``__init__`` and of all public methods. Methods do not check
-    where a checked function calls them. What loopid itself gives them is right. Lists become arrays
-    where these are annotated. Arrays or columns of data frames become lists. Shapes of arrays are
-    left to the function, which knows them.
+    Of a class these are arguments of ``__init__`` and of all public methods. What a checked
+    function calls does not check again, but for ``__init__``: what loopid gives it is right. Lists
+    become arrays where these are annotated. Arrays or columns of data frames become lists. Shapes
+    of arrays are left to the function, which knows them.
 
     Raises
     ------
@@ -278,7 +278,7 @@ def _checked(function: Callable[P, R], owner: type | None = None) -> Callable[P,
         config = ConfigDict(arbitrary_types_allowed=True, allow_inf_nan=False)
         return validate_call(config=config)(taken)
 
-    trusting = owner is not None and function.__name__ != "__init__"
+    trusting = function.__name__ != "__init__"
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:

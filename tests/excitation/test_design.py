@@ -87,7 +87,7 @@ def test_poses_are_told_by_forces_of_motors_that_stand(gravity):
 
 
 def test_it_is_better_than_where_it_started(design):
-    assert (design.standard_errors < design.before.standard_errors).all()
+    assert (design.standard_errors < design.errors_before).all()
 
 
 @pytest.mark.validate
@@ -124,7 +124,7 @@ def test_a_log_and_the_motion_together_tell_what_the_log_does_not(full, one_cran
     assert set(leads) <= set(told.leads)
     found = loopid.design_motion(full, after=[one_crank], parameters=leads, options=options)
     unknown = [full.parameters.labels.index(lead) for lead in leads]
-    assert (found.before.standard_errors[unknown] > 1e3).all()
+    assert (found.errors_before[unknown] > 1e3).all()
     assert (found.standard_errors < 1.0).all()
     # The noise is that of the log, which has a fifth of the samples in a second.
     np.testing.assert_allclose(found.noise, 0.01 * 5**0.5, rtol=0.4)
@@ -340,7 +340,7 @@ def test_without_other_word_noise_is_a_share_of_the_forces(full):
         for share in (0.01, 0.02)
     )
     np.testing.assert_allclose(two.noise, 2 * one.noise)
-    np.testing.assert_allclose(two.before.standard_errors, 2 * one.before.standard_errors)
+    np.testing.assert_allclose(two.errors_before, 2 * one.errors_before)
     shares = one.noise / np.sqrt((one.forces**2).mean(axis=0))
     assert (shares > 0.01 / 3).all()
     assert (shares < 0.01 * 3).all()

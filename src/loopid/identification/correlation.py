@@ -148,14 +148,20 @@ class Spectra(NamedTuple):
             found.append(np.fft.rfft(even).real)
         return found
 
-    def turned(self, model: Autoregression) -> FloatArray:
+    def turned(self, densities: Sequence[FloatArray]) -> FloatArray:
         """X Ω (m, N), with Ω the covariance of errors, independent from piece to piece."""
-        parts = zip(*self, self.densities(model), strict=True)
         turned = [
             np.fft.irfft(own * density, size)[:, : piece.stop - piece.start]
-            for piece, size, own, density in parts
+            for piece, size, own, density in zip(*self, densities, strict=True)
         ]
         return np.concatenate(turned, axis=1)
+
+    def shared(self, densities: Sequence[FloatArray], count: int) -> FloatArray:
+        """Σ_t (X Ω)_t · x_{t+k} for k below a count, over all t, within pieces and beyond."""
+        found = np.zeros(count)
+        for size, own, density in zip(self.sizes, self.each, densities, strict=True):
+            found += np.fft.irfft((own.real**2 + own.imag**2).sum(axis=0) * density, size)[:count]
+        return found
 
     def covariance(self, densities: Sequence[FloatArray]) -> FloatArray:
         """X Ω Xᵀ (m, m), by Parseval's theorem, of ``densities`` of a model."""
@@ -342,10 +348,10 @@ def _noise_model(
 class ErrorModel:
     """Autoregressive errors of one actuator, corrected for what the fit has taken up of them.
 
-    Of weighted columns x (N, n), orthonormal over all actuators and zero where a sample is not
-    used, weighted residuals (N,), the segments' rows, and the least deviation of the errors.
-    ``sums`` (n, n) is the covariance of Σ_t x_t e_t under the ``model`` of the errors e. One
-    actuator determines few combinations of all parameters: repeated work is on those alone.
+    Weighted columns x (N, n) are orthonormal over all actuators, and zero where a sample is not
+    used. Beside them stand weighted residuals (N,), the segments' rows, and the least deviation of
+    the errors. ``sums`` (n, n) is the covariance of Σ_t x_t e_t under the ``model`` of the errors
+    e. One actuator determines few combinations of all parameters: repeated work is on those alone.
     """
 
     def __init__(
@@ -360,17 +366,19 @@ class ErrorModel:
         self._turn = turn[:, (shares > ROUND_OFF) | (shares == shares[-1])]
         self._observed = burg_covariances(residual, run_lengths(used, pieces))
         self._observed[0] = max(self._observed[0], least**2)
-        # Zeros end each piece, so that samples k apart are of one piece, or one is zero.
-        lags, count = len(self._observed), len(used) + len(pieces) * len(self._observed)
+        # Zeros on both sides of each piece: samples k apart are of one piece, or one is zero.
+        lags, count = len(self._observed), len(used) + 2 * len(pieces) * len(self._observed)
         self._pieces = tuple(
-            slice(p.start + k * lags, p.stop + (k + 1) * lags) for k, p in enumerate(pieces)
+            slice(p.start + 2 * k * lags, p.stop + 2 * (k + 1) * lags) for k, p in enumerate(pieces)
         )
-        rows = np.concatenate([np.arange(p.start, p.stop - lags) for p in self._pieces])
+        rows = np.concatenate([np.arange(p.start + lags, p.stop - lags) for p in self._pieces])
         self._used = np.zeros(count, dtype=bool)
         self._columns = x = np.zeros((self._turn.shape[1], count))
         self._used[rows], x[:, rows] = used, (columns @ self._turn).T
         self._spectra = Spectra.of(x, self._pieces)
         self._grams = np.array([x[:, : count - k] @ x[:, k:].T for k in range(lags)])
+        near = np.convolve(self._used, np.ones(2 * lags - 1), "same") > 0.5
+        self._edges = np.flatnonzero(near & ~self._used)
         # How many pairs of used samples are so far apart.
         pairs = [(self._used[: count - k] & self._used[k:]).sum() for k in range(lags)]
         self._pairs = np.array(pairs)
@@ -414,13 +422,14 @@ class ErrorModel:
     def _adopt(self, model: Autoregression) -> None:
         """Take a model, and the sums that it leads to.
 
-        ``_shared`` is Σ_t u_t (Ω x)_t · (x_{t+k} + x_{t-k}), u_t = 1 where a sample is used.
+        ``_shared`` is Σ_t u_t (Ω x)_t · (x_{t+k} + x_{t-k}), u_t = 1 where a sample is used. Over
+        all t it is a product of spectra. Unused rows next to used ones are then taken off.
         """
-        self.model, turned = model, self._spectra.turned(model)
-        self.sums = self._turn @ (self._columns @ turned.T) @ self._turn.T
-        # Columns one after the other: zeros end them, too.
-        u, x = (turned * self._used).ravel(), self._columns.ravel()
-        count = len(x)
-        self._shared = np.array(
-            [u[: count - k] @ x[k:] + u[k:] @ x[: count - k] for k in range(model.order + 1)]
-        )
+        self.model, x, near = model, self._columns, self._edges
+        densities, lags = self._spectra.densities(model), range(model.order + 1)
+        turned = self._spectra.turned(densities)
+        self.sums = self._turn @ (x @ turned.T) @ self._turn.T
+        whole = 2 * self._spectra.shared(densities, len(lags))
+        edges = turned[:, near]
+        beside = (x.take(near + k, 1, mode="wrap") + x.take(near - k, 1, mode="wrap") for k in lags)
+        self._shared = whole - [np.vdot(edges, each) for each in beside]
