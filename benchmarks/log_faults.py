@@ -51,7 +51,7 @@ def figures(case: Case, mistake: str, seeds: range) -> dict[str, Any]:
         said = [found.title for found in log_faults(case.robot, [recording]).mistakes]
         if not words:
             delay = find_delay(case.model, [recording])
-            said += [delay.sentence] if delay is not None and delay.clear else []
+            said += [] if delay is None else [each.why for each in delay.findings]
         found = bool(words and said and words in said[0])
         named, others = named + found, others + (len(said) > found)
     shares = (100 * count / len(seeds) for count in (named, others))

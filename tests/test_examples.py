@@ -35,7 +35,7 @@ PRINTED = {
     "payload_on_the_knee": ("PID+G online 0.", "a leg came after 6 s, changes were found at [6."),
     "serial_arm": ("upper.mx + 0.4 lower.m", "shoulder.Fc: 0.", "payload.m: 0."),
 }
-LONG = ("real_log",)  # takes half a minute
+LONG = ("payload_on_the_knee", "real_log")  # tests/control has the payload in short
 SCRIPTS = [
     pytest.param(script, id=script.stem, marks=[pytest.mark.validate] * (script.stem in LONG))
     for script in sorted(FOLDER.glob("*.py"))
@@ -43,7 +43,7 @@ SCRIPTS = [
 NEEDED = {"mujoco_model": "mujoco"}
 
 
-@pytest.mark.usefixtures("nothing_suspected", "no_delay_sought")
+@pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared")
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("script", SCRIPTS)
 def test_an_example_prints_what_it_promises(script, request, capsys, monkeypatch, tmp_path):

@@ -1,7 +1,7 @@
 """The border: forms of what users write, and one voice for what does not fit them.
 
-Pydantic checks files and arguments. What it finds is worded here alone: the file, the line, the
-path of keys, what must stand there, what was given, and what was likely meant.
+Pydantic checks files and arguments. What it finds is worded here alone. A message has the file, the
+line and the path of keys. It says what must stand there, what was given, and what was likely meant.
 """
 
 from __future__ import annotations

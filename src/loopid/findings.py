@@ -72,6 +72,20 @@ class Finding:
             warn(str(self), DataWarning)
 
 
+class Telling:
+    """What has ``findings``, and can tell them as warnings."""
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What to know of it."""
+        raise NotImplementedError
+
+    def warn(self) -> None:
+        """Warn of each that is no note."""
+        for each in self.findings:
+            each.warn()
+
+
 def most_important_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Findings by severity, each once, as of the first log that has it; equal ones keep order."""
     once = dict[tuple[str, ...], Finding]()

@@ -111,9 +111,14 @@ def test_it_is_the_optimum_that_an_independent_program_finds(arm_case, off):
     noise = noise_of(samples)
     spread = np.full(6, 0.3)
     start = arm_case.truth[-6:]
-    found = consistent_fit(
-        arm_case.model, samples, noise, joint_values=start, joint_deviations=spread
+    columns, known = (
+        arm_case.model.joint_columns,
+        loopid.Fit.of(arm_case.model, arm_case.model.prior),
     )
+    values, covariance = np.array(known.values), np.zeros(2 * known.values.shape)
+    values[columns], covariance[columns, columns] = start, spread**2
+    known = replace(known, values=values, covariance=covariance)
+    found = consistent_fit(arm_case.model, samples, noise, known=known)
     R = samples.problem.weighted(found.weights)
     file = np.concatenate([arm_case.prior[:-6], start])
     expected = fitted(arm_case.base, R, file, found.deviation.own, spread)
@@ -305,11 +310,8 @@ def test_options_and_data_that_do_not_fit_are_refused(arm_case, off, load_once):
     other = loopid.force_model(load_once("five_bar"), "full", None)
     with pytest.raises(DataError, match="of the force model"):
         consistent_fit(other, samples, noise)
-    for values, deviations in ((np.zeros(2), None), (None, np.zeros(6))):
-        with pytest.raises(DataError, match=r"shape \(6,\)"):
-            consistent_fit(
-                arm_case.model, samples, noise, joint_values=values, joint_deviations=deviations
-            )
+    with pytest.raises(DataError, match="that is known must be of the parameters"):
+        consistent_fit(arm_case.model, samples, noise, known=loopid.Fit.of(other, other.prior))
 
 
 # Bodies of the file that are none.

@@ -89,12 +89,9 @@ def test_deviations_are_those_under_which_the_data_are_most_likely(waves):
 
 def test_known_deviations_leave_a_term_out_of_its_group(waves):
     model, samples, *_ = waves
-    terms = joint_parameters(model)
-    known = np.array([0.1 if p.kind.startswith("Gw") else np.inf for p in terms])
-    found = consistent_fit(
-        model, samples, quiet_fit(samples).noise,
-        joint_values=np.zeros(len(terms)), joint_deviations=known,
-    )  # fmt: skip
+    errors = [0.1 if p.kind.startswith("Gw") else 0.0 for p in model.parameters]
+    known = replace(loopid.Fit.of(model, 0 * model.prior), covariance=np.diag(np.square(errors)))
+    found = consistent_fit(model, samples, quiet_fit(samples).noise, known=known)
     assert found.term_deviations is None
 
 

@@ -140,9 +140,8 @@ def decide_rank(observation: Observation, tolerances: RankTolerances) -> Rank:
     gap = float(values[rank - 1] / max(below, np.finfo(float).eps))
     bounds = None
     if gap < CLEAR:
-        lowest, highest = (
-            int((values > bound).sum()) for bound in (CLEAR * below, values[rank - 1] / CLEAR)
-        )
+        ends = CLEAR * below, values[rank - 1] / CLEAR
+        lowest, highest = (int((values > end).sum()) for end in ends)
         bounds = max(lowest, 1), highest
     return Rank(rank, gap, values, scales, np.flatnonzero(effective), doubtful, bounds)
 
@@ -242,9 +241,8 @@ def _not_round_off(
     numbers of all digits would make is none. One that only lengths larger than the robot would
     make counts.
     """
-    counted, last = (
-        max(1, int((values > bound).sum())) for bound in (tolerances.least, tolerances.zero)
-    )
+    ends = tolerances.least, tolerances.zero
+    counted, last = (max(1, int((values > end).sum())) for end in ends)
     if last == counted:
         return counted, last
     part = slice(counted, last)

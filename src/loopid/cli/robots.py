@@ -445,9 +445,7 @@ def row_range(text: str | None) -> tuple[int, int | None] | None:
         return None
     found = re.fullmatch(r"(\d{1,9})?:(\d{1,9})?", text, re.ASCII)
     if found is None:
-        raise OptionError(
-            f"--rows must be M:N, such as 1000:5000 or 1000:, not {text!r}", given=text
-        )
+        raise OptionError(f"--rows must be M:N, as 1000:5000 or 1000:, not {text!r}", given=text)
     first, last = found.groups()
     return int(first or 1), int(last) if last else None
 

@@ -4,10 +4,10 @@ Forces of a controller stay for an interval. In steps of it the robot moves by
 
     M (u̇⁺ - u̇) / h = τ + τ_ext - C u̇ - g - Fv u̇⁺ - Fc Sign(u̇⁺),
 
-implicit in the friction, which may hold: u̇⁺ is where ½ xᵀA x - bᵀx + h Fcᵀ|x| is least, with
-A = M + h Fv and b = M u̇ + h (τ + τ_ext - C u̇ - g) [Moreau1988]. So large friction at small
+implicit in the friction, which may hold. So u̇⁺ is where ½ xᵀA x - bᵀx + h Fcᵀ|x| is least
+[Moreau1988]. Here A = M + h Fv and b = M u̇ + h (τ + τ_ext - C u̇ - g). So large friction at small
 velocities, where the sequel's robot lives, needs no small steps. Elements of Maxwell slip are a
-part of Fc: springs with the force c z, and c / x of those that do not slip adds h² c / x to A.
+part of Fc. They are springs with the force c z. Those that do not slip add h² c / x to A.
 """
 
 from __future__ import annotations

@@ -73,8 +73,7 @@ class LoadedRuns:
         excitation = Excitation.of(force_model, plain.problem)
         own = prior[force_model.plain_columns]
         whole = fit_excited(plain, own, excitation, estimator=estimator)
-        assert whole.noise is not None
-        noise = whole.noise
+        noise = whole.require_noise()
         if force_model.automatic and estimator == "wls":
             force_model, light, solid = with_friction(force_model, light, runs[0], whole)
             noise = less_noise(whole, light, solid.result.values)

@@ -336,8 +336,7 @@ def _with_the_file(runs: LoadedRuns, base: BaseParameters) -> tuple[LoadedRuns, 
         values, R = solved(samples.problem, weights, rows)
         plain = result_of(CONSISTENT, samples.problem, values, R, weights, 1.0)
         working = within_runs(WorkingFit(plain, samples, rows))
-        assert working.result.noise is not None
-        weights = error_weights(samples.problem, working.result.noise)
+        weights = error_weights(samples.problem, working.result.require_noise())
         load = np.zeros(len(runs.kinds))
         load[base.base] = values[n:]
         carrying = runs.carrying(load)

@@ -103,8 +103,7 @@ class OfCombinations:
 
 
 CRITERIA: Registry[Criterion] = Registry(
-    "criterion",
-    {"D": determinant, "A": trace, "E": least_eigenvalue, "condition": condition},
+    "criterion", {"D": determinant, "A": trace, "E": least_eigenvalue, "condition": condition}
 )
 
 

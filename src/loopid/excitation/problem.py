@@ -46,10 +46,7 @@ MOST_SIZE = 500  # time and memory grow with its square
 # Each lets a search (``search.Search``) go on from variables (n,).
 SOLVERS: Registry[Callable[[Any, FloatArray], None]] = Registry(
     "solver",
-    {
-        "ipopt": "loopid.excitation.solvers:by_ipopt",
-        "slsqp": "loopid.excitation.solvers:by_slsqp",
-    },
+    {"ipopt": "loopid.excitation.solvers:by_ipopt", "slsqp": "loopid.excitation.solvers:by_slsqp"},
 )
 
 

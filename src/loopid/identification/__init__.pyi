@@ -30,12 +30,7 @@ from .instrumental import InstrumentalVariables as InstrumentalVariables
 from .log_mistakes import log_faults as log_faults
 from .model_choice import choose_model as choose_model
 from .options import FitOptions as FitOptions
-from .pipeline import (
-    fit_all as fit_all,
-    fit_joint_terms as fit_joint_terms,
-    fit_solid_bodies as fit_solid_bodies,
-    identify as identify,
-)
+from .pipeline import fit_all as fit_all, fit_joint_terms as fit_joint_terms, identify as identify
 from .prediction import Prediction as Prediction
 from .problem import FitProblem as FitProblem, FitSamples as FitSamples
 from .result import Fit as Fit, load_fit as load_fit

@@ -41,7 +41,7 @@ import numpy as np
 from scipy.linalg import cho_solve
 from scipy.linalg.lapack import dtrtri
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, checked, finite, rectangular
+from loopid.arguments import BoolArray, FloatArray, IntArray, checked
 from loopid.errors import DataError, ModelWarning, warn
 from loopid.findings import Finding
 from loopid.identification.correlation import within_runs
@@ -90,8 +90,7 @@ def consistent_fit(
     data: FitSamples,
     noise: NoiseModel,
     *,
-    joint_values: FloatArray | None = None,
-    joint_deviations: FloatArray | None = None,
+    known: Fit | None = None,
 ) -> Fit:
     """Fit all standard parameters with the robot file as prior, every body solid.
 
@@ -102,10 +101,11 @@ def consistent_fit(
         Of all parameters of the force model.
     noise : NoiseModel
         Errors of each actuator, as of a fit by weighted least squares.
-    joint_values, joint_deviations : FloatArray, optional
-        (k,), what is known of ``force_model.joint_terms``, with standard deviations, which may be
-        infinite; by default nothing but that some are not negative (``JointTerm.positive``), and
-        that some belong to groups (``JointTerm.prior``), whose deviations the data choose.
+    known : Fit, optional
+        Of the same parameters, as by an experiment of their own: joint terms are known to its
+        errors, where it has any. Of others nothing is known but that some are not negative
+        (``JointTerm.positive``), and that some belong to groups (``JointTerm.prior``), whose
+        deviations the data choose.
 
     Returns
     -------
@@ -143,11 +143,7 @@ def consistent_fit(
     >>> bool(np.allclose(model.base.values(found.standard_parameters), found.values))
     True
     """
-    found = quiet_consistent_fit(
-        *(force_model, data, noise),
-        joint_values=joint_values,
-        joint_deviations=joint_deviations,
-    )
+    found = quiet_consistent_fit(force_model, data, noise, known)
     warn_of_bodies(force_model, found.result)
     return found.result
 
@@ -156,12 +152,10 @@ def quiet_consistent_fit(
     force_model: ForceModel,
     data: FitSamples,
     noise: NoiseModel,
-    *,
-    joint_values: FloatArray | None = None,
-    joint_deviations: FloatArray | None = None,
+    known: Fit | None = None,
 ) -> WorkingFit:
     """As ``consistent_fit``, with its least squares, the file as rows, and without warnings."""
-    weights, program = _posed(force_model, data, noise, joint_values, joint_deviations)
+    weights, program = _posed(force_model, data, noise, known)
     with one_blas_thread():
         state, common = _most_likely(program)
         found = _result(force_model, data, weights, program, state)
@@ -190,7 +184,7 @@ def consistent_parameters(
 
     The deviations are those of a fit of more data, ``like``; without it, the most likely ones.
     """
-    _, program = _posed(force_model, data, noise, None, None)
+    _, program = _posed(force_model, data, noise)
     with one_blas_thread():
         if like is None:
             return program.standard(_most_likely(program)[0])
@@ -224,7 +218,7 @@ def fit_terms(
         Parameters of bodies alone are ``assumed``; those that joint terms fold into are not, and
         hold by how much the bodies seem to be off.
     """
-    weights, whole = _posed(force_model, data, noise, None, None)
+    weights, whole = _posed(force_model, data, noise)
     base, (program, standard) = force_model.base, _terms_alone(force_model, whole)
     first = len(standard) - len(program.terms.start)
     J = base.matrix[:, first:]
@@ -236,7 +230,7 @@ def fit_terms(
         standard[first:] = state.joints
         spread = program.terms.spread(state.groups)
         working = _posterior(left, weights, state.joints, spread.T)
-        _, best = _posed(force_model, data, least, None, None)
+        _, best = _posed(force_model, data, least)
         off, known = _off_the_file(whole, best, standard, working.factor[:-1, :-1])
         alone = np.minimum(working.result.degrees_of_freedom, _freedom(program, state, spread))
         terms = with_errors(replace(working.result, degrees_of_freedom=alone), off[first:], known)
@@ -274,9 +268,9 @@ def _off_the_file(
     """How far bodies seem to be off the file, and joint terms with them: columns (p, 10 b).
 
     Of the standard parameters (p,) with the bodies of the file, and the triangular factor of their
-    joint terms. What is left of the forces, in the errors of the best fit, is e of the variance 1 +
-    s² A Aᵀ with A what such changes leave of them. s is the most likely one. With how many degrees
-    of freedom it is known.
+    joint terms. What is left of the forces, in the errors of the best fit, is e. Its variance is 1
+    + s² A Aᵀ, with A what such changes leave of them. The most likely s is taken, with the degrees
+    of freedom that it is known with.
     """
     from scipy.optimize import minimize_scalar  # slow to import
 
@@ -315,14 +309,16 @@ def _posed(
     force_model: ForceModel,
     data: FitSamples,
     noise: NoiseModel,
-    joint_values: FloatArray | None,
-    joint_deviations: FloatArray | None,
+    known: Fit | None = None,
 ) -> tuple[FloatArray, _Program]:
     """Weights (dof,) of the actuators' rows, and what is minimised."""
-    if data.parameters != force_model.parameters or data.actuators != noise.actuators:
+    own = force_model.parameters
+    if data.parameters != own or data.actuators != noise.actuators:
         raise DataError("data and noise must be of the parameters and actuators of the force model")
+    if known is not None and known.parameters != own:
+        raise DataError("the fit that is known must be of the parameters of the force model")
     weights = error_weights(data.problem, noise)
-    priors = _joint_priors(force_model, data.problem, joint_values, joint_deviations)
+    priors = _joint_priors(force_model, data.problem, known)
     with one_blas_thread():
         return weights, _Program.of(force_model, data.problem.weighted(weights), priors)
 
@@ -330,8 +326,8 @@ def _posed(
 def _groups(program: _Program, state: _State, covariance: FloatArray) -> TermDeviations | None:
     """Deviations of the groups of joint terms, and what the data say of them.
 
-    The evidence is the ratio of the densities of prior and posterior at none [Dickey1971], by the
-    ``covariance`` of the terms of groups for autocorrelated errors.
+    The evidence is the ratio of the densities of prior and posterior at none [Dickey1971]. It takes
+    the ``covariance`` of the terms of groups for autocorrelated errors.
     """
     terms, first = program.terms, WIDTH * len(program.file)
     if not terms.names:
@@ -360,24 +356,17 @@ def error_weights(problem: FitProblem, noise: NoiseModel) -> FloatArray:
     return weights
 
 
-def _joint_priors(
-    force_model: ForceModel,
-    problem: FitProblem,
-    values: FloatArray | None,
-    deviations: FloatArray | None,
-) -> JointPriors:
-    """What is known of the joint terms; deviations are finite."""
-    sizes = FLAT * joint_sizes(force_model, problem)
-    given = force_model.joint_values if values is None else finite(values, "joint values")
-    spread = np.full(len(sizes), np.inf) if deviations is None else deviations
-    spread = rectangular(spread, "deviations")
-    if not given.shape == spread.shape == sizes.shape or not (spread > 0).all():
-        raise DataError(
-            f"joint values and deviations must have shape ({len(sizes)},), and deviations be above "
-            f"0, not {given.shape} and {spread.shape}"
-        )
-    known = np.where(np.isfinite(spread), spread, sizes)
-    return JointPriors.of(force_model, problem, np.nan_to_num(given), known, spread)
+def _joint_priors(force_model: ForceModel, problem: FitProblem, known: Fit | None) -> JointPriors:
+    """What is known of the joint terms: to the errors of a fit, where it has any."""
+    base, columns = force_model.base, force_model.joint_columns
+    sizes, start = FLAT * joint_sizes(force_model, problem), np.nan_to_num(force_model.joint_values)
+    given = np.full(len(sizes), np.inf)
+    if known is not None:
+        own = columns[known.standard_errors[columns] > 0]
+        places = base.base[own] - (len(base.parameters) - len(sizes))
+        start[places], given[places] = known.values[own], known.standard_errors[own]
+    deviations = np.where(np.isfinite(given), given, sizes)
+    return JointPriors.of(force_model, problem, start, deviations, given)
 
 
 # An orthonormal basis of the symmetric matrices, and the ten parameters of each.
@@ -760,8 +749,8 @@ def solid_body(
     """The most likely solid body of estimates x = M π, of which nothing else is known.
 
     Of values (r,) with their covariance (r, r), M (r, 4) or (r, 10), and the pseudo-inertia (4, 4)
-    of a body near it, which may be off by ``LARGEST_OF_BODY`` times itself: π, and the covariance
-    (r, r) of M π.
+    of a body near it. This may be off by ``LARGEST_OF_BODY`` times itself. Gives π, and the
+    covariance (r, r) of M π.
     """
     # Errors that are round-off of such a body count as a little larger, lest they are nothing.
     own = (_vector(guess) @ PARAMETERS)[: matrix.shape[1]]

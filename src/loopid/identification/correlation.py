@@ -351,10 +351,10 @@ def _noise_model(
 class ErrorModel:
     """Autoregressive errors of one actuator, corrected for what the fit has taken up of them.
 
-    Of weighted columns x (N, n), orthonormal over all actuators and zero where a sample is not
-    used, weighted residuals (N,), the segments' rows, and the least deviation of the errors.
-    ``sums`` (n, n) is the covariance of Σ_t x_t e_t under the ``model`` of the errors e. One
-    actuator determines few combinations of all parameters: repeated work is on those alone.
+    Weighted columns x (N, n) are orthonormal over all actuators, and zero where a sample is not
+    used. Beside them stand weighted residuals (N,), the segments' rows, and the least deviation of
+    the errors. ``sums`` (n, n) is the covariance of Σ_t x_t e_t under the ``model`` of the errors
+    e. One actuator determines few combinations of all parameters: repeated work is on those alone.
     """
 
     def __init__(

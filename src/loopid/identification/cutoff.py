@@ -18,7 +18,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray, IntArray, checked
 from loopid.errors import LoopidError
-from loopid.findings import Finding
+from loopid.findings import Finding, Telling
 from loopid.identification.estimator import nearest_to_file
 from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import FitProblem
@@ -46,7 +46,7 @@ CLEAR = 1.0
 
 
 @record
-class CutoffChoice:
+class CutoffChoice(Telling):
     """Cut-offs that were tried, and the one chosen.
 
     Attributes
@@ -86,11 +86,6 @@ class CutoffChoice:
         why = BOUNDS[self.bound].format(self.chosen)
         return (Finding("warning", "cut-off is at a bound of its range", why),)
 
-    def warn(self) -> None:
-        """Tell of a choice at a bound of its range."""
-        for each in self.findings:
-            each.warn()
-
 
 BOUNDS = {
     "lowest": (
@@ -122,8 +117,8 @@ def choose_cutoff(
 ) -> CutoffChoice | None:
     """Choose the cut-off around which estimates change least.
 
-    None where no recording leaves it open (its filter has a cut-off, or it has no log), or where
-    too little is left of the recordings at any.
+    None where no recording leaves it open: its filter has a cut-off, or it has no log. None, too,
+    where too little is left of the recordings at any.
 
     Parameters
     ----------

@@ -31,7 +31,7 @@ from scipy.linalg import solve_triangular
 
 from loopid.arguments import BoolArray, FloatArray, checked
 from loopid.errors import DataError, RankError
-from loopid.findings import Finding
+from loopid.findings import Finding, Telling
 from loopid.identification.correlation import (
     Autoregression,
     burg_covariances,
@@ -92,7 +92,7 @@ USUAL = 0.01
 
 
 @record
-class Delay:
+class Delay(Telling):
     """How much later than the motion the forces of a log are.
 
     Attributes
@@ -131,28 +131,19 @@ class Delay:
         return bool(self.undone.any())
 
     @property
-    def sentence(self) -> str:
-        """What is clear, with its intervals; empty where nothing is."""
+    def findings(self) -> tuple[Finding, ...]:
+        """What is clear, with its intervals; none where nothing is."""
         if not self.clear:
-            return ""
+            return ()
         numbers = zip(self.joints, self.each, self.intervals, self.undone, strict=True)
         said = [_late(joint, *found) for joint, *found, undone in numbers if undone]
         if np.ptp(self.undone) == 0:
             said = [_late("all motors", self.common, self.interval)]
-        return (
+        why = (
             f"forces do not belong to the positions of their time, those of {'; '.join(said)}: "
             "undone (undo_delay=False would keep them; 'delay' in a mapping undoes a known one)"
         )
-
-    @property
-    def finding(self) -> Finding:
-        """What is clear, as a warning."""
-        return Finding("warning", "forces were late or early, which is undone", self.sentence)
-
-    def warn(self) -> None:
-        """Tell what is clear."""
-        if self.clear:
-            self.finding.warn()
+        return (Finding("warning", "forces were late or early, which is undone", why),)
 
 
 def _late(whose: str, delay: float, interval: FloatArray | tuple[float, float]) -> str:
@@ -366,8 +357,8 @@ def with_delay_errors(
     """Add the uncertainty of the delay to a fit's covariance.
 
     An error of the delay adds forces D = ∂τ/∂t to those of the samples x. They move the estimates
-    by C Σ xᵀ D / σ², with C their covariance. σ² is the variance of this many independent errors as
-    would determine a mean as well. Of a delay that is not clear all is left (``Delay.left``).
+    by C Σ xᵀ D / σ², with C their covariance. The variance σ² is that of as many independent errors
+    as would determine a mean as well. Of a delay that is not clear all is left (``Delay.left``).
 
     Parameters
     ----------
@@ -753,15 +744,10 @@ def _of_slip(samples: FitSamples, recordings: Sequence[Recording]) -> dict[int, 
         slips = slip_displacements(max(float(np.ptp(way)) for each in ways for way in each))
         if not (samples.problem.samples[i] and slips[0]):
             continue
-        parts = zip(recordings, ways, strict=True)
+        states = [
+            one.lowpassed(np.concatenate([slip_states(way, slips) for way in each]))
+            for one, each in zip(recordings, ways, strict=True)
+        ]
         found[i] = np.zeros((*samples.force.shape, ELEMENTS))
-        found[i][:, i] = np.concatenate(
-            [_slip(one, [slip_states(way, slips) for way in each]) for one, each in parts]
-        )
+        found[i][:, i] = np.concatenate(states)
     return found
-
-
-def _slip(recording: Recording, states: Sequence[FloatArray]) -> FloatArray:
-    """States along the segments of the log, filtered as the forces are, at the samples (N,)."""
-    along = np.concatenate(states)
-    return along if recording.history is None else recording.history.lowpassed(along)

@@ -16,7 +16,6 @@ from loopid.identification.quality import (
     FileDeviation,
     MotorUse,
     NoiseModel,
-    OfArrays,
     Quality,
     Robustness,
     StandardUncertainty,
@@ -81,7 +80,7 @@ class Estimate:
 
 
 @record(checked=True)
-class Estimates(OfArrays, Tabular):
+class Estimates(Tabular):
     """What a ``Fit`` knows; there, what each attribute is, and what it becomes."""
 
     estimator: str
@@ -109,7 +108,6 @@ class Estimates(OfArrays, Tabular):
     broken: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         shape, freedoms = self.values.shape, self.degrees_of_freedom.shape
         if len(shape) != 1 or freedoms not in (shape, ()):
             raise DataError(
@@ -145,6 +143,18 @@ class Estimates(OfArrays, Tabular):
                 "the fit does not know its force model: give it one, fit = Fit.of(model, fit)"
             )
         return self.model
+
+    def require_noise(self) -> NoiseModel:
+        """The model of the errors.
+
+        Raises
+        ------
+        DataError
+            Where there is none, as of values that nothing was fitted to.
+        """
+        if self.noise is None:
+            raise DataError("the fit has no model of its errors: take one by fit(samples)")
+        return self.noise
 
     @property
     def robot(self) -> Robot:

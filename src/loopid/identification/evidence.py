@@ -1,13 +1,13 @@
 """How well a robot file explains a log: the evidence, once mistakes are undone.
 
-In the band of the motion, forces are explained by the bodies of the robot file, whose parameters
-may be off by half, and by small offsets. Friction and inertia of each drive explain them, too, and
-are projected out. Friction that would give energy does not count. Sizes of the errors and the
-bodies follow from each other; their evidence [MacKay1992] compares what may have been undone. Its
-rivals are real: a force over the position of a motor that the robot file lacks, such as a spring or
-a counterbalance, and bodies that are further off. All that is tried at one pose shares one table of
-columns. Forces of another size, or motors, another time axis and rivals only weigh or exchange its
-columns.
+In the band of the motion, forces are explained by the bodies of the robot file and by small
+offsets. Parameters of the bodies may be off by half. Friction and inertia of each drive explain
+them, too, and are projected out. Friction that would give energy does not count. Sizes of the
+errors and the bodies follow from each other; their evidence [MacKay1992] compares what may have
+been undone. Its rivals are real. One is a force over the position of a motor that the robot file
+lacks, such as a spring or a counterbalance. Another is bodies that are further off. All that is
+tried at one pose shares one table of columns. Forces of another size, or motors, another time axis
+and rivals only weigh or exchange its columns.
 """
 
 from __future__ import annotations

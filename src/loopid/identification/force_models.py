@@ -194,7 +194,7 @@ class ForceModel:
     def with_loads(self, values: FloatArray, standard: FloatArray | None = None) -> ForceModel:
         """The same model with gears that carry the bodies of values (n,).
 
-        Where a joint term leads a combination with bodies, as a rotor with its link, standard
+        A joint term may lead a combination with bodies, as a rotor with its link. Then standard
         parameters that begin with those of the bodies say how much is theirs. Without them that
         stays as it is, by default none.
         """

@@ -3,11 +3,12 @@
     F(q̇) = sign q̇ [Fc + Fv |q̇| + Σ c_k h_k(|q̇|) + c |τ|] + Σ d_k h_k(|q̇|)
 
 The line Fc + Fv |q̇| is Coulomb and viscous friction. What departs from it is linear between rates
-that double (``joint_laws``): c_k both ways alike, d_k not. c_k, and d_k, of a joint are a Gaussian
-process of the logarithm of the rate with one deviation. c is the part that a gear loses of the
-motor's force τ that moves the bodies [Hamon2010]. The evidence chooses each deviation, so that a
-joint has the shape that its data ask for. Where they ask for none it is a line. Groups without an
-effect are dropped. Load needs bodies, which the fit gives: rounds of fits find both.
+that double (``joint_laws``): c_k both ways alike, d_k not. Over the logarithm of the rate, c_k and
+d_k of a joint are Gaussian processes with one deviation each. The coefficient c is the part that a
+gear loses of the motor's force τ that moves the bodies [Hamon2010]. The evidence chooses each
+deviation, so that a joint has the shape that its data ask for. Where they ask for none it is a
+line. Groups without an effect are dropped. Load needs bodies, which the fit gives: rounds of fits
+find both.
 """
 
 from __future__ import annotations
@@ -18,7 +19,6 @@ from dataclasses import replace
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
-from loopid.errors import DataError
 from loopid.identification.consistent import (
     consistent_parameters,
     error_weights,
@@ -198,9 +198,7 @@ def with_friction(
     >>> len(wider.parameters) >= len(model.parameters), fit.result.noise is not None
     (True, True)
     """
-    noise = whole.noise
-    if whole.noise is None or noise is None:
-        raise DataError("the fit has no model of its errors that friction could be weighed by")
+    noise = whole.require_noise()
     standard = consistent_parameters(force_model, data, noise)
     use, loads = motor_use(force_model, data, recordings), force_model.loads(data.regressor)
     kinds = friction_kinds(force_model, data, use, loads)
@@ -227,17 +225,15 @@ def with_friction(
             standard = consistent_parameters(wide, moving, noise)
             noise = residual_noise(moving, wide.base.values(standard), rank)
         else:
-            noise = _of_motors(kinds, noise, whole.noise)
+            noise = _of_motors(kinds, noise, whole.require_noise())
             working = quiet_consistent_fit(wide, moving, noise)
             fit = working.result
             asked = {} if fit.term_deviations is None else _asked(kinds, fit.term_deviations)
             if asked == kinds and honest:
                 warn_of_bodies(wide, fit)
                 return wide, data, working
-            assert fit.noise is not None
-            assert fit.standard_parameters is not None
             # With what the fit took up of slow errors added back.
-            kinds, standard, noise, honest = asked, fit.standard_parameters, fit.noise, True
+            kinds, standard, noise, honest = asked, fit.require_bodies(), fit.require_noise(), True
 
 
 def _of_motors(motors: Iterable[str], noise: NoiseModel, others: NoiseModel) -> NoiseModel:
@@ -273,8 +269,7 @@ def _asked(
 
 def less_noise(whole: Fit, data: FitSamples, values: FloatArray) -> NoiseModel:
     """The errors of a fit with what further terms explain of them taken off."""
-    noise, old = whole.noise, whole.quality.residual_rms
-    assert noise is not None
+    noise, old = whole.require_noise(), whole.quality.residual_rms
     squares = data.problem.residual_squares(values) / np.maximum(data.problem.samples, 1)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(old > 0, np.sqrt(squares) / old, 1.0)

@@ -20,7 +20,7 @@ import numpy as np
 from loopid.arguments import FloatArray, IntArray, checked
 from loopid.base_parameters.base import expression
 from loopid.errors import DataError, RankError, counted
-from loopid.findings import Finding
+from loopid.findings import Finding, Telling
 from loopid.identification.estimator import LEAST_EXCITATION, Estimator, excited_rank
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_models import ForceModel, samples_of
@@ -48,8 +48,8 @@ LEAST_MASS, LEAST_REACH = 0.01, 0.01
 def body_sizes(robot: Robot, model: str) -> FloatArray:
     """Sizes (p,) of the standard parameters of the bodies by the robot file, all positive.
 
-    m, m ℓ and m ℓ² for a body of mass m whose mass is ℓ from its link's origin in the root mean
-    square: what uncertainties are compared with.
+    They are m, m ℓ and m ℓ² for a body of mass m, which is ℓ from its link's origin in the root
+    mean square. Uncertainties are compared with them.
     """
     values = robot.standard_parameters("full").reshape(-1, len(KINDS))
     mass = np.abs(values[:, 0])
@@ -275,7 +275,7 @@ class WeakDirection:
 
 
 @record
-class Identifiability:
+class Identifiability(Telling):
     """Identifiability of the base parameters from a log."""
 
     parameters: ParameterSet  # the n base parameters, all of which are structurally identifiable
@@ -373,11 +373,6 @@ class Identifiability:
             title = f"{counted(len(self.weak), 'combination')} weakly identifiable"
             said.append(Finding("warning", title, self.weak_message, do))
         return tuple(said)
-
-    def warn(self) -> None:
-        """Tell what is unidentifiable and what is weak, each by a DataWarning."""
-        for each in self.findings:
-            each.warn()
 
 
 def _listed(directions: Sequence[WeakDirection]) -> str:

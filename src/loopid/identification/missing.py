@@ -1,15 +1,16 @@
 """Forces that a model lacks, found by what they would explain: what physics could add, tested.
 
 Friction by evidence is a part of the default model. Beside it, a motor may show waves over its
-position (teeth, poles), a spring, friction that drifts as oil warms up, a direction, other motors
-through its gear. Lengths of the robot file may be off. Each is a few columns beside those of the
-fit. What they explain of the residuals is tested by F, with errors that are autocorrelated.
-Bonferroni counts all that is tried. Motors are alike, so that a law is tested for all of them, too.
-What is likely is tested again, with what all columns take up of the errors added back to these. A
-clear force that saves errors on segments left out, or moves estimates by more than they are known
-to, is named. It is not added. Intervals hold the bias that it makes. A weak spring looks like
-gravity, and moves estimates of bodies far. Intervals hold the bias of one that is likely, though
-not clear. How much would not show at all is said; intervals hold without such a spring.
+position (teeth, poles) or a spring. Friction may drift as oil warms up, or differ by direction.
+Other motors may show through its gear. Lengths of the robot file may be off. Each is a few columns
+beside those of the fit. What they explain of the residuals is tested by F, with errors that are
+autocorrelated. Bonferroni counts all that is tried. Motors are alike, so that a law is tested for
+all of them, too. What is likely is tested again, with what all columns take up of the errors added
+back to these. A clear force that saves errors on segments left out, or moves estimates by more than
+they are known to, is named. It is not added. Intervals hold the bias that it makes. A weak spring
+looks like gravity, and moves estimates of bodies far. Intervals hold the bias of one that is
+likely, though not clear. How much would not show at all is said; intervals hold without such a
+spring.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ from loopid.identification.lengths import length_forces
 from loopid.identification.result import Fit
 from loopid.logs.recording import Recording
 from loopid.records import record
+from loopid.robot.robot import position_of
 from loopid.workers import one_blas_thread
 
 CHANCE = 0.01  # that any force is called clear, or one alone likely, in data where none is missing
@@ -178,68 +180,65 @@ States = dict[str, _Motor]  # of a recording, by motor
 
 
 class _Law(NamedTuple):
-    """What a force may depend on: columns of the states of all motors and of one of them."""
+    """What a force of a motor may depend on: columns of its states, or of another motor's."""
 
     said: str
     do: str
-    columns: Callable[[States, str, float], list[FloatArray]]
+    columns: Callable[[_Motor, float], list[FloatArray]]  # of these, and of a number of waves
     known: tuple[str, ...] = ()  # beginnings of kinds of joint terms that have it
     term: str = ""  # that is it
+    other: str = ""  # the other motor
 
 
-def _waves(states: States, motor: str, number: float) -> list[FloatArray]:
-    turned = number * states[motor].position
-    return [np.sin(turned), np.cos(turned)]
-
-
-def _drift(states: States, motor: str, _: float) -> list[FloatArray]:
-    own = states[motor]
-    return [np.sign(own.rate) * own.time, own.rate * own.time]
-
-
-def _spring(states: States, motor: str, _: float) -> list[FloatArray]:
-    return [states[motor].position]
-
-
-def _direction(states: States, motor: str, _: float) -> list[FloatArray]:
-    rate = states[motor].rate
-    return [np.ones(len(rate)), np.abs(rate)]
-
-
-def _load(states: States, motor: str, _: float) -> list[FloatArray]:
-    return [np.sign(states[motor].rate) * np.abs(states[motor].load)]
-
-
-def _curve(states: States, motor: str, _: float) -> list[FloatArray]:
-    rate = states[motor].rate
-    size, way = np.abs(rate), np.sign(rate)
+def _curve(own: _Motor, _: float) -> list[FloatArray]:
+    size, way = np.abs(own.rate), np.sign(own.rate)
     slow = max(float(np.quantile(size, 0.99)), np.finfo(float).tiny) / 10
-    return [way * np.sqrt(size), rate * size, way * np.exp(-((rate / slow) ** 2))]
+    return [way * np.sqrt(size), own.rate * size, way * np.exp(-((own.rate / slow) ** 2))]
 
 
-def _coupling(other: str) -> Callable[[States, str, float], list[FloatArray]]:
-    def columns(states: States, motor: str, _: float) -> list[FloatArray]:
-        its = states[other]
-        return [np.sign(its.rate), its.rate, its.acceleration]
-
-    return columns
-
-
-COUPLED = "look for a gear, a belt, or a cross-talk of their sensors"
 MEASURE = "measure the links, or take their lengths from a calibration"
 WAVES = _Law(
     "waves over position",
     "look at its gear and motor: teeth, poles, a bent shaft",
-    _waves,
+    lambda own, number: [np.sin(number * own.position), np.cos(number * own.position)],
 )
 DEFAULT = 'let the data choose: terms="auto"'
 LAWS = (
-    _Law("drifts in time", "warm the robot up, or fit shorter logs", _drift),
-    _Law("grows with position", 'add springs: terms="auto; {terms}"', _spring, ("Ks",), "Ks"),
-    _Law("differs by direction", DEFAULT, _direction, ("Fa", "Fo", "Fc+")),
-    _Law("grows with load", DEFAULT, _load, ("Ft", "Fl")),
-    _Law("is curved over rate", DEFAULT, _curve, ("Fk", "Fs")),
+    _Law(
+        "drifts in time",
+        "warm the robot up, or fit shorter logs",
+        lambda own, _: [np.sign(own.rate) * own.time, own.rate * own.time],
+    ),
+    _Law(
+        "grows with position",
+        'add springs: terms="auto; {terms}"',
+        lambda own, _: [own.position],
+        known=("Ks",),
+        term="Ks",
+    ),
+    _Law(
+        "differs by direction",
+        DEFAULT,
+        lambda own, _: [np.ones(len(own.rate)), np.abs(own.rate)],
+        known=("Fa", "Fo", "Fc+"),
+    ),
+    _Law(
+        "grows with load",
+        DEFAULT,
+        lambda own, _: [np.sign(own.rate) * np.abs(own.load)],
+        known=("Ft", "Fl"),
+    ),
+    _Law("is curved over rate", DEFAULT, _curve, known=("Fk", "Fs")),
 )
+
+
+def _coupling(other: str) -> _Law:
+    return _Law(
+        f"follows the motion of {other}",
+        "look for a gear, a belt, or a cross-talk of their sensors",
+        lambda its, _: [np.sign(its.rate), its.rate, its.acceleration],
+        other=other,
+    )
 
 
 def missing_forces(
@@ -290,30 +289,24 @@ def _wrong_length(
     thinned = WorkingFit(result, replace(samples, **chosen, instruments=None), fit.prior)
     fit = _refitted(thinned)
     runs = [run.select(every) for run in recordings]
-    test, tried = _Test(fit, runs), dict[str, tuple[float, FloatArray, FloatArray]]()
-    lengths = length_forces(force_model, standard, runs)
-    for place, force in lengths.items():
-        chance, x, _, bias = test.of(force[:, :, None])
-        tried[place] = chance, x, bias
+    test, lengths = _Test(fit, runs), length_forces(force_model, standard, runs)
+    tried = {place: test.of(force[:, :, None]) for place, force in lengths.items()}
     if not tried:
         return None
-    place = min(tried, key=lambda each: tried[each][0])
-    (least, x, bias), force = tried[place], lengths[place]
-    least = len(lengths) * (test.confirmed(force[:, :, None]) if least < CHANCE else least)
-    if least >= CHANCE:
+    place = min(tried, key=lambda each: tried[each].chance)
+    best = tried[place]
+    least = best.chance if best.chance >= CHANCE else test.confirmed(best.columns)
+    if (least := len(tried) * least) >= CHANCE:
         return None
     clear = families * least < CHANCE
-    certainty, chance = ("clear", families * least) if clear else ("likely", least)
     return test.missing(
-        force * x,
-        bias,
+        best,
         motor="",
         law=place,
-        chance=chance,
-        left=test.left(force[:, :, None]),
+        chance=families * least if clear else least,
         do=MEASURE,
-        certainty=certainty,
-        number=float(x[0]),
+        certainty="clear" if clear else "likely",
+        number=float(best.x[0]),
     )
 
 
@@ -327,8 +320,7 @@ def _states(force_model: ForceModel, recording: Recording, loads: FloatArray) ->
     """Of the motors with one coordinate; loads (N, dof) move the bodies."""
     robot, motion, history = force_model.robot, recording.motion, recording.history
     known = np.arange(len(recording)) if history is None else history.rows
-    count = len(recording) if history is None else len(history.velocity)
-    rows = np.arange(count)
+    rows = np.arange(len(recording) if history is None else len(history.velocity))
 
     def whole(signal: FloatArray) -> FloatArray:
         return np.interp(rows, known, signal)
@@ -339,29 +331,35 @@ def _states(force_model: ForceModel, recording: Recording, loads: FloatArray) ->
         if joint.nv != 1 or motor not in recording.actuators:
             continue
         index = recording.actuators.index(motor)
-        q = motion.configurations[:, joint.idx_q]
+        q = position_of(joint, motion.configurations)
         if joint.nq == 2:
-            q = np.unwrap(np.arctan2(motion.configurations[:, joint.idx_q + 1], q))
+            q = np.unwrap(q)
+        q = q - (q.max() + q.min()) / 2
         rate = motion.velocities[:, index] if history is None else history.of_joint(robot, motor)
-        middle = (q.max() + q.min()) / 2
+        usual, steepest = float(np.sqrt((rate**2).mean())), STEEPEST
+        if recording.cutoff is not None and usual > 0:
+            steepest = min(2 * np.pi * recording.cutoff / usual, STEEPEST)
         found[motor] = _Motor(
             whole(motion.time - motion.time.mean()),
-            whole(q) - middle,
+            whole(q),
             rate,
             whole(motion.accelerations[:, index]),
             whole(loads[:, index]),
-            (lambda signal: signal) if history is None else history.lowpassed,
-            q - middle,
-            _steepest(recording, rate),
+            recording.lowpassed,
+            q,
+            steepest,
         )
     return found
 
 
-def _steepest(recording: Recording, rate: FloatArray) -> float:
-    usual = float(np.sqrt((rate**2).mean()))
-    if recording.cutoff is None or not usual > 0:
-        return STEEPEST
-    return min(2 * np.pi * recording.cutoff / usual, STEEPEST)
+class _Tested(NamedTuple):
+    """What the test says of columns (N, dof, k)."""
+
+    columns: FloatArray
+    chance: float
+    x: FloatArray  # (k,), coefficients
+    errors: FloatArray  # (k,), of these
+    bias: FloatArray  # (n,), of the estimates
 
 
 class _Test:
@@ -369,7 +367,7 @@ class _Test:
 
     def __init__(self, fit: WorkingFit, recordings: Sequence[Recording]) -> None:
         samples, result, n = fit.samples, fit.result, len(fit.result.parameters)
-        assert result.noise is not None
+        noise = result.require_noise()
         self.fit, self.used = fit, samples.used
         self.segments = segments_of(samples, recordings)
         self.inverse = np.linalg.inv(fit.factor[:n, :n])
@@ -377,8 +375,8 @@ class _Test:
         self.columns = (samples.regressor @ self.inverse) * self.scale[:, :, None]
         self.residual = samples.residual(result.values) * self.scale
         self.prior = None if fit.prior is None else fit.prior[:, :n] @ self.inverse
-        sizes = result.noise.innovation * result.weights
-        rows = zip(result.noise.coefficients, np.nan_to_num(sizes) ** 2, strict=True)
+        sizes = noise.innovation * result.weights
+        rows = zip(noise.coefficients, np.nan_to_num(sizes) ** 2, strict=True)
         self.models = [
             Autoregression.of_coefficients(np.trim_zeros(own, "b"), float(size))
             for own, size in rows
@@ -387,8 +385,8 @@ class _Test:
         none = Spectra.of(np.zeros((0, len(samples))), samples.pieces)
         self.densities = [none.densities(model) for model in self.models]
 
-    def of(self, columns: FloatArray) -> tuple[float, FloatArray, FloatArray, FloatArray]:
-        """Chance, coefficients (k,), their errors (k,) and bias (n,) of columns (N, dof, k)."""
+    def of(self, columns: FloatArray) -> _Tested:
+        """Test columns (N, dof, k)."""
         from scipy.special import fdtrc  # slow to import
 
         pieces, n, k = self.fit.samples.pieces, len(self.inverse), columns.shape[2]
@@ -398,7 +396,7 @@ class _Test:
         squares = np.einsum("nij,nik->jk", c, c, optimize=True)
         G, sizes = squares - turned.T @ turned, np.sqrt(np.diag(squares))
         if not (sizes > 0).all() or np.linalg.eigvalsh(G / np.outer(sizes, sizes))[0] < DEPENDENT:
-            return 1.0, np.zeros(k), np.zeros(k), np.zeros(n)
+            return _Tested(columns, 1.0, np.zeros(k), np.zeros(k), np.zeros(n))
         s = np.einsum("nik,ni->k", c, self.residual[:, own])
         beside = -(self.columns @ turned)  # (N, dof, k)
         beside[:, own] += c
@@ -424,7 +422,8 @@ class _Test:
         force = np.sum((self.fit.samples.force[:, own] * self.scale[:, own]) ** 2)
         covariance = np.linalg.inv(G @ told[:, 1:] + np.diag(sizes**2) / force)
         x, errors = covariance @ G @ told[:, 0], np.sqrt(np.diag(covariance))
-        return float(fdtrc(k, max(freedom, 1.0), F)), x, errors, self.inverse @ -(turned @ x)
+        chance = float(fdtrc(k, max(freedom, 1.0), F))
+        return _Tested(columns, chance, x, errors, self.inverse @ -(turned @ x))
 
     def confirmed(self, columns: FloatArray) -> float:
         """The chance once more, by errors without what all columns take up of them.
@@ -453,14 +452,21 @@ class _Test:
         after = float(own @ _squares(_beside(self.fit, columns), self.segments))
         return after / before if before > 0 else 1.0
 
-    def missing(self, force: FloatArray, bias: FloatArray, **known: Any) -> MissingForce:
-        """What there is, or may be, of a force (N, dof) that moves the estimates by a bias (n,)."""
+    def missing(self, found: _Tested, certainty: str, **known: Any) -> MissingForce:
+        """What there is, or may be, of the force of columns."""
+        force, bias = found.columns @ found.x, found.bias
         own, errors = self.used & force.any(axis=0), self.fit.result.standard_errors
-        whole = np.sqrt((self.fit.samples.force[own] ** 2).mean())
+        whole = float(np.sqrt((self.fit.samples.force[own] ** 2).mean()))
         size = float(np.sqrt((force[own] ** 2).mean()))
-        share = size / float(whole) if whole > 0 else np.inf
-        moved = float((np.abs(bias) / np.where(errors > 0, errors, np.inf)).max())
-        return MissingForce(size=size, share=share, bias=bias, moved=moved, **known)
+        return MissingForce(
+            size=size,
+            share=size / whole if whole > 0 else np.inf,
+            left=1.0 if certainty == "hidden" else self.left(found.columns),
+            bias=bias,
+            moved=float((np.abs(bias) / np.where(errors > 0, errors, np.inf)).max()),
+            certainty=certainty,
+            **known,
+        )
 
 
 def _beside(fit: WorkingFit, columns: FloatArray) -> WorkingFit:
@@ -496,15 +502,12 @@ def _squares(fit: WorkingFit, groups: np.ndarray) -> FloatArray:
 
 
 class _Tried(NamedTuple):
-    """A law of a motor, what it stands for, and what the test says of it."""
+    """A law of a motor, the tests that it stands for, and what the test says of it."""
 
     law: _Law
     number: float
     tests: int
-    chance: float
-    x: FloatArray
-    errors: FloatArray
-    bias: FloatArray
+    found: _Tested
 
 
 class _Search:
@@ -535,7 +538,7 @@ class _Search:
     def _columns(self, motor: str, law: _Law, number: float = 0.0) -> FloatArray:
         """Of a law (N, dof, k) in the force of a motor."""
         signals = [
-            each[motor].lowpassed(np.stack(law.columns(each, motor, number), axis=1))
+            each[motor].lowpassed(np.stack(law.columns(each[law.other or motor], number), axis=1))
             for each in self.states
         ]
         own = np.concatenate(signals)
@@ -549,60 +552,54 @@ class _Search:
         if len(asked) < 2:
             return 1.0
         columns = np.concatenate(asked, axis=2)
-        chance = self.test.of(columns)[0]
+        chance = self.test.of(columns).chance
         return self.test.confirmed(columns) if chance < LIKELY else chance
 
     def of_motor(self, motor: str) -> list[MissingForce]:
         """The likeliest force of a motor, if one is clear; else its springs."""
-        used = self.test.used[:, self.rows[motor]]
-        tried = [
-            _Tried(law, number, kinds * self.families, *self.test.of(columns))
-            for law, number, kinds in self._tried(motor)
-            if used.sum() >= ROWS * (columns := self._columns(motor, law, number)).shape[2]
-        ]
-        best = min(tried, key=lambda one: self._chance(one, one.chance), default=None)
-        if best is not None and self._chance(best, best.chance) < CHANCE:
-            chance = self._chance(best, self._confirmed(motor, best))
+        count, tried = self.test.used[:, self.rows[motor]].sum(), list[_Tried]()
+        for law, number, kinds in self._tried(motor):
+            columns = self._columns(motor, law, number)
+            if count >= ROWS * columns.shape[2]:
+                tried.append(_Tried(law, number, kinds * self.families, self.test.of(columns)))
+        best = min(tried, key=lambda one: self._chance(one, one.found.chance), default=None)
+        if best is not None and self._chance(best, best.found.chance) < CHANCE:
+            chance = self._chance(best, self.test.confirmed(best.found.columns))
             if chance < CHANCE:
-                return [self._missing(motor, best._replace(chance=chance), "clear")]
-        springs = (one for one in tried if one.law.term and one.x.all())
+                return [self._missing(motor, best, chance, "clear")]
+        springs = (one for one in tried if one.law.term and one.found.x.all())
         return [self._doubtful(motor, one) for one in springs]
 
     def _doubtful(self, motor: str, one: _Tried) -> MissingForce:
         """A spring that is not clear: likely, or as much of it as would not show."""
+        chance, confirmed = one.found.chance, self.test.confirmed
         likely = self.together[one.law.said] < LIKELY
-        if likely or (one.chance < CHANCE and self._confirmed(motor, one) < CHANCE):
-            return self._missing(motor, one, "likely")
-        times = HIDDEN * one.errors / one.x
-        hidden = one._replace(x=times * one.x, bias=times * one.bias)
-        return self._missing(motor, hidden, "hidden")
-
-    def _confirmed(self, motor: str, one: _Tried) -> float:
-        return self.test.confirmed(self._columns(motor, one.law, one.number))
+        if likely or (chance < CHANCE and confirmed(one.found.columns) < CHANCE):
+            return self._missing(motor, one, chance, "likely")
+        times = HIDDEN * one.found.errors / one.found.x
+        hidden = one.found._replace(x=times * one.found.x, bias=times * one.found.bias)
+        return self._missing(motor, one._replace(found=hidden), chance, "hidden")
 
     def _chance(self, one: _Tried, alone: float) -> float:
         """Of what is tried for a motor that shows it by some chance: its own, or that of all."""
         of_all = len(LAWS) * self.families * self.together.get(one.law.said, 1.0)
         return min(one.tests * alone, of_all if alone < ONE_OF_ALL else 1.0)
 
-    def _missing(self, motor: str, one: _Tried, certainty: str) -> MissingForce:
+    def _missing(self, motor: str, one: _Tried, chance: float, certainty: str) -> MissingForce:
         slides = self.force_model.robot.joint(motor).shortname().startswith("JointModelP")
-        law, number = one.law, one.number
-        columns, unit = self._columns(motor, law, number), ""
+        law, number, unit = one.law, one.number, ""
         if law is WAVES:
             unit = "times a metre" if slides else "times a turn"
             number /= 2 * np.pi if slides else 1.0
         elif law.term:
-            number, unit = float(one.x[0]), "N/m" if slides else "N m/rad"
+            number, unit = float(one.found.x[0]), "N/m" if slides else "N m/rad"
         return self.test.missing(
-            columns @ one.x,
-            one.bias,
+            one.found,
+            certainty,
             motor=motor,
             law=law.said,
-            chance=one.chance,
-            left=1.0 if certainty == "hidden" else self.test.left(columns),
+            chance=chance,
             do=law.do,
-            certainty=certainty,
             term=law.term,
             number=number,
             unit=unit,
@@ -610,9 +607,7 @@ class _Search:
 
     def _tried(self, motor: str) -> Iterator[tuple[_Law, float, int]]:
         """Laws and their numbers that a motor is tested for, and tests that each stands for."""
-        others = (other for other in self.motors if other != motor)
-        coupled = (_Law(f"follows the motion of {one}", COUPLED, _coupling(one)) for one in others)
-        laws = [*self.laws[motor], *coupled]
+        laws = [*self.laws[motor], *(_coupling(one) for one in self.motors if one != motor)]
         kinds = len(laws) + 1
         yield from ((law, 0.0, kinds) for law in laws)
         numbers, share = self._wave_numbers(motor)

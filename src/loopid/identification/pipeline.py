@@ -205,7 +205,8 @@ def identify(
             if first is not None and force_model.automatic:
                 force_model, known = _friction_alone(force_model, first, friction, options)
                 data = force_model.widened(data, training)
-            solid = fit_solid_bodies(force_model, data, whole.noise, known=known)
+            solid = quiet_consistent_fit(force_model, data, whole.require_noise(), known)
+            warn_of_bodies(force_model, solid.result)
         missing = missing_forces(solid, force_model, training)
     least = whole.noise if solid is None else solid.result.noise
     start = fit_joint_terms(force_model, data, noise=least)
@@ -329,12 +330,12 @@ def _refits(
 
     def solid(part: FitSamples) -> FloatArray:
         part = replace(fitted, used=part.used)
-        if known is None and noise is not None:
-            standard = consistent_parameters(force_model, part, noise, like=fits[CONSISTENT])
-            return force_model.base.values(standard)
-        return fit_solid_bodies(force_model, part, noise, known=known).result.values
+        noise = fits[ALL].require_noise()
+        if known is not None:
+            return quiet_consistent_fit(force_model, part, noise, known).result.values
+        standard = consistent_parameters(force_model, part, noise, like=fits[CONSISTENT])
+        return force_model.base.values(standard)
 
-    noise = fits[ALL].noise
     found = {ROBOT_FILE: terms, ALL: every, CONSISTENT: solid}
     return {name: found[name] for name in fits}
 
@@ -534,63 +535,9 @@ def fit_joint_terms(
         terms = quiet_fit(left)
     else:
         terms = fit_excited(left, values[joints], excitation)
-    assert terms.noise is not None
-    found = fit_terms(force_model, data, terms.noise, noise or terms.noise)
+    own = terms.require_noise()
+    found = fit_terms(force_model, data, own, noise or own)
     return replace(found, estimator=terms.estimator, model=force_model)
-
-
-@checked
-def fit_solid_bodies(
-    force_model: ForceModel,
-    data: FitSamples,
-    noise: NoiseModel | None,
-    *,
-    known: Fit | None = None,
-) -> WorkingFit:
-    """Fit all parameters with the robot file weighed, every body solid: as ``consistent_fit``.
-
-    Parameters
-    ----------
-    force_model : ForceModel
-    data : FitSamples
-        Of all parameters.
-    noise : NoiseModel
-        Of the forces, as of a fit of all parameters.
-    known : Fit, optional
-        Joint terms of an experiment of their own, known to their errors.
-
-    Returns
-    -------
-    WorkingFit
-        ``result`` is the fit.
-
-    Examples
-    --------
-    >>> import loopid
-    >>> robot = loopid.load("five_bar")
-    >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
-    >>> model = loopid.force_model(robot, "full", "Fc,Fv")
-    >>> data = loopid.identification.samples_of(model, [run])
-    >>> noise = loopid.identification.fit(data).noise
-    >>> fit = loopid.identification.fit_solid_bodies(model, data, noise).result
-    >>> round(fit["left_crank_joint.Fc"].value, 2)
-    0.1
-    """
-    if noise is None:
-        raise DataError(
-            "the fit has no model of its errors that the robot file could be weighed by"
-        )
-    terms: dict[str, FloatArray] = {}
-    if known is not None:
-        count = len(force_model.joint_values)
-        own = force_model.joint_columns[known.standard_errors[force_model.joint_columns] > 0]
-        places = force_model.base.base[own] - (len(force_model.base.parameters) - count)
-        values, deviations = np.nan_to_num(force_model.joint_values), np.full(count, np.inf)
-        values[places], deviations[places] = known.values[own], known.standard_errors[own]
-        terms = {"joint_values": values, "joint_deviations": deviations}
-    found = quiet_consistent_fit(force_model, data, noise, **terms)
-    warn_of_bodies(force_model, found.result)
-    return found
 
 
 def with_assumed(found: Fit, excited: Identifiability) -> Fit:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 import numpy as np
 
-from loopid.arguments import FloatArray, IntArray, checked, finite, frozen
+from loopid.arguments import FloatArray, IntArray, checked, finite
 from loopid.errors import DataError
 from loopid.identification.problem import FitProblem
 from loopid.numbers import number
@@ -16,21 +14,8 @@ from loopid.records import record
 CONSTANT_FORCE = 1e-12
 
 
-class OfArrays:
-    """Lists, as files have them, become arrays or tuples; null is NaN."""
-
-    def __post_init__(self) -> None:
-        kinds = {"FloatArray": np.float64, "IntArray": np.int64, "FloatArray | None": np.float64}
-        for each in fields(self):  # type: ignore[arg-type]
-            given = getattr(self, each.name)
-            if each.type in kinds and given is not None:
-                object.__setattr__(self, each.name, frozen(given, kinds[each.type]))
-            elif isinstance(given, list):
-                object.__setattr__(self, each.name, tuple(given))
-
-
-@record
-class Quality(OfArrays):
+@record(checked=True)
+class Quality:
     """Residuals of parameters on data, by actuator; NaN where it has no samples."""
 
     residual_rms: FloatArray  # (dof,) in N or N m
@@ -65,8 +50,8 @@ def fit_quality(problem: FitProblem, values: FloatArray) -> Quality:
     return Quality.of(problem, problem.residual_squares(phi))
 
 
-@record
-class NoiseModel(OfArrays):
+@record(checked=True)
+class NoiseModel:
     """An autoregressive model of each actuator's errors, e_t = Σ c_k e_{t-k} + ε_t.
 
     Actuators without samples have NaN for all that is not a count.
@@ -83,8 +68,8 @@ class NoiseModel(OfArrays):
     effective_samples: FloatArray
 
 
-@record
-class Robustness(OfArrays):
+@record(checked=True)
+class Robustness:
     """Scale and weights of the residuals of a robust fit, by actuator; NaN without samples."""
 
     # (dof,) in N or N m, standard deviation of errors without outliers, from the median
@@ -99,8 +84,8 @@ class Robustness(OfArrays):
 LEAST_OFF, LARGEST_OFF, LARGEST_OF_BODY = 0.4, 1.0, 3.0
 
 
-@record
-class FileDeviation(OfArrays):
+@record(checked=True)
+class FileDeviation:
     """How far the bodies of the robot file are off, as the data say, in parts of themselves."""
 
     common: float  # of all bodies
@@ -141,8 +126,8 @@ class FileDeviation(OfArrays):
         )
 
 
-@record
-class TermDeviations(OfArrays):
+@record(checked=True)
+class TermDeviations:
     """Prior deviations of groups of joint terms, as the evidence of the data chooses them."""
 
     names: tuple[str, ...]  # of the groups, such as ``"elbow: friction curve"``
@@ -152,8 +137,8 @@ class TermDeviations(OfArrays):
     evidence: FloatArray
 
 
-@record
-class MotorUse(OfArrays):
+@record(checked=True)
+class MotorUse:
     """How the motors were used in the samples of a fit."""
 
     joints: tuple[str, ...]
@@ -168,8 +153,8 @@ class MotorUse(OfArrays):
         return float(self.slowest[k]), float(self.fastest[k])
 
 
-@record
-class StandardUncertainty(OfArrays):
+@record(checked=True)
+class StandardUncertainty:
     """What the covariance of a fit, and the robot file, say of the p standard parameters.
 
     That is of the bodies, and of the joint terms, in the order of the force model.

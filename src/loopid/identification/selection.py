@@ -233,8 +233,8 @@ def eliminate_parameters(
 
 def _error_scale(full: Fit) -> FloatArray:
     """What turns residuals (dof,) into units of the full model's errors; 0 without samples."""
-    assert full.noise is not None
-    deviation, present = full.noise.deviation, full.noise.samples > 0
+    noise = full.require_noise()
+    deviation, present = noise.deviation, noise.samples > 0
     if not (deviation[present] > 0).all():
         raise DataError(
             "the full model fits the training data without error, so that smaller models cannot be "

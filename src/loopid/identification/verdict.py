@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from loopid.errors import first_of
-from loopid.findings import PAGE, Finding, most_important_first
+from loopid.findings import PAGE, Finding
 from loopid.identification.consistent import UNSETTLED
 from loopid.identification.missing import missing_findings
 from loopid.identification.outcome import Outcome
@@ -256,32 +256,30 @@ def _improvement(found: Outcome) -> tuple[tuple[str, ...], str]:
     return excite, f"excite the least certain, {least}" if excite else "record a longer log"
 
 
-def findings_of(found: Outcome) -> tuple[Finding, ...]:
-    """What to know beside the numbers, the most important first."""
-    said = [each for one in found.log_faults for each in one.mistakes]
-    told, deviation, unexplained = found.identifiability, found.fit.deviation, _unexplained(found)
-    said += [each for each in (_better(found), unexplained) if each is not None]
-    said += _model_findings(found)
-    if deviation is not None and deviation.fault:
-        said.append(
-            Finding(
-                "warning",
-                "bodies would be far off the robot file",
-                deviation.fault,
-                "look for a tool, a payload or a missing joint term",
-            )
+def findings_of(found: Outcome) -> Iterator[Finding]:
+    """What to know beside the numbers."""
+    for one in found.log_faults:
+        yield from one.mistakes
+    yield from (each for each in (_better(found), _unexplained(found)) if each is not None)
+    yield from _model_findings(found)
+    fit = found.fit
+    if fit.deviation is not None and fit.deviation.fault:
+        yield Finding(
+            "warning",
+            "bodies would be far off the robot file",
+            fit.deviation.fault,
+            "look for a tool, a payload or a missing joint term",
         )
-    if not found.fit.settled:
-        said.append(UNSETTLED)
-    if found.delay is not None and found.delay.clear:
-        said.append(found.delay.finding)
-    said += [one.hidden for one in found.log_faults if one.hidden is not None]
-    for broken in found.fit.broken:
-        said.append(
-            Finding("warning", "the fit is not physical", broken, 'try fewer terms, terms="Fc,Fv"')
+    if not fit.settled:
+        yield UNSETTLED
+    yield from () if found.delay is None else found.delay.findings
+    yield from (one.hidden for one in found.log_faults if one.hidden is not None)
+    for broken in fit.broken:
+        yield Finding(
+            "warning", "the fit is not physical", broken, 'try fewer terms, terms="Fc,Fv"'
         )
-    bounds = () if found.cutoff is None else found.cutoff.findings
-    return most_important_first([*said, *told.findings, *bounds])
+    yield from found.identifiability.findings
+    yield from () if found.cutoff is None else found.cutoff.findings
 
 
 def _nothing_follows(found: Outcome) -> bool:

@@ -74,8 +74,8 @@ def close_loops(
 ) -> tuple[FloatArray, FloatArray]:
     """Move coordinates, by velocity indices, until the loops close, as far as they do.
 
-    From starts (N, nq) to configurations (N, nq), inside the limits where that closes them, and the
-    largest closure residual (N,) that is left, in m.
+    From starts (N, nq) to configurations (N, nq), inside the limits where that closes them. With
+    the largest closure residual (N,) that is left, in m.
     """
     free = np.arange(robot.model.nv) if movable is None else movable
     points = _Points(robot, configurations)
@@ -101,7 +101,7 @@ def displaced(
     """Move closed configurations (N, nq) by steps (N, dof) of the independent coordinates.
 
     The way for coordinates that have no value of their own, such as the spin of a rod in a ball
-    joint. u̇ is integrated along G, and Newton steps of the others keep the loops closed.
+    joint. The rates u̇ are integrated along G. Newton steps of the others keep the loops closed.
 
     Parameters
     ----------
@@ -314,9 +314,8 @@ def _motor_steps(motors: JointCoordinates, origin: FloatArray) -> Iterator[Float
     for attempt in range(MOTOR_STEPS):
         size = generator.uniform(LEAST_STEP, LARGEST_STEP, motors.width)[places]
         upwards = generator.uniform(size=motors.width)[places] < 0.5 if attempt else up >= down
-        size = np.minimum(
-            size * robot.coordinate_scales[motors.known], 0.5 * np.where(upwards, up, down)
-        )
+        room = 0.5 * np.where(upwards, up, down)
+        size = np.minimum(size * robot.coordinate_scales[motors.known], room)
         yield np.where(upwards, 1.0, -1.0) * np.maximum(size, 0.0)
 
 

@@ -1,9 +1,9 @@
 """The motion that the loops allow: all velocities and accelerations from the independent ones.
 
-v = G u̇ and a = G ü + γ, with G = [I; -A_d⁺ A_u] and A γ = -Ȧ v [Featherstone2008, ch. 8]: u are
-the independent coordinates, A_u and A_d the columns of the closure Jacobian at them and at all
-others. ``velocity_map`` is the place where G is computed, for one sample and for many. The solves
-with ranks that it and others need come first.
+v = G u̇ and a = G ü + γ, with G = [I; -A_d⁺ A_u] and A γ = -Ȧ v [Featherstone2008, ch. 8]. Here u
+are the independent coordinates. A_u and A_d are the columns of the closure Jacobian at them and at
+all others. ``velocity_map`` is the place where G is computed, for one sample and for many. The
+solves with ranks that it and others need come first.
 """
 
 from __future__ import annotations
@@ -365,9 +365,7 @@ def partition(robot: Robot, independent: Sequence[str] | None = None) -> tuple[I
         names = robot.independent if key is None else key
         chosen = robot.velocity_indices(names)
         if len(set(chosen)) != len(chosen):
-            raise MobilityError(
-                f"a joint is named twice among {', '.join(names)}", given=tuple(names)
-            )
+            raise MobilityError(f"a joint is twice among {', '.join(names)}", given=tuple(names))
         dependent = np.setdiff1d(np.arange(robot.model.nv), chosen)
         chosen.setflags(write=False)
         dependent.setflags(write=False)

@@ -44,9 +44,7 @@ def find_closures(
     for k, closure in enumerate(found):
         ends = (closure.kind, set(closure.frame_ids))
         if any((other.kind, set(other.frame_ids)) == ends for other in found[:k]):
-            raise RobotFileError(
-                f"closure {closure.name} ({closure.kind}) is listed twice", closure=closure.name
-            )
+            raise RobotFileError(f"closure {closure.name} ({closure.kind}) is listed twice")
     return found
 
 
@@ -56,10 +54,7 @@ def _closure(
     name, ids = closure.label, (frame_named(model, frame_a), frame_named(model, frame_b))
     joints = [model.frames[frame].parentJoint for frame in ids]
     if joints[0] == joints[1] and closure.joint is None:
-        raise RobotFileError(
-            f"closure {name} joins two frames of one body: it closes no loop, leave it out",
-            closure=name,
-        )
+        raise RobotFileError(f"closure {name} joins two frames of one body: leave it out")
     default = CLOSURE_KINDS[closure.type].axes or ((0.0, 0.0, 1.0),) * 2
     first, second = closure.axes or default
     for axis in dict.fromkeys((first, second)):

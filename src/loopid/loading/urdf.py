@@ -138,9 +138,7 @@ def _mimics(all_joints: Iterable[Joint]) -> dict[str, ClosureDescription]:
             chain.append(leaders[chain[-1]])
             if chain[-1] == follower:
                 circle = " mimics ".join(chain)
-                raise RobotFileError(
-                    f"joint {circle}: a circle, with no joint to lead it: take one <mimic> out"
-                )
+                raise RobotFileError(f"joint {circle}: a circle: take one <mimic> out")
     found = {}
     for name, (leading, factor, offset) in mimics.items():
         terms = {name: 1.0} | ({leading: -factor} if factor else {})
@@ -232,9 +230,7 @@ def _axes(
     axes = []
     for tag in tags or [etree.Element("axis", xyz="1 0 0")]:
         text = tag.findtext("xyz")  # as SDF writes it
-        axes.append(
-            xml.numbers(tag, "xyz", 3) if text is None else xml.numbers_in("<axis>", text, 3)
-        )
+        axes.append(xml.numbers_in("<axis>", text, 3) if text else xml.numbers(tag, "xyz", 3))
         if max(map(abs, axes[-1])) < LEAST_AXIS:
             raise RobotFileError(f"<{tag.tag!s}> is zero")
     return [axes[0], axes[-1]]

@@ -206,9 +206,7 @@ def _check_tree(every: Sequence[Link], joints: Sequence[Joint]) -> None:
     if len(roots) != 1:
         listed = ", ".join(roots) or "none"
         hint = "" if roots else ": a joint closes a loop there: write it as a closure in a YAML"
-        raise RobotFileError(
-            f"the links must form one tree with one root, but roots are: {listed}{hint}"
-        )
+        raise RobotFileError(f"the links must form one tree with one root, not {listed}{hint}")
     reached, more = set(roots), set(roots)
     while more:
         more = {joint.child for joint in joints if joint.parent in more}

@@ -245,9 +245,12 @@ class Recording(Tabular):
         OptionError.require("motor", joint, self.actuators)
         rate, time = self.motion.velocities[:, self.actuators.index(joint)], self.motion.time
         ends = np.flatnonzero(np.diff(self.segments))
-        return [
-            np.cumsum(np.append(0.0, steps)) for steps in np.split(rate[1:] * np.diff(time), ends)
-        ]
+        parts = np.split(rate[1:] * np.diff(time), ends)
+        return [np.cumsum(np.append(0.0, steps)) for steps in parts]
+
+    def lowpassed(self, signal: FloatArray) -> FloatArray:
+        """A signal at the rate of the log, filtered as the forces are, at the samples (N, ...)."""
+        return signal if self.history is None else self.history.lowpassed(signal)
 
     @property
     def at_rest(self) -> FloatArray:
@@ -259,9 +262,8 @@ class Recording(Tabular):
         for joint, column in zip(self.actuators, found.T, strict=True):
             if history is not None and joint in history.joints:
                 own = history.joints.index(joint)
-                column[:] = history.lowpassed(
-                    np.sign(history.velocity[:, own]) * history.idle[:, own]
-                )
+                sign = np.sign(history.velocity[:, own])
+                column[:] = history.lowpassed(sign * history.idle[:, own])
         return found
 
     def step_of(self, joint: str) -> float:
@@ -312,9 +314,7 @@ class Recording(Tabular):
             When a part is empty.
         """
         if not 0 < fraction < 1:
-            raise OptionError(
-                f"the fraction to split at must be between 0 and 1, not {fraction}", given=fraction
-            )
+            raise OptionError(f"the fraction must be in (0, 1), not {fraction}", given=fraction)
         moving = np.cumsum(self.used.any(axis=1))
         early = 1 + int(np.searchsorted(moving, int(fraction * moving[-1]), "right"))
         early = early if moving[-1] > 1 else len(self)

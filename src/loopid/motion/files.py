@@ -138,16 +138,11 @@ class MoveStep(StepDescription):
             place.refuse("is there already, so that it needs seconds, or a hold")
         if self.speed is not None:
             if len(changes) > 1:
-                place.at("speed").refuse(
-                    f"is of one coordinate, but {', '.join(changes)} move: give seconds",
-                    moved=tuple(changes),
-                )
+                place.at("speed").refuse(f"is of one, but {', '.join(changes)} move: give seconds")
             return next(iter(changes.values())) / self.speed
         for name in changes:
             if name not in place.speeds:
-                place.refuse(
-                    f"needs seconds or a speed, as 'speeds' has none for {name}", coordinate=name
-                )
+                place.refuse(f"needs seconds or a speed: 'speeds' has none for {name}")
         return max(place.shortest, *(x / place.speeds[name] for name, x in changes.items()))
 
 
@@ -377,9 +372,8 @@ def read_motion_program(path: str | Path) -> MotionProgram:
         return Place(file, keys, coordinates, content.speeds, content.shortest)
 
     place("speeds").require_known(content.speeds)
-    plans = tuple(
-        _planned(name, motion, place("motions", name)) for name, motion in content.motions.items()
-    )
+    every = content.motions.items()
+    plans = tuple(_planned(name, motion, place("motions", name)) for name, motion in every)
     return MotionProgram(file, coordinates, content.rate, plans)
 
 

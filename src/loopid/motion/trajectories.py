@@ -220,11 +220,7 @@ class Waypoint:
 
 @checked
 def point_to_point(
-    names: Sequence[str],
-    start: FloatArray,
-    waypoints: Sequence[Waypoint],
-    *,
-    rate: float = 100.0,
+    names: Sequence[str], start: FloatArray, waypoints: Sequence[Waypoint], *, rate: float = 100.0
 ) -> Motion:
     """Move from a start through waypoints, at rest in each.
 
@@ -295,13 +291,18 @@ def _stops(
     return stops
 
 
+def path_parameter(t: FloatArray, seconds: float) -> FloatArray:
+    """10 t³ - 15 t⁴ + 6 t⁵, rate and acceleration (3, N) at parts t (N,) of the time of a way."""
+    s = t**3 * (10 - 15 * t + 6 * t**2)
+    rate, second = 30 * t**2 * (1 - t) ** 2, 60 * t * (1 - t) * (1 - 2 * t)
+    return np.stack([s, rate / seconds, second / seconds**2])
+
+
 def _on_way(
     names: Sequence[str], start: FloatArray, end: FloatArray, waypoint: Waypoint, t: FloatArray
 ) -> FloatArray:
     """Positions, velocities and accelerations (3, N, c) at parts t (N,) of the time of a way."""
-    s = t**3 * (10 - 15 * t + 6 * t**2)
-    ds = 30 * t**2 * (1 - t) ** 2 / waypoint.seconds
-    dds = 60 * t * (1 - t) * (1 - 2 * t) / waypoint.seconds**2
+    s, ds, dds = path_parameter(t, waypoint.seconds)
     position = start + s[:, None] * (end - start)
     slope = np.broadcast_to(end - start, position.shape).copy()
     curvature = np.zeros_like(position)

@@ -344,9 +344,8 @@ def fit_actual(
     joints = range(BODIES.stop, len(fitted.parameters))
     kept = [*EIGHT, *joints]
     eight, fifteen = quiet_fit(fitted.select(kept)), quiet_fit(fitted)
-    assert fifteen.noise is not None
     data = samples_of(model, split_recordings(recordings)[0])
-    informed = _in_order(consistent_fit(model, data, fifteen.noise), experiment.order)
+    informed = _in_order(consistent_fit(model, data, fifteen.require_noise()), experiment.order)
     cad_gravity = fitted.select(range(BODIES.stop)).predicted(cad)
     friction = quiet_fit(fitted.less(cad_gravity).select(joints)).values
     robot_file = np.concatenate([cad, friction])

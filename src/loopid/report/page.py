@@ -178,9 +178,8 @@ def findings_html(findings: Sequence[Finding], checks: Sequence[tuple[bool, str]
             kind_ = E.span({"class": "kind"}, kind)
             serious.append(E.li({"class": TONES[each.severity]}, kind_, E.div(E.h3(title), *said)))
     for good, text in checks:
-        passed.append(
-            E.li({"class": "good" if good else "rough"}, f"{'✓' if good else '!'} {text}")
-        )
+        tone, sign = ("good", "✓") if good else ("rough", "!")
+        passed.append(E.li({"class": tone}, f"{sign} {text}"))
     shown = (each for each in (serious, notes, E.ul({"class": "checks"}, *passed)) if len(each))
     return E.section({"id": "findings"}, E.h2("Findings, most important first"), *shown)
 
@@ -295,8 +294,10 @@ class Report:
         if self.findings or self.checks:
             findings = findings_html(self.findings, self.checks)
         data = {key: value for key, value in self.data.items() if key not in self.beside}
-        told = {name: version(name) for name in LIBRARIES} | {"Python": platform.python_version()}
-        used = ", ".join(f"{name} {which}" for name, which in told.items())
+        versions = {name: version(name) for name in LIBRARIES} | {
+            "Python": platform.python_version()
+        }
+        used = ", ".join(f"{name} {which}" for name, which in versions.items())
         parts: list[Part] = [E.pre(command)] if command else []
         parts.append(f"{used}; {platform.system()} {platform.machine()}")
         run = Section("To reproduce this run", tuple(parts), short="Reproduce")

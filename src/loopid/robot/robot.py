@@ -297,9 +297,8 @@ class Robot:
         q = shaped(q, "q", self.model.nq)
         for name in self.joints:
             joint = self.joint(name)
-            part = (
-                q[joint.idx_q : joint.idx_q + joint.nq] if joint.nv > 1 else [position_of(joint, q)]
-            )
+            whole = q[joint.idx_q : joint.idx_q + joint.nq]
+            part = whole if joint.nv > 1 else [position_of(joint, q)]
             rounded = [round(float(value), 6) + 0.0 for value in part]
             values[name] = rounded[0] if len(rounded) == 1 else rounded
         return values
@@ -491,9 +490,8 @@ class Robot:
         ]
         for coupling in self.couplings:
             units = self.coordinate_scales[list(coupling.v_indices)]
-            scales.append(
-                self.length / float(np.abs(np.array(coupling.coefficients) * units).max())
-            )
+            largest = np.abs(np.array(coupling.coefficients) * units).max()
+            scales.append(self.length / float(largest))
         return frozen(scales)
 
     # Bodies and their parameters.
