@@ -12,7 +12,7 @@ import pinocchio as pin
 from loopid.arguments import LARGEST, FloatArray, finite, shaped
 from loopid.errors import OptionError, RobotFileError
 from loopid.loading.description import Description
-from loopid.loading.model_closures import frame_named, joint_named
+from loopid.loading.model_closures import ROUNDED, frame_named, joint_named
 from loopid.robot.robot import LeftOut, motion_subspace, position_of
 
 HINGES = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}
@@ -347,7 +347,7 @@ def _joint_value(joint: pin.JointModel, name: str, value: Reference) -> FloatArr
     turn = given[UNIT_PARTS.get(joint.shortname(), len(given)) :] if joint.nv > 1 else given[:0]
     if len(turn):
         size = float(np.linalg.norm(turn))
-        if not 0.9 < size < 1.1:
+        if not abs(size - 1) < ROUNDED:
             raise RobotFileError(f"{what} must end in a unit vector, not one of length {size:.3g}")
         turn /= size
     return given

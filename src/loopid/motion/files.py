@@ -138,7 +138,8 @@ class MoveStep(StepDescription):
             place.refuse("is there already, so that it needs seconds, or a hold")
         if self.speed is not None:
             if len(changes) > 1:
-                place.at("speed").refuse(f"is of one, but {', '.join(changes)} move: give seconds")
+                moved = ", ".join(changes)
+                place.at("speed").refuse(f"is of one coordinate, but {moved} move: give seconds")
             return next(iter(changes.values())) / self.speed
         for name in changes:
             if name not in place.speeds:
