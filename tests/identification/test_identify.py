@@ -515,5 +515,5 @@ def test_a_log_is_given_once(knee_model, motions, truth):
         lambda: identify(knee_model, [run, other, run]),
         lambda: loopid.identify_payload(knee_model, run, run, link=link),
     ):
-        with pytest.raises(DataError, match="the forces of two logs are the same .*each log once"):
+        with pytest.raises(DataError, match=r"the forces of two logs are the same .*each log once"):
             refused()
