@@ -118,8 +118,8 @@ def make_stream(
     if table.cut_off is not None:
         left_out.append(("last row without an end: cut off?", np.array([table.cut_off])))
     if fine.sum() < LEAST_ROWS:
-        rows = counted(int(fine.sum()), "row")
-        raise LogError(f"{source} has {rows} of numbers: it takes at least {LEAST_ROWS}")
+        few = counted(int(fine.sum()), "row")
+        raise LogError(f"{source} has {few} of numbers: it takes at least {LEAST_ROWS}")
     rest = table.rows[fine], stamps[fine], values[fine]
     return with_increasing_stamps(Stream(source, channels, *rest, tuple(left_out)))
 
