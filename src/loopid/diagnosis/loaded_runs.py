@@ -53,7 +53,6 @@ class LoadedRuns:
         if not all(map(each_of, data)):
             raise DataError("a load takes recordings without it, and others with it")
         robot, runs = read(robot, *data, mapping=mapping)
-        require_no_repetition([run for each in runs for run in each])
         if isinstance(robot, Robot):
             robot = model_of(robot, choose_model(robot, [*runs[0], *runs[1]]).model)
         force_model = robot
@@ -61,6 +60,7 @@ class LoadedRuns:
             {} if run.log is None else run.log.force_scales for each in runs for run in each
         )
         _columns(force_model, link)
+        require_no_repetition([run for each in runs for run in each])
         (*runs,), delay, choice = in_time(force_model, runs)
         if delay is not None:
             delay.warn()
