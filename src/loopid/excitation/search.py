@@ -219,7 +219,7 @@ def feasible_start(problem: Problem, poses: Poses, number: int) -> tuple[FloatAr
 
 @dataclass
 class Search:
-    """The points that a solver asks for, each evaluated once, and the best ones."""
+    """The points that a solver evaluates, each evaluated once, and the best ones."""
 
     problem: Problem
     best: FloatArray  # variables (n,) of the best point that keeps all bounds on the grid

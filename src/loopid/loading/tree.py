@@ -27,7 +27,16 @@ Chain = tuple[tuple[str, pin.JointModel], ...]
 
 @dataclass(frozen=True)
 class TreeSource:
-    """An open tree as read from a file."""
+    """An open tree as read from a file.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import pinocchio as pin
+    >>> from loopid.loading import TreeSource
+    >>> TreeSource("arm", Path("arm.urdf"), pin.Model(), (), {}).name
+    'arm'
+    """
 
     name: str  # of the robot
     file: Path | str  # where the tree was read, or the robot's name; named in messages
@@ -58,7 +67,7 @@ def add_frame(model: pin.Model, name: str, link: str, placement: pin.SE3) -> Non
 
 
 def build_tree(source: TreeSource, description: Description, locked: Sequence[str]) -> TreeSource:
-    """Replace and lock the joints that the description, or the caller, asks for.
+    """Replace and lock the joints that the description or the caller names.
 
     Locked are joints, or single turns of spherical joints such as ``ball.wz``. Joints with one
     coordinate may have the value, as in ``hip=0.5``. The reference of the description comes back

@@ -283,7 +283,15 @@ class ProgramDescription(Section):
 
 @record
 class PlannedMotion:
-    """A motion of a file, with its steps followed."""
+    """A motion of a file, with its steps followed.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> plan = loopid.motion.read_motion_program("3ups_rpu").motions["5"]
+    >>> plan.name, plan.start.shape
+    ('5', (4,))
+    """
 
     name: str
     description: str  # what the file says of it
@@ -302,7 +310,15 @@ class PlannedMotion:
 
 @record(checked=True)
 class MotionProgram:
-    """The motions of a file."""
+    """The motions of a file.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> program = loopid.motion.read_motion_program("3ups_rpu")
+    >>> program.coordinates, len(program.motions)
+    (('x_m', 'z_m', 'theta', 'psi'), 9)
+    """
 
     path: Path  # file it was read from
     # The c coordinates that all motions move: platform coordinates or joints

@@ -25,7 +25,16 @@ ROUND_OFF = 1e-12  # of a number of samples: a whole one is meant
 
 @record(checked=True)
 class Motion(Tabular):
-    """Coordinates over time, with their first two derivatives."""
+    """Coordinates over time, with their first two derivatives.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> there = loopid.motion.Waypoint([0.3], seconds=2.0)
+    >>> motion = loopid.motion.point_to_point(["crank_joint"], [0.0], [there], rate=10)
+    >>> motion.time.shape, motion.position[-1].round(6).tolist()
+    ((21,), [0.3])
+    """
 
     names: tuple[str, ...]  # the c coordinates: joints, or those of the platform
     time: FloatArray  # (N,) in s, increasing
