@@ -161,18 +161,14 @@ def quiet_consistent_fit(
         found = _result(force_model, data, weights, program, state)
         last = len(found.result.values) - (program.terms.group >= 0).sum()  # those of groups
         groups = _groups(program, state, found.result.covariance[last:, last:])
-    far = FileDeviation(common, program.names, state.deviations)
-    result = replace(
-        found.result,
-        deviation=far,
+    return found.of(
+        deviation=FileDeviation(common, program.names, state.deviations),
         term_deviations=groups,
         settled=state.settled,
         model=force_model,
     )
-    return replace(found, result=result)
 
 
-@checked
 def consistent_parameters(
     force_model: ForceModel,
     data: FitSamples,
@@ -199,7 +195,6 @@ def consistent_parameters(
         return bodies + program.standard(_minimised(program, _approached(program, state))[0])
 
 
-@checked
 def fit_terms(
     force_model: ForceModel, data: FitSamples, noise: NoiseModel, least: NoiseModel
 ) -> Fit:
@@ -693,14 +688,12 @@ def _result(
     only_kept = kept.any(axis=1) & ~told.any(axis=1)
     found = _posterior(data, weights, values, C)
     known = np.minimum(found.result.degrees_of_freedom, _freedom(program, state, told))
-    result = replace(
-        found.result,
+    return found.of(
         assumed=tuple(force_model.parameters.names[j] for j in np.flatnonzero(only_kept)),
         standard_parameters=standard,
         degrees_of_freedom=known,
         uncertainty=_robot_uncertainty(force_model, program, state),
     )
-    return replace(found, result=result)
 
 
 def _posterior(

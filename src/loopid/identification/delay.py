@@ -53,12 +53,12 @@ from loopid.identification.result import Fit
 from loopid.logs.preparing import at_cutoff, near_saturation, on_independent, saturation_of
 from loopid.logs.recording import OVERSAMPLING, Recording
 from loopid.motion.filtering import LowPass
+from loopid.numbers import NORMAL_95
 from loopid.records import record
 from loopid.regressors.maxwell_slip import ELEMENTS, slip_displacements, slip_states
 from loopid.robot.robot import Robot
 from loopid.workers import one_blas_thread
 
-NORMAL = 1.96  # standard errors to the end of a 95 % interval
 DEGREE = 5  # of splines between samples: off by 5e-4 of a signal at a fifth of the rate
 # Shifts in s that are looked at, and the same as a part of the longest segment: longer ones leave
 # too little of a log. Shifts of all forces that are tried first, an odd number.
@@ -210,8 +210,8 @@ def _over_bands(best: Delay, tried: Sequence[Delay]) -> Delay:
     largest difference that errors do not explain is a further deviation.
     """
     others = [abs(each.common - best.common) for each in tried if not _agree(best, each)]
-    error = float(np.hypot(np.ptp(best.interval) / 2 / NORMAL, max(others, default=0.0)))
-    half = NORMAL * error if NORMAL * error < VAGUE else np.inf
+    error = float(np.hypot(np.ptp(best.interval) / 2 / NORMAL_95, max(others, default=0.0)))
+    half = NORMAL_95 * error if NORMAL_95 * error < VAGUE else np.inf
     vague = np.ptp(best.intervals, axis=1) / 2 >= VAGUE
     found = replace(
         best,
@@ -275,7 +275,7 @@ def _has(delay: Delay, undone: FloatArray) -> bool:
 
 def _kept(delay: Delay) -> Delay:
     """A delay of which nothing is undone."""
-    error = float(np.ptp(delay.interval)) / 2 / NORMAL
+    error = float(np.ptp(delay.interval)) / 2 / NORMAL_95
     left = np.array([_left_open(delay.common, error, delay.step)])
     return replace(delay, undone=0.0 * delay.undone, left=left)
 
@@ -302,7 +302,6 @@ def _agree(one: Delay, other: Delay) -> bool:
     return np.isinf(sharp) or bool((one.common - other.common) ** 2 <= wide**2 - sharp**2)
 
 
-@checked
 def without_delay(
     force_model: ForceModel, recordings: Sequence[Recording], delay: Delay | None
 ) -> tuple[Recording, ...]:
@@ -350,7 +349,6 @@ def _moved(robot: Robot, recording: Recording, shifts: FloatArray) -> Recording:
     return replace(recording, log=log, force=force, used=used, dropped=dropped)
 
 
-@checked
 def with_delay_errors(
     fit: Fit, data: FitSamples, recordings: Sequence[Recording], delay: Delay | None
 ) -> Fit:
@@ -617,7 +615,7 @@ class _Search:
         found = with_scatter(within_runs(WorkingFit(plain, samples, prior if len(prior) else None)))
         result, left = found.result, left[:, told]
         C = result.covariance[width:, width:]
-        scale = np.ptp(result.intervals()[width:], axis=1) / 2 / NORMAL / np.sqrt(np.diag(C))
+        scale = np.ptp(result.intervals()[width:], axis=1) / 2 / NORMAL_95 / np.sqrt(np.diag(C))
         # What is measured of a column alone counts: its noise of positions has no information.
         counts = left.T @ self._measured(force, len(shifts))[:, told]
         if np.linalg.cond(counts / np.outer(sizes[told], sizes[told])) > 1 / KNOWN:
@@ -663,14 +661,14 @@ class _Search:
         errors[~alone] = np.inf
         # Motors that disagree by more than their errors: what no model has looks like a delay.
         error = error * _disagreement(each, errors) if settled else np.inf
-        common, half = float(shift[0]), NORMAL * error
+        common, half = float(shift[0]), NORMAL_95 * error
         undone = np.zeros(count)
         single = [k for k in range(count) if self._stands_out(k, each, errors)]
         if single:
             undone[single] = each[single]
         elif self._clear(common, half):
             undone[:] = common
-        m, ends = len(joints), NORMAL * np.multiply.outer(errors, [-1.0, 1.0])
+        m, ends = len(joints), NORMAL_95 * np.multiply.outer(errors, [-1.0, 1.0])
         return Delay(
             joints=joints,
             common=common,
@@ -698,8 +696,8 @@ class _Search:
         if not np.isfinite(errors[others]).any():
             return False
         mean = np.average(delays[others], weights=errors[others] ** -2)
-        scale = _disagreement(delays[others], errors[others]) * NORMAL * ALONE
-        own = self._clear(delays[k], NORMAL * errors[k])
+        scale = _disagreement(delays[others], errors[others]) * NORMAL_95 * ALONE
+        own = self._clear(delays[k], NORMAL_95 * errors[k])
         return own and abs(delays[k] - mean) > scale * np.hypot(
             errors[k], (errors[others] ** -2).sum() ** -0.5
         )

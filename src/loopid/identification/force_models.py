@@ -279,7 +279,7 @@ class ForceModel:
         kinds : mapping
             Of each joint, as of ``JointTerms``.
         """
-        terms = _of_kinds(kinds, self.joint_terms)
+        terms = JointTerms.of_kinds(kinds, self.joint_terms)
         kept = KeptChoice(dependent=self.base.parameters.select(self.base.dependent).labels)
         with warnings.catch_warnings():  # the same as of this model
             warnings.simplefilter("ignore")
@@ -586,15 +586,8 @@ def parted(terms: JointTerms | None) -> tuple[JointTerms | None, dict[str, tuple
     plain, others = both
     if not any(others.values()):
         return terms, {}
-    return _of_kinds(plain, terms), {joint: kinds for joint, kinds in others.items() if kinds}
-
-
-def _of_kinds(kinds: Mapping[str, tuple[str, ...]], like: JointTerms | None) -> JointTerms | None:
-    """Joint terms with the dead zone and smoothing of others."""
-    own = JointTerms.of_kinds(kinds)
-    if own is None or like is None:
-        return own
-    return replace(own, dead_zone=like.dead_zone, smoothing=like.smoothing)
+    separated = {joint: kinds for joint, kinds in others.items() if kinds}
+    return JointTerms.of_kinds(plain, terms), separated
 
 
 @checked
@@ -653,7 +646,6 @@ def samples_of(
     return replace(FitSamples.combined(parts), regions=regions_of(recordings))
 
 
-@checked
 def reference_instruments(
     force_model: ForceModel, recording: Recording, reference: JointMotion, *, n_jobs: int = 1
 ) -> FloatArray:

@@ -59,7 +59,6 @@ CLEARLY = 3.0
 NO_EFFECT = 0.01
 
 
-@checked
 def motor_use(
     force_model: ForceModel, data: FitSamples, recordings: Sequence[Recording]
 ) -> MotorUse:
@@ -126,7 +125,6 @@ def friction_kinds(
     return {joint: kinds for joint, kinds in found.items() if kinds}
 
 
-@checked
 def friction_at_rest(
     data: FitSamples, recordings: Sequence[Recording], weights: FloatArray
 ) -> FloatArray:

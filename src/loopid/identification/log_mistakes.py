@@ -29,7 +29,7 @@ from loopid.identification.log_timing import held_values, late_by_seconds
 from loopid.identification.mistake_kinds import KINDS, ZERO_OFF, Motors, called
 from loopid.logs.preparing import in_motion_band
 from loopid.logs.recording import Recording
-from loopid.numbers import number
+from loopid.numbers import NORMAL_95, number
 from loopid.records import record
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.robot import Robot
@@ -39,7 +39,6 @@ from loopid.workers import one_blas_thread
 # Newton's method follow.
 TRIED, ZOOMS, STEPS = 7, 2, 2
 CLOSELY = 6  # mistakes of positions that are looked at closely
-INTERVAL = 1.96  # standard deviations
 ROUNDS = 3  # mistakes one after the other
 # Logarithm of the ratio of evidences, less that of the number of motors whose mistake it may be,
 # from which on one of two is right: one in twenty.
@@ -170,7 +169,6 @@ def log_faults(
     return LogFaults(recordings[0].name, told, (*mistakes, *held), hidden)
 
 
-@checked
 def log_faults_by_log(
     robot: Robot, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
 ) -> tuple[LogFaults, ...]:
@@ -312,15 +310,14 @@ def _closely(
     """Faults rescored on all samples, and the cost of choosing a size and a motor."""
     after, finds = model.explained(_undone(found, [one for one, _ in tried])), list[_Find]()
     for ((name, motors, size), deviation), explained in zip(tried, after, strict=True):
-        kind, lost = KINDS[name], 0.0
+        kind, lost, reach = KINDS[name], 0.0, NORMAL_95 * deviation * abs(size)
         if kind.sizes:
             # How much of what was possible beforehand still is: any sign, as large as any other.
             possible = len(kind.signs) * log(kind.sizes[-1] / kind.sizes[0])
             lost = max(log(possible / max(sqrt(2 * pi) * deviation, 1e-6)), 0)
-            if kind.cause(size, reach := INTERVAL * deviation * abs(size)):
+            if kind.cause(size, reach):
                 lost = min(lost, log(len(kind.causes)))
             lost += log(len(model.present)) if kind.motors == 1 else 0.0
-        reach = INTERVAL * deviation * abs(size)
         finds.append(_Find(name, motors, explained, explained.evidence - lost, size, reach))
     return finds
 

@@ -284,9 +284,8 @@ def _wrong_length(
     of_samples = "regressor", "force", "used", "segments", "runs", "regions"
     chosen = {name: getattr(samples, name)[rows] for name in of_samples}
     # They count as much as all, beside the prior.
-    result = replace(fit.result, weights=np.sqrt(step) * fit.result.weights)
-    thinned = WorkingFit(result, replace(samples, **chosen, instruments=None), fit.prior)
-    fit = _refitted(thinned)
+    thinned = fit.of(weights=np.sqrt(step) * fit.result.weights)
+    fit = _refitted(replace(thinned, samples=replace(samples, **chosen, instruments=None)))
     runs = [run.select(every) for run in recordings]
     test, lengths = _Test(fit, runs), length_forces(force_model, standard, runs)
     tried = {place: test.of(force[:, :, None]) for place, force in lengths.items()}
@@ -472,8 +471,7 @@ def _beside(fit: WorkingFit, columns: FloatArray) -> WorkingFit:
     """A fit with columns (N, dof, k) beside its own, as if errors were independent."""
     k, n, prior = columns.shape[2], len(fit.result.parameters), fit.prior
     samples = fit.samples.beside("beside", columns)
-    result = replace(
-        fit.result,
+    wide = fit.of(
         parameters=samples.parameters,
         values=np.zeros(n + k),
         covariance=np.zeros((n + k, n + k)),
@@ -482,7 +480,7 @@ def _beside(fit: WorkingFit, columns: FloatArray) -> WorkingFit:
         model=None,
     )
     rows = None if prior is None else np.insert(prior, [n] * k, 0.0, axis=1)
-    return _refitted(WorkingFit(result, samples, rows))
+    return _refitted(replace(wide, samples=samples, prior=rows))
 
 
 def _refitted(fit: WorkingFit) -> WorkingFit:
@@ -490,7 +488,7 @@ def _refitted(fit: WorkingFit) -> WorkingFit:
     factor = fit.factor
     inverse = np.linalg.inv(factor[:-1, :-1])
     values, covariance = inverse @ factor[:-1, -1], inverse @ inverse.T
-    return replace(fit, result=replace(fit.result, values=values, covariance=covariance))
+    return fit.of(values=values, covariance=covariance)
 
 
 def _squares(fit: WorkingFit, groups: np.ndarray) -> FloatArray:

@@ -11,7 +11,6 @@ from itertools import combinations
 
 import numpy as np
 
-from loopid.arguments import checked
 from loopid.errors import OptionError
 from loopid.identification.estimates import Estimates
 from loopid.identification.friction_curves import friction_curve, frictional_joints
@@ -30,7 +29,6 @@ RATES, SLOW, ROUND_OFF = 100, 1e-4, 1e-9
 SANE = 'identify with terms="Fc,Fv" and estimator="wls"'
 
 
-@checked
 def absurdities(fit: Estimates, data: FitSamples) -> tuple[str, ...]:
     """Laws that a fit of a force model breaks, a sentence each; none for a sane one.
 

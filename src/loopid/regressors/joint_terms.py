@@ -142,13 +142,16 @@ class JointTerms:
         return chosen, np.array([found[p.link].get(p.kind, 0.0) for p in chosen.parameters(robot)])
 
     @classmethod
-    def of_kinds(cls, kinds: Mapping[str, tuple[str, ...]]) -> JointTerms | None:
-        """The terms of each joint; None where there are none."""
+    def of_kinds(
+        cls, kinds: Mapping[str, tuple[str, ...]], like: JointTerms | None = None
+    ) -> JointTerms | None:
+        """The terms of each joint, with the dead zone and smoothing of others; None for none."""
         found = {joint: own for joint, own in kinds.items() if own}
         each = tuple(found.values())
         if not each:
             return None
-        return cls(tuple(found), each[0] if len(set(each)) == 1 else each)
+        like = like or cls(())
+        return replace(like, joints=tuple(found), kinds=each[0] if len(set(each)) == 1 else each)
 
     def joined(self, kinds: Mapping[str, tuple[str, ...]]) -> JointTerms:
         """The same terms, and further kinds of some joints.
@@ -159,10 +162,7 @@ class JointTerms:
         >>> loopid.JointTerms(("elbow",), ("Fc",)).joined({"elbow": ("Fv",)}).of_joints
         {'elbow': ('Fc', 'Fv')}
         """
-        every = together(self.of_joints, kinds)
-        each = tuple(every.values())
-        alike = len(set(each)) == 1
-        return replace(self, joints=tuple(every), kinds=each[0] if alike else each)
+        return self.of_kinds(together(self.of_joints, kinds), self) or self
 
     def choice(self, robot: Robot) -> str:
         """The same as a choice for ``of``: kinds of all motors, then what single joints have more.
