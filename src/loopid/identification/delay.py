@@ -193,12 +193,14 @@ def find_delay(
     with one_blas_thread():
         for band in _bands(force_model, logged, cutoff):
             found, slips = _found(force_model, at_cutoff(force_model.robot, logged, band))
-            if found is not None:
-                tried.append(found)
-                if best is None or _sharpens(found, best):
-                    best = found
-                    continue
-            if best is not None and (found is None or not slips):
+            if found is None:
+                if best is not None:
+                    break
+                continue
+            tried.append(found)
+            if best is None or _sharpens(found, best):
+                best = found
+            elif not slips:
                 break
     return None if best is None else _over_bands(best, tried)
 
@@ -261,10 +263,12 @@ def _found(force_model: ForceModel, recordings: Sequence[Recording]) -> tuple[De
             robust = _Search(forces, slip=True).result()
     except (DataError, RankError):
         return None, False
-    # What is undone is there in either way.
+    taken, other = plain, robust
     if slips or not _sharpens(plain, robust):
-        return (robust if not known or _has(plain, robust.undone) else _kept(robust)), slips
-    return (plain if _has(robust, plain.undone) else _kept(plain)), slips
+        taken, other = robust, plain
+    # What is undone is there in either way, or by the only one that knows it.
+    sure = _has(other, taken.undone) or (taken is robust and not known)
+    return (taken if sure else _kept(taken)), slips
 
 
 def _has(delay: Delay, undone: FloatArray) -> bool:

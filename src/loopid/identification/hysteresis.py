@@ -45,16 +45,8 @@ def possible_hysteresis(
 ) -> dict[str, tuple[str, ...]]:
     """Elements of Maxwell slip of those motors whose friction may build up, by their kinds.
 
-    Of each motor beside all that the model has, by the evidence of N(0, σ²) elements at several σ.
-
-    Parameters
-    ----------
-    data : FitSamples
-        Of the recordings, of all parameters of the model.
-    weights : FloatArray
-        (dof,), one over the deviations of the forces.
-    joints : sequence of str
-        Those that are looked at.
+    Of each of some joints beside all that the model has, by the evidence of N(0, σ²) elements at
+    several σ; ``weights`` (dof,) are one over the deviations of the forces.
     """
     kinds = {joint: _elements(recordings, joint) for joint in joints}
     wide = force_model.with_columns({joint: own for joint, own in kinds.items() if own})

@@ -246,12 +246,7 @@ def missing_forces(
     """What each motor shows beside a fit of recordings: the likeliest force that is clear, if any.
 
     Where none is, a spring that is likely, or would not show. Or lengths of the robot file that are
-    off, where that is likelier than any force.
-
-    Parameters
-    ----------
-    fit : WorkingFit
-        Of all parameters of the force model, by samples of the recordings.
+    off, where that is likelier than any force. The fit is of all parameters of the force model.
     """
     if fit.result.noise is None:
         return ()

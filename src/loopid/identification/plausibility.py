@@ -35,12 +35,7 @@ def absurdities(fit: Estimates, data: FitSamples) -> tuple[str, ...]:
     Friction of a motor does not drive, clear of its band. Nor is it by a tenth more than the
     largest force that the motor showed, at any rate up to the fastest of the log. No two joint
     terms, nor one and the bodies, cancel to less than a hundredth of their size. No joint term is
-    more than all of the motor's force.
-
-    Parameters
-    ----------
-    data : FitSamples
-        That was fitted.
+    more than all of the motor's force. Samples are those that were fitted.
     """
     found = [*_of_friction(fit)]
     for row in range(len(data.actuators)):
