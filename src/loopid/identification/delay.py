@@ -287,8 +287,8 @@ def _kept(delay: Delay) -> Delay:
 def _left_open(common: float, error: float, step: float) -> float:
     """Deviation in s of a delay that is not clear: what the data leave of a usual one."""
     usual = min(USUAL, step)
-    told = 1 / (1 + (error / usual) ** 2)
-    return float(np.hypot(told * common, usual * np.sqrt(1 - told)))
+    known = 1 / (1 + (error / usual) ** 2)
+    return float(np.hypot(known * common, usual * np.sqrt(1 - known)))
 
 
 def _sharpens(sharp: Delay, other: Delay) -> bool:
@@ -518,8 +518,8 @@ class _Search:
         self.basis, self.factor = np.linalg.qr(np.concatenate([rows, self.prior]))
         seen, squares = self.tried
         seen = (weights[:, None, None] * seen).reshape(-1, seen.shape[2])
-        told = self.basis[: len(seen)].T @ seen
-        left = weights**2 @ squares - np.square(told).sum(axis=0)
+        explained = self.basis[: len(seen)].T @ seen
+        left = weights**2 @ squares - np.square(explained).sum(axis=0)
         self.best = np.full(1, self.forces.shifts[int(left.argmin())])
 
     def _rows(self, table: FloatArray) -> FloatArray:
@@ -606,27 +606,27 @@ class _Search:
         columns = self.slopes(force, len(shifts))
         sizes = np.linalg.norm(self._rows(columns), axis=(0, 1))
         left = self._left_of(columns)
-        told = np.linalg.norm(left, axis=0) > KNOWN * sizes
+        known = np.linalg.norm(left, axis=0) > KNOWN * sizes
         errors = np.full(len(shifts), np.inf)
-        if not told.any():
+        if not known.any():
             return errors, np.inf
         width = len(self.factor)
-        samples = self.samples.with_force(force).beside("delay", columns[:, :, told])
-        prior = np.pad(self.prior, ((0, 0), (0, 1 + int(told.sum()))))
+        samples = self.samples.with_force(force).beside("delay", columns[:, :, known])
+        prior = np.pad(self.prior, ((0, 0), (0, 1 + int(known.sum()))))
         R = samples.problem.weighted(self.weights, prior)
         values = solve_triangular(R[:-1, :-1], R[:-1, -1])
         plain = result_of("wls", samples.problem, values, R[:-1, :-1], self.weights, 1.0)
         found = with_scatter(within_runs(WorkingFit(plain, samples, prior if len(prior) else None)))
-        result, left = found.result, left[:, told]
+        result, left = found.result, left[:, known]
         C = result.covariance[width:, width:]
         scale = np.ptp(result.intervals()[width:], axis=1) / 2 / NORMAL_95 / np.sqrt(np.diag(C))
         # What is measured of a column alone counts: its noise of positions has no information.
-        counts = left.T @ self._measured(force, len(shifts))[:, told]
-        if np.linalg.cond(counts / np.outer(sizes[told], sizes[told])) > 1 / KNOWN:
+        counts = left.T @ self._measured(force, len(shifts))[:, known]
+        if np.linalg.cond(counts / np.outer(sizes[known], sizes[known])) > 1 / KNOWN:
             return errors, np.inf
         change = np.linalg.solve(counts, left.T @ left)
         C = change @ C @ change.T
-        errors[told] = scale * np.sqrt(np.diag(C))
+        errors[known] = scale * np.sqrt(np.diag(C))
         # The common delay is a mean of those of the motors, weighted by their information.
         shares = counts.sum(axis=0) / counts.sum()
         return errors, float(np.sqrt(shares @ C @ shares) * scale.max())

@@ -38,8 +38,6 @@ from loopid.regressors.structural import structural_observation
 from loopid.robot.robot import Robot
 from loopid.workers import ordered_map
 
-# Steps of the reference, before its start and after its end, that the log may reach.
-OVERHANG = 1.0
 # Joint terms by default: those below, and friction curves and load friction where data ask for it.
 AUTOMATIC = "auto"
 # Friction, offsets and rotor inertia of the motors, and what the file gives. A gravity model is of
@@ -667,7 +665,7 @@ def _nearest(times: FloatArray, wanted: FloatArray) -> IntArray:
     """Numbers (N,) of the times nearest to wanted ones."""
     if len(times) < 2:
         raise DataError(f"the reference must have at least two samples, not {len(times)}")
-    reach = OVERHANG * float(np.diff(times).max())
+    reach = float(np.diff(times).max())  # a step before its start, and after its end
     if wanted.min() < times[0] - reach or wanted.max() > times[-1] + reach:
         raise DataError(
             f"the reference lasts from {times[0]:.6g} to {times[-1]:.6g} s, the recording from "

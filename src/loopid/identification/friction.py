@@ -243,11 +243,11 @@ def _asked(
     Where these are not clear; one at a time, as two groups may stand for each other.
     """
     evidence = dict(zip(groups.names, groups.evidence.tolist(), strict=True))
-    told = dict(zip(groups.names, groups.determined.tolist(), strict=True))
+    determined = dict(zip(groups.names, groups.determined.tolist(), strict=True))
     left = dict[str, tuple[str, ...]]()
     for joint, own in kinds.items():
         names = {name: f"{joint}: {name}" for name in dict.fromkeys(map(_group, own))}
-        gone = {name for name, group in names.items() if told[group] < NO_EFFECT}
+        gone = {name for name, group in names.items() if determined[group] < NO_EFFECT}
         asked = {name: evidence[group] for name, group in names.items() if name not in gone}
         least = min(asked, key=asked.__getitem__, default="")
         if least and asked[least] < CLEARLY:

@@ -121,8 +121,8 @@ def _beside(G: FloatArray) -> FloatArray:
     if not failed and np.square(root).sum() * (1.0 - MOST_SHARE) < 1.0:
         return np.asarray(root @ root.T)
     shares, turn = np.linalg.eigh(G)
-    told = shares < MOST_SHARE
-    return np.asarray((turn[:, told] / (1.0 - shares[told])) @ turn[:, told].T)
+    kept = shares < MOST_SHARE
+    return np.asarray((turn[:, kept] / (1.0 - shares[kept])) @ turn[:, kept].T)
 
 
 def with_scatter(found: WorkingFit, *, quiet: bool = True) -> WorkingFit:

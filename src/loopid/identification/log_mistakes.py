@@ -164,9 +164,9 @@ def log_faults(
     gains = [find.gain(model.names) for find in finds if find.kind == "gain"]
     # Friction alone explains the forces of a motor whose gain may as well be 0.
     some = (one for one in gains if np.prod(one.interval) > 0)
-    told = tuple(one for one in some if np.ptp(one.interval) < 2 * max(abs(one.gain), 1.0))
+    known = tuple(one for one in some if np.ptp(one.interval) < 2 * max(abs(one.gain), 1.0))
     hidden = None if mistakes else _hidden(model, found)
-    return LogFaults(recordings[0].name, told, (*mistakes, *held), hidden)
+    return LogFaults(recordings[0].name, known, (*mistakes, *held), hidden)
 
 
 def log_faults_by_log(
@@ -290,17 +290,17 @@ def _sized(
     for _ in range(ZOOMS):
         grid, evidence = around(np.linspace(-1, 1, TRIED))
         at, step = grid[np.arange(len(grid)), evidence.argmax(axis=1)], 2 * step / (TRIED - 1)
-    told, deviation = np.ones(len(at), dtype=bool), np.zeros(len(at))
+    known, deviation = np.ones(len(at), dtype=bool), np.zeros(len(at))
     for _ in range(STEPS):
         _, evidence = around(np.array([-1.0, 0.0, 1.0]))
-        told &= np.isfinite(evidence).all(axis=1)
-        low, middle, high = np.where(told[:, None], evidence, 0.0).T
-        told &= low + high < 2 * middle
-        bend = np.where(told, 2 * middle - low - high, 1.0) / step**2
-        slope = np.where(told, high - low, 0.0) / (2 * step)
+        known &= np.isfinite(evidence).all(axis=1)
+        low, middle, high = np.where(known[:, None], evidence, 0.0).T
+        known &= low + high < 2 * middle
+        bend = np.where(known, 2 * middle - low - high, 1.0) / step**2
+        slope = np.where(known, high - low, 0.0) / (2 * step)
         at, deviation = at + np.clip(slope / bend, -step, step), bend**-0.5
         step = np.minimum(step, deviation)
-    both = zip(resized(at[:, None]), deviation.tolist(), told.tolist(), strict=True)
+    both = zip(resized(at[:, None]), deviation.tolist(), known.tolist(), strict=True)
     return [(one, own) for one, own, clear in both if clear]
 
 

@@ -409,12 +409,12 @@ class _Test:
             V += moved.T @ moved
         counts = self.used[:, own].sum(axis=0)
         freedom = sum(counts / [max(2 * models[i].order, 1) for i in own]) - k
-        told = np.linalg.solve(V, np.column_stack([s, G]))
-        F = float(s @ told[:, 0]) / k
+        weighed = np.linalg.solve(V, np.column_stack([s, G]))
+        F = float(s @ weighed[:, 0]) / k
         # A force is hardly larger than the whole one.
         force = np.sum((self.fit.samples.force[:, own] * self.scale[:, own]) ** 2)
-        covariance = np.linalg.inv(G @ told[:, 1:] + np.diag(sizes**2) / force)
-        x, errors = covariance @ G @ told[:, 0], np.sqrt(np.diag(covariance))
+        covariance = np.linalg.inv(G @ weighed[:, 1:] + np.diag(sizes**2) / force)
+        x, errors = covariance @ G @ weighed[:, 0], np.sqrt(np.diag(covariance))
         chance = float(fdtrc(k, max(freedom, 1.0), F))
         return _Tested(columns, chance, x, errors, self.inverse @ -(turned @ x))
 
@@ -426,8 +426,8 @@ class _Test:
         from scipy.special import fdtrc  # slow to import
 
         k, result = columns.shape[2], within_runs(_beside(self.fit, columns)).result
-        x, told = result.values[-k:], result.covariance[-k:, -k:]
-        F = float(x @ np.linalg.solve(told, x)) / k
+        x, C = result.values[-k:], result.covariance[-k:, -k:]
+        F = float(x @ np.linalg.solve(C, x)) / k
         return float(fdtrc(k, max(float(result.degrees_of_freedom.min()), 1.0), F))
 
     @cached_property
