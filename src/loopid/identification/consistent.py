@@ -161,7 +161,7 @@ def quiet_consistent_fit(
         found = _result(force_model, data, weights, program, state)
         last = len(found.result.values) - (program.terms.group >= 0).sum()  # those of groups
         groups = _groups(program, state, found.result.covariance[last:, last:])
-    return found.of(
+    return found.with_result(
         deviation=FileDeviation(common, program.names, state.deviations),
         term_deviations=groups,
         settled=state.settled,
@@ -688,7 +688,7 @@ def _result(
     only_kept = kept.any(axis=1) & ~moved.any(axis=1)
     found = _posterior(data, weights, values, C)
     known = np.minimum(found.result.degrees_of_freedom, _freedom(program, state, moved))
-    return found.of(
+    return found.with_result(
         assumed=tuple(force_model.parameters.names[j] for j in np.flatnonzero(only_kept)),
         standard_parameters=standard,
         degrees_of_freedom=known,

@@ -31,7 +31,7 @@ from scipy.linalg import solve_triangular
 
 from loopid.arguments import BoolArray, FloatArray, checked
 from loopid.errors import DataError, RankError
-from loopid.findings import Finding, Telling
+from loopid.findings import Finding, WithFindings
 from loopid.identification.correlation import (
     Autoregression,
     burg_covariances,
@@ -92,7 +92,7 @@ USUAL = 0.01
 
 
 @record
-class Delay(Telling):
+class Delay(WithFindings):
     """How much later than the motion the forces of a log are.
 
     Attributes

@@ -52,7 +52,7 @@ class WorkingFit:
         """Triangular factor (n + 1, n + 1) of all weighted rows, those of the prior included."""
         return self.samples.problem.weighted(self.result.weights, self.prior)
 
-    def of(self, **changes: Any) -> WorkingFit:
+    def with_result(self, **changes: Any) -> WorkingFit:
         """The same least squares with a result that is changed."""
         return replace(self, result=replace(self.result, **changes))
 

@@ -152,7 +152,7 @@ def _at_least(found: WorkingFit, scatter: Jackknife, ratio: FloatArray) -> Worki
     varied = (within > 0) & (scatter.variance > ratio * within)
     scale = np.sqrt(np.divide(scatter.variance, within, out=np.ones(len(within)), where=varied))
     freedom = np.where(varied, scatter.freedom, np.inf)
-    return found.of(
+    return found.with_result(
         covariance=result.covariance * np.outer(scale, scale),
         degrees_of_freedom=np.minimum(result.degrees_of_freedom, freedom),
     )

@@ -139,34 +139,42 @@ def log_faults(
         model = Evidence(robot, recordings, parted(joint_terms)[0])
         if not model.present:
             return nothing
-        found, undone = model.weighed(model.recorded), list[_Find]()
-        mistakes = list[Finding]()
-        while True:
-            finds = _finds(model, found, assembled=False)
-            clear = _clear(model, finds, found, undone)
-            # Forces that do not move the robot: what else they say is of no use.
-            if not undone and _moved_by_hand(model, found, clear):
-                return replace(nothing, mistakes=(BY_HAND, *held))
-            if model.strange(clear[0].after if clear else found, model.present):
-                finds += _finds(model, found, assembled=True)
-                clear = _clear(model, finds, found, undone)
-                turned = None if undone else _turned(model, found, clear)
-                if turned is not None:  # all else would be judged with other bodies
-                    return replace(nothing, mistakes=(turned, *held))
-            if not clear or len(undone) == ROUNDS:
-                break
-            mistakes.append(_finding(model, clear, found))
-            undone.append(clear[0])
-            found = model.weighed(clear[0].mended(found.undone))
-        # Of forces that follow another motion some look like a mistake.
-        if mistakes and not model.explains(found, model.present, SHAPE, whole=False):
-            mistakes.clear()
+        mistakes, finds, found = _mistakes(model)
     gains = [find.gain(model.names) for find in finds if find.kind == "gain"]
     # Friction alone explains the forces of a motor whose gain may as well be 0.
     some = (one for one in gains if np.prod(one.interval) > 0)
     known = tuple(one for one in some if np.ptp(one.interval) < 2 * max(abs(one.gain), 1.0))
     hidden = None if mistakes else _hidden(model, found)
     return LogFaults(recordings[0].name, known, (*mistakes, *held), hidden)
+
+
+def _mistakes(model: Evidence) -> tuple[list[Finding], list[_Find], Explanation]:
+    """Mistakes one after the other, all that was looked at then, and the log without them.
+
+    Where one spoils all else, as a robot that was moved by hand, it is alone.
+    """
+    found, undone, mistakes = model.weighed(model.recorded), list[_Find](), list[Finding]()
+    while True:
+        finds = _finds(model, found, assembled=False)
+        clear = _clear(model, finds, found, undone)
+        # Forces that do not move the robot: what else they say is of no use.
+        if not undone and _moved_by_hand(model, found, clear):
+            return [BY_HAND], [], found
+        if model.strange(clear[0].after if clear else found, model.present):
+            finds += _finds(model, found, assembled=True)
+            clear = _clear(model, finds, found, undone)
+            turned = None if undone else _turned(model, found, clear)
+            if turned is not None:  # all else would be judged with other bodies
+                return [turned], [], found
+        if not clear or len(undone) == ROUNDS:
+            break
+        mistakes.append(_finding(model, clear, found))
+        undone.append(clear[0])
+        found = model.weighed(clear[0].mended(found.undone))
+    # Of forces that follow another motion some look like a mistake.
+    if mistakes and not model.explains(found, model.present, SHAPE, whole=False):
+        mistakes.clear()
+    return mistakes, finds, found
 
 
 def log_faults_by_log(

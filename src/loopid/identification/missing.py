@@ -279,7 +279,7 @@ def _wrong_length(
     of_samples = "regressor", "force", "used", "segments", "runs", "regions"
     chosen = {name: getattr(samples, name)[rows] for name in of_samples}
     # They count as much as all, beside the prior.
-    thinned = fit.of(weights=np.sqrt(step) * fit.result.weights)
+    thinned = fit.with_result(weights=np.sqrt(step) * fit.result.weights)
     fit = _refitted(replace(thinned, samples=replace(samples, **chosen, instruments=None)))
     runs = [run.select(every) for run in recordings]
     test, lengths = _Test(fit, runs), length_forces(force_model, standard, runs)
@@ -466,7 +466,7 @@ def _beside(fit: WorkingFit, columns: FloatArray) -> WorkingFit:
     """A fit with columns (N, dof, k) beside its own, as if errors were independent."""
     k, n, prior = columns.shape[2], len(fit.result.parameters), fit.prior
     samples = fit.samples.beside("beside", columns)
-    wide = fit.of(
+    wide = fit.with_result(
         parameters=samples.parameters,
         values=np.zeros(n + k),
         covariance=np.zeros((n + k, n + k)),
@@ -483,7 +483,7 @@ def _refitted(fit: WorkingFit) -> WorkingFit:
     factor = fit.factor
     inverse = np.linalg.inv(factor[:-1, :-1])
     values, covariance = inverse @ factor[:-1, -1], inverse @ inverse.T
-    return fit.of(values=values, covariance=covariance)
+    return fit.with_result(values=values, covariance=covariance)
 
 
 def _squares(fit: WorkingFit, groups: np.ndarray) -> FloatArray:
