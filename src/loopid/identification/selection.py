@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from loopid.arguments import FloatArray, IntArray, checked, finite, variances
+from loopid.arguments import FloatArray, IntArray, checked, shaped, variances
 from loopid.errors import DataError, first_of
 from loopid.identification.candidate import Candidate, judge
 from loopid.identification.correlation import means_of_series
@@ -210,10 +210,9 @@ def eliminate_parameters(
     names = training.parameters
     if (validation.parameters, validation.actuators) != (names, training.actuators):
         raise DataError("validation data must have the parameters and actuators of the training")
-    start = np.zeros(len(names)) if reference is None else finite(reference, "reference")
-    if start.shape != (len(names),):
-        raise DataError(f"reference must have shape ({len(names)},), not {start.shape}")
-    columns = np.arange(len(names)) if free is None else free
+    count = len(names)
+    start = np.zeros(count) if reference is None else shaped(reference, "reference", count)
+    columns = np.arange(count) if free is None else free
     part = training.reduced(columns, start)
     full = working_fit(part, estimator)
     scale = _error_scale(full.result)
@@ -378,7 +377,5 @@ def truncated_values(data: FitSamples, values: FloatArray, count: int) -> FloatA
 
 def _factor(data: FitSamples, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Triangular factor (r + 1, r + 1) of [W | T], and checked values (r,)."""
-    phi = finite(values, "values")
-    if phi.shape != (len(data.parameters),):
-        raise DataError(f"values must have shape ({len(data.parameters)},), not {phi.shape}")
+    phi = shaped(values, "values", len(data.parameters))
     return data.problem.weighted(np.ones(len(data.actuators))), phi
