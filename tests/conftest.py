@@ -29,7 +29,7 @@ from loopid.errors import ModelWarning
 from loopid.identification import delay
 from loopid.identification.log_mistakes import LogFaults
 from loopid.paper.reproduction import reproduce_paper
-from made_runs import friction, logged, quietly, wander
+from made_runs import first_rows, friction, logged, quietly, wander
 
 ROOT = Path(__file__).parents[1]
 
@@ -99,9 +99,31 @@ def taken_as_prepared():
         yield
 
 
+@pytest.fixture(scope="module")
+def none_missing():
+    """Forces that the model lacks are not looked for: a quarter of what is left."""
+    with pytest.MonkeyPatch.context() as patch:
+        pipeline = import_module("loopid.identification.pipeline")
+        patch.setattr(pipeline, "missing_forces", lambda *_: ())
+        yield
+
+
 @pytest.fixture(scope="session")
 def urdf_folder():
     return ROOT / "urdf"
+
+
+@pytest.fixture(scope="session")
+def short_logs(tmp_path_factory):
+    """A folder with all of ``urdf``, its logs cut short."""
+    folder = tmp_path_factory.mktemp("short")
+    (folder / "urdf/logs").mkdir(parents=True)
+    for path in (ROOT / "urdf").iterdir():
+        if path.name != "logs":
+            (folder / "urdf" / path.name).symlink_to(path)
+    for path in (ROOT / "urdf/logs").iterdir():
+        (folder / "urdf/logs" / path.name).write_text(first_rows(path.stem))
+    return folder
 
 
 @pytest.fixture(scope="session")
@@ -132,13 +154,17 @@ def load_once():
 
 @pytest.fixture
 def bundled_once(load_once, once, monkeypatch):
-    """Examples and pages share the bundled robots that they load, and what they identify."""
+    """Examples and pages share the bundled robots that they load, and what they do with them."""
     names, original = bundled_robots(), loopid.load
 
-    @wraps(identify)
-    def identified(*arguments, **options):
-        key = sha256(pickle.dumps((arguments, options))).hexdigest()
-        return once(f"identified {key}", lambda: identify(*arguments, **options))
+    def shared(function):
+        @wraps(function)
+        def call(*arguments, **options):
+            key = sha256(pickle.dumps((arguments, options))).hexdigest()
+            name = f"{function.__name__} {key}"
+            return once(name, lambda: function(*arguments, **options))
+
+        return call
 
     @wraps(original)
     def load(file, *arguments, **options):
@@ -146,7 +172,8 @@ def bundled_once(load_once, once, monkeypatch):
         return load_once(file) if alone else original(file, *arguments, **options)
 
     monkeypatch.setattr(loopid, "load", load)
-    monkeypatch.setattr(loopid, "identify", identified)
+    for function in (loopid.identify, loopid.design_motion, loopid.prepare, loopid.force_model):
+        monkeypatch.setattr(loopid, function.__name__, shared(function))
 
 
 KNEES = ["3ups_rpu", pytest.param("5p", marks=pytest.mark.validate)]  # of one kind
@@ -353,7 +380,7 @@ def knee_run(knee, once, tmp_path_factory):
     """Path of a log of the knee robot with friction, in which motors stand at times."""
 
     def text():
-        motion = wander(knee, 1, seconds=40.0, rate=50.0)
+        motion = wander(knee, 1, seconds=40.0, rate=25.0)
         return logged(knee, motion, friction(knee), noise=2.0)
 
     path = tmp_path_factory.mktemp("knee") / "run.csv"

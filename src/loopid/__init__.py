@@ -1,9 +1,9 @@
 """Identification of the dynamics of robots with closed kinematic loops.
 
-A robot is a URDF of its open tree, loop closures and motors. loopid finds its base parameters:
-the combinations of masses, first moments and inertias that the motors' forces depend on. It
-proves which way of writing them is best conditioned. Logged positions and forces give their
-values, with 95 % intervals, and the friction of the joints. Units are SI.
+A robot is a URDF of its open tree, loop closures and motors. Its base parameters are the
+combinations of masses, first moments and inertias that the motors' forces depend on. loopid proves
+which way of writing them is best conditioned. Logged positions and forces give their values, with
+95 % intervals, and the friction of the joints. Units are SI.
 
 >>> robot = loopid.load("five_bar")
 >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")
@@ -28,7 +28,7 @@ Subpackages hold the rest, by the order of the work:
 - recordings and values: ``motion``, ``logs``, ``identification``, ``diagnosis``, ``excitation``
 - use of a fit: ``control``, ``export``
 - pictures and pages: ``plots``, ``report``, ``view``; the paper's case study: ``paper``
-- what may be told on the way: ``errors``, ``findings``, ``progress``
+- messages on the way: ``errors``, ``findings``, ``progress``
 """
 
 import lazy_loader

@@ -174,7 +174,7 @@ def row_blocks(rows: int | slice, size: int | None = None) -> Iterator[slice]:
 
 
 def samples(array: ArrayLike, width: int, name: str, count: int | None = None) -> FloatArray:
-    """The array as finite rows (N, width), as many as asked for; one may come without its axis."""
+    """The array as finite rows (N, width), as many as required; one may come without its axis."""
     values = np.atleast_2d(finite(array, name))
     if values.ndim != 2 or values.shape[1] != width:
         one = f"({width},)" if np.ndim(array) < 2 else f"(samples, {width})"
@@ -227,10 +227,10 @@ def checked(thing: Callable[P, R]) -> Callable[P, R]: ...
 def checked(thing: Any) -> Any:
     """Refuse arguments that are not of the annotated types, among numbers also NaN.
 
-    Of a class these are arguments of ``__init__`` and of all public methods. Methods do not check
-    where a checked function calls them. What loopid itself gives them is right. Lists become arrays
-    where these are annotated. Arrays or columns of data frames become lists. Shapes of arrays are
-    left to the function, which knows them.
+    Of a class these are arguments of ``__init__`` and of all public methods. What a checked
+    function calls does not check again, but for ``__init__``: what loopid gives it is right. Lists
+    become arrays where these are annotated. Arrays or columns of data frames become lists. Shapes
+    of arrays are left to the function, which knows them.
 
     Raises
     ------
@@ -278,7 +278,7 @@ def _checked(function: Callable[P, R], owner: type | None = None) -> Callable[P,
         config = ConfigDict(arbitrary_types_allowed=True, allow_inf_nan=False)
         return validate_call(config=config)(taken)
 
-    trusting = owner is not None and function.__name__ != "__init__"
+    trusting = function.__name__ != "__init__"
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:

@@ -1,7 +1,7 @@
 """The border: forms of what users write, and one voice for what does not fit them.
 
-Pydantic checks files and arguments. What it finds is worded here alone: the file, the line, the
-path of keys, what must stand there, what was given, and what was likely meant.
+Pydantic checks files and arguments. What it finds is worded here alone. A message has the file, the
+line and the path of keys. It says what must stand there, what was given, and what was likely meant.
 """
 
 from __future__ import annotations
@@ -44,7 +44,11 @@ class Section(BaseModel):
     """Part of a file: known keys only, finite numbers only, names that may look like numbers."""
 
     model_config = ConfigDict(
-        extra="forbid", allow_inf_nan=False, coerce_numbers_to_str=True, frozen=True
+        extra="forbid",
+        allow_inf_nan=False,
+        coerce_numbers_to_str=True,
+        frozen=True,
+        defer_build=True,  # importing loopid does not wait for forms that no file asks for
     )
 
     @model_validator(mode="before")

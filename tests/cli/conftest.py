@@ -47,12 +47,13 @@ def run(monkeypatch, capsys):
 
 @pytest.fixture(autouse=True)
 def arm_identified_once(request, monkeypatch, once):
-    """Commands share what the same data of the arm identify, with no mistakes and no delays."""
+    """Commands share what the same data of the arm identify; of logs nothing is suspected."""
     if "arm_files" not in request.fixturenames:
         return
     pipeline = import_module("loopid.identification.pipeline")
     identify, in_time = pipeline.identify, pipeline.in_time
     monkeypatch.setattr(pipeline, "log_faults_by_log", lambda *_: (LogFaults("run"),))
+    monkeypatch.setattr(pipeline, "missing_forces", lambda *_: ())
     monkeypatch.setattr(pipeline, "in_time", lambda *a, **o: in_time(*a, **o | {"undo": False}))
 
     def identified(*arguments, **options):

@@ -6,6 +6,7 @@ import pytest
 
 import loopid
 from loopid.excitation.design import ExcitationDesign
+from made_runs import ARM
 
 QUICK = ("--starts", "1", "--evaluations", "2", "--time-limit", "120", "--solver", "slsqp")
 KEYS = {
@@ -19,6 +20,14 @@ KEYS = {
 }
 
 
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    """A serial robot, whose motions are quick to follow."""
+    path = tmp_path_factory.mktemp("arm") / "arm.urdf"
+    path.write_text(ARM)
+    return path
+
+
 @pytest.fixture(autouse=True)
 def few_evaluations_are_enough(monkeypatch, request):
     """They gain nothing, which is refused in another test."""
@@ -26,9 +35,9 @@ def few_evaluations_are_enough(monkeypatch, request):
         monkeypatch.setattr(ExcitationDesign, "require_gain", lambda self: None)
 
 
-def test_a_design_that_gained_nothing_is_refused_and_writes_nothing(run, tmp_path):
+def test_a_design_that_gained_nothing_is_refused_and_writes_nothing(run, arm, tmp_path):
     words = "--shape", "poses", "--duration", "8", *QUICK, "--evaluations", "1", "--out", tmp_path
-    done = run("excite", "five_bar", *words)
+    done = run("excite", arm, *words)
     assert done.code == 2
     assert "excites more than the first motion tried" in done.err
     assert "--evaluations" in done.err
@@ -66,23 +75,23 @@ def test_files_say_what_the_record_says(run, tmp_path):
     assert loopid.motion.review_motion(robot, followed).problems == ()
 
 
-def test_motions_command_reads_poses(run, tmp_path):
+def test_motions_command_reads_poses(run, arm, tmp_path):
     words = ("--out", tmp_path, "--shape", "poses", "--duration", "8", *QUICK, "--evaluations", "1")
-    assert run("excite", "five_bar", *words).code == 0
-    done = run("motions", "five_bar", tmp_path / "motion.yaml", "--json")
+    assert run("excite", arm, *words).code == 0
+    done = run("motions", arm, tmp_path / "motion.yaml", "--json")
     assert done.code == 0
     assert json.loads(done.out)["motions"][0]["problems"] == []
 
 
-def test_options_become_limits(run):
+def test_options_become_limits(run, arm):
     done = run(
-        "excite", "five_bar", "--json", "--max-speed", "0.3", "--max-speed",
-        "left_crank_joint=0.2", "--limit", "left_crank_joint=1.5:2.5", *QUICK,
+        "excite", arm, "--json", "--max-speed", "0.3", "--max-speed",
+        "shoulder=0.2", "--limit", "shoulder=0.5:1.5", *QUICK,
     )  # fmt: skip
     checks = {check["name"]: check for check in json.loads(done.out)["checks"]}
-    assert checks["speed of left_crank_joint"]["upper"] == 0.2
-    assert checks["speed of right_crank_joint"]["upper"] == 0.3
-    assert checks["position of left_crank_joint"]["lower"] == 1.5
+    assert checks["speed of shoulder"]["upper"] == 0.2
+    assert checks["speed of elbow"]["upper"] == 0.3
+    assert checks["position of shoulder"]["lower"] == 0.5
 
 
 def test_what_cannot_be_done_is_one_line(run):
@@ -99,11 +108,11 @@ def test_what_cannot_be_done_is_one_line(run):
         assert done.err.count("\n") == 1
 
 
-def test_what_was_saved_and_assumed_is_said(run, tmp_path):
+def test_what_was_saved_and_assumed_is_said(run, arm, tmp_path):
     """The noise is a hundredth of the forces, and the last line names folder and files."""
-    bare = run("excite", "five_bar", "--duration", "4", *QUICK)
+    bare = run("excite", arm, "--duration", "4", *QUICK)
     assert "Nothing was saved: --out DIR" in bare.out.splitlines()[-1]
-    saved = run("excite", "five_bar", "--duration", "4", *QUICK, "--out", tmp_path)
+    saved = run("excite", arm, "--duration", "4", *QUICK, "--out", tmp_path)
     last = saved.out.splitlines()[-1]
     assert last.startswith(f"Report: {tmp_path}")
     assert "assumed noise, independent" in (tmp_path / "report.html").read_text()

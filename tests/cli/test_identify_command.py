@@ -11,11 +11,14 @@ from lxml.html import fromstring
 
 import loopid
 from closure_robots import chain, files
-from loopid import FitOptions, JointTerms
+from loopid import JointTerms
 from loopid.cli.logs import excite_command
 from loopid.identification import load_fit
 from loopid.report import identification_report
 from made_runs import logged, one_joint, quietly, wander
+
+# No cut-off is sought, so that counts of samples compare, and no curve of friction.
+PLAIN = ("--cutoff", "8", "--terms", "Fc,Fv")
 
 
 def lines_of(text):
@@ -121,7 +124,7 @@ def test_all_tables_are_shown_where_asked_for(run, arm_files):
 
 def test_terms_of_single_joints_are_fitted(run_json, run, arm_files):
     robot, log, _ = arm_files
-    options = ["--model", "full", "--terms", "Fv; shoulder: Fc"]
+    options = ["--model", "full", "--terms", "Fv; shoulder: Fc", "--cutoff", "8"]
     record = run_json("identify", robot, log, *options)
     assert record["joint_terms"] == {"shoulder": ["Fv", "Fc"], "elbow": ["Fv"]}
     done = run("identify", robot, log, "--terms", "wrist: Fc")
@@ -132,7 +135,7 @@ def test_terms_of_single_joints_are_fitted(run_json, run, arm_files):
 def test_the_usual_terms_are_the_default(run_json, arm_files):
     robot, log, _ = arm_files
     for model, usual in {"gravity": ["Fc", "Fv", "Fo"], "full": ["Fc", "Fv", "Fo", "Ia"]}.items():
-        record = run_json("identify", robot, log, "--model", model)
+        record = run_json("identify", robot, log, "--model", model, "--cutoff", "8")
         for kinds in record["joint_terms"].values():  # offsets that data do not tell are left out
             assert [kind for kind in usual if kind in {*kinds, "Fo"}] == usual
             assert set(kinds) <= set(usual)
@@ -143,9 +146,7 @@ def arm(run_json, arm_files, once):
     """Identify the serial robot from its first log."""
 
     def identified(*options):
-        # One cut-off, so that counts of samples compare.
-        given = () if "--cutoff" in options else ("--cutoff", "8")
-        return run_json("identify", *arm_files[:2], *options, *given)
+        return run_json("identify", *arm_files[:2], *PLAIN, *options)
 
     return lambda *options: identified(*options) if options else once("arm", identified)
 
@@ -199,7 +200,7 @@ def test_terms_are_those_that_are_named(arm):
 
 
 def test_the_full_model_with_drives_is_an_option(arm):
-    found = arm("--model", "full", "--terms", "Ia,Fv", "--cutoff", "8")
+    found = arm("--model", "full", "--terms", "Ia,Fv")
     assert found["model"] == "full"
     assert found["actuators"] == ["shoulder", "elbow"]
     assert {"shoulder.Fv", "elbow.Ia", "lower.mx"} <= set(fitted(found))
@@ -218,7 +219,7 @@ def test_a_mapping_names_columns_and_units(run_json, arm, arm_files, tmp_path):
         f"position_scale: {np.pi / 180}\nforce_scale: 28.0\n"
     )
     mapping = ("--mapping", tmp_path / "mapping.yaml")
-    found = fitted(run_json("identify", robot, tmp_path / "run.csv", *mapping, "--cutoff", "8"))
+    found = fitted(run_json("identify", robot, tmp_path / "run.csv", *mapping, *PLAIN))
     assert found == pytest.approx(fitted(arm()), rel=1e-4)
 
 
@@ -315,23 +316,24 @@ def test_unidentifiable_combinations_are_refused_with_the_motion_to_add(
     run, run_json, arm_files, elbow_log, tmp_path
 ):
     words = "unidentifiable from the data", "shoulder.Fc", "--unidentifiable prior"
-    refused = run("identify", arm_files[0], elbow_log, "--unidentifiable", "error")
+    command = "identify", arm_files[0], elbow_log, *PLAIN, "--unidentifiable"
+    refused = run(*command, "error")
     assert_refused(refused, words)
     # The command that the record tells works as it is typed, and its motion excites all of them.
-    record = run_json("identify", arm_files[0], elbow_log, "--unidentifiable", "prior")
+    record = run_json(*command, "prior")
     places = {"motion": str(tmp_path)}
-    command = [places.get(word, word) for word in shlex.split(record["advice"])]
-    designed = run(*command[1:], "--starts", "1", "--evaluations", "5", "--json")
+    advised = [places.get(word, word) for word in shlex.split(record["advice"])]
+    designed = run(*advised[1:], "--starts", "1", "--evaluations", "5", "--json")
     assert designed.code == 0, designed.err
     assert np.isfinite(json.loads(designed.out)["condition_number"])
-    done = run("identify", arm_files[0], elbow_log, "--unidentifiable", "truncate")
+    done = run(*command, "truncate")
     assert_refused(done, ["'truncate'", "error, prior"])
 
 
 def test_values_of_the_robot_file_are_marked_everywhere(
     run, run_json, arm_files, elbow_log, tmp_path
 ):
-    command = "identify", arm_files[0], elbow_log, "--unidentifiable", "prior"
+    command = "identify", arm_files[0], elbow_log, *PLAIN, "--unidentifiable", "prior"
     done = run(*command, "--out", tmp_path)
     assert done.code == 0, done.err
     assert "unidentifiable combinations excite the least known: " in " ".join(done.out.split())
@@ -360,17 +362,17 @@ def test_values_of_the_robot_file_are_marked_everywhere(
     assert all(direction["standard_error"] > 1 for direction in told["weak"])
 
 
-def test_an_estimator_goes_by_its_name(run_json, arm_files):
-    found = run_json("identify", *arm_files[:2], "--estimator", "bisquare")
+def test_an_estimator_goes_by_its_name(arm):
+    found = arm("--estimator", "bisquare")
     assert found["all_parameters"]["estimate"]["estimator"] == "bisquare"
     values = {entry["name"]: entry["value"] for entry in found["all_parameters"]["base_parameters"]}
     for name, value in (("shoulder.Fc", 3.0), ("elbow.Fc", 2.0)):
         assert values[name] == pytest.approx(value, rel=0.1)
 
 
-def test_instruments_are_read_from_a_reference_log(run, run_json, arm_files):
+def test_instruments_are_read_from_a_reference_log(run, arm, arm_files):
     robot, log, _ = arm_files
-    found = run_json("identify", robot, log, "--estimator", "iv", "--reference", log)
+    found = arm("--estimator", "iv", "--reference", log)
     assert found["all_parameters"]["estimate"]["estimator"] == "iv"
     assert_refused(run("identify", robot, log, "--estimator", "iv"), ["reference"])
     assert_refused(run("identify", robot, log, "--reference", log), ["'wls'"])
@@ -387,7 +389,7 @@ def test_mimics_that_are_free_need_signals_of_their_own(run, tmp_path, arm_files
     text = Path(arm_files[0]).read_text().replace(joint, mimic)
     (tmp_path / "mimic.urdf").write_text(text)
     command = "identify", tmp_path / "mimic.urdf", arm_files[1]
-    free = run(*command, "--free-mimics", "--json")
+    free = run(*command, "--free-mimics", *PLAIN, "--json")
     assert free.code == 0, free.err
     assert json.loads(free.out)["actuators"] == ["shoulder", "elbow"]
 
@@ -422,7 +424,8 @@ def test_some_rows_of_a_log_are_fitted(arm, run, arm_files):
 
 def test_a_log_that_is_fitted_and_validates_is_named(arm_files, run):
     robot, log, _ = arm_files
-    assert "is fitted and validates" in run("identify", robot, log, "--validate", log).err
+    said = run("identify", robot, log, *PLAIN, "--validate", log).err
+    assert "is fitted and validates" in said
 
 
 @pytest.mark.parametrize("kind", [r"--unidentifiable [a-z]+", r"--lock [\w.]+"])
@@ -433,7 +436,7 @@ def test_advice_can_be_followed_as_it_is_printed(kind, run, arm_files, elbow_log
     assert refused.code == 2
     advice = " ".join(re.findall(kind, refused.err)).split()
     assert advice
-    done = run("identify", *words, *advice)
+    done = run("identify", *words, *PLAIN, *advice)
     assert done.code == 0, done.err
 
 
@@ -451,19 +454,20 @@ def test_what_was_saved_is_said(run, arm_files, tmp_path):
     assert last == f"Report: {out / 'report.html'}"
 
 
-def test_a_joint_is_locked_where_the_log_has_it(run_json, run, write_files, tmp_path):
-    arm, time = write_files(*files(chain(2), {})), np.arange(400) / 50
+def test_a_joint_is_locked_where_the_log_has_it(run, write_files, tmp_path):
+    path, time = write_files(*files(chain(2), {})), np.arange(400) / 50
+    # At one rate nothing tells Coulomb from viscous friction: a motion is advised.
+    turned, rate = 0.2 * time[:, None], np.full((400, 1), 0.2)
+    arm = quietly(loopid.load, path, lock=["joint1=0.5"])
+    force = loopid.Dynamics(arm).inverse(turned, rate, 0 * rate)
+    force = force + 0.1 + np.random.default_rng(0).normal(scale=0.01, size=force.shape)
     log = tmp_path / "run.csv"
-    table = np.column_stack([time, np.full(400, 0.5), np.sin(2 * time), np.cos(time)])
+    table = np.column_stack([time, np.full(400, 0.5), turned, force])
     head = "time,joint1,joint2,joint2.force"
     np.savetxt(log, table, delimiter=",", comments="", header=head)
-    options = "--lock", "joint1", "--terms", "none", "--model", "gravity"
-    done = run("identify", arm, log, *options)
+    options = "--lock", "joint1", "--model", "gravity", "--unidentifiable", "prior", *PLAIN
+    done = run("identify", path, log, *options, "--json")
     assert "locked where the log has it: joint1 at 0.5" in done.err
-    saved = run_json("identify", arm, log, *options)["fit"]["robot"]["options"]
-    assert saved["lock"] == ["joint1=0.5"]
-    robot = loopid.load(arm, lock=["joint1"])
-    found = quietly(loopid.identify, robot, log, options=FitOptions(model="gravity", terms="none"))
-    assert found.force_model.robot.options["lock"] == ("joint1=0.5",)
-    command = excite_command(found, robot, [str(log)])  # --after has it where the log has
-    assert "--lock joint1 " in f"{command} "
+    record = json.loads(done.out)
+    assert record["fit"]["robot"]["options"]["lock"] == ["joint1=0.5"]
+    assert "--lock joint1 " in f"{record['advice']} "  # --after has it where the log has

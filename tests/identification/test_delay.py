@@ -28,7 +28,7 @@ from loopid.motion import scaled_bodies
 from made_runs import elastic, quietly, simulated, unchecked, wander
 from smooth_data import runs
 
-pytestmark = pytest.mark.usefixtures("nothing_suspected")
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "none_missing")
 
 RATE, NOISE, SIZE = 200.0, 0.02, (0.4, 0.4)
 CHANCE = 0.01  # that motors which agree seem to differ

@@ -17,7 +17,7 @@ from loopid.logs.preparing import motion_band
 from loopid.motion import FourierSeries, joint_motion, read_motion_program
 from made_runs import quietly
 
-pytestmark = pytest.mark.usefixtures("nothing_suspected", "no_delay_sought")
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "no_delay_sought", "none_missing")
 
 STEP = 2 * np.pi / 2**17  # rad, of the encoders
 NOISE = 0.02  # N m, of the forces

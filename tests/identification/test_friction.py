@@ -24,7 +24,7 @@ from loopid.regressors.joint_laws import JointState, grouped, joint_term
 from made_runs import logged, quietly, record, simulated, unchecked, wander
 from smooth_data import runs
 
-pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared")
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared", "none_missing")
 
 LINE = "Fc=0.1,Fv=0.05"
 LEFT = "left_crank_joint"

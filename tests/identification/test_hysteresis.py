@@ -25,7 +25,7 @@ from loopid.regressors.joint_laws import joint_term
 from loopid.regressors.maxwell_slip import slip_states
 from made_runs import elastic, quietly, simulated, unchecked, wander
 
-pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared")
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared", "none_missing")
 
 RATE, NOISE, SLIP = 200.0, 0.001, 5e-3
 TERMS = "Fc,Fv,Fh@0.02,Fh@0.002"

@@ -28,7 +28,7 @@ from loopid.logs import Recording
 from loopid.motion import Noise
 from made_runs import changed, friction, modelled, quietly, record, stand, wander
 
-pytestmark = pytest.mark.usefixtures("nothing_suspected")
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "none_missing")
 
 DRAWS = 10
 REFUSE = FitOptions(unidentifiable="error")

@@ -12,7 +12,7 @@ from loopid.identification.leaving_out import FOLDS, kept_without, segments_of
 from loopid.motion import scaled_bodies
 from made_runs import modelled, quietly, wander
 
-pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared")
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared", "none_missing")
 
 NOISE = 0.02  # N m
 

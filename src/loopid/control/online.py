@@ -6,9 +6,12 @@ forgetting the values are those of the batch fit. Forgetting multiplies the fact
 which moves no values:
 
     none          I
-    exponential   √λ I, information decays everywhere: without excitation there is soon none left
-    directional   I - (1 - √λ) Q Qᵀ, Q an orthonormal basis of R Kᵀ: it decays along what new rows
-                  tell, and stays elsewhere [Cao2000], with several rows a sample [Lai2024]
+    exponential   √λ I
+    directional   I - (1 - √λ) Q Qᵀ, Q an orthonormal basis of R Kᵀ
+
+Exponential forgetting lets information decay everywhere. Without excitation there is soon none
+left. Directional forgetting lets it decay along what new rows have [Cao2000], and nowhere else. It
+takes several rows a sample [Lai2024].
 """
 
 from __future__ import annotations

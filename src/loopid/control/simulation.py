@@ -4,10 +4,10 @@ Forces of a controller stay for an interval. In steps of it the robot moves by
 
     M (u̇⁺ - u̇) / h = τ + τ_ext - C u̇ - g - Fv u̇⁺ - Fc Sign(u̇⁺),
 
-implicit in the friction, which may hold: u̇⁺ is where ½ xᵀA x - bᵀx + h Fcᵀ|x| is least, with
-A = M + h Fv and b = M u̇ + h (τ + τ_ext - C u̇ - g) [Moreau1988]. So large friction at small
+implicit in the friction, which may hold. So u̇⁺ is where ½ xᵀA x - bᵀx + h Fcᵀ|x| is least
+[Moreau1988]. Here A = M + h Fv and b = M u̇ + h (τ + τ_ext - C u̇ - g). So large friction at small
 velocities, where the sequel's robot lives, needs no small steps. Elements of Maxwell slip are a
-part of Fc: springs with the force c z, and c / x of those that do not slip adds h² c / x to A.
+part of Fc. They are springs with the force c z. Those that do not slip add h² c / x to A.
 """
 
 from __future__ import annotations
@@ -54,6 +54,13 @@ class LoopOptions:
         Of the motion in s, at most.
     refresh : float
         Masses, Coriolis forces and gravity are those of at most this many s before.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> noise = loopid.motion.Noise(uniform=12.0, encoder_step=2e-5)
+    >>> loopid.control.LoopOptions(interval=1e-3, noise=noise).interval
+    0.001
     """
 
     interval: Positive = 0.01
@@ -77,6 +84,14 @@ class ControlRun:
         (N,) in s.
     position, error, force : FloatArray
         (N, dof): true positions, what they are off the reference, and forces of the motors.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from loopid.control import ControlRun
+    >>> time, error = 0.01 * np.arange(4), np.array([[0.0], [3e-3], [4e-3], [0.0]])
+    >>> ControlRun(time, 1 - error, error, 0 * error).rms(0, 1).tolist()
+    [0.0025]
     """
 
     time: FloatArray

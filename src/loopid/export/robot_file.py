@@ -1,8 +1,8 @@
 """Robot files with new inertials and joint terms; all else in them stays.
 
-Links on fixed joints move as one body. Its parameters are the sum of theirs: forces tell the sum
-only. The link that the joint carries takes the whole change where it can. Otherwise all links share
-the new body, so that each stays physically consistent.
+Links on fixed joints move as one body. Its parameters are the sum of theirs: forces determine only
+the sum. The link that the joint carries takes the whole change where it can. Otherwise all links
+share the new body, so that each stays physically consistent.
 
 Joint terms are written where the format has a place. The new file is read back. What it does not
 say as the parameters do is named, whatever the reason.
@@ -59,8 +59,8 @@ def updated_robot_file(
     masses and centres of mass change, and inertias about the centres of mass stay. Joint terms are
     written where ``parameters`` name some. Viscous and Coulomb friction have a place in every
     format, drive inertias and springs in an MJCF. In a URDF these are updated where it has tags for
-    them. Of a friction curve, and of load friction, the file has the nearest of these over the
-    rates of the log, at its mean load (``fit.use``).
+    them. A friction curve and load friction become the nearest of these (``fit.use``). They are
+    nearest over the rates of the log, at its mean load.
 
     Raises
     ------
@@ -75,6 +75,7 @@ def updated_robot_file(
         friction that it has is to the curve.
     """
     files = files_of(robot)
+    _require_editable(files.tree)
     file = editable_files[files.tree.suffix](files.tree)
     rows = _body_parameters(robot, standard_parameters, parameters)
     new: dict[str, FloatArray] = {}
@@ -117,6 +118,7 @@ def export_robot_file(
     """
     place, files = Path(path), files_of(robot)
     tree, texts = files.tree, dict[str, bytes | str]()
+    _require_editable(tree)
     if place.suffix != tree.suffix:
         what = f"ending of a copy of {tree.name}"
         raise OptionError.unknown(what, place.suffix or str(path), [tree.suffix])
@@ -138,6 +140,15 @@ def export_robot_file(
         robot, standard_parameters, parameters=parameters, use=use
     )
     return place.with_name(next(iter(write_files(place.parent, texts))).name)
+
+
+def _require_editable(tree: Path) -> None:
+    if tree.suffix not in editable_files:
+        endings = ", ".join(editable_files)
+        raise RobotFileError(
+            f"{tree}: bodies are not written into {tree.suffix}, but into {endings}: "
+            "fit.to_pinocchio() and fit.to_c(folder) have them, too"
+        )
 
 
 def _given_in_python(robot: Robot, files: RobotFiles, tree: str) -> str:
@@ -269,8 +280,8 @@ def straightened(meant: Terms, use: MotorUse | None) -> tuple[Terms, list[str]]:
 def _writable(meant: Terms) -> Terms:
     """What is tried to be written: no half of a force, no negative friction, inertia or stiffness.
 
-    Simulators take numbers as they are written: with negative friction they would gain energy, and
-    with a negative stiffness be drawn away from the rest of a spring.
+    Simulators take numbers as they are written. With negative friction they would gain energy. A
+    negative stiffness would push away from the rest of a spring.
     """
     return {
         joint: {

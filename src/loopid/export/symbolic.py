@@ -2,9 +2,9 @@
 
 The velocity of a joint along its own frame is a constant matrix times its coordinates' rates, as
 Pinocchio defines them. Newton's and Euler's recursion [Featherstone2008, ch. 5] hands twists and
-accelerations from parent to child and wrenches back, in each link's own axes, so that most entries
-of axes stay zero. Forces are linear in the parameters and in accelerations. Their derivatives are
-the regressor and the mass matrix.
+accelerations from parent to child, and wrenches back. They are in each link's own axes, so that
+most entries of axes stay zero. Forces are linear in the parameters and in accelerations. Their
+derivatives are the regressor and the mass matrix.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.closures import SymbolicPose
 
 # Rate over which the sign of a rate is smooth in C, in rad/s or characteristic lengths a second:
-# far below any that a log tells, and no jump for a controller.
+# far below any that a log shows, and no jump for a controller.
 SMOOTH = 5e-4
 ROUND_OFF = 1e-15  # entries of rotations that are this close to -1, 0 or 1 are meant to be
 
@@ -38,7 +38,7 @@ class SymbolicRobot:
 
     Motors stands for the independent coordinates, in their order. Beside the configuration q,
     functions hand on ``G`` (dependent, dof), the rates of all other coordinates per unit of the
-    motors', and ``factors`` of the closures' Jacobian, with which accelerations are found.
+    motors'. They also hand on ``factors`` of the closures' Jacobian, which give accelerations.
     """
 
     def __init__(self, model: ForceModel) -> None:
@@ -126,8 +126,9 @@ class SymbolicRobot:
     def _linearised(self) -> list[Any]:
         """G, factors, q after a Newton step, and three measures.
 
-        The norm of the residual in m, that of the step in rad or characteristic lengths, and the
-        least pivot over the largest, which is small where the motors lose control of the motion.
+        These are the norm of the residual in m and that of the step in rad or characteristic
+        lengths. The last is the least pivot over the largest. It is small where the motors lose
+        control of the motion.
         """
         X = solve(self.reflections, ca.horzcat(self.jacobian[:, self.chosen], self.residual))
         units, step = self.scales[self.dependent, 0], X[:, -1]
@@ -167,8 +168,7 @@ class SymbolicRobot:
                 way = last - first
             else:  # from cosine and sine to cosine and sine
                 way = ca.atan2(
-                    last[1] * first[0] - last[0] * first[1],
-                    last[0] * first[0] + last[1] * first[1],
+                    last[1] * first[0] - last[0] * first[1], last[0] * first[0] + last[1] * first[1]
                 )
             moved = self.slip[k] + way / joint_term(parameter.kind).at
             states.append(ca.fmax(-1.0, ca.fmin(moved, 1.0)))

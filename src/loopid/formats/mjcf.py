@@ -272,16 +272,14 @@ def _holds_mocap(scene: Scene, equality: int) -> bool:
 def _coupling(lengths: Lengths, equality: int) -> ClosureDescription:
     """Coupling of joint coordinates, or of lengths of tendons; else a ValueError.
 
-    MuJoCo holds ``y - y0 = c0 + c1 (x - x0) + c2 (x - x0)^2 + ...``, with coordinates or lengths
-    ``y`` and ``x`` that are ``y0`` and ``x0`` where the file draws the robot. Without ``x``, ``y``
-    is constant.
+    MuJoCo holds ``y - y0 = c0 + c1 (x - x0) + c2 (x - x0)^2 + ...`` of coordinates or lengths ``y``
+    and ``x``. They are ``y0`` and ``x0`` where the file draws the robot. Without ``x``, ``y`` is
+    constant.
     """
     scene, compiled = lengths.scene, lengths.scene.compiled
     kind, data = scene.equality_kinds[equality], compiled.eq_data[equality].tolist()
     if kind not in ("joint", "tendon"):
-        raise ValueError(
-            f"is of type {kind}, which is not supported: choose among connect, weld, joint, tendon"
-        )
+        raise ValueError(f"is of type {kind}: choose among connect, weld, joint, tendon")
     ends = int(compiled.eq_obj1id[equality]), int(compiled.eq_obj2id[equality])
     drawn = compiled.qpos0[compiled.jnt_qposadr]
     if kind == "tendon":
@@ -346,9 +344,8 @@ class Lengths:
                     terms[f"{name}_{k}"] = factor
                     self.cables[f"{name}_{k}"] = self._frames(sites)
                 self.cables[name] = []
-                self.couplings.append(
-                    ClosureDescription(type="coupling", name=name, joints={name: -1.0} | terms)
-                )
+                joints = {name: -1.0} | terms
+                self.couplings.append(ClosureDescription(type="coupling", name=name, joints=joints))
             low, high = map(float, compiled.tendon_range[tendon])
             if compiled.tendon_limited[tendon] and low < high:
                 self.limits[name] = low, high

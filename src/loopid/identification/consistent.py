@@ -205,7 +205,7 @@ def fit_terms(
     noise : NoiseModel
         Errors of each actuator, those of the file's bodies included.
     least : NoiseModel
-        Errors beside any bodies: what is more tells how far those of the file are off.
+        Errors beside any bodies: what is more shows how far those of the file are off.
 
     Returns
     -------
@@ -263,9 +263,9 @@ def _off_the_file(
     """How far bodies seem to be off the file, and joint terms with them: columns (p, 10 b).
 
     Of the standard parameters (p,) with the bodies of the file, and the triangular factor of their
-    joint terms. What is left of the forces, in the errors of the best fit, is e of the variance 1 +
-    s² A Aᵀ with A what such changes leave of them. s is the most likely one. With how many degrees
-    of freedom it is known.
+    joint terms. What is left of the forces, in the errors of the best fit, is e. Its variance is 1
+    + s² A Aᵀ, with A what such changes leave of them. The most likely s is taken, with the degrees
+    of freedom that it is known with.
     """
     from scipy.optimize import minimize_scalar  # slow to import
 
@@ -321,8 +321,8 @@ def _posed(
 def _groups(program: _Program, state: _State, covariance: FloatArray) -> TermDeviations | None:
     """Deviations of the groups of joint terms, and what the data say of them.
 
-    The evidence is the ratio of the densities of prior and posterior at none [Dickey1971], by the
-    ``covariance`` of the terms of groups for autocorrelated errors.
+    The evidence is the ratio of the densities of prior and posterior at none [Dickey1971]. It takes
+    the ``covariance`` of the terms of groups for autocorrelated errors.
     """
     terms, first = program.terms, WIDTH * len(program.file)
     if not terms.names:
@@ -742,8 +742,8 @@ def solid_body(
     """The most likely solid body of estimates x = M π, of which nothing else is known.
 
     Of values (r,) with their covariance (r, r), M (r, 4) or (r, 10), and the pseudo-inertia (4, 4)
-    of a body near it, which may be off by ``LARGEST_OF_BODY`` times itself: π, and the covariance
-    (r, r) of M π.
+    of a body near it. This may be off by ``LARGEST_OF_BODY`` times itself. Gives π, and the
+    covariance (r, r) of M π.
     """
     # Errors that are round-off of such a body count as a little larger, lest they are nothing.
     own = (_vector(guess) @ PARAMETERS)[: matrix.shape[1]]

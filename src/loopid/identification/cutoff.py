@@ -117,8 +117,8 @@ def choose_cutoff(
 ) -> CutoffChoice | None:
     """Choose the cut-off around which estimates change least.
 
-    None where no recording leaves it open (its filter has a cut-off, or it has no log), or where
-    too little is left of the recordings at any.
+    None where no recording leaves it open: its filter has a cut-off, or it has no log. None, too,
+    where too little is left of the recordings at any.
 
     Parameters
     ----------

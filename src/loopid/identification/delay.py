@@ -114,6 +114,15 @@ class Delay(WithFindings):
     left : FloatArray
         Standard deviation in s of what is left in the log: (1,) of all motors together, or (m,) of
         each.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from loopid.identification import Delay
+    >>> one, none, between = np.array([0.02]), np.zeros(1), (0.019, 0.021)
+    >>> delay = Delay(("elbow",), 0.02, between, one, np.array([between]), 0.01, one, none)
+    >>> delay.clear
+    True
     """
 
     joints: tuple[str, ...]
@@ -359,8 +368,8 @@ def with_delay_errors(
     """Add the uncertainty of the delay to a fit's covariance.
 
     An error of the delay adds forces D = ∂τ/∂t to those of the samples x. They move the estimates
-    by C Σ xᵀ D / σ², with C their covariance. σ² is the variance of this many independent errors as
-    would determine a mean as well. Of a delay that is not clear all is left (``Delay.left``).
+    by C Σ xᵀ D / σ², with C their covariance. The variance σ² is that of as many independent errors
+    as would determine a mean as well. Of a delay that is not clear all is left (``Delay.left``).
 
     Parameters
     ----------

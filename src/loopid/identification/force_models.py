@@ -71,6 +71,13 @@ class ForceModel:
         (n,), what the bodies that load the gears make of the parameters, without rotors and other
         joint terms that fold into them; None for those of the robot file. Load friction alone
         depends on it.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> model = loopid.force_model(loopid.load("five_bar"), "gravity", "Fc")
+    >>> len(model.parameters), model.model, model.regressor(model.robot.reference).shape
+    (8, 'gravity', (2, 8))
     """
 
     robot: Robot
@@ -192,7 +199,7 @@ class ForceModel:
     def with_loads(self, values: FloatArray, standard: FloatArray | None = None) -> ForceModel:
         """The same model with gears that carry the bodies of values (n,).
 
-        Where a joint term leads a combination with bodies, as a rotor with its link, standard
+        A joint term may lead a combination with bodies, as a rotor with its link. Then standard
         parameters that begin with those of the bodies say how much is theirs. Without them that
         stays as it is, by default none.
         """

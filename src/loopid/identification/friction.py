@@ -3,11 +3,12 @@
     F(q̇) = sign q̇ [Fc + Fv |q̇| + Σ c_k h_k(|q̇|) + c |τ|] + Σ d_k h_k(|q̇|)
 
 The line Fc + Fv |q̇| is Coulomb and viscous friction. What departs from it is linear between rates
-that double (``joint_laws``): c_k both ways alike, d_k not. c_k, and d_k, of a joint are a Gaussian
-process of the logarithm of the rate with one deviation. c is the part that a gear loses of the
-motor's force τ that moves the bodies [Hamon2010]. The evidence chooses each deviation, so that a
-joint has the shape that its data ask for. Where they ask for none it is a line. Groups without an
-effect are dropped. Load needs bodies, which the fit gives: rounds of fits find both.
+that double (``joint_laws``): c_k both ways alike, d_k not. Over the logarithm of the rate, c_k and
+d_k of a joint are Gaussian processes with one deviation each. The coefficient c is the part that a
+gear loses of the motor's force τ that moves the bodies [Hamon2010]. The evidence chooses each
+deviation, so that a joint has the shape that its data ask for. Where they ask for none it is a
+line. Groups without an effect are dropped. Load needs bodies, which the fit gives: rounds of fits
+find both.
 """
 
 from __future__ import annotations

@@ -48,8 +48,8 @@ LEAST_MASS, LEAST_REACH = 0.01, 0.01
 def body_sizes(robot: Robot, model: str) -> FloatArray:
     """Sizes (p,) of the standard parameters of the bodies by the robot file, all positive.
 
-    m, m ℓ and m ℓ² for a body of mass m whose mass is ℓ from its link's origin in the root mean
-    square: what uncertainties are compared with.
+    They are m, m ℓ and m ℓ² for a body of mass m, which is ℓ from its link's origin in the root
+    mean square. Uncertainties are compared with them.
     """
     values = robot.standard_parameters("full").reshape(-1, len(KINDS))
     mass = np.abs(values[:, 0])
@@ -104,6 +104,14 @@ class Excitation:
         (n,), effects in random states of the robot, descending.
     rank : int
         Directions that the data excite, by the limit that a fit is refused by.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> found = loopid.identify(loopid.load("five_bar"), "urdf/logs/five_bar.csv")
+    >>> excitation = found.identifiability.excitation
+    >>> excitation.rank, excitation.directions.shape
+    (17, (17, 17))
     """
 
     weights: FloatArray

@@ -6,8 +6,8 @@ turn. How far estimates move without each shows what errors of any kind do to th
 [BellMcCaffrey2002]. Recordings are left out alike. What differs between them, such as friction by
 temperature, does not show within one [Efron1982].
 
-Without a group, whose orthonormal columns x and residuals r have the sums G = Σ x xᵀ and s = Σ x r,
-least squares are (I - G)⁻¹ s off.
+A group has orthonormal columns x and residuals r, with the sums G = Σ x xᵀ and s = Σ x r. Without
+it least squares are (I - G)⁻¹ s off.
 """
 
 from __future__ import annotations

@@ -1,15 +1,16 @@
 """Forces that a model lacks, found by what they would explain: what physics could add, tested.
 
 Friction by evidence is a part of the default model. Beside it, a motor may show waves over its
-position (teeth, poles), a spring, friction that drifts as oil warms up, a direction, other motors
-through its gear. Lengths of the robot file may be off. Each is a few columns beside those of the
-fit. What they explain of the residuals is tested by F, with errors that are autocorrelated.
-Bonferroni counts all that is tried. Motors are alike, so that a law is tested for all of them, too.
-What is likely is tested again, with what all columns take up of the errors added back to these. A
-clear force that saves errors on segments left out, or moves estimates by more than they are known
-to, is named. It is not added. Intervals hold the bias that it makes. A weak spring looks like
-gravity, and moves estimates of bodies far. Intervals hold the bias of one that is likely, though
-not clear. How much would not show at all is said; intervals hold without such a spring.
+position (teeth, poles) or a spring. Friction may drift as oil warms up, or differ by direction.
+Other motors may show through its gear. Lengths of the robot file may be off. Each is a few columns
+beside those of the fit. What they explain of the residuals is tested by F, with errors that are
+autocorrelated. Bonferroni counts all that is tried. Motors are alike, so that a law is tested for
+all of them, too. What is likely is tested again, with what all columns take up of the errors added
+back to these. A clear force that saves errors on segments left out, or moves estimates by more than
+they are known to, is named. It is not added. Intervals hold the bias that it makes. A weak spring
+looks like gravity, and moves estimates of bodies far. Intervals hold the bias of one that is
+likely, though not clear. How much would not show at all is said; intervals hold without such a
+spring.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Robust regression by iteratively reweighted least squares [Huber1981].
 
-With residuals r of an actuator and their scale s, the *pseudo-errors* s ψ(r / s) / m, m the mean of
-ψ', add up in the estimates as errors do in least squares. Their variance σ² is what the actuator
-counts by, w = 1 / σ. Working forces x φ + s ψ(r / s) / m have the estimates as their least squares,
-Σ w² x s ψ(r / s) / m =  0. So each row counts by ψ(r / s) / (r / s) / m.
+Let r be the residuals of an actuator, s their scale and m the mean of ψ'. The *pseudo-errors* s ψ(r
+/ s) / m add up in the estimates as errors do in least squares. Their variance σ² is what the
+actuator counts by, w = 1 / σ. Working forces x φ + s ψ(r / s) / m have the estimates as their least
+squares, Σ w² x s ψ(r / s) / m = 0. So each row counts by ψ(r / s) / (r / s) / m.
 """
 
 from __future__ import annotations

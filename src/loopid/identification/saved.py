@@ -254,9 +254,10 @@ class FitFile:
     def model_of(self, robot: Robot) -> ForceModel:
         """The force model of a robot with the base parameters of the file: nothing is searched.
 
-        A DataError names the first thing in which it is another robot: names of coordinates, rows
-        or parameters, gravity, loops that do not close at the states, forces there, or
-        coefficients. Inertials may differ, as in robot files that were exported.
+        A DataError names the first thing in which it is another robot. Compared are names of
+        coordinates, rows and parameters, and gravity. Then come loops that must close at the
+        states, forces there, and coefficients. Inertials may differ, as in robot files that were
+        exported.
         """
         difference = next(_differences(self, robot), None)
         if difference is None:

@@ -80,8 +80,8 @@ def loop_motion(
 def closed_nearby(robot: Robot, other: Robot, q: FloatArray) -> FloatArray:
     """Poses (k, nq) of a robot of slightly other geometry, next to those of a robot.
 
-    Equations that are redundant for the one and contradict each other for the other are satisfied
-    in the least-squares sense, with the rank that they have for the one.
+    Equations may be redundant for the one and contradict each other for the other. They are
+    satisfied in the least-squares sense, with the rank that they have for the one.
     """
     A = scaled_jacobian(robot, Constraint(robot, q).jacobian())
     inverse = LoopDirections.of(robot, A).inverse

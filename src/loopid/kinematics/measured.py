@@ -1,7 +1,7 @@
 """Measured coordinates: joints, or those of the platform, from which all others follow.
 
-With the twist t = E ẋ of the platform at coordinates x, and its Jacobian J_p by all joints,
-E ẋ = J_p G u̇: the platform Jacobian is E⁺ J_p G.
+The platform at coordinates x has the twist t = E ẋ, and the Jacobian J_p by all joints. So E ẋ =
+J_p G u̇, and the platform Jacobian is E⁺ J_p G.
 """
 
 from __future__ import annotations

@@ -46,20 +46,27 @@ def blocks(count: int, size: int | None = None) -> Iterator[slice]:
         yield slice(first, min(first + step, count))
 
 
-class Frames(NamedTuple):
-    """Some frames in Pinocchio's memory: views of it, so that no object is made at a sample."""
-
-    origins: list[FloatArray]  # (3,) each
-    rotations: list[FloatArray]  # (3, 3) each
-    supports: FloatArray  # (F, nv), 1 where a coordinate moves a frame, else 0
-
-
 class _Memory(threading.local):
     """Pinocchio's data of a robot, one for each thread."""
 
     def __init__(self, model: pin.Model) -> None:
         self.data = model.createData()
-        self.frames: dict[tuple[int, ...], Frames] = {}
+        self.placed = _placed(self.data)
+
+
+def _placed(data: pin.Data) -> FloatArray:
+    """All frames in Pinocchio's memory (nframes, 12), so that no object is made at a sample.
+
+    The columns of the rotation, then the origin: ``data.oMf`` is a C++ vector of these.
+    """
+    rotation = data.oMf[0].rotation
+    parts = [(each.rotation, each.translation) for each in data.oMf]
+    addresses = np.array([[part.ctypes.data for part in each] for each in parts])
+    step = (addresses[-1, 0] - addresses[0, 0]) // max(len(parts) - 1, 1)
+    found = addresses - addresses[0, 0] - step * np.arange(len(parts))[:, None]
+    assert np.all(found == (0, rotation.nbytes)), "Pinocchio keeps frames in another way"
+    shape, strides = (len(parts), 12), (step, rotation.itemsize)
+    return np.lib.stride_tricks.as_strided(rotation, shape, strides, writeable=False)
 
 
 class Prepared:
@@ -76,6 +83,8 @@ class Prepared:
             if joint.shortname() in VARYING_SUBSPACE
         ]
         self.closure_frames, _ = robot.closure_frames
+        # Of all frames: 1 where a coordinate moves a frame, else 0.
+        self.supports = robot.supports(range(self.model.nframes)).astype(np.float64)
         self.rows, self.closure_rows = robot.rows, len(robot.row_closures)
         self.groups = list(_groups(robot))
         # Row of each cable, and where its length is in configurations and in velocities.
@@ -193,29 +202,20 @@ def frame_poses(
     """Place frames, by their indices in the model, at configurations (N, nq)."""
     own = prepared(robot)
     model, memory = own.model, own.memory
-    data = memory.data
-    origins, rotations, supports = _frames(robot, memory, tuple(frame_ids))
-    origin, rotation = np.empty((len(q), len(origins), 3)), np.empty((len(q), len(origins), 3, 3))
+    data, frames, ids = memory.data, memory.placed, np.asarray(frame_ids, dtype=np.intp)
+    placed = np.empty((len(q), len(ids), 12))
     jacobian, J = np.empty((len(q), 6 if jacobians else 0, model.nv)), data.J
-    ask = pin.computeJointJacobians if jacobians else pin.forwardKinematics
     for k, configuration in enumerate(q):
-        ask(model, data, configuration)
-        pin.updateFramePlacements(model, data)
-        origin[k], rotation[k] = origins, rotations
         if jacobians:
+            pin.computeJointJacobians(model, data, configuration)
+            pin.updateFramePlacements(model, data)
             jacobian[k] = J
-    return FramePoses(origin, rotation, supports, jacobian)
-
-
-def _frames(robot: Robot, memory: _Memory, frame_ids: tuple[int, ...]) -> Frames:
-    if frame_ids not in memory.frames:
-        placed = [memory.data.oMf[k] for k in frame_ids]
-        memory.frames[frame_ids] = Frames(
-            [place.translation for place in placed],
-            [place.rotation for place in placed],
-            robot.supports(frame_ids).astype(np.float64),
-        )
-    return memory.frames[frame_ids]
+        else:
+            pin.framesForwardKinematics(model, data, configuration)
+        # Without a mode NumPy copies the output, in case that an index is none.
+        frames.take(ids, axis=0, out=placed[k], mode="clip")
+    rotation = placed[..., :9].reshape(*placed.shape[:2], 3, 3).swapaxes(2, 3)
+    return FramePoses(placed[..., 9:], rotation, own.supports[ids], jacobian)
 
 
 def frame_motions(robot: Robot, q: FloatArray, v: FloatArray, poses: FramePoses) -> FrameMotions:

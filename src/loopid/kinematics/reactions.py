@@ -2,9 +2,9 @@
 
 Cut at joint j, what hangs on it needs the force f_j of the Newton-Euler recursion. Of that the
 closures give A_jᵀ λ. A_j are the rates of the closures per unit of its translation along the fixed
-axes. λ is what the joints without motors ask for, A_dᵀ λ = τ_d. So the bearing carries f_j - A_jᵀ
-λ = f_j - (A_d⁺ A_j)ᵀ τ_d [Featherstone2008, ch. 8]. Where closures are redundant, λ is that of the
-least norm.
+axes. The multipliers λ are what the joints without motors require, A_dᵀ λ = τ_d. So the bearing
+carries f_j - A_jᵀ λ = f_j - (A_d⁺ A_j)ᵀ τ_d [Featherstone2008, ch. 8]. Where closures are
+redundant, λ is that of the least norm.
 """
 
 from __future__ import annotations
@@ -85,9 +85,8 @@ def bearing_forces(
     undetermined = np.zeros(len(joints), dtype=bool)
     for rows in blocks(len(forces)):
         q = motion.configurations[rows]
-        tau, force, turn = tree_reactions(
-            tree, q, motion.velocities[rows], motion.accelerations[rows], joints
-        )
+        v, a = motion.velocities[rows], motion.accelerations[rows]
+        tau, force, turn = tree_reactions(tree, q, v, a, joints)
         A = robot.row_scales[:, None] * Constraint(robot, q).translation_rates(moved)
         columns = motion.projection.dependent_columns[rows]
         X = Solver.of(columns, NEAR_SINGULARITY).solve(A)

@@ -159,8 +159,8 @@ class LogMapping(Section):
     motors of ``joint_maps`` stand for the joints that they move. ``wrenches`` are what the
     surroundings exert on frames of the robot, each of six columns. ``free`` gives the columns of
     joints that no motor moves: one, or the seven of a floating base. ``delay`` is how much later
-    forces are than positions, in s, of all joints or by joint, or how late the time stamps of whole
-    streams are, by their names. Without a column of times, rows are even: ``rate`` in Hz, or
+    forces are than positions, in s, of all joints or by joint. Or it is how late the time stamps of
+    whole streams are, by their names. Without a column of times, rows are even: ``rate`` in Hz, or
     ``period`` in s between them. ``topic`` chooses among those of a bag, ``group`` among those of
     an HDF5 file.
 
@@ -168,6 +168,13 @@ class LogMapping(Section):
     ------
     OptionError
         Naming the key, the value and what is valid.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> mapping = loopid.logs.LogMapping(rate=200, force_scale={"elbow": -1})
+    >>> mapping.rate, mapping.force_scale
+    (200.0, {'elbow': -1.0})
     """
 
     format: Annotated[str, AfterValidator(_known_format), KnownFormats] | None = None

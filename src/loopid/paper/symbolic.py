@@ -269,8 +269,8 @@ def base_parameter_rows() -> tuple[BaseParameterRow, ...]:
 def _transferred_heights() -> dict[str, tuple[sp.Expr, ...]]:
     """Heights of each link's origin and axes, over the atoms.
 
-    The masses of stems 1 to 3 are transferred to B_i and that of stem 4 to p, points of the
-    platform on which the loop closures hold their origins. Cylinders have fixed origins.
+    The masses of stems 1 to 3 are transferred to B_i and that of stem 4 to p. The loop closures
+    hold their origins on these points of the platform. Cylinders have fixed origins.
     """
     heights: dict[str, tuple[sp.Expr, ...]] = {}
     for (leg, axes), B in zip(_LIMBS.items(), platform_points(), strict=True):

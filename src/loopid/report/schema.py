@@ -1,8 +1,9 @@
 """The forms of all records; ``json_schema`` gives them to programs in other languages.
 
-A form is a type; a list with the form of its entries; a dict of keys with their forms, all of which
-are there (``"a b"`` are two keys), or with the one key ``str``: of any keys; or a tuple of a form
-and None. What stands in a record as Python has it (``json_value``) has the form of its annotations.
+A form is a type, or a list with the form of its entries. It may be a dict of keys with their forms,
+all of which are there (``"a b"`` are two keys). A dict with the one key ``str`` is of any keys. Or
+a form is a tuple of a form and None. What stands in a record as Python has it (``json_value``) has
+the form of its annotations.
 """
 
 from __future__ import annotations

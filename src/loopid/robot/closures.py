@@ -1,11 +1,11 @@
-"""Loop closures: what each kind asks of two frames, in numbers, in symbols and in a robot file.
+"""Loop closures: what each kind requires of two frames, in numbers, in symbols and in a robot file.
 
 A kind of closure is a set of elementary equations. Each of these is one class with its residual r
 and its unit. It has the rate of r as a linear map of the frames' velocities (hence the Jacobian).
 It has the part of the second derivative that is quadratic in the velocities (the rest of the
-drift). r is also a CasADi expression for exported C code. With d = p_b - p_a, and with R the
-rotation and ω the angular velocity of a frame, everything along the fixed axes [Featherstone2008,
-ch. 8]:
+drift). The residual r is also a CasADi expression for exported C code. With d = p_b - p_a, and with
+R the rotation and ω the angular velocity of a frame, everything along the fixed axes
+[Featherstone2008, ch. 8]:
 
     r̈ = rate(accelerations) + curvature(velocities).
 
