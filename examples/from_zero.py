@@ -29,8 +29,7 @@ measured = loopid.simulate(
     joint_terms=terms,
     joint_values=friction,
 )
-log = loopid.Log.from_arrays(measured.time, measured.position, measured.force, robot.actuated)
-found = loopid.identify(model, [loopid.prepare(robot, log)])
+found = loopid.identify(model, measured)
 print(found.verdict, found.fit["knee_drive.Fc"], sep="\n")
 with TemporaryDirectory() as folder:
     fit = loopid.load_fit(found.fit.save(f"{folder}/fit.yaml"))

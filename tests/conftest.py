@@ -29,7 +29,7 @@ from loopid.errors import ModelWarning
 from loopid.identification import delay
 from loopid.identification.log_mistakes import LogFaults
 from loopid.paper.reproduction import reproduce_paper
-from made_runs import friction, logged, quietly, wander
+from made_runs import first_rows, friction, logged, quietly, wander
 
 ROOT = Path(__file__).parents[1]
 
@@ -114,6 +114,19 @@ def urdf_folder():
 
 
 @pytest.fixture(scope="session")
+def short_logs(tmp_path_factory):
+    """A folder with all of ``urdf``, its logs cut short."""
+    folder = tmp_path_factory.mktemp("short")
+    (folder / "urdf/logs").mkdir(parents=True)
+    for path in (ROOT / "urdf").iterdir():
+        if path.name != "logs":
+            (folder / "urdf" / path.name).symlink_to(path)
+    for path in (ROOT / "urdf/logs").iterdir():
+        (folder / "urdf/logs" / path.name).write_text(first_rows(path.stem))
+    return folder
+
+
+@pytest.fixture(scope="session")
 def shared():
     folder = ROOT.parent / "shared"
     if not folder.is_dir():
@@ -141,13 +154,17 @@ def load_once():
 
 @pytest.fixture
 def bundled_once(load_once, once, monkeypatch):
-    """Examples and pages share the bundled robots that they load, and what they identify."""
+    """Examples and pages share the bundled robots that they load, and what they do with them."""
     names, original = bundled_robots(), loopid.load
 
-    @wraps(identify)
-    def identified(*arguments, **options):
-        key = sha256(pickle.dumps((arguments, options))).hexdigest()
-        return once(f"identified {key}", lambda: identify(*arguments, **options))
+    def shared(function):
+        @wraps(function)
+        def call(*arguments, **options):
+            key = sha256(pickle.dumps((arguments, options))).hexdigest()
+            name = f"{function.__name__} {key}"
+            return once(name, lambda: function(*arguments, **options))
+
+        return call
 
     @wraps(original)
     def load(file, *arguments, **options):
@@ -155,7 +172,8 @@ def bundled_once(load_once, once, monkeypatch):
         return load_once(file) if alone else original(file, *arguments, **options)
 
     monkeypatch.setattr(loopid, "load", load)
-    monkeypatch.setattr(loopid, "identify", identified)
+    for function in (loopid.identify, loopid.design_motion, loopid.prepare, loopid.force_model):
+        monkeypatch.setattr(loopid, function.__name__, shared(function))
 
 
 KNEES = ["3ups_rpu", pytest.param("5p", marks=pytest.mark.validate)]  # of one kind

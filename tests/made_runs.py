@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -23,6 +24,12 @@ ARM = urdf(
     HINGE.format("shoulder", "ground", "upper", 0.3, "0 1 0"),
     HINGE.format("elbow", "upper", "lower", 0.4, "0 1 0"),
 )
+
+
+def first_rows(robot, rows=1000):
+    """The first rows of a robot's bundled log, as good as all to try what pages show."""
+    text = (Path(__file__).parents[1] / f"urdf/logs/{robot}.csv").read_text()
+    return "".join(text.splitlines(True)[:rows])
 
 
 def unchecked(*arrays, **options):

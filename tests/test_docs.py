@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 import loopid
 from loopid.cli import app
 from loopid.export.first_files import file_schema
+from made_runs import first_rows
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -28,8 +29,8 @@ def blocks(page, language):
 @pytest.mark.usefixtures("bundled_once", "nothing_suspected", "taken_as_prepared")
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("page", PAGES[1:], ids=lambda page: page.name)  # README: test_readme.py
-def test_the_python_of_a_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch):
-    (tmp_path / "urdf").symlink_to(ROOT / "urdf")
+def test_the_python_of_a_page_runs_from_top_to_bottom(page, short_logs, tmp_path, monkeypatch):
+    (tmp_path / "urdf").symlink_to(short_logs / "urdf")
     monkeypatch.chdir(tmp_path)
     names = {"__name__": "__page__"}
     for number, block in enumerate(blocks(page, "python"), 1):
@@ -39,8 +40,7 @@ def test_the_python_of_a_page_runs_from_top_to_bottom(page, tmp_path, monkeypatc
 # Commands that take minutes or other files, and the tests that run them.
 ELSEWHERE = {"paper": "tests/paper", "payload": "tests/cli/test_simulate_and_predict.py"}
 # Of designs, so that they take a second.
-QUICK = ["--starts", "1", "--evaluations", "20"]
-LOG_ROWS = 600
+QUICK = ["--starts", "1", "--evaluations", "5", "--duration", "5"]
 LONG = {"control", "excitation", "exports", "identification", "reports"}  # 35 s
 
 
@@ -68,11 +68,6 @@ def commands(page):
             yield words[1:]
 
 
-def log_for(robot):
-    """The first rows of its bundled log."""
-    return "".join((ROOT / f"urdf/logs/{robot}.csv").read_text().splitlines(True)[:LOG_ROWS])
-
-
 @pytest.mark.usefixtures("nothing_suspected", "no_delay_sought")
 @pytest.mark.filterwarnings("ignore::UserWarning", "ignore::ResourceWarning")
 @pytest.mark.parametrize(
@@ -93,7 +88,7 @@ def test_the_commands_of_a_page_run_from_top_to_bottom(page, desk):
             continue  # by a browser: tests/view
         robot = words[1] if words[1] in ("3ups_rpu", "five_bar") else robot
         for name in ("LOG",) if made_there else ("LOG", "run.csv"):
-            (desk / name).with_suffix(".csv").write_text(log_for(robot))
+            (desk / name).with_suffix(".csv").write_text(first_rows(robot, 600))
         if "other" in words:
             shutil.copytree(desk / "found", desk / "other")
         words = ["LOG.csv" if word == "LOG" else word for word in words]

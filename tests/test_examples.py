@@ -35,15 +35,19 @@ PRINTED = {
     "payload_on_the_knee": ("PID+G online 0.", "a leg came after 6 s, changes were found at [6."),
     "serial_arm": ("upper.mx + 0.4 lower.m", "shoulder.Fc: 0.", "payload.m: 0."),
 }
-LONG = ("real_log",)  # takes half a minute
+LONG = ("payload_on_the_knee", "real_log")  # tests/control has the payload in short
 SCRIPTS = [
     pytest.param(script, id=script.stem, marks=[pytest.mark.validate] * (script.stem in LONG))
     for script in sorted(FOLDER.glob("*.py"))
 ]
+BOOKS = [
+    pytest.param(book, id=book.stem, marks=[pytest.mark.validate] * (book.stem == "paper"))
+    for book in sorted(FOLDER.glob("*.ipynb"))
+]  # the rest of the paper: tests/paper
 NEEDED = {"mujoco_model": "mujoco"}
 
 
-@pytest.mark.usefixtures("nothing_suspected", "no_delay_sought")
+@pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared")
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("script", SCRIPTS)
 def test_an_example_prints_what_it_promises(script, request, capsys, monkeypatch, tmp_path):
@@ -70,7 +74,7 @@ def words(text):
 
 @pytest.mark.usefixtures("bundled_once", "nothing_suspected", "no_delay_sought")
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("book", sorted(FOLDER.glob("*.ipynb")), ids=lambda book: book.stem)
+@pytest.mark.parametrize("book", BOOKS)
 def test_a_notebook_shows_what_it_is_kept_with(book, monkeypatch, tmp_path):
     """``python tests/notebooks.py`` keeps what the cells show."""
     pytest.importorskip("matplotlib").use("Agg")

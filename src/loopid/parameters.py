@@ -105,9 +105,7 @@ class ParameterSet:
         counts = Counter(self.labels)
         repeated = [label for label, count in counts.items() if count > 1]
         if repeated:
-            raise OptionError(
-                f"parameters are repeated: {', '.join(repeated)}", repeated=tuple(repeated)
-            )
+            raise OptionError(f"parameters are repeated: {', '.join(repeated)}")
 
     @classmethod
     def from_labels(cls, labels: Iterable[str]) -> ParameterSet:

@@ -13,7 +13,6 @@ import loopid
 from loopid.logs import Recording
 from loopid.logs.mapping import read_mapping
 from loopid.motion import scaled_bodies
-from loopid.motion.simulation import log_text
 
 ROOT = Path(__file__).parents[2]
 LOG = ROOT / "urdf" / "logs" / "five_bar.csv"
@@ -192,7 +191,7 @@ def test_the_payload_of_two_logs(five_bar, run, run_json, tmp_path):
         measured = loopid.simulate(
             five_bar, motion, loopid.motion.Noise(gaussian=0.02), standard_parameters=bodies
         )
-        (tmp_path / f"{name}.csv").write_text(log_text(five_bar, measured))
+        (tmp_path / f"{name}.csv").write_text(measured.text)
     logs = [f"--unloaded={tmp_path}/light.csv", f"--loaded={tmp_path}/heavy.csv"]
     options = ["--model=full", "--terms=none"]
     found = run_json("payload", "five_bar", "left_coupler", *logs, *options)

@@ -13,9 +13,9 @@ from loopid.identification.fitting import quiet_fit
 from loopid.kinematics import closed_motion
 from loopid.logs import Log
 
-QUICK = DesignOptions(starts=1, evaluations=6, solver="slsqp", rate=20.0)
+QUICK = DesignOptions(starts=1, evaluations=3, solver="slsqp", rate=20.0, size=2)
 FINE = replace(QUICK, rate=100.0)
-GOOD = replace(FINE, noise=0.01, evaluations=10)  # enough to gain
+GOOD = replace(FINE, noise=0.01, evaluations=8, size=None)  # enough to gain
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def test_a_fit_of_a_log_says_what_was_promised(design):
 
 
 def test_poses_are_told_by_forces_of_motors_that_stand(gravity):
-    options = replace(FINE, shape="poses", noise=0.5, evaluations=4)
+    options = replace(FINE, shape="poses", noise=0.5, size=None)
     found = loopid.design_motion(gravity, options=options)
     assert found.violations == 0
     fit = fit_of(found, log_of(found, 0.5, seed=1, idle_speed=0.0))
@@ -87,12 +87,7 @@ def test_poses_are_told_by_forces_of_motors_that_stand(gravity):
 
 
 def test_it_is_better_than_where_it_started(design):
-    assert (design.standard_errors < design.before.standard_errors).all()
-
-
-def test_the_same_seed_gives_the_same_motion(full, design):
-    again = loopid.design_motion(full, options=GOOD)
-    np.testing.assert_array_equal(again.motion.position, design.motion.position)
+    assert (design.standard_errors < design.errors_before).all()
 
 
 @pytest.mark.validate
@@ -112,7 +107,7 @@ def test_each_criterion_wins_by_its_own_measure(gravity):
 def test_ranges_of_platform_coordinates_are_kept():
     robot = loopid.load("3ups_rpu")
     limits = MotionLimits(workspace={"x_m": (-0.1, 0.1)}, singularity_threshold=0.05)
-    options = replace(QUICK, evaluations=1, size=2)
+    options = replace(QUICK, evaluations=1)
     found = loopid.design_motion(
         loopid.force_model(robot, joint_terms=None), limits=limits, options=options
     )
@@ -124,15 +119,16 @@ def test_ranges_of_platform_coordinates_are_kept():
 
 def test_a_log_and_the_motion_together_tell_what_the_log_does_not(full, one_crank):
     told = loopid.identification.identifiability(full, [one_crank])
+    options = replace(FINE, size=None)
     leads = [next(iter(each.terms)) for each in told.unidentifiable]
     assert set(leads) <= set(told.leads)
-    found = loopid.design_motion(full, after=[one_crank], parameters=leads, options=FINE)
+    found = loopid.design_motion(full, after=[one_crank], parameters=leads, options=options)
     unknown = [full.parameters.labels.index(lead) for lead in leads]
-    assert (found.before.standard_errors[unknown] > 1e3).all()
+    assert (found.errors_before[unknown] > 1e3).all()
     assert (found.standard_errors < 1.0).all()
     # The noise is that of the log, which has a fifth of the samples in a second.
     np.testing.assert_allclose(found.noise, 0.01 * 5**0.5, rtol=0.4)
-    everything = loopid.design_motion(full, after=[one_crank], options=FINE)
+    everything = loopid.design_motion(full, after=[one_crank], options=options)
     chosen = found.standard_errors[unknown].prod()
     assert chosen <= everything.standard_errors[unknown].prod() * 1.2
 
@@ -266,7 +262,8 @@ def test_more_evaluations_never_give_a_worse_motion(gravity):
 
 
 def test_the_clock_stops_and_changes_nothing_else(gravity):
-    slow = replace(QUICK, evaluations=3, time_limit=1000.0)
+    """Not even the last bit: the same seed gives the same motion."""
+    slow = replace(QUICK, time_limit=1000.0)
     one, other = (
         loopid.design_motion(gravity, options=options)
         for options in (slow, replace(slow, time_limit=None))
@@ -288,9 +285,9 @@ def test_the_first_interrupt_keeps_the_best(gravity):
             os.kill(os.getpid(), signal.SIGINT)
 
     before = signal.getsignal(signal.SIGINT)
-    found = loopid.design_motion(gravity, options=QUICK, progress=interrupt)
+    found = loopid.design_motion(gravity, options=replace(QUICK, evaluations=5), progress=interrupt)
     assert not found.converged
-    assert found.evaluations < QUICK.evaluations
+    assert found.evaluations < 5
     assert found.violations == 0
     assert signal.getsignal(signal.SIGINT) is before
 
@@ -323,7 +320,7 @@ def wrist(tmp_path_factory):
 
 
 def test_a_motor_that_moves_no_closed_frame_is_no_singularity(wrist):
-    found = loopid.design_motion(wrist, options=replace(QUICK, evaluations=5))
+    found = loopid.design_motion(wrist, options=QUICK)
     assert found.violations == 0
     assert np.isfinite(found.standard_errors).all()
     assert not any(check.name.startswith("force") for check in found.checks)
@@ -332,18 +329,18 @@ def test_a_motor_that_moves_no_closed_frame_is_no_singularity(wrist):
 def test_what_no_motion_within_the_limits_excites_is_named(wrist):
     still = MotionLimits(positions={"wrist_joint": (0.0, 1e-9)})
     with pytest.warns(DataWarning, match=r"does not excite .*position of wrist_joint"):
-        found = loopid.design_motion(wrist, limits=still, options=replace(QUICK, evaluations=3))
+        found = loopid.design_motion(wrist, limits=still, options=replace(QUICK, evaluations=1))
     assert np.isinf(found.standard_errors).any()
 
 
 def test_without_other_word_noise_is_a_share_of_the_forces(full):
     """Errors are in proportion to it, and it is of the size of the forces of any good motion."""
     one, two = (
-        loopid.design_motion(full, options=replace(FINE, evaluations=4, noise_share=share))
+        loopid.design_motion(full, options=replace(FINE, noise_share=share))
         for share in (0.01, 0.02)
     )
     np.testing.assert_allclose(two.noise, 2 * one.noise)
-    np.testing.assert_allclose(two.before.standard_errors, 2 * one.before.standard_errors)
+    np.testing.assert_allclose(two.errors_before, 2 * one.errors_before)
     shares = one.noise / np.sqrt((one.forces**2).mean(axis=0))
     assert (shares > 0.01 / 3).all()
     assert (shares < 0.01 * 3).all()

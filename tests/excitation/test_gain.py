@@ -12,15 +12,15 @@ from loopid.errors import DataError
 
 def test_a_design_that_gained_nothing_is_refused_with_advice(load_once):
     model = loopid.force_model(load_once("four_bar"), "full", None)
-    options = DesignOptions(duration=4.0, starts=1, evaluations=3, solver="slsqp")
+    options = DesignOptions(duration=4.0, starts=1, evaluations=3, size=2, solver="slsqp")
     found = loopid.design_motion(model, options=options)
     assert found.gain > 0
-    none = replace(found, before=found.expected)
+    none = replace(found, errors_before=found.standard_errors)
     assert none.gain == 1.0
     with pytest.raises(DataError, match=r"excites more than the first motion.*evaluations=\d+"):
         none.require_gain()
-    untold = replace(found.expected, standard_errors=np.full(len(found.parameters), np.inf))
-    replace(found, before=untold).require_gain()  # it tells what nothing told
+    untold = np.full(len(found.parameters), np.inf)
+    replace(found, errors_before=untold).require_gain()  # it tells what nothing told
 
 
 @pytest.mark.parametrize("solver", ["slsqp", "ipopt"])
@@ -28,5 +28,5 @@ def test_a_gain_is_over_the_start_that_solvers_leave_as_it_was(load_once, solver
     if solver == "ipopt":
         pytest.importorskip("ipyopt")
     model = loopid.force_model(load_once("four_bar"), "full", None)
-    options = DesignOptions(duration=4.0, starts=1, evaluations=10, solver=solver)
+    options = DesignOptions(duration=4.0, starts=1, evaluations=10, rate=50.0, solver=solver)
     assert loopid.design_motion(model, options=options).gain > 1.5

@@ -12,7 +12,7 @@ import loopid
 from bank_robots import few_of
 from closure_robots import body, joint, urdf
 from loopid import JointTerms, bundled_robots, random_configurations
-from loopid.errors import ModelWarning
+from loopid.errors import ModelWarning, RobotFileError
 from loopid.export.robot_file import export_robot_file, updated_robot_file
 from loopid.identification.friction_curves import nearest_line
 from loopid.identification.quality import MotorUse
@@ -213,6 +213,19 @@ def test_the_advice_for_what_has_no_place_works(tmp_path):
         mechanism, terms, values, tmp_path / "new.urdf", file=tmp_path / "new.yaml"
     )
     assert_same(mechanism, again, whole, terms)
+
+
+@pytest.mark.parametrize("ending", [".urdf", ".sdf"])
+def test_a_format_that_is_only_read_is_not_written(tmp_path, ending):
+    (tmp_path / "arm.sdf").write_text(
+        """<sdf version="1.9"><model name="arm"><link name="arm"><inertial><mass>1</mass>
+        <pose>0 0 0.1 0 0 0</pose></inertial></link><joint name="hip" type="revolute">
+        <parent>world</parent><child>arm</child><axis><xyz>0 1 0</xyz></axis></joint></model></sdf>
+        """
+    )
+    arm = loopid.load(tmp_path / "arm.sdf")
+    with pytest.raises(RobotFileError, match=r"into \.sdf, but into .*\.urdf: fit\.to_pinocchio"):
+        export_robot_file(arm, arm.standard_parameters(), tmp_path / f"new{ending}")
 
 
 def test_negative_friction_is_zero_and_named(tmp_path):

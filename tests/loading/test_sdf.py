@@ -329,7 +329,7 @@ def test_a_force_limit_of_zero_is_no_motor_beside_others(load):
 
 
 def test_reserved_names_and_static_models_are_named(load, tmp_path):
-    with pytest.raises(RobotFileError, match="'world' is a reserved name: rename it"):
+    with pytest.raises(RobotFileError, match="'world' is reserved: rename it"):
         load(model(*ARM[:2], *ARM[3:], LINK.format("world", 0, SOLID)))
     still = model(*ARM[:2], *ARM[3:]).replace(
         '<model name="m">', '<model name="table"><static>1</static>'

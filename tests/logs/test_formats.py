@@ -15,7 +15,7 @@ from loopid.errors import DataWarning, FileError, LogError, MissingExtraError
 from loopid.logs import LogMapping, read_log
 from loopid.logs.reading import read_streams
 from loopid.motion import JointMotion
-from loopid.motion.simulation import Measurement, log_text
+from loopid.motion.simulation import Measurement
 
 
 @pytest.fixture
@@ -300,7 +300,7 @@ def test_joints_of_any_printable_name_go_through_a_log_of_ones_own(tmp_path, wri
         ]
     robot = loopid.load(write_files(*files(parts, {})))
     times, values = 0.01 * np.arange(50), np.random.default_rng(0).normal(0, 1e-4, (2, 50, 3))
-    (tmp_path / "run.csv").write_text(log_text(robot, Measurement(times, *values, values[1])))
+    (tmp_path / "run.csv").write_text(Measurement(robot.actuated, times, *values, values[1]).text)
     log = read_log(tmp_path / "run.csv", robot)
     assert log.joints == robot.actuated == tuple(names)
     np.testing.assert_allclose([log.position, log.force], values, rtol=1e-8)

@@ -144,7 +144,7 @@ def test_wrong_mappings_are_explained(knee, foreign, write_mapping, old, new, me
 @pytest.mark.parametrize(
     ("old", "new", "named"),
     [
-        ("ticks", "tacks", "foreign has no column 'tacks'"),
+        ("ticks", "tacks", "foreign has no time 'tacks'"),
         ("enc3", "enc7", "enc7"),
         ("enc3", "enc2", "enc2"),
         ("u4]", "enc4]", "enc4"),

@@ -174,3 +174,22 @@ def test_a_motion_that_no_motor_can_give_is_refused(linkage):
     pushed = replace(motion, accelerations=motion.accelerations + np.array([0.0, 0.1]))
     with pytest.raises(DataError, match=r"leave ball\.wx free.*Dynamics\.forward"):
         loopid.simulate(robot, pushed)
+
+
+def test_what_is_simulated_is_data_as_it_is_and_as_a_file(tmp_path, load_once):
+    robot = load_once("five_bar")
+    sizes, phases = [[0.08, 0.04], [0.04, 0.08]], [[0.1, 0.0], [0.0, 0.1]]
+    series = FourierSeries(robot.actuated, 0.5, [2.0, 0.8], sizes, phases)
+    noise, moved = Noise(gaussian=0.01), series.motion(rate=100)
+    measured = loopid.simulate(robot, moved, noise, seed=1)
+    assert measured == loopid.simulate(robot, joint_motion(robot, moved), noise, seed=1)
+    file = measured.save(tmp_path / "run.csv")
+    assert file.read_text().splitlines()[0].split(",") == measured.to_polars().columns
+    read = loopid.read_log(file, robot)
+    np.testing.assert_allclose(read.force, measured.force, rtol=1e-8)
+    model = loopid.force_model(robot, "gravity", "Fc")
+    fit = loopid.Fit.of(model, model.prior)
+    one, other = (fit.predict(data).recording for data in (measured, file))
+    np.testing.assert_allclose(one.force, other.force, rtol=1e-6)
+    with pytest.raises(OptionError, match=r"ending of .*'\.txt'"):
+        measured.save(tmp_path / "run.txt")

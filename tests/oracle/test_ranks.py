@@ -87,7 +87,7 @@ def test_files_of_mujoco(name, tmp_path):
 
 @pytest.mark.parametrize(
     "name",
-    few_of(["folded_four_bar", "folded_leg", "folded_branches"], "folded_leg"),
+    few_of(["folded_four_bar", "folded_leg", "folded_branches"], "folded_four_bar"),
 )
 def test_robots_that_are_drawn_folded(name, write_files):
     with warnings.catch_warnings():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from loopid.paper.reproduction import run_experiment
+from loopid.paper.reproduction import run_experiment, simulate_stand_in
 
 
 @pytest.fixture(scope="session")
@@ -25,3 +25,9 @@ def coarse(knee, once):
 def short(knee, once):
     """Two short trajectories at the rate of the paper's reproduction."""
     return once("short", lambda: run_experiment(knee, 10.0, names=("3", "9")))
+
+
+@pytest.fixture(scope="session")
+def made(short, once):
+    """Recordings of stand-ins of two seeds, and the bodies of each."""
+    return once("stand-ins", lambda: [simulate_stand_in(short, seed) for seed in (0, 2)])

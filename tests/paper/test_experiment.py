@@ -96,8 +96,8 @@ def test_the_noise_is_the_papers_and_no_two_parts_share_it(experiment):
         assert abs(np.corrcoef(first, second)[0, 1]) < 0.15
 
 
-def test_a_stand_in_is_not_quite_the_robot_file(knee, short):
-    recordings, truth = simulate_stand_in(short, seed=0)
+def test_a_stand_in_is_not_quite_the_robot_file(knee, made):
+    recordings, truth = made[0]
     file = knee.standard_parameters()
     assert (truth[file != 0] / file[file != 0]).std() == pytest.approx(SPREAD, rel=0.25)
     assert [recording.name for recording in recordings] == ["3", "9"]

@@ -19,7 +19,6 @@ from loopid.paper.reproduction import (
     identify_in_two_steps,
     reproduce_paper,
     run_experiment,
-    simulate_stand_in,
 )
 from made_runs import quietly
 
@@ -133,9 +132,9 @@ def test_friction_from_the_warm_up_alone_is_less_certain(paper):
 
 
 @pytest.fixture(scope="module")
-def stand_ins(short):
-    """Of several seeds."""
-    return [quietly(fit_actual, short, *simulate_stand_in(short, seed)) for seed in range(3)]
+def stand_ins(short, made, once):
+    """Fits of several seeds."""
+    return once("fits", lambda: [quietly(fit_actual, short, *each) for each in made])
 
 
 @pytest.mark.parametrize("fit", ["fifteen", "informed"])
@@ -163,9 +162,8 @@ def test_eight_parameters_are_biased_and_predict_worse(stand_ins):
         assert np.mean(ratios, axis=0).max() > factor
 
 
-def test_the_truth_of_a_stand_in_is_in_the_order_of_table_ii(short, knee):
-    recordings, standard = simulate_stand_in(short, 0)
-    found = fit_actual(short, recordings, standard)
+def test_the_truth_of_a_stand_in_is_in_the_order_of_table_ii(stand_ins, made, knee):
+    found, standard = stand_ins[0], made[0][1]
     by_label = dict(zip(knee.parameters().labels, standard, strict=True))
     masses = ("platform.m", *(f"leg{limb}_stem.m" for limb in (1, 2, 3, 4)))
     assert found.truth[0] == pytest.approx(sum(by_label[label] for label in masses))
@@ -175,8 +173,8 @@ def test_the_truth_of_a_stand_in_is_in_the_order_of_table_ii(short, knee):
     assert found.sources == ("3", "9")
 
 
-def test_figures_show_forces_that_belong_together(stand_ins, short):
-    found, recording = stand_ins[0], simulate_stand_in(short, 0)[0][0]
+def test_figures_show_forces_that_belong_together(stand_ins, made):
+    found, recording = stand_ins[0], made[0][0][0]
     np.testing.assert_array_equal(found.force, recording.force)
     np.testing.assert_array_equal(found.used, recording.used)
     np.testing.assert_array_equal(found.time, recording.motion.time)

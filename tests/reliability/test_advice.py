@@ -284,7 +284,7 @@ OF_ROBOTS = {
     ),
     "an entity": (
         Robot("arm.urdf", ENTITY + ARM.replace(MASS, '<mass value="&three;"', 1)),
-        "write out what &three; stands for",
+        "write out &three;",
         urdf(),
     ),
     "two masses": (urdf(MASS, '<mass value="1"/>' + MASS), "has 2 times <mass>: keep one", urdf()),
@@ -305,12 +305,12 @@ OF_ROBOTS = {
     ),
     "a closure in one body": (
         yaml("closures: [{type: 3d, frames: [coupler, coupler_end]}]"),
-        "it closes no loop, leave it out",
+        "two frames of one body: leave it out",
         yaml(""),
     ),
     "a coupling of frames": (
         edited("['3d']", "[coupling]"),
-        "list it as one of 'couplings'",
+        "list it in 'couplings'",
         Robot("arm.yaml", COUPLED.format("")),
     ),
     "couplings that contradict each other": (
@@ -373,7 +373,7 @@ OF_ROBOTS = {
     "a part of an SDF in another file": (sdf("<include/>"), "is not read: write it out", sdf()),
     "a frame that places a model": (
         sdf(NESTED.format(' placement_frame="palm"', "")),
-        "is not read: write its <pose>",
+        "placement_frame of <model name='hand'>: write its <pose>",
         sdf(NESTED.format("", "<pose>0 0 1 0 0 0</pose>")),
     ),
     "an inertial that Gazebo makes": (
@@ -855,7 +855,7 @@ OF_FILES = {
     ),
     "a bag with an odd name": (
         bag(lambda folder: folder / "run#1.db3"),
-        "takes '#' in a path for something else: rename it",
+        "cannot have '#' in a path: rename it",
         bag(lambda folder: (folder / "run#1.db3").rename(folder / "run_1.db3")),
     ),
     "a robot file that was changed": (

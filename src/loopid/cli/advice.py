@@ -66,8 +66,8 @@ def command_with(
         if isinstance(value, dict):
             value = [f"{key}:={given}" for key, given in value.items()]
         each = value if isinstance(value, list | tuple) else [value]
-        told = (one for one in each if one is not None and one is not False)
-        said += [part for one in told for part in ([option] if one is True else [option, str(one)])]
+        for one in (one for one in each if one is not None and one is not False):
+            said += [option] if one is True else [option, str(one)]
     return shlex.join(said)
 
 

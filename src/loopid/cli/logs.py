@@ -54,8 +54,7 @@ def identify(
     terms: str = AUTOMATIC_TERMS,
     estimator: str = Option("wls", help="wls, ols, bisquare or iv (with --reference)."),
     unidentifiable: str = Option(
-        "prior",
-        help="Unexcited parameters: keep the robot file's values (prior), or an error.",
+        "prior", help="Unexcited parameters: keep the robot file's values (prior), or an error."
     ),
     reference: list[str] | None = Option(
         None, metavar="LOG", help="For iv: commanded positions, one for each LOG, in order."
@@ -206,13 +205,11 @@ def payload(
         "unloaded": recordings(robot, unloaded, mapping, cutoff, rows),
         "loaded": recordings(robot, loaded_log, mapping, cutoff, rows),
     }
-    fitted = force_model(
-        robot, chosen_model(robot, model, [*runs["unloaded"], *runs["loaded"]]), terms
-    )
+    chosen = chosen_model(robot, model, [*runs["unloaded"], *runs["loaded"]])
+    fitted = force_model(robot, chosen, terms)
     if known_mass is None:
-        report = payload_report(
-            robot, identify_payload(fitted, link=link, **runs, estimator=estimator)
-        )
+        found = identify_payload(fitted, link=link, **runs, estimator=estimator)
+        report = payload_report(robot, found)
     else:
         load = KnownLoad(known_mass, None if centre is None else numbers(centre, "--centre", 3))
         gains = drive_gains(fitted, link=link, load=load, **runs, estimator=estimator)
@@ -247,9 +244,7 @@ def _vetoed(report: Report, suspected: Sequence[LogFaults]) -> Report:
 def export(
     file: str = FILE,
     fit: str = Argument(
-        ...,
-        metavar="FIT",
-        help="Saved fit: parameters.yaml of 'loopid identify'.",
+        ..., metavar="FIT", help="Saved fit: parameters.yaml of 'loopid identify'."
     ),
     robot: str | None = Option(
         None,
@@ -278,9 +273,7 @@ def export(
     from loopid.report.look import json_text
 
     if robot is yaml is c is None:
-        raise OptionError(
-            "nothing to export: give --urdf FILE, --mjcf FILE, --yaml FILE or --c DIR"
-        )
+        raise OptionError("nothing to export: give --urdf, --mjcf or --yaml FILE, or --c DIR")
     saved = load_fit(fit, robot=file)
     if yaml is not None:
         require_other_file(yaml, fit, *own_files(saved.robot))

@@ -35,7 +35,7 @@ LOG_ENDINGS = (".csv", ".txt", ".tsv")
 MODELS = "gravity (slow motion) or full (all ten parameters a body)"
 MODEL = Option("gravity", help=f"{MODELS}.", autocompletion=completion.models)
 LOGGED_MODEL = Option(
-    "auto", help=f"{MODELS}; auto: the one that LOG asks for.", autocompletion=completion.models
+    "auto", help=f"{MODELS}; auto: the one that LOG needs.", autocompletion=completion.models
 )
 TERMS = (
     "Forces in the joints: of all motors, as Fc,Fv,Fo; with some joints' own, as "
@@ -445,9 +445,7 @@ def row_range(text: str | None) -> tuple[int, int | None] | None:
         return None
     found = re.fullmatch(r"(\d{1,9})?:(\d{1,9})?", text, re.ASCII)
     if found is None:
-        raise OptionError(
-            f"--rows must be M:N, such as 1000:5000 or 1000:, not {text!r}", given=text
-        )
+        raise OptionError(f"--rows must be M:N, as 1000:5000 or 1000:, not {text!r}", given=text)
     first, last = found.groups()
     return int(first or 1), int(last) if last else None
 

@@ -36,7 +36,7 @@ class Command(TyperCommand):
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command; what it warns of is said after what it shows."""
-        told = ctx.obj = list[str]()
+        warned = ctx.obj = list[str]()
 
         def keep(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
             text = in_options(str(message), ctx)
@@ -45,7 +45,7 @@ class Command(TyperCommand):
                     f"some numbers on the way were too large, or none ({text}): are the units of "
                     "all files right?"
                 )
-            told.extend([text] if text not in told else [])
+            warned.extend([text] if text not in warned else [])
 
         try:
             with warnings.catch_warnings():
@@ -53,7 +53,7 @@ class Command(TyperCommand):
                 try:
                     return super().invoke(ctx)
                 finally:
-                    for text in told:
+                    for text in warned:
                         say(f"warning: {text}", whole=ctx.params.get("verbose", False))
         except LoopidError as error:
             refuse(in_options(str(error), ctx))
@@ -120,11 +120,11 @@ class Answer:
 
         report = self._in_options(report, command)
         found = {str(each) for each in report.findings}
-        told = self.context.obj  # what is a finding is said once
-        told[:] = [text for text in told if not any(text in each for each in found)]
-        if told:
-            title = f"{counted(len(told), 'warning')} of robot and log files"
-            note = Finding("note", title, "; ".join(told))
+        warned = self.context.obj  # what is a finding is said once
+        warned[:] = [text for text in warned if not any(text in each for each in found)]
+        if warned:
+            title = f"{counted(len(warned), 'warning')} of robot and log files"
+            note = Finding("note", title, "; ".join(warned))
             report = replace(report, findings=[*report.findings, note])
         command = shlex.join(["loopid", *sys.argv[1:]])
         written: list[Path] = []
@@ -161,9 +161,8 @@ class Answer:
         console = Console(highlight=False)
         console.width = console.width or WIDTH
         console.print(Words(f"{report.title}: {report.verdict}"))
-        own = [
-            f for f in report.findings if f.severity == "mistake" or f.title not in report.verdict
-        ]
+        verdict = report.verdict
+        own = [f for f in report.findings if f.severity == "mistake" or f.title not in verdict]
         for line in in_words(own, self.verbose):
             console.print(Words(line))
         if report.advice:

@@ -60,15 +60,10 @@ class Collisions:
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
         """Links that may touch each other."""
-        pieces, frames = self.geometry.geometryObjects, self.robot.model.frames
-        found = (
-            (
-                frames[pieces[pair.first].parentFrame].name,
-                frames[pieces[pair.second].parentFrame].name,
-            )
-            for pair in self.geometry.collisionPairs
-        )
-        return tuple(dict.fromkeys(found))
+        frames = self.robot.model.frames
+        links = [frames[piece.parentFrame].name for piece in self.geometry.geometryObjects]
+        pairs = self.geometry.collisionPairs
+        return tuple(dict.fromkeys((links[pair.first], links[pair.second]) for pair in pairs))
 
     def least(self, q: FloatArray) -> FloatArray:
         """Distance (N,) in m between the two links that are nearest; negative inside each other."""

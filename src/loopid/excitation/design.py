@@ -53,27 +53,6 @@ UNEXCITED, PART_UNEXCITED = 1e-8, 1e-4
 LEAST_GAIN = 1.01  # ratio of standard errors below which a design gained nothing
 
 
-@record
-class ExpectedFit:
-    """Accuracy of z parameters in a fit."""
-
-    standard_errors: FloatArray  # (z,), infinite where a parameter is undetermined
-    # (z,), singular values of the weighted observation, its columns scaled to length 1
-    spectrum: FloatArray
-
-    @classmethod
-    def of(cls, information: FloatArray, errors: FloatArray) -> ExpectedFit:
-        """Of triangular factors (z, z): of the weighted observation, and of its filtered one."""
-        scale = np.linalg.norm(information, axis=0)
-        scale = np.where(scale > 0, scale, 1.0)
-        _, values, right = np.linalg.svd(information / scale)
-        excited = values > UNEXCITED * values[0]
-        inverse = (right[excited].T / values[excited] ** 2) @ right[excited]
-        spread = np.linalg.norm(errors / scale @ inverse, axis=0) / scale
-        unexcited = np.linalg.norm(right[~excited], axis=0) > PART_UNEXCITED
-        return cls(np.where(unexcited, np.inf, spread), values)
-
-
 @record(kw_only=True)
 class ExcitationDesign:
     """A motion that excites, with what it promises and keeps.
@@ -97,9 +76,10 @@ class ExcitationDesign:
         The motion as a motion file writes it.
     criteria : Criteria
         Of the weighted observation of the motion, with what there was before.
-    expected, before : ExpectedFit
-        What a fit of a run tells, together with what there was before; and of that alone: of the
-        logs, or of the motion that the search started from.
+    standard_errors, errors_before : FloatArray
+        (z,) of the parameters by a fit of a run, together with what there was before; and of that
+        alone: of the logs, or of the motion that the search started from. Infinite where one is
+        undetermined.
     after_logs : bool
         Whether there were logs before.
     noise : FloatArray
@@ -127,8 +107,8 @@ class ExcitationDesign:
     start: FloatArray
     waypoints: tuple[Waypoint, ...]
     criteria: Criteria
-    expected: ExpectedFit
-    before: ExpectedFit
+    standard_errors: FloatArray
+    errors_before: FloatArray
     after_logs: bool
     noise: FloatArray
     checks: tuple[Check, ...]
@@ -146,14 +126,9 @@ class ExcitationDesign:
         )
 
     @property
-    def standard_errors(self) -> FloatArray:
-        """(z,) of the parameters by a fit of a run; infinite where one is undetermined."""
-        return self.expected.standard_errors
-
-    @property
     def gain(self) -> float:
         """Standard errors before over those with the motion, the median; NaN for none before."""
-        before, now = self.before.standard_errors, self.standard_errors
+        before, now = self.errors_before, self.standard_errors
         known = np.isfinite(before) & np.isfinite(now) & (now > 0)
         if (np.isinf(before) & np.isfinite(now)).any():
             return float("inf")  # something is determined that was not
@@ -281,11 +256,11 @@ def design_motion(
         found = search(problem, regular, progress)
         run = _run(problem, found.X)
         if after:
-            before = ExpectedFit.of(_root(known.information), _root(known.information))
+            before = _errors(_root(known.information), _root(known.information))
         else:
-            before = _run(problem, found.start).expected
+            before = _run(problem, found.start).standard_errors
     start, waypoints = problem.shape.waypoints(found.X)
-    _warn_of_unexcited(problem, unknown.parameters, run.expected.standard_errors, found.checks)
+    _warn_of_unexcited(problem, unknown.parameters, run.standard_errors, found.checks)
     return ExcitationDesign(
         force_model=model,
         parameters=unknown.parameters,
@@ -294,7 +269,7 @@ def design_motion(
         **run._asdict(),
         start=start,
         waypoints=tuple(waypoints),
-        before=before,
+        errors_before=before,
         after_logs=bool(after),
         noise=known.noise,
         checks=found.checks,
@@ -383,7 +358,7 @@ class Run(NamedTuple):
     motors: Motion
     forces: FloatArray
     criteria: Criteria
-    expected: ExpectedFit
+    standard_errors: FloatArray
 
 
 def _run(problem: Problem, X: FloatArray) -> Run:
@@ -404,11 +379,11 @@ def _run(problem: Problem, X: FloatArray) -> Run:
     x = read.read(followed.configurations.copy())
     x[:, read.circular] = np.unwrap(x[:, read.circular], axis=0)
     motors = Motion(robot.actuated, motion.time, x, v, a)
-    expected = _expected_fit(problem, motors, forces)
-    return Run(motion, followed, motors, forces, Criteria.of(factor), expected)
+    errors = _expected_errors(problem, motors, forces)
+    return Run(motion, followed, motors, forces, Criteria.of(factor), errors)
 
 
-def _expected_fit(problem: Problem, motors: Motion, forces: FloatArray) -> ExpectedFit:
+def _expected_errors(problem: Problem, motors: Motion, forces: FloatArray) -> FloatArray:
     """Information in a log of the motors' positions and forces (N, motors).
 
     The log that the run would give without errors is prepared as any log is. It is filtered, cut at
@@ -443,7 +418,22 @@ def _expected_fit(problem: Problem, motors: Motion, forces: FloatArray) -> Expec
         spread[history.rows] = thinned * np.einsum("ni,niz->nz", share * weights, X)
         filtered = history.lowpass.apply(spread, rate)
         errors = triangular_factor(np.concatenate([errors, filtered]))
-    return ExpectedFit.of(information, errors)
+    return _errors(information, errors)
+
+
+def _errors(information: FloatArray, errors: FloatArray) -> FloatArray:
+    """Standard errors (z,) by triangular factors (z, z) of the weighted and the filtered columns.
+
+    Infinite where a parameter is undetermined.
+    """
+    scale = np.linalg.norm(information, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    _, values, right = np.linalg.svd(information / scale)
+    excited = values > UNEXCITED * values[0]
+    inverse = (right[excited].T / values[excited] ** 2) @ right[excited]
+    spread = np.linalg.norm(errors / scale @ inverse, axis=0) / scale
+    unexcited = np.linalg.norm(right[~excited], axis=0) > PART_UNEXCITED
+    return np.where(unexcited, np.inf, spread)
 
 
 def _root(information: FloatArray) -> FloatArray:

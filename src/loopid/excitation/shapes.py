@@ -16,7 +16,13 @@ from scipy.linalg import null_space
 
 from loopid.arguments import FloatArray
 from loopid.errors import OptionError
-from loopid.motion.trajectories import FourierCurve, Motion, Waypoint, point_to_point
+from loopid.motion.trajectories import (
+    FourierCurve,
+    Motion,
+    Waypoint,
+    path_parameter,
+    point_to_point,
+)
 from loopid.records import record
 from loopid.registry import Registry
 
@@ -122,13 +128,7 @@ class PosesShape(Shape):
         found = np.zeros((3, len(time), self.size))
         number = np.clip((time // (hold + move)).astype(int), 0, self.size - 1)
         t = np.clip((time - number * (hold + move) - hold) / move, 0.0, 1.0)
-        s = np.stack(
-            [
-                t**3 * (10 - 15 * t + 6 * t**2),
-                30 * t**2 * (1 - t) ** 2 / move,
-                60 * t * (1 - t) * (1 - 2 * t) / move**2,
-            ]
-        )
+        s = path_parameter(t, move)
         rows, ahead = np.arange(len(time)), (number + 1) % self.size
         found[:, rows, number] -= s
         found[:, rows, ahead] += s

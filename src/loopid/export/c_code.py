@@ -182,9 +182,7 @@ def _closed(robot: Robot) -> float:
 
 def _motor_lines(robot: Robot, units: Sequence[str]) -> str:
     """Motors for a comment, which no name may end."""
-    plain = (
-        re.sub(r"[^\w.+-]", "_", name, flags=re.ASCII)[:LONGEST_NAME] for name in robot.independent
-    )
+    plain = (re.sub(r"[^a-zA-Z0-9_.+-]", "_", name)[:LONGEST_NAME] for name in robot.independent)
     lines = zip(range(len(units)), plain, units, strict=True)
     return "\n".join(f"     {k}: {name}, {unit}" for k, name, unit in lines)
 

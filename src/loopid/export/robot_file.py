@@ -1,8 +1,8 @@
 """Robot files with new inertials and joint terms; all else in them stays.
 
-Links on fixed joints move as one body. Its parameters are the sum of theirs: forces tell the sum
-only. The link that the joint carries takes the whole change where it can. Otherwise all links share
-the new body, so that each stays physically consistent.
+Links on fixed joints move as one body. Its parameters are the sum of theirs: forces determine only
+the sum. The link that the joint carries takes the whole change where it can. Otherwise all links
+share the new body, so that each stays physically consistent.
 
 Joint terms are written where the format has a place. The new file is read back. What it does not
 say as the parameters do is named, whatever the reason.
@@ -75,6 +75,7 @@ def updated_robot_file(
         friction that it has is to the curve.
     """
     files = files_of(robot)
+    _require_editable(files.tree)
     file = editable_files[files.tree.suffix](files.tree)
     rows = _body_parameters(robot, standard_parameters, parameters)
     new: dict[str, FloatArray] = {}
@@ -117,6 +118,7 @@ def export_robot_file(
     """
     place, files = Path(path), files_of(robot)
     tree, texts = files.tree, dict[str, bytes | str]()
+    _require_editable(tree)
     if place.suffix != tree.suffix:
         what = f"ending of a copy of {tree.name}"
         raise OptionError.unknown(what, place.suffix or str(path), [tree.suffix])
@@ -138,6 +140,15 @@ def export_robot_file(
         robot, standard_parameters, parameters=parameters, use=use
     )
     return place.with_name(next(iter(write_files(place.parent, texts))).name)
+
+
+def _require_editable(tree: Path) -> None:
+    if tree.suffix not in editable_files:
+        endings = ", ".join(editable_files)
+        raise RobotFileError(
+            f"{tree}: bodies are not written into {tree.suffix}, but into {endings}: "
+            "fit.to_pinocchio() and fit.to_c(folder) have them, too"
+        )
 
 
 def _given_in_python(robot: Robot, files: RobotFiles, tree: str) -> str:

@@ -28,7 +28,7 @@ from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.closures import SymbolicPose
 
 # Rate over which the sign of a rate is smooth in C, in rad/s or characteristic lengths a second:
-# far below any that a log tells, and no jump for a controller.
+# far below any that a log shows, and no jump for a controller.
 SMOOTH = 5e-4
 ROUND_OFF = 1e-15  # entries of rotations that are this close to -1, 0 or 1 are meant to be
 
@@ -168,8 +168,7 @@ class SymbolicRobot:
                 way = last - first
             else:  # from cosine and sine to cosine and sine
                 way = ca.atan2(
-                    last[1] * first[0] - last[0] * first[1],
-                    last[0] * first[0] + last[1] * first[1],
+                    last[1] * first[0] - last[0] * first[1], last[0] * first[0] + last[1] * first[1]
                 )
             moved = self.slip[k] + way / joint_term(parameter.kind).at
             states.append(ca.fmax(-1.0, ca.fmin(moved, 1.0)))

@@ -74,9 +74,8 @@ class BagFormat(LogFormat):
     def accepts(cls, path: Path) -> bool:
         if not path.is_dir():
             return super().accepts(path)
-        return any(
-            f.name == DESCRIPTION or f.name.endswith(cls.endings[1:]) for f in path.iterdir()
-        )
+        names = [file.name for file in path.iterdir()]
+        return DESCRIPTION in names or any(name.endswith(cls.endings[1:]) for name in names)
 
     @cached_property
     def _topics(self) -> dict[str, Topic]:
@@ -170,6 +169,4 @@ def _refuse_unfinished(path: Path) -> None:
             )
     odd = [mark for mark in "#?%" if mark in str(path)]
     if odd and any(".db3" in file.suffixes for file in files):  # packed ones, too
-        raise LogError(
-            f"{path}: SQLite takes {odd[0]!r} in a path for something else: rename it", file=path
-        )
+        raise LogError(f"{path}: SQLite cannot have {odd[0]!r} in a path: rename it", file=path)

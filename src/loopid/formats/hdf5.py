@@ -53,9 +53,8 @@ class Hdf5Format(ArrayFormat):
             lambda name, item: groups.append(name) if isinstance(item, h5py.Group) else None
         )
         if self.chosen.strip("/") not in groups:
-            there = (
-                f"choose among {', '.join(groups[:MOST_LISTED])}" if groups else "it has no groups"
-            )
+            listed = ", ".join(groups[:MOST_LISTED])
+            there = f"choose among {listed}" if groups else "it has no groups"
             said = f"has no group {self.chosen!r}: {there}"
             raise self.refused(said, given=self.chosen, valid=groups)
         return file[self.chosen]

@@ -279,9 +279,7 @@ def _coupling(lengths: Lengths, equality: int) -> ClosureDescription:
     scene, compiled = lengths.scene, lengths.scene.compiled
     kind, data = scene.equality_kinds[equality], compiled.eq_data[equality].tolist()
     if kind not in ("joint", "tendon"):
-        raise ValueError(
-            f"is of type {kind}, which is not supported: choose among connect, weld, joint, tendon"
-        )
+        raise ValueError(f"is of type {kind}: choose among connect, weld, joint, tendon")
     ends = int(compiled.eq_obj1id[equality]), int(compiled.eq_obj2id[equality])
     drawn = compiled.qpos0[compiled.jnt_qposadr]
     if kind == "tendon":
@@ -346,9 +344,8 @@ class Lengths:
                     terms[f"{name}_{k}"] = factor
                     self.cables[f"{name}_{k}"] = self._frames(sites)
                 self.cables[name] = []
-                self.couplings.append(
-                    ClosureDescription(type="coupling", name=name, joints={name: -1.0} | terms)
-                )
+                joints = {name: -1.0} | terms
+                self.couplings.append(ClosureDescription(type="coupling", name=name, joints=joints))
             low, high = map(float, compiled.tendon_range[tendon])
             if compiled.tendon_limited[tendon] and low < high:
                 self.limits[name] = low, high

@@ -29,9 +29,7 @@ def read_closing_frames(urdf: UrdfFile, model: pin.Model) -> Dialect:
         frames = (f"closing_{name}_1", f"closing_{name}_2")
         partner = frames[2 - int(side)]
         if partner not in links:
-            raise RobotFileError(
-                f"link {match[0]} closes a loop with link {partner!r}, which is missing"
-            )
+            raise RobotFileError(f"link {match[0]} closes a loop with {partner!r}: add it")
         if side == "2":
             continue
         if all(f"{frame}_z" in links for frame in frames):

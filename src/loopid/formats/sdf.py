@@ -90,9 +90,8 @@ def _completed(sdf: _Sdf, source: TreeSource, floats: bool) -> TreeSource:
         }
     )
     left_out = (*source.left_out, *sdf.left_out())
-    return replace(
-        source, description=description, notes=(*source.notes, *sdf.notes()), left_out=left_out
-    )
+    notes = (*source.notes, *sdf.notes())
+    return replace(source, description=description, notes=notes, left_out=left_out)
 
 
 @dataclass(frozen=True)
@@ -152,17 +151,13 @@ class _Sdf:
         if model.find("include") is not None:
             raise RobotFileError(f"<include> of {xml.label(model)} is not read: write it out")
         if model.get("placement_frame"):
-            raise RobotFileError(
-                f"placement_frame of {xml.label(model)} is not read: write its <pose>"
-            )
+            raise RobotFileError(f"placement_frame of {xml.label(model)}: write its <pose>")
         self.placed[scope + MODEL] = model, scope
         for tag in ("link", "joint", "frame"):
             for element in xml.named_tags(model, tag):
                 name = scope + xml.required(element, "name")
                 if xml.required(element, "name") == WORLD:
-                    raise RobotFileError(
-                        f"{xml.label(element)}: {WORLD!r} is a reserved name: rename it"
-                    )
+                    raise RobotFileError(f"{xml.label(element)}: {WORLD!r} is reserved: rename it")
                 if name in self.placed:
                     raise RobotFileError(f"{xml.label(element)}: another element has its name")
                 self.placed[name] = element, scope
@@ -302,9 +297,7 @@ class _Sdf:
             left = [edge for edge in left if edge.name != way.name]
         lost = [name for name in self.links if name not in reached]
         if lost:
-            raise RobotFileError(
-                f"no joint leads from {self.root_link!r} to {shortened(lost)}: one tree is read"
-            )
+            raise RobotFileError(f"no joint leads from {self.root_link!r} to {shortened(lost)}")
         return tree, left
 
     def _moved(self, edge: _Edge) -> pin.SE3:

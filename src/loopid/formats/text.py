@@ -212,8 +212,8 @@ def read_header(path: Path) -> Header:
         units = [cell.strip(AROUND_UNITS) for cell in below]
         if len(units) == len(names) and _are_units(units):
             last = above[named + 1].row
-            told = zip(names, units, strict=True)
-            names = [name if unit in NO_UNITS else f"{name} [{unit}]" for name, unit in told]
+            pairs = zip(names, units, strict=True)
+            names = [name if unit in NO_UNITS else f"{name} [{unit}]" for name, unit in pairs]
         return _header(path, names, separator, last)
     garbled = [line for line in above if any(map(_is_number, filter(None, line.cells(separator))))]
     if above and not garbled and len(names := above[-1].cells(separator)) > 1:
@@ -251,8 +251,8 @@ def _names(line: Line, separator: str | None, width: int, spare: bool) -> list[s
 
 def _are_units(cells: Sequence[str]) -> bool:
     """Whether cells of a line below the header are units, some perhaps unknown."""
-    told = [cell for cell in cells if cell not in NO_UNITS]
-    return bool(told) and 2 * sum(map(is_unit, told)) > len(told)
+    named = [cell for cell in cells if cell not in NO_UNITS]
+    return bool(named) and 2 * sum(map(is_unit, named)) > len(named)
 
 
 def _first_lines(path: Path) -> tuple[str, list[Line]]:

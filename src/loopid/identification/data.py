@@ -11,6 +11,7 @@ from loopid.identification.force_models import ForceModel
 from loopid.logs.log import Log
 from loopid.logs.preparing import prepare
 from loopid.logs.recording import Recording
+from loopid.records import Tabular
 from loopid.robot.robot import Robot
 
 FORMS = "a path, a table of pandas or Polars, a Log or a Recording"
@@ -41,8 +42,8 @@ def recordings_of(robot: Robot, *data: Any, mapping: Any = None) -> list[tuple[R
     Parameters
     ----------
     *data
-        A path, a table with columns by name (of pandas or Polars, a dictionary of arrays), a
-        ``Log``, a ``Recording``; or a list of these.
+        A path, a table with columns by name (of pandas or Polars, a dictionary of arrays), what
+        ``simulate`` gives, a ``Log``, a ``Recording``; or a list of these.
     mapping : LogMapping or path, optional
         Which columns are what, in paths and tables.
 
@@ -82,6 +83,8 @@ def _recording(robot: Robot, data: Any, mapping: Any) -> Recording:
         from loopid.logs.reading import read_log  # where files are read
 
         data = read_log(data, robot, mapping=mapping)
+    elif isinstance(data, Tabular):  # what was simulated
+        data = Log.from_frame(data.to_polars(), robot.actuated, mapping=mapping)
     elif isinstance(data, Mapping) or hasattr(type(data), "columns"):
         data = Log.from_frame(data, robot.actuated, mapping=mapping)
     if not isinstance(data, Log):

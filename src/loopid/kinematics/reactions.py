@@ -85,9 +85,8 @@ def bearing_forces(
     undetermined = np.zeros(len(joints), dtype=bool)
     for rows in blocks(len(forces)):
         q = motion.configurations[rows]
-        tau, force, turn = tree_reactions(
-            tree, q, motion.velocities[rows], motion.accelerations[rows], joints
-        )
+        v, a = motion.velocities[rows], motion.accelerations[rows]
+        tau, force, turn = tree_reactions(tree, q, v, a, joints)
         A = robot.row_scales[:, None] * Constraint(robot, q).translation_rates(moved)
         columns = motion.projection.dependent_columns[rows]
         X = Solver.of(columns, NEAR_SINGULARITY).solve(A)

@@ -141,9 +141,7 @@ class ClosureDescription(Section):
                 raise ValueError(f"a {self.type} closure needs {each!r}: {str(says).lower()[:-1]}")
         same = self.type != COUPLING and CLOSURE_KINDS[self.type].same_axes
         if same and self.axes and self.axes[0] != self.axes[1]:
-            raise ValueError(
-                f"a {self.type} closure turns neither frame: its two axes must be alike"
-            )
+            raise ValueError(f"a {self.type} closure turns neither frame: its axes must be alike")
         return self
 
     @classmethod
@@ -247,13 +245,9 @@ class Description(Section):
     def _types_need_frames_only(self) -> Description:
         for kind in self.type:
             if kind == COUPLING:
-                raise ValueError(
-                    "type: a coupling joins joints, not frames: list it as one of 'couplings'"
-                )
+                raise ValueError("type: a coupling joins joints: list it in 'couplings'")
             for more in keys_of(kind)[1][1:]:
-                raise ValueError(
-                    f"type: a {kind} closure needs '{more}': list it as one of 'closures'"
-                )
+                raise ValueError(f"type: a {kind} closure needs '{more}': list it in 'closures'")
         return self
 
     @model_validator(mode="after")

@@ -72,9 +72,7 @@ def find_files(path: str | Path) -> RobotFiles:
         tree = _tree(file, given)
     if tree.suffix not in robot_formats:
         endings = (*YAML, *robot_formats)
-        raise RobotFileError(
-            f"{tree}: a robot file ends in {', '.join(endings)}", file=str(tree), valid=endings
-        )
+        raise RobotFileError(f"{tree}: a robot file ends in {', '.join(endings)}", valid=endings)
     return RobotFiles(file, given, tree)
 
 
@@ -86,11 +84,7 @@ def _tree(file: Path, given: Description) -> Path:
     if "" in problems:
         return trees[problems.index("")]
     kind, place = "MJCF" if given.mjcf is not None else "URDF", " ".join(str(trees[0]).split())
-    raise FileError(
-        f"{file}: its {kind} {place} is missing: it {problems[0]}",
-        file=str(file),
-        missing=str(trees[0]),
-    )
+    raise FileError(f"{file}: its {kind} {place} is missing: it {problems[0]}")
 
 
 def files_of(robot: Robot) -> RobotFiles:
@@ -117,9 +111,8 @@ def own_files(robot: Robot) -> tuple[Path, ...]:
 
 def robots_with_motions() -> list[str]:
     """Bundled robots that have motions."""
-    return sorted(
-        file.name.removesuffix(MOTIONS) for file in bundled_directory().glob(f"*{MOTIONS}")
-    )
+    found = bundled_directory().glob(f"*{MOTIONS}")
+    return sorted(file.name.removesuffix(MOTIONS) for file in found)
 
 
 def find_motion_file(path: str | Path) -> Path:

@@ -15,12 +15,13 @@ from loopid.robot.closures import CLOSURE_KINDS, JointCoupling, LoopClosure
 from loopid.robot.robot import link_frames
 
 ROUND_OFF = 1e-10  # of linear couplings, relative to their largest coefficients
+ROUNDED = 0.1  # by which the length of a unit vector in a file may be off one
 
 
 def warn_of_size(where: str, axis: Iterable[float]) -> None:
     """Warn of an axis whose length hardly is that of a rounded unit vector."""
     numbers = [*axis]
-    if not 0.9 < math.hypot(*numbers) < 1.1:
+    if not abs(math.hypot(*numbers) - 1) < ROUNDED:
         text = ", ".join(f"{number:g}" for number in numbers)
         warn(f"{where}: axis ({text}) is no unit vector: its direction counts", ModelWarning)
 
@@ -44,9 +45,7 @@ def find_closures(
     for k, closure in enumerate(found):
         ends = (closure.kind, set(closure.frame_ids))
         if any((other.kind, set(other.frame_ids)) == ends for other in found[:k]):
-            raise RobotFileError(
-                f"closure {closure.name} ({closure.kind}) is listed twice", closure=closure.name
-            )
+            raise RobotFileError(f"closure {closure.name} ({closure.kind}) is listed twice")
     return found
 
 
@@ -56,10 +55,7 @@ def _closure(
     name, ids = closure.label, (frame_named(model, frame_a), frame_named(model, frame_b))
     joints = [model.frames[frame].parentJoint for frame in ids]
     if joints[0] == joints[1] and closure.joint is None:
-        raise RobotFileError(
-            f"closure {name} joins two frames of one body: it closes no loop, leave it out",
-            closure=name,
-        )
+        raise RobotFileError(f"closure {name} joins two frames of one body: leave it out")
     default = CLOSURE_KINDS[closure.type].axes or ((0.0, 0.0, 1.0),) * 2
     first, second = closure.axes or default
     for axis in dict.fromkeys((first, second)):

@@ -143,9 +143,7 @@ def _closure(tree: pin.Model, given: Any, number: str, notes: list[str]) -> Clos
     constraint = given.extract() if isinstance(given, pin.ConstraintModel) else given
     kind = ANCHORS.get(type(constraint).__name__)
     if isinstance(constraint, pin.RigidConstraintModel):
-        contacts = {
-            each.contact: name for name, each in CLOSURE_KINDS.items() if each.contact is not None
-        }
+        contacts = {each.contact: name for name, each in CLOSURE_KINDS.items()} | {None: None}
         kind = contacts.get(constraint.type)
     name = getattr(constraint, "name", "") or number
     if kind is None:

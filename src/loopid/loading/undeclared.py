@@ -80,11 +80,8 @@ def _named_alike(first: str, second: str, names: Iterable[str]) -> bool:
     """Whether two names differ in their last word alone, and no third one does."""
     stem, end = _split(first)
     alike = [name for name in names if _split(name)[0] == stem]
-    return (
-        bool(stem)
-        and sorted(alike) == sorted((first, second))
-        and ({end, _split(second)[1]} in ENDINGS)
-    )
+    both = sorted(alike) == sorted((first, second))
+    return bool(stem) and both and {end, _split(second)[1]} in ENDINGS
 
 
 def _split(name: str) -> tuple[str, str]:

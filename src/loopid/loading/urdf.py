@@ -45,7 +45,14 @@ Terms = dict[str, dict[str, float]]  # by joint and kind
 
 @dataclass(frozen=True)
 class Dialect:
-    """What a dialect of URDF says beyond the tree."""
+    """What a dialect of URDF says beyond the tree.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.loading.Dialect(followers=("left_finger",)).followers
+    ('left_finger',)
+    """
 
     closures: list[ClosureDescription] = field(default_factory=list)
     followers: tuple[str, ...] = ()  # joints that couplings let follow others
@@ -138,9 +145,7 @@ def _mimics(all_joints: Iterable[Joint]) -> dict[str, ClosureDescription]:
             chain.append(leaders[chain[-1]])
             if chain[-1] == follower:
                 circle = " mimics ".join(chain)
-                raise RobotFileError(
-                    f"joint {circle}: a circle, with no joint to lead it: take one <mimic> out"
-                )
+                raise RobotFileError(f"joint {circle}: a circle: take one <mimic> out")
     found = {}
     for name, (leading, factor, offset) in mimics.items():
         terms = {name: 1.0} | ({leading: -factor} if factor else {})
@@ -232,9 +237,7 @@ def _axes(
     axes = []
     for tag in tags or [etree.Element("axis", xyz="1 0 0")]:
         text = tag.findtext("xyz")  # as SDF writes it
-        axes.append(
-            xml.numbers(tag, "xyz", 3) if text is None else xml.numbers_in("<axis>", text, 3)
-        )
+        axes.append(xml.numbers_in("<axis>", text, 3) if text else xml.numbers(tag, "xyz", 3))
         if max(map(abs, axes[-1])) < LEAST_AXIS:
             raise RobotFileError(f"<{tag.tag!s}> is zero")
     return [axes[0], axes[-1]]

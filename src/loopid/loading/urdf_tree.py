@@ -63,7 +63,16 @@ class Joint(NamedTuple):
 
 @dataclass(frozen=True)
 class UrdfFile:
-    """A URDF whose names, numbers and tree are sound."""
+    """A URDF whose names, numbers and tree are sound.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> from loopid.loading.urdf_tree import read_urdf_file
+    >>> file = read_urdf_file(loopid.loading.bundled_directory() / "five_bar.urdf")
+    >>> file.name, len(file.joints)
+    ('five_bar', 6)
+    """
 
     root: xml.Element  # the whole file
     tree: str  # XML of links and joints only, for Pinocchio
@@ -206,9 +215,7 @@ def _check_tree(every: Sequence[Link], joints: Sequence[Joint]) -> None:
     if len(roots) != 1:
         listed = ", ".join(roots) or "none"
         hint = "" if roots else ": a joint closes a loop there: write it as a closure in a YAML"
-        raise RobotFileError(
-            f"the links must form one tree with one root, but roots are: {listed}{hint}"
-        )
+        raise RobotFileError(f"the links must form one tree with one root, not {listed}{hint}")
     reached, more = set(roots), set(roots)
     while more:
         more = {joint.child for joint in joints if joint.parent in more}

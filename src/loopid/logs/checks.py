@@ -163,12 +163,12 @@ def _inside_limits(robot: Robot, stream: Stream) -> Stream:
         outside = distance > OUTSIDE * (upper - lower)
         far = distance > FAR_OUTSIDE * (upper - lower)
         refused = far.sum() > BAD_ROWS * len(values)
-        told = far if refused else outside & ~far
-        if told.any():
-            worst = float(values[told][np.argmax(distance[told])])
+        shown = far if refused else outside & ~far
+        if shown.any():
+            worst = float(values[shown][np.argmax(distance[shown])])
             said = (
                 f"{joint} is outside its limits [{lower:g}, {upper:g}] in "
-                f"{rows_text(stream.rows[told])} of {len(values)}, at worst {worst:g}"
+                f"{rows_text(stream.rows[shown])} of {len(values)}, at worst {worst:g}"
             )
             if refused:
                 straight = robot.velocity_indices([joint])[0] in robot.prismatic
@@ -295,8 +295,8 @@ def require_known_motion(robot: Robot, free: Collection[str] = ()) -> None:
     """Refuse robots whose configuration does not follow from the motors and these free joints."""
     known = measurable(robot)
     OptionError.require(f"free joint of {robot.name}", free, known)
-    told = robot.coordinates_of(free)
-    left = [name for name in robot.free if name not in told]
+    determined = robot.coordinates_of(free)
+    left = [name for name in robot.free if name not in determined]
     if left:
         joints = [name for name in known if name not in free]
         advice = f", or measure {', '.join(joints)} ('free')" if joints else ""
@@ -333,7 +333,5 @@ def frame_index(robot: Robot, name: str) -> int:
     OptionError.require(f"frame of {robot.name}", name, [*dict.fromkeys(names)])
     index = link_frames(model).get(name, names.index(name))
     if not robot.supports([index]).any():
-        raise OptionError(
-            f"frame {name} of {robot.name} does not move: a wrench on it moves nothing"
-        )
+        raise OptionError(f"frame {name} of {robot.name} does not move: no wrench moves it")
     return index

@@ -305,18 +305,18 @@ def off_grid(time: FloatArray) -> float:
 
 def on_even_grid(
     name: str, joints: tuple[str, ...], time: FloatArray, signals: dict[str, FloatArray]
-) -> tuple[FloatArray, dict[str, FloatArray], IntArray, tuple[Dropped, ...]]:
+) -> Aligned:
     """Times, signals and segments, as they are where the steps are even between gaps."""
     steps = np.diff(time)
     median = float(np.median(steps)) if len(steps) else 0.0
     segments = np.cumsum(np.append(False, steps > GAP * median))
     parts = np.split(time, np.flatnonzero(np.diff(segments)) + 1)
     if max(map(off_grid, parts)) <= EVEN * median and (steps > 0).all():
-        return time, signals, segments, ()
+        return Aligned(time, signals, segments, ())
     stream = with_increasing_stamps(stream_of(name, joints, time, signals))
     aligned, start = align([stream], joints), float(time[0])
     dropped = (replace(d, first=start + d.first, last=start + d.last) for d in aligned.dropped)
-    return aligned.time + start, aligned.signals, aligned.segments, tuple(dropped)
+    return aligned._replace(time=aligned.time + start, dropped=tuple(dropped))
 
 
 def on_even_grids(
@@ -325,7 +325,7 @@ def on_even_grids(
     time: FloatArray,
     signals: dict[str, FloatArray],
     segments: IntArray,
-) -> tuple[FloatArray, dict[str, FloatArray], IntArray, tuple[Dropped, ...]]:
+) -> Aligned:
     """The same of each segment (N,) on its own, in which there may be more gaps."""
     ends = [0, *(np.flatnonzero(np.diff(segments)) + 1).tolist(), len(time)]
     found, short = [], list[Dropped]()
@@ -337,13 +337,12 @@ def on_even_grids(
             found.append(on_even_grid(name, joints, time[a:b], own))
     if not found:
         raise LogError(f"{name}: no segment has {LEAST_ROWS} samples")
-    times, tables, numbers, dropped = zip(*found, strict=True)
-    first = np.cumsum([0, *(own[-1] + 1 for own in numbers[:-1])])
-    return (
-        np.concatenate(times),
-        {one: np.concatenate([table[one] for table in tables]) for one in signals},
-        np.concatenate([own + k for own, k in zip(numbers, first, strict=True)]),
-        (*short, *(one for each in dropped for one in each)),
+    first = np.cumsum([0, *(each.segments[-1] + 1 for each in found)])
+    return Aligned(
+        np.concatenate([each.time for each in found]),
+        {one: np.concatenate([each.signals[one] for each in found]) for one in signals},
+        np.concatenate([each.segments + k for each, k in zip(found, first, strict=False)]),
+        (*short, *(one for each in found for one in each.dropped)),
     )
 
 

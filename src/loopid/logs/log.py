@@ -24,6 +24,7 @@ from loopid.arguments import (
 )
 from loopid.errors import DataError, OptionError
 from loopid.logs.grid import (
+    Aligned,
     Dropped,
     Stream,
     align,
@@ -276,21 +277,14 @@ class Log(Tabular):
             for joint, own in (free or {}).items()
         }
         if segments is None:
-            at, signals, numbers, dropped = on_even_grid(name, joints, at, signals)
+            aligned = on_even_grid(name, joints, at, signals)
         else:
-            told = _segments(segments, len(at))
-            at, signals, numbers, dropped = on_even_grids(name, joints, at, signals, told)
-        return cls(
-            name=name,
-            joints=joints,
-            time=at,
-            **_by_field(signals, wrenches),
-            segments=numbers,
-            saturation=None if saturation is None else np.asarray(saturation),
-            idle_speed=idle_speed,
-            dropped=dropped,
-            slides=slides,
-        )
+            numbers = _segments(segments, len(at))
+            aligned = on_even_grids(name, joints, at, signals, numbers)
+        limits = None if saturation is None else np.asarray(saturation)
+        more = {"saturation": limits, "idle_speed": idle_speed, "slides": slides}
+        fields = _by_field(aligned, wrenches) | more
+        return cls(name=name, joints=joints, **fields)
 
     @classmethod
     def from_frame(
@@ -362,12 +356,9 @@ class Log(Tabular):
         log = cls(
             name=name,
             joints=joints,
-            time=aligned.time,
-            **_by_field(aligned.signals, wrenches),
-            segments=aligned.segments,
+            **_by_field(aligned, wrenches),
             saturation=saturation,
             idle_speed=mapping.idle_speed,
-            dropped=aligned.dropped,
             force_scales={one.joint: one.scale for one in channels if one.quantity == "force"},
             slides={
                 f"{one.joint}.{one.quantity}": one.straight
@@ -537,12 +528,12 @@ def _unit(quantity: str, name: Any) -> Unit:
     return known or Unit("", 1.0)
 
 
-def _by_field(
-    signals: Mapping[str, FloatArray], wrenches: Sequence[ExternalWrench]
-) -> dict[str, Any]:
-    """Signals on the grid as fields of a log, those of the wrenches in these."""
+def _by_field(aligned: Aligned, wrenches: Sequence[ExternalWrench]) -> dict[str, Any]:
+    """What is on the grid as fields of a log, signals of the wrenches in these."""
+    found, signals = aligned._asdict(), aligned.signals
+    del found["signals"]
     placed = (replace(one, values=signals[wrench_name(k)]) for k, one in enumerate(wrenches))
-    found: dict[str, Any] = {name: signals[name] for name in signals if name in QUANTITIES}
+    found |= {name: signals[name] for name in signals if name in QUANTITIES}
     prefix = free_name("")
     free = {n.removeprefix(prefix): signals[n] for n in signals if n.startswith(prefix)}
     return {**found, "wrenches": tuple(placed), "free": free}

@@ -46,7 +46,7 @@ NO_SHARE = 1e-9  # of a motor's largest share: round-off, the motor does not act
 # A frozen motor goes on by a multiple of its fastest way in a sample, or stops this many times as
 # fast as it ever changes its speed, while another goes through this part of its range.
 JUMP, ABRUPT, MOVED = 2.0, 3.0, 0.05
-ENCODER_STEPS = 20  # tell a speed
+ENCODER_STEPS = 20  # that a speed needs
 # Redundant motors may be off by this part of a rad or of the robot's length, or of their range:
 # joints have play, and lengths are not exact.
 OFF = 0.01
@@ -137,17 +137,17 @@ def prepare(
     log = long_enough(log, lowpass)
     signals = filter_log(log, lowpass)
     rows, ends = kept_rows(log, lowpass, filter)
-    told = measured_motion(robot, log, signals)
-    measured = JointCoordinates(robot, robot.measured).read(told.configurations[rows])
+    logged = measured_motion(robot, log, signals)
+    measured = JointCoordinates(robot, robot.measured).read(logged.configurations[rows])
     found = assemble_samples(robot, log, measured, rows, masks, known=known, progress=progress)
     segments, rows = renumbered(log.segments[rows], found.good), rows[found.good]
-    compare_encoders(robot, log, told.configurations[rows], found.configurations)
+    compare_encoders(robot, log, logged.configurations[rows], found.configurations)
     saturated = near_saturation(log, limits, lowpass)[rows]
     idle = standing(robot, log, signals.velocity, rows, lowpass)
     if (idle | saturated).all():
         said = f"{log.name}: no force can be used, as all motors stand or are saturated"
         raise LogError(said)
-    motion = motion_of(robot, log, told, rows, found)
+    motion = motion_of(robot, log, logged, rows, found)
     force, used = on_independent(robot, motion, signals.force[rows], ~(idle | saturated))
     if {*log.free} & {*robot.floating} and not log.wrenches:
         warn(
@@ -206,9 +206,7 @@ def prepare_again(
             known = run.history.whole[1] if run.history else run.motion
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                whole[key] = prepare(
-                    robot, run.log, filter=options[0], masks=options[1], known=known
-                )
+                whole[key] = prepare(robot, run.log, filter=filtered, masks=options[1], known=known)
         found.append(whole[key].within(run))
     return tuple(found)
 
@@ -322,7 +320,7 @@ def filter_log(log: Log, lowpass: LowPass | None) -> Signals:
 def kept_rows(
     log: Log, lowpass: LowPass | None, options: FilterOptions
 ) -> tuple[IntArray, list[Dropped]]:
-    """Samples that the cut-off asks for, without ends, where accelerations are wrong."""
+    """Samples that the cut-off needs, without ends, where accelerations are wrong."""
     rows, ends = [], []
     for part in log.parts():
         rate, time = log.rate(part), log.time[part]
@@ -336,11 +334,11 @@ def kept_rows(
 
 def measured_motion(robot: Robot, log: Log, signals: Signals) -> FreeMotion:
     """Motors and free joints along a log."""
-    told, motors = free_motion(robot, log, signals.free), robot.velocity_indices(log.joints)
-    q = JointCoordinates(robot, log.joints).write(told.configurations, signals.position)
-    told.velocities[:, motors] = signals.velocity
-    told.accelerations[:, motors] = signals.acceleration
-    return told._replace(configurations=q)
+    logged, motors = free_motion(robot, log, signals.free), robot.velocity_indices(log.joints)
+    q = JointCoordinates(robot, log.joints).write(logged.configurations, signals.position)
+    logged.velocities[:, motors] = signals.velocity
+    logged.accelerations[:, motors] = signals.acceleration
+    return logged._replace(configurations=q)
 
 
 # ---- joints that no motor moves ------------------------------------------------------------------
@@ -491,14 +489,14 @@ def _assembled(
 
 
 def motion_of(
-    robot: Robot, log: Log, told: FreeMotion, rows: IntArray, found: Assembled
+    robot: Robot, log: Log, logged: FreeMotion, rows: IntArray, found: Assembled
 ) -> JointMotion:
     """What all joints do at rows (K,) that are assembled, with bases as measured."""
     q, independent = found.configurations, robot.velocity_indices(robot.independent)
     for joint in (robot.joint(name) for name in log.free if name in robot.floating):
         pose = slice(joint.idx_q, joint.idx_q + joint.nq)
-        q[:, pose] = told.configurations[rows][:, pose]
-    v, a = told.velocities[rows][:, independent], told.accelerations[rows][:, independent]
+        q[:, pose] = logged.configurations[rows][:, pose]
+    v, a = logged.velocities[rows][:, independent], logged.accelerations[rows][:, independent]
     return JointMotion(log.time[rows], q, v, a, found.singularity)
 
 

@@ -183,6 +183,14 @@ class Recording(Tabular):
         (N, dof), the part of the force that is of measured wrenches; None without any.
     wrenches : tuple of str
         The frames on which they act.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> recording = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
+    >>> recording.actuators, recording.force.shape == recording.used.shape
+    (('left_crank_joint', 'right_crank_joint'), True)
     """
 
     name: str
@@ -245,9 +253,8 @@ class Recording(Tabular):
         OptionError.require("motor", joint, self.actuators)
         rate, time = self.motion.velocities[:, self.actuators.index(joint)], self.motion.time
         ends = np.flatnonzero(np.diff(self.segments))
-        return [
-            np.cumsum(np.append(0.0, steps)) for steps in np.split(rate[1:] * np.diff(time), ends)
-        ]
+        parts = np.split(rate[1:] * np.diff(time), ends)
+        return [np.cumsum(np.append(0.0, steps)) for steps in parts]
 
     def lowpassed(self, signal: FloatArray) -> FloatArray:
         """A signal at the rate of the log, filtered as the forces are, at the samples (N, ...)."""
@@ -263,9 +270,8 @@ class Recording(Tabular):
         for joint, column in zip(self.actuators, found.T, strict=True):
             if history is not None and joint in history.joints:
                 own = history.joints.index(joint)
-                column[:] = history.lowpassed(
-                    np.sign(history.velocity[:, own]) * history.idle[:, own]
-                )
+                sign = np.sign(history.velocity[:, own])
+                column[:] = history.lowpassed(sign * history.idle[:, own])
         return found
 
     def step_of(self, joint: str) -> float:
@@ -316,9 +322,7 @@ class Recording(Tabular):
             When a part is empty.
         """
         if not 0 < fraction < 1:
-            raise OptionError(
-                f"the fraction to split at must be between 0 and 1, not {fraction}", given=fraction
-            )
+            raise OptionError(f"the fraction must be in (0, 1), not {fraction}", given=fraction)
         moving = np.cumsum(self.used.any(axis=1))
         early = 1 + int(np.searchsorted(moving, int(fraction * moving[-1]), "right"))
         early = early if moving[-1] > 1 else len(self)

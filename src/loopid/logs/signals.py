@@ -275,10 +275,7 @@ class ColumnFinder:
         for place, channel in chain(*of_motors, self._wrenches(), self._free()):
             self._refuse_current(place, channel)
             if place in found:
-                raise self._refused(
-                    f"column {place.column!r} is mapped twice: each {channel.quantity} has a "
-                    "column of its own"
-                )
+                raise self._refused(f"column {place.column!r} is mapped twice")
             found[place] = channel
         streams: dict[str, list[Channel]] = {}
         for place, channel in found.items():
@@ -412,9 +409,7 @@ class ColumnFinder:
         here |= {name: name for name in self.streams[stream]}
         for name in columns:
             if name not in here:
-                raise self._refused(
-                    f"{stream} has no column {name!r} for the time: {self._choices()}", given=name
-                )
+                raise self._refused(f"{stream} has no time {name!r}: {self._choices()}", given=name)
         first, *rest = (here[name] for name in columns)
         unit = NANOSECONDS["s"] if rest else self._nanoseconds(first, given.unit)
         return TimeColumn(first, unit, *rest)

@@ -9,7 +9,12 @@ from .joints import (
     joint_motion as joint_motion,
     review_motion as review_motion,
 )
-from .simulation import Noise as Noise, scaled_bodies as scaled_bodies, simulate as simulate
+from .simulation import (
+    Measurement as Measurement,
+    Noise as Noise,
+    scaled_bodies as scaled_bodies,
+    simulate as simulate,
+)
 from .trajectories import (
     FourierSeries as FourierSeries,
     Motion as Motion,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -17,13 +18,13 @@ from loopid.arguments import (
     shaped,
 )
 from loopid.errors import DataError, OptionError
-from loopid.files import csv_text
+from loopid.files import csv_text, write_file
 from loopid.kinematics.measured import JointCoordinates
 from loopid.kinematics.projection import ClosedMotion
 from loopid.motion.joints import JointMotion, joint_motion
 from loopid.motion.trajectories import Motion
 from loopid.parameters import KINDS
-from loopid.records import record
+from loopid.records import Tabular, columns_of, record
 from loopid.regressors.dynamics import UNBALANCED, Dynamics
 from loopid.regressors.joint_terms import JointTerms, load_places, with_loads
 from loopid.regressors.maxwell_slip import slips_at
@@ -32,6 +33,7 @@ from loopid.robot.robot import Robot
 
 # Part of the fastest rate of a motion, in rad/s or characteristic lengths a second, that is none.
 STANDS = 1e-9
+CSV = ".csv"  # ending of what is written
 
 
 @record(checked=True)
@@ -59,14 +61,54 @@ class Noise:
     encoder_step: NotNegative = 0.0
 
 
-@record
-class Measurement:
-    """Simulated signals of all m motors, in the order of ``robot.actuated``."""
+@record(checked=True)
+class Measurement(Tabular):
+    """Simulated signals of all m motors, which ``identify`` takes as it takes a log.
 
-    time: FloatArray  # (N,) in s
-    position: FloatArray  # (N, m) as the encoders read them, in m or rad
-    force: FloatArray  # (N, m) with friction and noise, in N or N m
-    exact_force: FloatArray  # (N, m) without noise
+    Attributes
+    ----------
+    motors : tuple of str
+        ``robot.actuated``.
+    time : FloatArray
+        (N,) in s.
+    position : FloatArray
+        (N, m) as the encoders read them, in m or rad.
+    force : FloatArray
+        (N, m) with friction and noise, in N or N m.
+    exact_force : FloatArray
+        (N, m) without noise.
+    """
+
+    motors: tuple[str, ...]
+    time: FloatArray
+    position: FloatArray
+    force: FloatArray
+    exact_force: FloatArray
+
+    def _table(self) -> dict[str, FloatArray]:
+        return columns_of(self.motors, self.time, position=self.position, force=self.force)
+
+    @property
+    def text(self) -> str:
+        """A CSV log that ``read_log`` reads without a mapping."""
+        columns = self._table()
+        return csv_text([*columns], *columns.values())
+
+    def save(self, path: str | Path) -> Path:
+        """Write ``text`` to a file, whole or not at all.
+
+        Raises
+        ------
+        OptionError
+            When the name ends otherwise than in .csv.
+        FileError
+            When the file cannot be written.
+        """
+        place = Path(path)
+        if place.suffix.lower() != CSV:
+            raise OptionError.unknown(f"ending of {path}", place.suffix, [CSV])
+        write_file(place, self.text)
+        return place
 
     def __repr__(self) -> str:
         count, motors = self.force.shape
@@ -76,7 +118,7 @@ class Measurement:
 @checked
 def simulate(
     robot: Robot,
-    motion: JointMotion,
+    motion: JointMotion | Motion,
     noise: Noise | None = None,
     *,
     seed: int = 0,
@@ -91,7 +133,7 @@ def simulate(
     Parameters
     ----------
     robot : Robot
-    motion : JointMotion
+    motion : JointMotion or Motion
         At any sample rate.
     noise : Noise, optional
         None by default.
@@ -105,7 +147,8 @@ def simulate(
     Returns
     -------
     Measurement
-        Positions in m or rad, and forces in N or N m, at the times of the motion.
+        Positions in m or rad, and forces in N or N m, at the times of the motion. ``save`` writes
+        a log, and ``identify`` takes it as it is.
 
     Raises
     ------
@@ -119,10 +162,11 @@ def simulate(
     >>> import loopid
     >>> robot = loopid.load("four_bar")
     >>> series = loopid.motion.FourierSeries(robot.actuated, 0.5, [1.0], [[0.2]], [[0.0]])
-    >>> motion = loopid.motion.joint_motion(robot, series.motion(rate=20))
-    >>> loopid.simulate(robot, motion, loopid.motion.Noise(gaussian=0.1))
+    >>> loopid.simulate(robot, series.motion(rate=20), loopid.motion.Noise(gaussian=0.1))
     <Measurement of 1 motors: 41 samples over 2 s>
     """
+    if isinstance(motion, Motion):
+        motion = joint_motion(robot, motion)
     values = [Dynamics(robot, standard_parameters).values]
     if joint_terms is not None or joint_values is not None:
         if joint_terms is None or joint_values is None:
@@ -138,7 +182,7 @@ def simulate(
     position = encoders.read(motion.configurations.copy())
     if noise.encoder_step:
         position = noise.encoder_step * np.round(position / noise.encoder_step)
-    return Measurement(motion.time, position, force + error, force)
+    return Measurement(robot.actuated, motion.time, position, force + error, force)
 
 
 @checked
@@ -189,7 +233,7 @@ def simulate_log(
     cad_error: float = 0.0,
     seed: int = 0,
 ) -> str:
-    """The log that a robot would give while it follows a motion, as CSV.
+    """The log that a robot would give while it follows a motion, as CSV for ``read_log``.
 
     Terms come with values, as ``"Fc=60,Fv=900; elbow: Ks=12"``; ``cad_error`` is the deviation of
     ``scaled_bodies``.
@@ -197,21 +241,14 @@ def simulate_log(
     chosen, values = JointTerms.with_values(robot, terms)
     measured = simulate(
         robot,
-        joint_motion(robot, motion),
+        motion,
         noise,
         seed=seed,
         standard_parameters=scaled_bodies(robot, cad_error, seed),
         joint_terms=chosen,
         joint_values=values,
     )
-    return log_text(robot, measured)
-
-
-def log_text(robot: Robot, measured: Measurement) -> str:
-    """A measurement as the text of a CSV log that ``read_log`` reads without a mapping."""
-    motors = robot.actuated
-    names = [f"{motor}.{what}" for what in ("position", "force") for motor in motors]
-    return csv_text(["time", *names], measured.time, measured.position, measured.force)
+    return measured.text
 
 
 def _motor_forces(
@@ -226,11 +263,7 @@ def _motor_forces(
         whole = _at_rest(robot, motion.closed(robot, rows), fastest)
         bodies = values[: len(robot.parameters())]
         K = motion_regressor(
-            robot,
-            whole,
-            joint_terms=terms,
-            standard_parameters=bodies,
-            slips=slips_at(slips, rows),
+            robot, whole, joint_terms=terms, standard_parameters=bodies, slips=slips_at(slips, rows)
         )
         if terms is not None:
             every = robot.parameters() + terms.parameters(robot)
@@ -262,6 +295,5 @@ def _at_rest(robot: Robot, motion: ClosedMotion, fastest: float) -> ClosedMotion
     """
     rates = motion.velocities / robot.coordinate_scales
     scale = max(fastest, float(np.abs(rates).max(initial=0.0)))
-    return replace(
-        motion, velocities=np.where(np.abs(rates) > STANDS * scale, motion.velocities, 0.0)
-    )
+    moves = np.abs(rates) > STANDS * scale
+    return replace(motion, velocities=np.where(moves, motion.velocities, 0.0))

@@ -20,11 +20,21 @@ from loopid.records import Tabular, columns_of, record
 
 # Rate and acceleration at the ends, as parts of the largest terms, that count as rest.
 REST = 1e-9
+ROUND_OFF = 1e-12  # of a number of samples: a whole one is meant
 
 
 @record(checked=True)
 class Motion(Tabular):
-    """Coordinates over time, with their first two derivatives."""
+    """Coordinates over time, with their first two derivatives.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> there = loopid.motion.Waypoint([0.3], seconds=2.0)
+    >>> motion = loopid.motion.point_to_point(["crank_joint"], [0.0], [there], rate=10)
+    >>> motion.time.shape, motion.position[-1].round(6).tolist()
+    ((21,), [0.3])
+    """
 
     names: tuple[str, ...]  # the c coordinates: joints, or those of the platform
     time: FloatArray  # (N,) in s, increasing
@@ -74,7 +84,7 @@ def _sample_times(duration: float, rate: float) -> FloatArray:
             f"{duration:g} s at {rate:g} Hz are {duration * rate:.3g} samples, more than the "
             f"{MOST_SAMPLES:,} that a motion may have"
         )
-    steps = int(np.floor(duration * rate * (1 + 1e-12)))
+    steps = int(np.floor(duration * rate * (1 + ROUND_OFF)))
     return np.arange(steps + 1) / rate
 
 
@@ -220,11 +230,7 @@ class Waypoint:
 
 @checked
 def point_to_point(
-    names: Sequence[str],
-    start: FloatArray,
-    waypoints: Sequence[Waypoint],
-    *,
-    rate: float = 100.0,
+    names: Sequence[str], start: FloatArray, waypoints: Sequence[Waypoint], *, rate: float = 100.0
 ) -> Motion:
     """Move from a start through waypoints, at rest in each.
 
@@ -295,13 +301,18 @@ def _stops(
     return stops
 
 
+def path_parameter(t: FloatArray, seconds: float) -> FloatArray:
+    """10 t³ - 15 t⁴ + 6 t⁵, rate and acceleration (3, N) at parts t (N,) of the time of a way."""
+    s = t**3 * (10 - 15 * t + 6 * t**2)
+    rate, second = 30 * t**2 * (1 - t) ** 2, 60 * t * (1 - t) * (1 - 2 * t)
+    return np.stack([s, rate / seconds, second / seconds**2])
+
+
 def _on_way(
     names: Sequence[str], start: FloatArray, end: FloatArray, waypoint: Waypoint, t: FloatArray
 ) -> FloatArray:
     """Positions, velocities and accelerations (3, N, c) at parts t (N,) of the time of a way."""
-    s = t**3 * (10 - 15 * t + 6 * t**2)
-    ds = 30 * t**2 * (1 - t) ** 2 / waypoint.seconds
-    dds = 60 * t * (1 - t) * (1 - 2 * t) / waypoint.seconds**2
+    s, ds, dds = path_parameter(t, waypoint.seconds)
     position = start + s[:, None] * (end - start)
     slope = np.broadcast_to(end - start, position.shape).copy()
     curvature = np.zeros_like(position)

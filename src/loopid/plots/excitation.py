@@ -70,7 +70,7 @@ def errors_chart(found: ExcitationDesign) -> Chart:
     >>> loopid.plots.errors_chart(found).panels[0].labels
     ('rocker.mx + 2 more', 'rocker.my + 1 more')
     """
-    before, after = found.before.standard_errors, found.standard_errors
+    before, after = found.errors_before, found.standard_errors
     place, earlier = np.arange(float(len(after))), "logs" if found.after_logs else "first motion"
     marks = (
         Mark(earlier, before, place, "file", "box"),

@@ -151,8 +151,8 @@ def friction_chart(found: Identification, *, worst: str = "") -> Chart:
         # Next to standstill hardly anything is known: bands there would flatten the rest.
         most = ROOM * float(np.quantile(np.abs(curve.band), MOST))
         limits = (-most, most) if np.isfinite(most) and most else None
-        told = zip(words, friction[joint], strict=True)
-        note = ", ".join(f"{word} {value_text(each, fit.assumed)}" for word, each in told if each)
+        parts = zip(words, friction[joint], strict=True)
+        note = ", ".join(f"{word} {value_text(each, fit.assumed)}" for word, each in parts if each)
         said = of_motor(robot, joint, worst) | {"note": note, "y_limits": limits}
         panels.append(Panel(f"friction ({force_unit(robot, joint)})", tuple(marks), **said))
     caption = "Friction over the rate of each motor, by the recommended fit."
@@ -457,8 +457,8 @@ def delays_chart(robot: Robot, delay: Delay) -> Chart:
     each = dict(zip(delay.joints, values.tolist(), strict=True))
     panel = motors_panel(robot, "Delay of the forces (ms)", each, 0.0)
     common, (low, high) = 1e3 * delay.common, (1e3 * end for end in delay.interval)
-    told = f"{common:.2g} ms, 95 %: {low:.2g} to {high:.2g}" if high < np.inf else "unknown"
-    caption = f"Forces after the positions. All motors together: {told}."
+    common_text = f"{common:.2g} ms, 95 %: {low:.2g} to {high:.2g}" if high < np.inf else "unknown"
+    caption = f"Forces after the positions. All motors together: {common_text}."
     return Chart("delays", caption, "", (panel,))
 
 

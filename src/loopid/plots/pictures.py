@@ -110,10 +110,8 @@ def forces_chart(
         measured = Mark("measured force", time, force, "measured")
         said = of_motor(robot, motor, worst)
         panels.append(Panel(f"measured force ({unit})", (shade, measured), small=True, **said))
-        left = {
-            look: np.where(used, force - each[:, k], np.nan)
-            for look, (_, each) in predictions.items()
-        }
+        every = predictions.items()
+        left = {look: np.where(used, force - each[:, k], np.nan) for look, (_, each) in every}
         most = ROOM * max(float(np.nanmax(np.abs(y), initial=0.0)) for y in left.values()) or 1.0
         for look, (by, _) in predictions.items():
             rms = float(np.sqrt(np.nanmean(left[look] ** 2))) if used.any() else np.nan

@@ -46,8 +46,8 @@ def excitation_report(found: ExcitationDesign) -> Report:
     >>> loopid.report.excitation_report(found).title
     'parallelogram, gravity model, excitation'
     """
-    model, before, after = found.force_model, found.before.standard_errors, found.standard_errors
-    known, told, count = np.isfinite(before), int(np.isfinite(after).sum()), len(after)
+    model, before, after = found.force_model, found.errors_before, found.standard_errors
+    known, excited, count = np.isfinite(before), int(np.isfinite(after).sum()), len(after)
     broken = ", ".join(check.name for check in found.checks if check.violations)
     seconds, condition = f"{found.motion.duration:g} s", f"{found.criteria.condition_number:.3g}"
     change = ""
@@ -56,7 +56,7 @@ def excitation_report(found: ExcitationDesign) -> Report:
         earlier = "with the logs alone" if found.after_logs else "by the first motion tried"
         change = f", with standard errors {share:.2g} times those {earlier} (median)"
     verdict = (
-        f"A motion of {seconds} breaks {broken or 'no limit'} and determines {told} of {count} "
+        f"A motion of {seconds} breaks {broken or 'no limit'} and determines {excited} of {count} "
         f"parameters{change}; the condition number is {condition}"
         + ("." if found.converged else ", which more evaluations may improve.")
     )
@@ -77,11 +77,11 @@ def excitation_report(found: ExcitationDesign) -> Report:
         record=excitation_record(found),
         brief=[panel_table(chart.panels[0])],
         card=Card(
-            tone="bad" if broken else "good" if told == count else "rough",
+            tone="bad" if broken else "good" if excited == count else "rough",
             word="Breaks limits" if broken else "Keeps all limits",
             use=broken or f"in a motion of {seconds}",
             figures=(
-                Figure(str(told), "parameters determined", f"of {count}"),
+                Figure(str(excited), "parameters determined", f"of {count}"),
                 Figure(condition, "condition number"),
                 Figure(f"{found.min_singularity_measure:.3g}", "least singularity measure"),
                 Figure(str(found.violations), "violations on the fine grid"),
@@ -104,10 +104,7 @@ def _motion_files(found: ExcitationDesign) -> dict[str, bytes | str]:
     said = f"excites the {found.force_model.model} model, {found.options.criterion}"
     rate = float((len(motion) - 1) / motion.duration)
     steps = motion_text(NAME, said, motion.names, rate, found.start, found.waypoints)
-    return {
-        "motion.csv": csv_text([*table], *table.values(), digits=12),
-        "motion.yaml": steps,
-    }
+    return {"motion.csv": csv_text([*table], *table.values(), digits=12), "motion.yaml": steps}
 
 
 def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
@@ -123,7 +120,7 @@ def excitation_record(found: ExcitationDesign) -> dict[str, Any]:
         "coordinates": list(found.motion.names),
         "noise": dict(zip(robot.actuated, json_value(found.noise), strict=True)),
         "parameters": list(found.parameters.names),
-        "errors_before": json_value(found.before.standard_errors),
+        "errors_before": json_value(found.errors_before),
         "checks": json_value(found.checks),
     }
 

@@ -40,7 +40,7 @@ WORDS = {"yes": "Fit", "roughly": "Rough", "no": "Not fit"}
 def identification_report(
     found: Identification, command: str = "", *, anyway: bool = False
 ) -> Report:
-    """What an identification found; the command designs the motion that its verdict asks for.
+    """What an identification found; the command designs the motion that its verdict names.
 
     Without a file of the recommended fit where that breaks a law, unless forced.
 
@@ -48,7 +48,7 @@ def identification_report(
     ----------
     found : Identification
     command : str
-        That designs the motion which the verdict asks for.
+        That designs the motion which the verdict names.
     anyway : bool
         Write a fit that breaks a law, too.
 
@@ -99,9 +99,8 @@ def _under(found: Identification) -> str:
     ]
     if found.cutoff is not None:
         said.append(f"filtered at {found.cutoff.chosen:.3g} Hz")
-    judged = (
-        "judged on other data" if found.validation else "each segment judged by fits to the others"
-    )
+    others = "each segment judged by fits to the others"
+    judged = "judged on other data" if found.validation else others
     return "; ".join([*said, judged])
 
 
@@ -122,10 +121,7 @@ def _card(found: Identification, judged: Verdict, command: str) -> Card:
         tone=tone,
         word=WORDS[judged.forces],
         use=use.strip(", ") if sure else "until a mistake is mended",
-        chips=(
-            (tone, f"Forces: {judged.forces}"),
-            (TONES[alone], f"Single parameters: {alone}"),
-        ),
+        chips=((tone, f"Forces: {judged.forces}"), (TONES[alone], f"Single parameters: {alone}")),
         figures=(
             Figure(percent, error, gauge=gauge, sure=sure),
             Figure(change, "errors against the given bodies, all motors", more, sure=sure),
@@ -160,9 +156,7 @@ def _sections(found: Identification, worst: str) -> Iterator[Section]:
         short="Parameters",
     )
     if told.weak or told.unidentifiable:
-        yield Section(
-            "What the log does not identify", (_unidentified_table(found),), short="Not identified"
-        )
+        yield Section("Not identified", (_unidentified_table(found),))
     used = {"fitted": found.training, "new data, not fitted": found.validation}
     log = [charts.used_chart(robot, used), charts.gains_chart(robot, found.log_faults)]
     log += [] if found.delay is None else [charts.delays_chart(robot, found.delay)]

@@ -322,10 +322,7 @@ def _summary(record: dict[str, Any], most: int | None = None) -> dict[str, str]:
 
 @checked
 def base_report(
-    robot: Robot,
-    model: str,
-    base: BaseParameters,
-    motors_alone: BaseParameters | None = None,
+    robot: Robot, model: str, base: BaseParameters, motors_alone: BaseParameters | None = None
 ) -> Report:
     """Base parameters, and how sure they are.
 
@@ -394,10 +391,7 @@ def base_report(
 
 
 def base_record(
-    robot: Robot,
-    model: str,
-    base: BaseParameters,
-    motors_alone: BaseParameters | None = None,
+    robot: Robot, model: str, base: BaseParameters, motors_alone: BaseParameters | None = None
 ) -> dict[str, Any]:
     """Base parameters and their search, ready for JSON.
 

@@ -42,7 +42,14 @@ LISTED = 8  # names in a sentence
 
 @record(checked=True)
 class Body:
-    """A rigid body that carries parameters: all the links fixed to one joint."""
+    """A rigid body that carries parameters: all the links fixed to one joint.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.load("five_bar").bodies[0]
+    Body(link='left_crank', joint_id=1)
+    """
 
     link: str  # the link that the joint carries; the parameters are in the frame of the joint
     joint_id: int  # index of the joint in the Pinocchio model
@@ -142,7 +149,7 @@ class Robot:
         own first. Otherwise there is nothing to choose, and none is listed.
     rounding : float or None
         To what the numbers of its geometry are rounded, in m and rad; 0 where they are exact, None
-        where only they themselves tell.
+        where only the numbers show it.
     closure_rank_tolerance : float
         Singular values of the closures below this fraction of the largest count as zero.
     singularity_threshold : float or None
@@ -211,12 +218,17 @@ class Robot:
                 )
 
     def __repr__(self) -> str:
-        return (
+        kinds = {
+            "actuated": self.actuated,
+            "passive": self.passive,
+            "left free by the motors": self.free,
+        }
+        lines = [f"  {kind}: {shortened(names)}" for kind, names in kinds.items() if names]
+        size = (
             f"Robot {self.name}: {len(self.joints)} joints, {self.model.nv} coordinates, "
-            f"{len(self.bodies)} bodies, {self.rows} closure equations\n"
-            f"  actuated: {shortened(self.actuated)}\n"
-            f"  independent: {shortened(self.independent)}"
+            f"{len(self.bodies)} bodies, {self.rows} closure equations"
         )
+        return "\n".join([size, *lines])
 
     def _repr_html_(self) -> str:
         lower, upper = self.position_limits
@@ -297,9 +309,8 @@ class Robot:
         q = shaped(q, "q", self.model.nq)
         for name in self.joints:
             joint = self.joint(name)
-            part = (
-                q[joint.idx_q : joint.idx_q + joint.nq] if joint.nv > 1 else [position_of(joint, q)]
-            )
+            whole = q[joint.idx_q : joint.idx_q + joint.nq]
+            part = whole if joint.nv > 1 else [position_of(joint, q)]
             rounded = [round(float(value), 6) + 0.0 for value in part]
             values[name] = rounded[0] if len(rounded) == 1 else rounded
         return values
@@ -491,9 +502,8 @@ class Robot:
         ]
         for coupling in self.couplings:
             units = self.coordinate_scales[list(coupling.v_indices)]
-            scales.append(
-                self.length / float(np.abs(np.array(coupling.coefficients) * units).max())
-            )
+            largest = np.abs(np.array(coupling.coefficients) * units).max()
+            scales.append(self.length / float(largest))
         return frozen(scales)
 
     # Bodies and their parameters.
