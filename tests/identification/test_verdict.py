@@ -9,7 +9,6 @@ import loopid
 from bank_robots import few_of
 from loopid import FitOptions, JointTerms, identify
 from loopid.findings import SEVERITIES
-from loopid.identification import FitOptions
 from loopid.identification.unseen import UnseenErrors
 from loopid.logs import Log, Recording
 from loopid.motion import Noise, scaled_bodies
