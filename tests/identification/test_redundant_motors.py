@@ -14,7 +14,7 @@ from loopid.kinematics import closed_motion
 from loopid.logs import Log, Recording, read_log
 from made_runs import logged, quietly, wander
 
-pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared")
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared", "none_missing")
 
 FRICTION = np.array([0.3, 0.4, 0.2, 0.5, 0.25, 0.3])
 NOISE = 0.05

@@ -447,11 +447,13 @@ def fit_all(
     elif excited.unidentifiable and (options.unidentifiable == "error" or not excited.rank):
         raise excited.refusal
     else:
-        found = fit_told(force_model.prior[plain], part, excited, estimator, options.unidentifiable)
+        found = fit_determined(
+            force_model.prior[plain], part, excited, estimator, options.unidentifiable
+        )
     return widened(found, data.parameters)
 
 
-def fit_told(
+def fit_determined(
     prior: FloatArray,
     data: FitSamples,
     excited: Identifiability,
