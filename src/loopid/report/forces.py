@@ -147,7 +147,8 @@ def payload_report(robot: Robot, found: PayloadFit) -> Report:
     >>> robot = loopid.load("five_bar")
     >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
     >>> model = loopid.force_model(robot, "gravity", "Fc,Fv")
-    >>> found = loopid.identify_payload(model, run, run, link="left_coupler")
+    >>> (early,), (late,) = loopid.identification.split_recordings([run], 0.5)
+    >>> found = loopid.identify_payload(model, early, late, link="left_coupler")
     >>> loopid.report.payload_report(robot, found).name
     'payload'
     """
