@@ -69,11 +69,12 @@ def test_paths_and_a_robot_are_taken_as_recordings_and_a_model(load_once, tmp_pa
     robot, path = load_once("five_bar"), tmp_path / "run.csv"
     rows = Path("urdf/logs/five_bar.csv").read_text().splitlines()
     path.write_text("\n".join([rows[0], *rows[200:1000], ""]))
-    log = loopid.read_log(path, robot)
-    model, run = loopid.force_model(robot, "full"), quietly(loopid.prepare, robot, log)
+    log, part = (loopid.read_log(path, robot, rows=rows) for rows in (None, (1, 700)))
+    model = loopid.force_model(robot, "full")
+    light, heavy = (quietly(loopid.prepare, robot, each) for each in (log, part))
     options = {"link": "right_coupler", "estimator": "ols"}
-    found = quietly(loopid.identify_payload, robot, path, log, **options)
-    assert found == quietly(loopid.identify_payload, model, [run], [run], **options)
+    found = quietly(loopid.identify_payload, robot, path, part, **options)
+    assert found == quietly(loopid.identify_payload, model, [light], [heavy], **options)
 
 
 @pytest.mark.validate

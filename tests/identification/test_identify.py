@@ -506,3 +506,14 @@ def test_motors_without_any_force_are_named(knee_model, motions, truth):
         force[:, columns] = 0.0
         with pytest.raises(DataError, match=rf"the force of {named}.* is zero in all samples"):
             identify(knee_model, [replace(run, force=force)])
+
+
+def test_a_log_is_given_once(knee_model, motions, truth):
+    run, other = (modelled(knee_model, motions[0], truth, seed=seed) for seed in (0, 1))
+    link = knee_model.robot.bodies[0].link
+    for refused in (
+        lambda: identify(knee_model, [run, other, run]),
+        lambda: loopid.identify_payload(knee_model, run, run, link=link),
+    ):
+        with pytest.raises(DataError, match=r"the forces of two logs are the same .*each log once"):
+            refused()

@@ -24,7 +24,7 @@ from loopid.arguments import FloatArray, frozen
 from loopid.base_parameters.base import BaseParameters, expression
 from loopid.base_parameters.choice import SearchResult
 from loopid.base_parameters.structure import Structure, analyse
-from loopid.errors import DataError, FileError, OptionError
+from loopid.errors import DataError, FileError, LoopidError, OptionError
 from loopid.files import near_file, why_no_file
 from loopid.identification.estimates import Estimates
 from loopid.identification.force_models import ForceModel
@@ -81,7 +81,7 @@ class FitFile:
         _require_own_bodies(fit, model)
         robot, base, bodies = model.robot, model.base, fit.standard_parameters
         values = [None] * len(base.parameters) if bodies is None else bodies.tolist()
-        told = "name", "unit", "value", "standard_error", "determined"
+        kept = "name", "unit", "value", "standard_error", "determined"
         content = {
             "format": FORM,
             "version": VERSION,
@@ -102,7 +102,7 @@ class FitFile:
             },
             # All p standard parameters and joint terms, with values where the fit has bodies.
             "standard_parameters": [
-                {name: getattr(each, name) for name in told} for each in fit.standard.values()
+                {name: getattr(each, name) for name in kept} for each in fit.standard.values()
             ]
             or [
                 {"name": parameter.label, "unit": parameter.unit, "value": value}
@@ -250,6 +250,12 @@ class FitFile:
                 'is, robot="FILE"',
                 file=own["path"],
             ) from None
+        except LoopidError as error:
+            if file is None:
+                raise
+            raise DataError(
+                f"{file} cannot be loaded as the robot of the fit, {own['name']}: {error}"
+            ) from error
 
     def model_of(self, robot: Robot) -> ForceModel:
         """The force model of a robot with the base parameters of the file: nothing is searched.
@@ -382,7 +388,7 @@ def _differences(file: FitFile, robot: Robot) -> Iterator[str]:
     def others(what: str, there: Sequence[str], here: Sequence[str]) -> Iterator[str]:
         for one, other in zip_longest(there, here):
             if one != other:
-                yield f"{what} {other or 'none'} is where that has {one or 'none'}"
+                yield f"{what} {other or 'none'} of the fit is {one or 'none'} there"
 
     yield from others("coordinate", robot.coordinates, file.robot["coordinates"])
     yield from others("row", robot.independent, own["rows"])
