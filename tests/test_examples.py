@@ -40,6 +40,10 @@ SCRIPTS = [
     pytest.param(script, id=script.stem, marks=[pytest.mark.validate] * (script.stem in LONG))
     for script in sorted(FOLDER.glob("*.py"))
 ]
+BOOKS = [
+    pytest.param(book, id=book.stem, marks=[pytest.mark.validate] * (book.stem == "paper"))
+    for book in sorted(FOLDER.glob("*.ipynb"))
+]  # the rest of the paper: tests/paper
 NEEDED = {"mujoco_model": "mujoco"}
 
 
@@ -70,7 +74,7 @@ def words(text):
 
 @pytest.mark.usefixtures("bundled_once", "nothing_suspected", "no_delay_sought")
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("book", sorted(FOLDER.glob("*.ipynb")), ids=lambda book: book.stem)
+@pytest.mark.parametrize("book", BOOKS)
 def test_a_notebook_shows_what_it_is_kept_with(book, monkeypatch, tmp_path):
     """``python tests/notebooks.py`` keeps what the cells show."""
     pytest.importorskip("matplotlib").use("Agg")

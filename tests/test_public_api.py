@@ -47,10 +47,10 @@ def test_functions_take_three_positional_arguments_and_seven_in_all(name):
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
+def made(tmp_path_factory, once):
     """One instance of every record that a run from a robot to its exports yields."""
     with warnings.catch_warnings(action="ignore"):
-        return run(tmp_path_factory.mktemp("run"))
+        return once("public run", lambda: run(tmp_path_factory.mktemp("run")))
 
 
 def run(folder):

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import assume, given, settings, strategies as st
 from ruamel.yaml import YAML
 
+from bank_robots import few_of
 from loopid.base_parameters import find_base
 from loopid.errors import AccuracyWarning
 from loopid.loading.files import bundled_directory
@@ -48,7 +49,9 @@ def strokes_around(generator):
     return around
 
 
-@pytest.mark.parametrize(("robot", "configuration"), CONFIGURATIONS)
+@pytest.mark.parametrize(
+    ("robot", "configuration"), few_of(CONFIGURATIONS, ("3ups_rpu", 1), ("5p", 1))
+)
 def test_every_published_geometry(robot, configuration, table, observe_robot, strokes_around):
     geometry = table[robot]["configurations"][configuration]
     strokes = strokes_around(geometry, table[robot]["home"])
@@ -79,7 +82,7 @@ GEOMETRIES = st.fixed_dictionaries(
 
 
 @given(GEOMETRIES)
-@settings(max_examples=4)
+@settings(max_examples=2)
 def test_random_geometries(table, observe_robot, strokes_around, geometry):
     home = table["3ups_rpu"]["home"]
     try:

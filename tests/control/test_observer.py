@@ -113,7 +113,7 @@ def test_white_noise_passes_the_filter_as_stated(knee):
     )
     observer, still = WrenchObserver(model, 0.01, noise=7.0, alarms=3600.0), np.zeros(4)
     run, gravity = [], model.gravity(u)
-    for _ in range(2000):
+    for _ in range(1200):
         run.append(observer.update(Signals(u, still, gravity + 7 * rng.standard_normal(4))))
     residuals = np.array([each.residual for each in run[100:]])
     stated = np.sqrt(run[-1].covariance.diagonal())

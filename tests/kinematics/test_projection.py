@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 import loopid
+from bank_robots import few_of
 from loopid import random_configurations
 from loopid.errors import AccuracyWarning, DataError, MobilityError, OptionError, SingularityError
 from loopid.kinematics import (
@@ -271,7 +272,7 @@ def in_millimetres(geometry, robot):
     }
 
 
-@pytest.fixture(scope="module", params=["3ups_rpu", "3ups_rpu welded"])
+@pytest.fixture(scope="module", params=few_of(["3ups_rpu", "3ups_rpu welded"], "3ups_rpu welded"))
 def pair(request, generator, write_robot, weld):
     name, _, welded = request.param.partition(" ")
     robot = generator.read_table()[name]
@@ -300,11 +301,11 @@ def test_the_same_strokes_can_be_assembled(pair, to_mm):
     # Twice as long a travel as the drives have, so that a good part is out of reach.
     motors = pair[0].velocity_indices(pair[0].actuated)
     centre = pair[0].reference[motors]
-    strokes = centre + np.random.default_rng(1).uniform(-0.4, 0.4, size=(100, 4))
+    strokes = centre + np.random.default_rng(1).uniform(-0.4, 0.4, size=(40, 4))
     metre, millimetre = (
         try_assemble(robot, strokes * unit) for robot, unit in zip(pair, (1.0, MM), strict=True)
     )
-    assert 10 < metre.assembled.sum() < 90
+    assert 4 < metre.assembled.sum() < 36
     np.testing.assert_array_equal(millimetre.assembled, metre.assembled)
     reached = metre.assembled
     np.testing.assert_allclose(

@@ -96,7 +96,7 @@ NAMES = few_of(
         "bennett",
         "rack and pinion",
     ),
-    *("ball rssr", "flying five-bar", "endless", "rocking"),
+    *("ball rssr", "flying five-bar", "rocking"),
 )
 
 

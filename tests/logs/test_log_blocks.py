@@ -66,7 +66,7 @@ def spoilt(truth, robot):
     return "\n".join(lines)
 
 
-@pytest.mark.parametrize(("size", "name"), [(7, "log.csv"), (64, "log.txt.gz")])
+@pytest.mark.parametrize(("size", "name"), [(29, "log.csv"), (64, "log.txt.gz")])
 def test_spoilt_text(knee, truth, write_text, set_block_rows, size, name):
     path = write_text(spoilt(truth, knee), name)
     whole = found(path, knee)

@@ -35,10 +35,11 @@ LOG_ENDINGS = (".csv", ".txt", ".tsv")
 MODELS = "gravity (slow motion) or full (all ten parameters a body)"
 MODEL = Option("gravity", help=f"{MODELS}.", autocompletion=completion.models)
 LOGGED_MODEL = Option(
-    "auto", help=f"{MODELS}; auto: the one that LOG asks for.", autocompletion=completion.models
+    "auto", help=f"{MODELS}; auto: the one that LOG needs.", autocompletion=completion.models
 )
 TERMS = (
-    "Forces in the joints: of all motors, as Fc,Fv,Fo; with some joints' own, as "
+    "Forces in the joints: Coulomb (Fc) and viscous (Fv) friction, offset (Fo), armature (Ia), "
+    "spring (Ks). Of all motors, as Fc,Fv,Fo; with some joints' own, as "
     '"Fc,Fv; elbow: Ks; passive: Fv"; file: those that the robot file gives; none.'
 )
 GIVEN_TERMS = Option("none", help=TERMS, autocompletion=completion.terms)
@@ -67,7 +68,7 @@ def loaded(
     ),
     xacro: list[str] | None = XACRO,
 ) -> Any:
-    """The robot (``Robot``) that the options of a command ask for."""
+    """The robot (``Robot``) that the options of a command name."""
     from loopid.loading.robot_files import load
 
     with progress_bar("robot"):
@@ -229,7 +230,7 @@ def excite(
     answer: Answer,
     model: str = Option(
         "auto",
-        help=f"{MODELS}; auto: the one that the logs of --after ask for, gravity without.",
+        help=f"{MODELS}; auto: the one that the logs of --after need, gravity without.",
         autocompletion=completion.models,
     ),
     terms: str = GIVEN_TERMS,

@@ -52,6 +52,14 @@ class Estimate:
         The whole sum.
     determined : bool
         Whether the data determine it; otherwise only the robot file does.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> found = loopid.identify(loopid.load("five_bar"), "urdf/logs/five_bar.csv")
+    >>> coulomb = found.fit["left_crank_joint.Fc"]
+    >>> coulomb.unit, coulomb.interval[0] < 0.1 < coulomb.interval[1]
+    ('N m', True)
     """
 
     value: float
@@ -165,6 +173,10 @@ class Estimates(Tabular):
     def joint_terms(self) -> JointTerms:
         """Those of the force model, none where it is not known or has none."""
         return (None if self.model is None else self.model.joint_terms) or JointTerms(())
+
+    def rates_of(self, joint: str) -> tuple[float, float] | None:
+        """Slowest and fastest rate of a joint in the data; None where they are not known."""
+        return self.use.of(joint) if self.use is not None and joint in self.use.joints else None
 
     @property
     def standard_errors(self) -> FloatArray:

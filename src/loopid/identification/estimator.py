@@ -12,7 +12,8 @@ the residuals that they lead to are found by iteration [Gautier1997].
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import ClassVar
+from dataclasses import replace
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
@@ -40,6 +41,16 @@ class WorkingFit:
         squares are the values of the result.
     prior : FloatArray or None
         (k, n + 1), rows [L | L φ₀] of the prior, their errors of unit variance.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> from loopid.identification import FitSamples, WorkingFit, fit
+    >>> names = loopid.parameters.ParameterSet.from_labels(["arm.m", "arm.mx"])
+    >>> W = np.random.default_rng(0).normal(size=(100, 1, 2))
+    >>> samples = FitSamples.of(names, ["motor"], W, W @ [2.0, 0.5])
+    >>> WorkingFit(fit(samples), samples).prior is None
+    True
     """
 
     result: Fit
@@ -50,6 +61,10 @@ class WorkingFit:
     def factor(self) -> FloatArray:
         """Triangular factor (n + 1, n + 1) of all weighted rows, those of the prior included."""
         return self.samples.problem.weighted(self.result.weights, self.prior)
+
+    def with_result(self, **changes: Any) -> WorkingFit:
+        """The same least squares with a result that is changed."""
+        return replace(self, result=replace(self.result, **changes))
 
     def response(self, force: FloatArray) -> FloatArray:
         """Change of the estimates (n, k) with further forces (N, dof, k)."""
@@ -64,6 +79,14 @@ class Estimator:
     Triangular factors are enough for ``_fit``, which finds a ``Fit`` for independent errors. An
     estimator that needs the samples has ``fit_samples`` instead. A new one is a file, and a line in
     ``ESTIMATORS``.
+
+    Examples
+    --------
+    >>> from loopid.identification import ESTIMATORS, Estimator
+    >>> sorted(ESTIMATORS)
+    ['bisquare', 'iv', 'ols', 'wls']
+    >>> all(issubclass(each, Estimator) for each in ESTIMATORS.values())
+    True
     """
 
     name: ClassVar[str]
@@ -332,7 +355,18 @@ def _silent(R: FloatArray) -> BoolArray:
 
 @record
 class OrdinaryLeastSquares(Estimator):
-    """All actuators count alike."""
+    """All actuators count alike.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> from loopid.identification import FitSamples, OrdinaryLeastSquares, fit
+    >>> names = loopid.parameters.ParameterSet.from_labels(["arm.m", "arm.mx"])
+    >>> W = np.random.default_rng(0).normal(size=(100, 1, 2))
+    >>> samples = FitSamples.of(names, ["motor"], W, W @ [2.0, 0.5])
+    >>> fit(samples, OrdinaryLeastSquares()).values.round(6).tolist()
+    [2.0, 0.5]
+    """
 
     name = "ols"
 
@@ -345,7 +379,18 @@ class OrdinaryLeastSquares(Estimator):
 
 @record
 class WeightedLeastSquares(Estimator):
-    """The variances are found by iteration."""
+    """The variances are found by iteration.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> from loopid.identification import FitSamples, WeightedLeastSquares, fit
+    >>> names = loopid.parameters.ParameterSet.from_labels(["arm.m", "arm.mx"])
+    >>> W = np.random.default_rng(0).normal(size=(100, 1, 2))
+    >>> samples = FitSamples.of(names, ["motor"], W, W @ [2.0, 0.5])
+    >>> fit(samples, WeightedLeastSquares()).values.round(6).tolist()
+    [2.0, 0.5]
+    """
 
     name = "wls"
 

@@ -21,7 +21,7 @@ from loopid.identification.consistent import (
     quiet_consistent_fit,
     warn_of_bodies,
 )
-from loopid.identification.data import read
+from loopid.identification.data import read, require_no_repetition
 from loopid.identification.delay import in_time, with_delay_errors
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
@@ -172,6 +172,7 @@ def identify(
     robot, (recordings, judging, friction) = read(robot, data, *others, mapping=mapping)
     own = robot if isinstance(robot, Robot) else robot.robot
     require_forces(own, recordings)
+    require_no_repetition(recordings)
     choice, force_model = _model_of(robot, recordings, options)
     training, left_out = recordings, validation is None and options.fraction is None
     if validation is None and options.fraction is not None:
@@ -352,7 +353,7 @@ def _friction_alone(
     friction: Sequence[Recording],
     options: FitOptions,
 ) -> tuple[ForceModel, Fit]:
-    """The terms that an experiment of their own asks for, and their values."""
+    """The terms that come from an experiment of their own, and their values."""
     whole = fit_all(force_model, first, identifiability(force_model, first), options=options)
     model, _, found = with_friction(force_model, first, friction, whole)
     return model, found.result
@@ -419,8 +420,8 @@ def fit_all(
     Warns
     -----
     DataWarning
-        Of parameters that vary between recordings, as ``fit``. What is not significant, the verdict
-        tells of the recommended fit.
+        Of parameters that vary between recordings, as ``fit``. The verdict counts what is not
+        significant in the recommended fit.
 
     Examples
     --------
@@ -446,11 +447,13 @@ def fit_all(
     elif excited.unidentifiable and (options.unidentifiable == "error" or not excited.rank):
         raise excited.refusal
     else:
-        found = fit_told(force_model.prior[plain], part, excited, estimator, options.unidentifiable)
+        found = fit_determined(
+            force_model.prior[plain], part, excited, estimator, options.unidentifiable
+        )
     return widened(found, data.parameters)
 
 
-def fit_told(
+def fit_determined(
     prior: FloatArray,
     data: FitSamples,
     excited: Identifiability,

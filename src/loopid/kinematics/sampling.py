@@ -35,7 +35,7 @@ PART_LENGTH = 0.3  # characteristic lengths that a floating base moves
 
 @record(kw_only=True, checked=True)
 class SamplingOptions:
-    """How random configurations are drawn.
+    """How random configurations are sampled.
 
     Attributes
     ----------
@@ -43,9 +43,16 @@ class SamplingOptions:
         Least singularity measure of a pose, see ``Projection.singularity``; by default that of the
         robot's file, else the usual one, or less where the geometry hardly allows it.
     spread : float
-        Part of the limits around the reference that draws come from.
+        Part of the limits around the reference that samples come from.
     attempts : int
         Draws for each configuration found, after which they are given up.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> near = loopid.kinematics.SamplingOptions(spread=0.1)
+    >>> loopid.random_configurations(loopid.load("five_bar"), 3, seed=0, options=near).shape
+    (3, 4)
     """
 
     singularity_threshold: Annotated[float, Field(ge=0, le=1)] | None = None

@@ -183,6 +183,14 @@ class Recording(Tabular):
         (N, dof), the part of the force that is of measured wrenches; None without any.
     wrenches : tuple of str
         The frames on which they act.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> recording = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
+    >>> recording.actuators, recording.force.shape == recording.used.shape
+    (('left_crank_joint', 'right_crank_joint'), True)
     """
 
     name: str
@@ -314,7 +322,7 @@ class Recording(Tabular):
             When a part is empty.
         """
         if not 0 < fraction < 1:
-            raise OptionError(f"the fraction must be in (0, 1), not {fraction}", given=fraction)
+            raise OptionError(f"fraction must be between 0 and 1, not {fraction}", given=fraction)
         moving = np.cumsum(self.used.any(axis=1))
         early = 1 + int(np.searchsorted(moving, int(fraction * moving[-1]), "right"))
         early = early if moving[-1] > 1 else len(self)
