@@ -76,6 +76,16 @@ def child(element: Element, tag: str) -> Element:
     return found
 
 
+def content(element: Element, tag: str) -> str:
+    """Text of a tag that must be there."""
+    return (child(element, tag).text or "").strip()
+
+
+def text_at(element: Element, path: str) -> str:
+    """Text of a tag that may be there; empty where it is missing."""
+    return (element.findtext(path) or "").strip()
+
+
 def single(element: Element, tag: str) -> Element | None:
     """A tag that may be there, once; of a joint's the first counts, as for Pinocchio."""
     found = element.findall(tag)
