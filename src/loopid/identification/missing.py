@@ -375,8 +375,12 @@ class _Test:
             for own, size in rows
         ]
         self.runs = [run_lengths(used, samples.pieces) for used in samples.used.T]
-        none = Spectra.of(np.zeros((0, len(samples))), samples.pieces)
-        self.densities = [none.densities(model) for model in self.models]
+        # (dof, n, n), covariances of what errors of each motor do to the estimates.
+        self.sums = np.zeros((len(self.models), n, n))
+        for i, model in enumerate(self.models):
+            if model.variance > 0:
+                spectra = Spectra.of(self.columns[:, i].T, samples.pieces)
+                self.sums[i] = spectra.covariance(spectra.densities(model))
 
     def of(self, columns: FloatArray) -> _Tested:
         """Test columns (N, dof, k)."""
@@ -391,24 +395,21 @@ class _Test:
         if not (sizes > 0).all() or np.linalg.eigvalsh(G / np.outer(sizes, sizes))[0] < DEPENDENT:
             return _Tested(columns, 1.0, np.zeros(k), np.zeros(k), np.zeros(n))
         s = np.einsum("nik,ni->k", c, self.residual[:, own])
-        beside = -(self.columns @ turned)  # (N, dof, k)
-        beside[:, own] += c
+        beside = c - self.columns[:, own] @ turned
         # Errors are what is left with the columns.
-        left, models = self.residual - beside @ np.linalg.solve(G, s), list(self.models)
-        V = np.zeros((k, k))
-        for i, model in enumerate(models):
-            spectra, densities = Spectra.of(beside[:, i].T, pieces), self.densities[i]
-            if i in own:
-                covariances = burg_covariances(left[:, i], self.runs[i])
-                models[i] = model = Autoregression.of_covariances(covariances)
-                densities = spectra.densities(model)
+        left, orders = self.residual[:, own] - beside @ np.linalg.solve(G, s), []
+        V = turned.T @ np.delete(self.sums, own, axis=0).sum(axis=0) @ turned
+        for row, i in enumerate(own):
+            model = Autoregression.of_covariances(burg_covariances(left[:, row], self.runs[i]))
+            orders.append(model.order)
             if model.variance > 0:
-                V += spectra.covariance(densities)
+                spectra = Spectra.of(beside[:, row].T, pieces)
+                V += spectra.covariance(spectra.densities(model))
         if self.prior is not None:
             moved = self.prior @ turned
             V += moved.T @ moved
         counts = self.used[:, own].sum(axis=0)
-        freedom = sum(counts / [max(2 * models[i].order, 1) for i in own]) - k
+        freedom = sum(counts / [max(2 * order, 1) for order in orders]) - k
         weighed = np.linalg.solve(V, np.column_stack([s, G]))
         F = float(s @ weighed[:, 0]) / k
         # A force is hardly larger than the whole one.
