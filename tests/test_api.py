@@ -50,7 +50,8 @@ def test_examples_of_other_names_run(subpackage, short_logs, monkeypatch):
     for name in set(getattr(package, "__all__", dir(package))) - set(NAMES):
         thing = getattr(package, name)
         if getattr(thing, "__module__", "").startswith("loopid."):
-            run_examples(name, thing)
+            shown = run_examples(name, thing)
+            assert shown or not inspect.isclass(thing), f"{name} has no example in its docstring"
 
 
 LISTED = (Path(__file__).parent / "public_api.txt").read_text().splitlines()

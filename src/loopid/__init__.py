@@ -28,7 +28,7 @@ Subpackages hold the rest, by the order of the work:
 - recordings and values: ``motion``, ``logs``, ``identification``, ``diagnosis``, ``excitation``
 - use of a fit: ``control``, ``export``
 - pictures and pages: ``plots``, ``report``, ``view``; the paper's case study: ``paper``
-- what may be told on the way: ``errors``, ``findings``, ``progress``
+- messages on the way: ``errors``, ``findings``, ``progress``
 """
 
 import lazy_loader

@@ -174,7 +174,7 @@ def row_blocks(rows: int | slice, size: int | None = None) -> Iterator[slice]:
 
 
 def samples(array: ArrayLike, width: int, name: str, count: int | None = None) -> FloatArray:
-    """The array as finite rows (N, width), as many as asked for; one may come without its axis."""
+    """The array as finite rows (N, width), as many as required; one may come without its axis."""
     values = np.atleast_2d(finite(array, name))
     if values.ndim != 2 or values.shape[1] != width:
         one = f"({width},)" if np.ndim(array) < 2 else f"(samples, {width})"

@@ -97,7 +97,7 @@ class LoopidError(Exception):
 
 
 class OptionError(LoopidError, ValueError):
-    """An argument is not one of those that are valid, or asks for what cannot be done."""
+    """An argument is not one of those that are valid, or requires what cannot be done."""
 
 
 class MissingExtraError(LoopidError, ImportError):

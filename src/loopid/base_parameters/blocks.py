@@ -1,6 +1,6 @@
 """Blocks of a choice problem: parts that can be searched apart, and good selections of each, fast.
 
-A block asks for k of its vectors. The squared singular values of the selected rows X_S are the
+Of a block k vectors are selected. The squared singular values of the selected rows X_S are the
 eigenvalues of X_S X_Sᵀ. "Smallest" and "largest" mean these throughout the exact search.
 
 A good selection comes from pivoted QR, then swaps between barriers that close in on the

@@ -99,6 +99,15 @@ class ChoiceProblem:
     ------
     OptionError
         For an unknown criterion.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> W = loopid.regressors.structural_observation(loopid.load("four_bar"))
+    >>> structure = loopid.base_parameters.find_base(W).structure
+    >>> problem = loopid.base_parameters.ChoiceProblem(structure)
+    >>> problem.size, problem.dependent_count, problem.candidates
+    (7, 3, 35)
     """
 
     structure: Structure
@@ -225,6 +234,14 @@ class SearchResult:
         What a subgroup search tried.
     options : SearchOptions
         How far the search was to go.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> W = loopid.regressors.structural_observation(loopid.load("four_bar"))
+    >>> found = loopid.base_parameters.find_base(W).search
+    >>> found.name, found.certified, round(found.condition_number, 4), found.ties
+    ('exact', True, 1.3396, 1)
     """
 
     name: str
@@ -266,6 +283,12 @@ class SearchStrategy(ABC):
     Parameters
     ----------
     options : SearchOptions
+
+    Examples
+    --------
+    >>> from loopid.base_parameters import SEARCHES, SearchStrategy
+    >>> sorted(SEARCHES), all(issubclass(each, SearchStrategy) for each in SEARCHES.values())
+    (['exact', 'qr', 'subgroup'], True)
     """
 
     name: ClassVar[str]
@@ -310,7 +333,16 @@ class SearchStrategy(ABC):
 
 @record
 class PivotedQR(SearchStrategy):
-    """Take the columns of W greedily, each the one farthest from the span of those taken."""
+    """Take the columns of W greedily, each the one farthest from the span of those taken.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> W = loopid.regressors.structural_observation(loopid.load("four_bar"))
+    >>> found = loopid.base_parameters.find_base(W, loopid.base_parameters.PivotedQR())
+    >>> found.search.name, found.search.certified
+    ('qr', False)
+    """
 
     name: ClassVar[str] = "qr"
 

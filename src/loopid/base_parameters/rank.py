@@ -1,4 +1,4 @@
-"""How many combinations of parameters an observation shows: one rule, whoever asks.
+"""How many combinations of parameters an observation shows: one rule for all callers.
 
 Columns are brought to common units: of one per kg, with lengths measured by the characteristic
 length. A singular value then says how much of all forces depends on a combination. It counts when
@@ -248,7 +248,7 @@ def _not_round_off(
     part = slice(counted, last)
     roundings = _roundings(observation, scales, directions[part], values[part], known=False)
     real = np.flatnonzero(~(roundings <= ROUND_OFF * observation.length))
-    # Who asks for coarse values to be left out has them left out, real or not.
+    # Coarse values that the caller leaves out are left out, real or not.
     usual = tolerances.least <= RankTolerances.least
     effects = np.flatnonzero(usual & (roundings > observation.length))
     last = counted + int(real.max(initial=-1)) + 1
@@ -258,7 +258,7 @@ def _not_round_off(
 def _counted(
     observation: Observation, scales: FloatArray, values: FloatArray, counted: int
 ) -> tuple[int, str]:
-    """How many relative singular values count; and what tells of the rounding that made the rest.
+    """How many relative singular values count; and what shows the rounding that made the rest.
 
     From the least one on, values that other numbers of the robot file would change are made by its
     rounding. The first that stays the same is evidence of rank. So are all above it.

@@ -60,6 +60,14 @@ class Structure:
         Between which numbers the rank lies where the gap is not clear; None where it is.
     null_errors : FloatArray or None
         (n,), round-off of each row of ``null_basis``, relative to its norm; None for none.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> W = loopid.regressors.structural_observation(loopid.load("four_bar"))
+    >>> structure = loopid.base_parameters.find_base(W).structure
+    >>> structure.rank, structure.null_basis.shape, structure.rank_gap > 1e6
+    (4, (7, 3), True)
     """
 
     parameters: ParameterSet

@@ -33,7 +33,9 @@ LOGS = Argument(
     metavar="LOG...",
     help="CSV, NPZ, Parquet, HDF5, a ROS bag or MCAP file, or a folder with a file a stream.",
 )
-CUTOFF = Option(None, help="Cut-off of the low-pass filter in Hz; by default the best one.")
+CUTOFF = Option(
+    None, help="Cut-off of the low-pass filter in Hz; by default where estimates change least."
+)
 AUTOMATIC_TERMS = Option(
     "auto",
     help=f"{TERMS[:-1]}; auto: the usual ones, and what LOG needs.",

@@ -35,7 +35,7 @@ LOG_ENDINGS = (".csv", ".txt", ".tsv")
 MODELS = "gravity (slow motion) or full (all ten parameters a body)"
 MODEL = Option("gravity", help=f"{MODELS}.", autocompletion=completion.models)
 LOGGED_MODEL = Option(
-    "auto", help=f"{MODELS}; auto: the one that LOG asks for.", autocompletion=completion.models
+    "auto", help=f"{MODELS}; auto: the one that LOG needs.", autocompletion=completion.models
 )
 TERMS = (
     "Forces in the joints: of all motors, as Fc,Fv,Fo; with some joints' own, as "

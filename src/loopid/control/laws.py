@@ -21,7 +21,15 @@ from loopid.regressors.dynamics import Dynamics
 
 
 class Signals(NamedTuple):
-    """What sensors say at a sample, (dof,) each."""
+    """What sensors say at a sample, (dof,) each.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from loopid.control import Signals
+    >>> Signals(np.zeros(2), np.zeros(2), np.array([3.0, -1.0])).force.tolist()
+    [3.0, -1.0]
+    """
 
     position: FloatArray  # in m or rad
     velocity: FloatArray
@@ -29,7 +37,15 @@ class Signals(NamedTuple):
 
 
 class Reference(NamedTuple):
-    """Where the robot is to be at a sample, (dof,) each."""
+    """Where the robot is to be at a sample, (dof,) each.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from loopid.control import Reference
+    >>> Reference(np.array([0.1, 0.2]), np.zeros(2), np.zeros(2)).position.tolist()
+    [0.1, 0.2]
+    """
 
     position: FloatArray
     velocity: FloatArray
@@ -38,7 +54,19 @@ class Reference(NamedTuple):
 
 @runtime_checkable
 class Law(Protocol):
-    """What gives forces."""
+    """What gives forces.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from loopid.control import Controller, Law, Reference, Signals
+    >>> class Damping(Law):
+    ...     def force(self, signals, reference):
+    ...         return -0.5 * signals.velocity
+    >>> at = np.ones(2)
+    >>> Controller(Damping()).force(Signals(at, at, at), Reference(at, at, at)).tolist()
+    [-0.5, -0.5]
+    """
 
     def force(self, signals: Signals, reference: Reference) -> FloatArray:
         """Forces (dof,) of the motors in N or N m, computed once a sample."""
@@ -76,6 +104,15 @@ class PID:
         Of all coordinates, or (dof,).
     interval : float
         Between samples in s, for the integral.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from loopid.control import PID, Reference, Signals
+    >>> still = np.zeros(1)
+    >>> law = PID(100.0, 10.0)
+    >>> law.force(Signals(still, still, still), Reference(still + 0.01, still, still)).tolist()
+    [1.0]
     """
 
     def __init__(
@@ -105,7 +142,18 @@ class PID:
 
 @checked
 class Gravity:
-    """Forces that hold the robot, by values that stay."""
+    """Forces that hold the robot, by values that stay.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> from loopid.control import Gravity, Reference, Signals
+    >>> own = loopid.Dynamics(loopid.load("five_bar"))
+    >>> at, still = np.array([1.2, 1.9]), np.zeros(2)
+    >>> force = Gravity(own).force(Signals(at, still, still), Reference(at, still, still))
+    >>> bool(np.allclose(force, own.gravity(at)))
+    True
+    """
 
     def __init__(self, dynamics: Dynamics) -> None:
         self.dynamics = dynamics
@@ -120,6 +168,17 @@ class Friction:
     """Friction at the commanded velocity, by values that stay.
 
     The measured one is noise where it is small, and Coulomb friction has its sign.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> from loopid.control import Friction, Reference, Signals
+    >>> model = loopid.force_model(loopid.load("five_bar"), "gravity", "Fv")
+    >>> bodies = model.robot.standard_parameters("gravity")
+    >>> values = model.base.values(np.append(bodies, [0.05, 0.05]))
+    >>> law, at = Friction(loopid.Dynamics(model, values)), np.zeros(2)
+    >>> law.force(Signals(at, at, at), Reference(at, np.array([1.0, 2.0]), at)).round(6).tolist()
+    [0.05, 0.1]
     """
 
     def __init__(self, dynamics: Dynamics) -> None:
@@ -170,6 +229,17 @@ class OnlineCompensation:
     detector : ChangeDetector or None
     changes : list of int
         Samples at which something began to change.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> from loopid.control import OnlineCompensation, RecursiveLeastSquares
+    >>> model = loopid.force_model(loopid.load("five_bar"), "gravity", None)
+    >>> own = loopid.Dynamics(model, smoothing=1e-3)
+    >>> n = len(own.values)
+    >>> estimate = RecursiveLeastSquares(own.values, np.eye(n), np.ones(2))
+    >>> OnlineCompensation(own, estimate, 0.01).changes
+    []
     """
 
     def __init__(
@@ -257,6 +327,17 @@ class AdaptiveCompensation:
         B (n, k), along which values may change; by default each value for itself.
     bandwidth : float
         λ in 1/s.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> from loopid.control import AdaptiveCompensation, Reference, Signals
+    >>> model = loopid.force_model(loopid.load("five_bar"), "gravity", None)
+    >>> own = loopid.Dynamics(model, smoothing=1e-3)
+    >>> law = AdaptiveCompensation(own, 0.01, gains=np.ones(len(own.values)))
+    >>> at, still = np.array([0.1, 0.1]), np.zeros(2)
+    >>> law.force(Signals(at, still, still), Reference(at, still, still)).shape
+    (2,)
     """
 
     def __init__(

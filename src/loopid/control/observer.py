@@ -53,6 +53,17 @@ class WrenchEstimate:
         (dof,), motors whose friction may be anything up to Coulomb's.
     statistic, threshold : float
         rᵀ S⁻¹ r, and what it exceeds at the stated rate of false alarms.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> from loopid.control import Signals, WrenchObserver
+    >>> own = loopid.Dynamics(loopid.force_model(loopid.load("3ups_rpu"), "full"))
+    >>> at, still = np.array([0.72, 0.75, 0.76, 0.72]), np.zeros(4)
+    >>> observer = WrenchObserver(own, 0.01, noise=7.0)
+    >>> estimate = observer.update(Signals(at, still, own.gravity(at)))
+    >>> estimate.wrench.shape, estimate.contact
+    ((6,), False)
     """
 
     residual: FloatArray

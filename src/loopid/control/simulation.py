@@ -54,6 +54,13 @@ class LoopOptions:
         Of the motion in s, at most.
     refresh : float
         Masses, Coriolis forces and gravity are those of at most this many s before.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> noise = loopid.motion.Noise(uniform=12.0, encoder_step=2e-5)
+    >>> loopid.control.LoopOptions(interval=1e-3, noise=noise).interval
+    0.001
     """
 
     interval: Positive = 0.01
@@ -77,6 +84,14 @@ class ControlRun:
         (N,) in s.
     position, error, force : FloatArray
         (N, dof): true positions, what they are off the reference, and forces of the motors.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from loopid.control import ControlRun
+    >>> time, error = 0.01 * np.arange(4), np.array([[0.0], [3e-3], [4e-3], [0.0]])
+    >>> ControlRun(time, 1 - error, error, 0 * error).rms(0, 1).tolist()
+    [0.0025]
     """
 
     time: FloatArray

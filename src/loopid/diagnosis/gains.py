@@ -66,6 +66,13 @@ class KnownLoad:
     ------
     OptionError
         When the mass is not above 0, an array has another shape, or an inertia has no centre.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> load = loopid.diagnosis.KnownLoad(2.8, centre=[0, 0, 0.05])
+    >>> load.mass, load.centre.tolist()
+    (2.8, [0.0, 0.0, 0.05])
     """
 
     mass: Positive
@@ -176,8 +183,8 @@ def drive_gains(
 ) -> GainFit:
     """Find the gains of drives from runs without and with a load of known mass.
 
-    Gains, robot and what is not known of the load are one estimate. Motors that do not tell their
-    gains are named, and left out of it.
+    Gains, robot and what is not known of the load are one estimate. Motors that do not
+    determine their gains are named, and left out of it.
 
     Parameters
     ----------
@@ -337,7 +344,7 @@ class _Rows:
         return self.samples.less(self.known)
 
     def about(self, values: FloatArray, scales: FloatArray, telling: BoolArray) -> FitSamples:
-        """Linear in the parameters and, after them, the scales of the motors that tell theirs."""
+        """Linear in the parameters and, after them, the scales of motors that determine theirs."""
         rigid = self.samples.predicted(values) + self.known
         # c = s₀ (X φ + known) + (s - s₀) (X φ₀ + known)
         target = self.samples.force + scales * (np.where(telling, rigid, 0.0) - self.known)

@@ -121,6 +121,12 @@ class Criteria:
         λ_min(M), to be large (E).
     condition_number : float
         Of the weighted observation, √(λ_max / λ_min), to be small.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.excitation.Criteria(12.0, 0.5, 3.0, 40.0).condition_number
+    40.0
     """
 
     log_det: Number

@@ -131,8 +131,7 @@ def follow(
     None where the loops do not close, and at singularities. Configurations are reached from others
     (N, nq) or (1, nq), or one after the other from the reference.
     """
-    shortest = 2.0**-12 if start is None else SHORTEST_STEP
-    options = AssemblyOptions(shortest_step=shortest)
+    options = AssemblyOptions() if start is None else AssemblyOptions(shortest_step=SHORTEST_STEP)
     found = try_assemble(robot, x, start=start, trajectory=start is None, options=options)
     try:
         return closed_motion(robot, found.configurations, v, a) if found.assembled.all() else None

@@ -30,9 +30,12 @@ from loopid.records import record
 # The grid of the check is so much finer; this part of a bound's scale is round-off, and speeds and
 # accelerations up to this are rest.
 FINER, ROUND_OFF, REST = 10, 1e-9, 1e-6
-# How many of the best random poses are improved, how often, and how: by steps of a part of
-# the workspace that gets smaller.
-BEST, ROUNDS, SMALLER = 8, 14, 0.75
+# How many of the best random poses are improved, how often, and how: by some steps from each, of a
+# part of the workspace that gets smaller.
+BEST, ROUNDS, TRIED, FIRST_PART, SMALLER = 8, 14, 4, 0.3, 0.75
+# Of the unit step of a coordinate, that it is taken to reach at least; the singularity measure from
+# which on a pose has velocities; and part of the way to a pose, below which it is out of reach.
+LEAST_REACH, REGULAR, SHORTEST_STEP = 1e-3, 1e-6, 2.0**-6
 # Random motions for a start, and by how much they are shrunk until they keep all bounds.
 DRAWS, SHRINK, MOST_SHRINKS = 3, 0.8, 40
 # Bounds that keep this distance at the start, in scales, are left out of the problem until they
@@ -129,18 +132,18 @@ def find_poses(problem: Problem, configurations: FloatArray) -> Poses:
     generator = np.random.default_rng([problem.options.seed, 11])
     measured = measured_coordinates(robot)
     x = measured.read(np.concatenate([robot.reference[None], configurations]))
-    reach = np.maximum(np.ptp(x, axis=0) / 2, 1e-3 * problem.units)
+    reach = np.maximum(np.ptp(x, axis=0) / 2, LEAST_REACH * problem.units)
     # Random poses miss narrow ranges, which their nearest ends may keep.
     low, high = problem.bounds.ranges(robot.independent, 2 * INSET)
     x = np.concatenate([x, np.clip(x, low, high)])
     slack, q = _slacks(problem, x)
-    tried, nearest, step = len(x), slack.max(axis=0), 0.3
+    tried, nearest, step = len(x), slack.max(axis=0), FIRST_PART
     for _ in range(ROUNDS):
         best = np.argsort(-slack.min(axis=1), kind="stable")[:BEST]
         if slack[best[0]].min() > INSET:
             break
-        moves = step * reach * generator.normal(size=(4 * len(best), len(reach)))
-        x = np.concatenate([x[best], np.repeat(x[best], 4, axis=0) + moves])
+        moves = step * reach * generator.normal(size=(TRIED * len(best), len(reach)))
+        x = np.concatenate([x[best], np.repeat(x[best], TRIED, axis=0) + moves])
         there, at = _slacks(problem, x[len(best) :])
         slack, q = np.concatenate([slack[best], there]), np.concatenate([q[best], at])
         tried, step = tried + len(moves), SMALLER * step
@@ -155,11 +158,10 @@ def find_poses(problem: Problem, configurations: FloatArray) -> Poses:
 def _slacks(problem: Problem, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Slacks (N, k) of all bounds at rest in poses (N, c), -inf if out of reach; configurations."""
     robot, found = problem.robot, np.full((len(positions), len(problem.bounds.all)), -np.inf)
-    options = AssemblyOptions(shortest_step=2.0**-6)
+    options = AssemblyOptions(shortest_step=SHORTEST_STEP)
     outcome = try_assemble(robot, positions, options=options)
     q = outcome.configurations[outcome.assembled]
-    # Singular poses have no velocities to tell.
-    regular = singularity_measure(robot, q) > 1e-6
+    regular = singularity_measure(robot, q) > REGULAR
     rows = np.flatnonzero(outcome.assembled)[regular]
     if len(rows):
         still = np.zeros((len(rows), len(robot.independent)))
@@ -217,7 +219,7 @@ def feasible_start(problem: Problem, poses: Poses, number: int) -> tuple[FloatAr
 
 @dataclass
 class Search:
-    """The points that a solver asks for, each evaluated once, and the best ones."""
+    """The points that a solver evaluates, each evaluated once, and the best ones."""
 
     problem: Problem
     best: FloatArray  # variables (n,) of the best point that keeps all bounds on the grid

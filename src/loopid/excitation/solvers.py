@@ -96,7 +96,7 @@ def by_ipopt(search: Search, start: FloatArray) -> None:
 
 
 class _Callbacks:
-    """What IPOPT asks for: NaN out of reach, and everywhere once there is a reason to end."""
+    """What IPOPT evaluates: NaN out of reach, and everywhere once there is a reason to end."""
 
     def __init__(self, search: Search) -> None:
         self.search, self.watched = search, search.watched

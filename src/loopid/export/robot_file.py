@@ -1,8 +1,8 @@
 """Robot files with new inertials and joint terms; all else in them stays.
 
-Links on fixed joints move as one body. Its parameters are the sum of theirs: forces tell the sum
-only. The link that the joint carries takes the whole change where it can. Otherwise all links share
-the new body, so that each stays physically consistent.
+Links on fixed joints move as one body. Its parameters are the sum of theirs: forces determine only
+the sum. The link that the joint carries takes the whole change where it can. Otherwise all links
+share the new body, so that each stays physically consistent.
 
 Joint terms are written where the format has a place. The new file is read back. What it does not
 say as the parameters do is named, whatever the reason.

@@ -28,7 +28,7 @@ from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.closures import SymbolicPose
 
 # Rate over which the sign of a rate is smooth in C, in rad/s or characteristic lengths a second:
-# far below any that a log tells, and no jump for a controller.
+# far below any that a log shows, and no jump for a controller.
 SMOOTH = 5e-4
 ROUND_OFF = 1e-15  # entries of rotations that are this close to -1, 0 or 1 are meant to be
 

@@ -3,7 +3,7 @@
 from loopid import loading as loading  # whose formats are registered before
 from loopid.registry import editable_files, log_formats, robot_formats, urdf_dialects
 
-# The last one registered is asked first whether it reads a path: any folder may be one of tables.
+# The last one registered is first to say whether it reads a path: any folder may be one of tables.
 log_formats.register("folder", "loopid.formats.text:TextFormat")
 log_formats.register("csv", "loopid.formats.text:TextFormat")
 log_formats.register("npz", "loopid.formats.npz:NpzFormat")

@@ -84,7 +84,7 @@ def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
 
 
 def _unread_plugins(urdf: UrdfFile) -> tuple[str, ...]:
-    """Sentences about plugins that couple joints, or close loops, which no tag tells."""
+    """Sentences about plugins that couple joints, or close loops, which no tag shows."""
     followers = {j.name for j in urdf.joints if j.mimic is not None}
     mimicking, closing = dict[str, list[str]](), dict[str, None]()
     for plugin in urdf.root.iterfind("gazebo//plugin"):

@@ -210,7 +210,7 @@ def fit_terms(
     noise : NoiseModel
         Errors of each actuator, those of the file's bodies included.
     least : NoiseModel
-        Errors beside any bodies: what is more tells how far those of the file are off.
+        Errors beside any bodies: what is more shows how far those of the file are off.
 
     Returns
     -------

@@ -131,13 +131,16 @@ class Spectra(NamedTuple):
     pieces: Pieces
     sizes: tuple[int, ...]  # samples of each piece, the zeros included
     each: tuple[NDArray[np.complex128], ...]
+    powers: tuple[FloatArray, ...]  # of all signals together
 
     @classmethod
     def of(cls, signals: FloatArray, pieces: Pieces) -> Spectra:
         """Of signals (m, N)."""
         sizes = tuple(fast_length(2 * (piece.stop - piece.start)) for piece in pieces)
         parts = zip(pieces, sizes, strict=True)
-        return cls(pieces, sizes, tuple(np.fft.rfft(signals[:, p], size) for p, size in parts))
+        each = tuple(np.fft.rfft(signals[:, piece], size) for piece, size in parts)
+        powers = tuple((one.real**2 + one.imag**2).sum(axis=0) for one in each)
+        return cls(pieces, sizes, each, powers)
 
     def densities(self, model: Autoregression) -> list[FloatArray]:
         """Spectra of a model for the lengths of the pieces."""
@@ -152,15 +155,15 @@ class Spectra(NamedTuple):
         """X Ω (m, N), with Ω the covariance of errors, independent from piece to piece."""
         turned = [
             np.fft.irfft(own * density, size)[:, : piece.stop - piece.start]
-            for piece, size, own, density in zip(*self, densities, strict=True)
+            for piece, size, own, density in zip(*self[:3], densities, strict=True)
         ]
         return np.concatenate(turned, axis=1)
 
     def shared(self, densities: Sequence[FloatArray], count: int) -> FloatArray:
         """Σ_t (X Ω)_t · x_{t+k} for k below a count, over all t, within pieces and beyond."""
         found = np.zeros(count)
-        for size, own, density in zip(self.sizes, self.each, densities, strict=True):
-            found += np.fft.irfft((own.real**2 + own.imag**2).sum(axis=0) * density, size)[:count]
+        for size, power, density in zip(self.sizes, self.powers, densities, strict=True):
+            found += np.fft.irfft(power * density, size)[:count]
         return found
 
     def covariance(self, densities: Sequence[FloatArray]) -> FloatArray:
@@ -177,9 +180,9 @@ def pairs_apart(present: BoolArray, pieces: Pieces) -> FloatArray:
     """How many pairs of samples (N,) that are present are so many steps apart, both ways; (K,)."""
     found = np.zeros(max(piece.stop - piece.start for piece in pieces))
     spectra = Spectra.of(np.asarray(present[None], dtype=np.float64), pieces)
-    for piece, size, own in zip(*spectra, strict=True):
+    for piece, size, power in zip(pieces, spectra.sizes, spectra.powers, strict=True):
         count = piece.stop - piece.start
-        found[:count] += np.fft.irfft(np.abs(own[0]) ** 2, size)[:count]
+        found[:count] += np.fft.irfft(power, size)[:count]
     found[1:] *= 2
     return found.round()
 

@@ -114,6 +114,15 @@ class Delay(Telling):
     left : FloatArray
         Standard deviation in s of what is left in the log: (1,) of all motors together, or (m,) of
         each.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from loopid.identification import Delay
+    >>> one, none, between = np.array([0.02]), np.zeros(1), (0.019, 0.021)
+    >>> delay = Delay(("elbow",), 0.02, between, one, np.array([between]), 0.01, one, none)
+    >>> delay.clear
+    True
     """
 
     joints: tuple[str, ...]

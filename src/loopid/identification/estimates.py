@@ -52,6 +52,14 @@ class Estimate:
         The whole sum.
     determined : bool
         Whether the data determine it; otherwise only the robot file does.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> found = loopid.identify(loopid.load("five_bar"), "urdf/logs/five_bar.csv")
+    >>> coulomb = found.fit["left_crank_joint.Fc"]
+    >>> coulomb.unit, coulomb.interval[0] < 0.1 < coulomb.interval[1]
+    ('N m', True)
     """
 
     value: float

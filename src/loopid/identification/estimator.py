@@ -40,6 +40,16 @@ class WorkingFit:
         squares are the values of the result.
     prior : FloatArray or None
         (k, n + 1), rows [L | L φ₀] of the prior, their errors of unit variance.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> from loopid.identification import FitSamples, WorkingFit, fit
+    >>> names = loopid.parameters.ParameterSet.from_labels(["arm.m", "arm.mx"])
+    >>> W = np.random.default_rng(0).normal(size=(100, 1, 2))
+    >>> samples = FitSamples.of(names, ["motor"], W, W @ [2.0, 0.5])
+    >>> WorkingFit(fit(samples), samples).prior is None
+    True
     """
 
     result: Fit
@@ -64,6 +74,14 @@ class Estimator:
     Triangular factors are enough for ``_fit``, which finds a ``Fit`` for independent errors. An
     estimator that needs the samples has ``fit_samples`` instead. A new one is a file, and a line in
     ``ESTIMATORS``.
+
+    Examples
+    --------
+    >>> from loopid.identification import ESTIMATORS, Estimator
+    >>> sorted(ESTIMATORS)
+    ['bisquare', 'iv', 'ols', 'wls']
+    >>> all(issubclass(each, Estimator) for each in ESTIMATORS.values())
+    True
     """
 
     name: ClassVar[str]
@@ -332,7 +350,18 @@ def _silent(R: FloatArray) -> BoolArray:
 
 @record
 class OrdinaryLeastSquares(Estimator):
-    """All actuators count alike."""
+    """All actuators count alike.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> from loopid.identification import FitSamples, OrdinaryLeastSquares, fit
+    >>> names = loopid.parameters.ParameterSet.from_labels(["arm.m", "arm.mx"])
+    >>> W = np.random.default_rng(0).normal(size=(100, 1, 2))
+    >>> samples = FitSamples.of(names, ["motor"], W, W @ [2.0, 0.5])
+    >>> fit(samples, OrdinaryLeastSquares()).values.round(6).tolist()
+    [2.0, 0.5]
+    """
 
     name = "ols"
 
@@ -345,7 +374,18 @@ class OrdinaryLeastSquares(Estimator):
 
 @record
 class WeightedLeastSquares(Estimator):
-    """The variances are found by iteration."""
+    """The variances are found by iteration.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> from loopid.identification import FitSamples, WeightedLeastSquares, fit
+    >>> names = loopid.parameters.ParameterSet.from_labels(["arm.m", "arm.mx"])
+    >>> W = np.random.default_rng(0).normal(size=(100, 1, 2))
+    >>> samples = FitSamples.of(names, ["motor"], W, W @ [2.0, 0.5])
+    >>> fit(samples, WeightedLeastSquares()).values.round(6).tolist()
+    [2.0, 0.5]
+    """
 
     name = "wls"
 

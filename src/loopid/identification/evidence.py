@@ -71,6 +71,8 @@ class Undone(NamedTuple):
     missing: tuple[int, ...] = ()
 
 
+# What a motion depends on, and with the order of the forces a table.
+Motion = tuple[tuple[float, ...], tuple[float, ...], tuple[int, ...]]
 Pose = tuple[tuple[float, ...], tuple[float, ...], tuple[int, ...], tuple[int, ...]]
 
 
@@ -136,6 +138,11 @@ class Evidence:
         self.independent = np.zeros(d)  # samples of each
         self.independent[self.present] = LEAST_INDEPENDENT
         self._choose_columns()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Nothing is known of the samples yet."""
+        self._motions: dict[Motion, tuple[FloatArray, FloatArray, BoolArray]] = {}
         self._tables: dict[Pose, _Table | None] = {}
         self._known_products: dict[tuple[Pose, tuple[float, ...]], FloatArray] = {}
 
@@ -156,14 +163,15 @@ class Evidence:
         for name in ("q", "rates", "force", "used", "external", "position"):
             setattr(few, name, getattr(self, name)[rows])
         few.independent = np.minimum(self.independent, len(rows))
-        few._tables, few._known_products = {}, {}
+        few._forget()
         return few
 
     def with_gravity(self, gravity: FloatArray) -> Evidence:
         """The same of a robot with other gravity (3,)."""
         other, model = copy(self), self.robot.model.copy()
         model.gravity.linear = gravity
-        other.robot, other._tables, other._known_products = replace(self.robot, model=model), {}, {}
+        other.robot = replace(self.robot, model=model)
+        other._forget()
         other._choose_columns()
         return other
 
@@ -200,18 +208,39 @@ class Evidence:
         return rest, both - rest
 
     def _add_tables(self, undone: Sequence[Undone]) -> None:
-        """Tables that are not known yet; where positions are others, assembled together."""
+        """Tables that are not known yet; motors whose forces are exchanged share a motion."""
         new = [key for key in dict.fromkeys(map(_pose, undone)) if key not in self._tables]
         if not new:
             return
-        ratio, zero, positions, forces = map(np.array, zip(*new, strict=True))
+        self._add_motions(new)
+        ratio, _, positions, forces = map(np.array, zip(*new, strict=True))
+        order, motors = positions.astype(int), forces.astype(int)
+        along = (self._motions[key[:3]] for key in new)
+        rest, moving, closed = zip(*along, strict=True)
+        at_rest, moved = np.concatenate(rest), np.concatenate(moving)
+        offsets = np.tile(np.diag(OFFSET * self.expected), (len(at_rest), 1, 1))
+        lacking = self._lacking(self.position[:, order].swapaxes(0, 1), motors)
+        parts_at_rest = offsets, at_rest[:, :, :-1], lacking, at_rest[:, :, -1:]
+        moved_parts = 0 * offsets, moved[:, :, :-1], 0 * lacking, moved[:, :, -1:]
+        table = np.concatenate([*parts_at_rest, *moved_parts], axis=2)
+        own = self.rates[:, order].swapaxes(0, 1) * np.sign(ratio)[:, None, :, None]
+        parts = zip(new, own, motors, np.split(table, len(new)), closed, strict=True)
+        for key, *part in parts:
+            self._tables[key] = self._table(*part)
+
+    def _add_motions(self, poses: Sequence[Pose]) -> None:
+        """Columns along motions that are not known yet; where positions are others, assembled."""
+        new = [key for key in dict.fromkeys(pose[:3] for pose in poses) if key not in self._motions]
+        if not new:
+            return
+        ratio, zero, positions = map(np.array, zip(*new, strict=True))
         order, ratio, d = positions.astype(int), ratio[:, None], len(self.names)
-        own_position = self.position[:, order].swapaxes(0, 1)
-        position = ((own_position - self.lengths * zero[:, None]) / ratio).reshape(-1, d)
+        own = self.position[:, order].swapaxes(0, 1)
+        position = ((own - self.lengths * zero[:, None]) / ratio).reshape(-1, d)
         rates = self.rates[:, order].swapaxes(0, 1)  # (S, N, d, 3)
         moved = (rates[..., 1:] / ratio[..., None]).reshape(*position.shape, 2)
         q, closed = np.tile(self.q, (len(new), 1)), np.ones(len(position), dtype=bool)
-        if any(key[:3] != _pose(self.recorded)[:3] for key in new):
+        if any(key != _pose(self.recorded)[:3] for key in new):
             found = try_assemble(self.robot, position, options=CLOSELY)
             q = np.where(found.assembled[:, None], found.configurations, self.robot.reference)
             regular = singularity_measure(self.robot, q) >= MaskOptions().singularity_threshold
@@ -222,16 +251,8 @@ class Evidence:
         rest[:, :, joints] += moving[:, :, joints]
         moving[:, :, joints] = 0.0
         rest[:, :, -1] -= np.tile(self.external, (len(new), 1))
-        offsets = np.tile(np.diag(OFFSET * self.expected), (len(q), 1, 1))
-        lacking = self._lacking(own_position, forces.astype(int))
-        known, nothing = rest[:, :, -1:], np.zeros_like(lacking)
-        parts_at_rest = offsets, rest[:, :, :-1], lacking, known
-        moved_parts = 0 * offsets, moving[:, :, :-1], nothing, moving[:, :, -1:]
-        table = np.concatenate([*parts_at_rest, *moved_parts], axis=2)
-        parts = np.split(table, len(new)), np.split(closed, len(new))
-        own = rates * np.sign(ratio)[..., None]
-        for key, mine, force, *part in zip(new, own, forces.astype(int), *parts, strict=True):
-            self._tables[key] = self._table(mine, force, *part)
+        parts = (np.split(one, len(new)) for one in (rest, moving, closed))
+        self._motions |= dict(zip(new, zip(*parts, strict=True), strict=True))
 
     def _lacking(self, position: FloatArray, forces: IntArray) -> FloatArray:
         """Forces over positions (S, N, d) of their own motors: columns (S N, d, (1 + DEGREE) d)."""

@@ -73,6 +73,13 @@ class ForceModel:
         (n,), what the bodies that load the gears make of the parameters, without rotors and other
         joint terms that fold into them; None for those of the robot file. Load friction alone
         depends on it.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> model = loopid.force_model(loopid.load("five_bar"), "gravity", "Fc")
+    >>> len(model.parameters), model.model, model.regressor(model.robot.reference).shape
+    (8, 'gravity', (2, 8))
     """
 
     robot: Robot

@@ -29,7 +29,7 @@ TRIED, POSSIBLE = np.geomspace(1e-3, 1.0, 7), 0.5
 # Part of the force that has changed sides over the identified way: of a law that falls off
 # exponentially, as Dahl's, its constant. Part of it that has within a loop.
 TOLD, WHOLE = 1 - np.exp(-1), 0.98
-# Steps of an encoder below which it tells no displacement from none: where the motor turned back is
+# Steps of an encoder below which a displacement counts as none: where the motor turned back is
 # unknown by as much.
 RESOLVED = 3.0
 POINTS = 400  # of a loop, each way

@@ -56,6 +56,13 @@ class Identification(Outcome):
         Forces that the data have beside the consistent fit, clearly or likely, and hidden springs.
     choice : ModelChoice or None
         The model that the recordings ask for; None where a full one was given.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> found = loopid.identify(loopid.load("five_bar"), "urdf/logs/five_bar.csv")
+    >>> found.verdict.forces, len(found.fit.parameters), list(found.candidates)
+    ('yes', 17, ['robot file', 'all parameters', 'consistent'])
     """
 
     @cached_property

@@ -104,6 +104,14 @@ class Excitation:
         (n,), effects in random states of the robot, descending.
     rank : int
         Directions that the data excite, by the limit that a fit is refused by.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> found = loopid.identify(loopid.load("five_bar"), "urdf/logs/five_bar.csv")
+    >>> excitation = found.identifiability.excitation
+    >>> excitation.rank, excitation.directions.shape
+    (17, (17, 17))
     """
 
     weights: FloatArray

@@ -45,7 +45,7 @@ ROUNDS = 3  # mistakes one after the other
 # from which on one of two is right: one in twenty.
 EVIDENCE = 3.0
 # Part of the forces, less friction, that may be left of a motor once its mistake is undone: a robot
-# file that explains no shape tells no mistake. Less of a factor that nobody has a cause for: a
+# file that explains no shape shows no mistake. Less of a factor that nobody has a cause for: a
 # missing force has any.
 SHAPE, FACTOR_SHAPE = 0.4, 0.15
 # Half of the 95 % interval at most, as a part of the size: a size that is not known is none. Errors
@@ -378,7 +378,7 @@ def _hidden(model: Evidence, found: Explanation) -> Finding | None:
         names = [model.names[each[0]] for each in sorted(of)] if KINDS[name].motors else [""]
         said.append(f"{KINDS[name].hidden} {first_of(names, 1)}".rstrip())
     return Finding(
-        # A log that tells its time axis has all but what little some motors carry.
+        # A log that shows its time axis has all but what little some motors carry.
         "warning" if "factor" in unknown else "note",
         f"the log hides {', '.join(kinds)}",
         f"{', '.join(said)}: half or twice as much, or zeros that are {ZERO_OFF:g} rad off, would "

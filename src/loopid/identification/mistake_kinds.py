@@ -37,7 +37,7 @@ class MistakeKind(NamedTuple):
     causes: tuple[Cause, ...] = ()  # that people have, by the size
     slack: float = 0.15  # of the logarithm of a size about that of its cause
     least: float = 1.0  # size that is worth a sentence
-    # Sizes that mistakes often have, and what a log does not tell that may as well have them.
+    # Sizes that mistakes often have, and what a log does not show that may as well have them.
     usual: tuple[float, ...] = ()
     hidden: str = ""
 

@@ -1,4 +1,4 @@
-"""Which model a log asks for: gravity alone, or full dynamics.
+"""Which model a log needs: gravity alone, or full dynamics.
 
 A gravity model is right where motion is so slow that inertia does not show. What a model lacks goes
 into its other parameters. Inertia may be left out where the forces, once gravity and friction are

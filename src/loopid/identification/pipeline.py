@@ -352,7 +352,7 @@ def _friction_alone(
     friction: Sequence[Recording],
     options: FitOptions,
 ) -> tuple[ForceModel, Fit]:
-    """The terms that an experiment of their own asks for, and their values."""
+    """The terms that come from an experiment of their own, and their values."""
     whole = fit_all(force_model, first, identifiability(force_model, first), options=options)
     model, _, found = with_friction(force_model, first, friction, whole)
     return model, found.result
@@ -419,8 +419,8 @@ def fit_all(
     Warns
     -----
     DataWarning
-        Of parameters that vary between recordings, as ``fit``. What is not significant, the verdict
-        tells of the recommended fit.
+        Of parameters that vary between recordings, as ``fit``. The verdict counts what is not
+        significant in the recommended fit.
 
     Examples
     --------

@@ -31,6 +31,14 @@ class Prediction(Tabular):
     reach : FloatArray or None
         (N, dof), half the width of the band that holds 95 % of new forces; None where the fit knows
         no errors.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> found = loopid.identify(loopid.load("five_bar"), "urdf/logs/five_bar.csv")
+    >>> prediction = found.fit.predict("urdf/logs/five_bar.csv")
+    >>> prediction.predicted.shape == prediction.recording.force.shape
+    True
     """
 
     recording: Recording

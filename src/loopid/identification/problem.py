@@ -43,6 +43,17 @@ class FitProblem:
         (dof,) in N or N m, over these samples; 0 where there are none.
     least_errors : FloatArray
         (dof,) in N or N m, deviation below which errors count as round-off; 0 for none.
+
+    Examples
+    --------
+    >>> import numpy as np, loopid
+    >>> from loopid.identification import FitSamples
+    >>> names = loopid.parameters.ParameterSet.from_labels(["arm.m", "arm.mx"])
+    >>> W = np.random.default_rng(0).normal(size=(100, 1, 2))
+    >>> samples = FitSamples.of(names, ["motor"], W, W @ [2.0, 0.5])
+    >>> problem = samples.problem
+    >>> problem.actuators, problem.factors.shape
+    (('motor',), (1, 3, 3))
     """
 
     parameters: ParameterSet

@@ -75,6 +75,14 @@ class Reduction:
         With the fewest parameters of those whose validation error is not clearly above the least.
     result : Fit
         Of the supported parameters; forces of the others are subtracted before.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> found = loopid.identify(loopid.load("five_bar"), "urdf/logs/five_bar.csv")
+    >>> reduction = loopid.identification.eliminate(found)
+    >>> len(reduction.chosen.labels) < len(reduction.parameters)
+    True
     """
 
     parameters: ParameterSet

@@ -87,7 +87,17 @@ USUAL = AssemblyOptions()
 
 @record(checked=True)
 class Assembly:
-    """Assembled configurations."""
+    """Assembled configurations.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from loopid.kinematics import Assembly
+    >>> left = np.array([1e-12, 2e-12, 0.1])
+    >>> found = Assembly(np.zeros((3, 4)), left, left < 1e-9)
+    >>> found.first(2).assembled.tolist()
+    [True, True]
+    """
 
     configurations: FloatArray  # (N, nq); rows that could not be assembled hold NaN
     residual: FloatArray  # (N,), largest closure residual in m

@@ -43,6 +43,7 @@ DAMPED_STEPS, PLAIN_STEPS = 100, 12  # at most
 FIRST_DAMPING, STUCK = 0.1, 1e3  # the damping to begin with, and at which nothing helps
 LEAST_DAMPING = 1e-3  # below it steps zigzag between far starts and take long to be damped again
 WORTHWHILE = 0.999  # a step that leaves more of the error is damped more
+LESS, MORE = 0.3, 4.0  # factors of the damping after a step that helps, and after another
 DONE = 1e-9  # the error, in characteristic lengths, from which on plain steps do better
 SHORT = 1e-8  # a plain step this short leaves an error of round-off
 CONTINUATION_STEPS = 20  # equal parts that the residual shrinks by
@@ -168,7 +169,7 @@ def _descend(at: _Points, movable: IntArray, goal: FloatArray) -> None:
             break
         there = _Points(robot, _tried(at, k, movable, goal[k], damping[k]))
         error_there = np.linalg.norm(there.residual - goal[k], axis=1)
-        damping[k] *= np.where(error_there < WORTHWHILE * error[k], 0.3, 4.0)
+        damping[k] *= np.where(error_there < WORTHWHILE * error[k], LESS, MORE)
         damping = np.maximum(damping, LEAST_DAMPING * length)
         better = error_there < error[k]
         at.replace(k, there, better)

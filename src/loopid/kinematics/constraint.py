@@ -111,7 +111,7 @@ class Constraint:
         rates = []
         for group in self.prepared.groups:
             own = turn_a = turn_b = velocity[:, group.closures].reshape(-1, 3, width)
-            if group.turns:  # otherwise no equation asks for them
+            if group.turns:  # otherwise no equation needs them
                 turns = angular()
                 turn_a = turns[:, group.frames_a].reshape(-1, 3, width)
                 turn_b = turns[:, group.frames_b].reshape(-1, 3, width)

@@ -218,7 +218,16 @@ def least_over_largest(matrices: FloatArray) -> FloatArray:
 
 @record
 class Projection:
-    """The motion that the loops allow, at N configurations."""
+    """The motion that the loops allow, at N configurations.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> found = loopid.kinematics.project(robot, robot.reference[None])
+    >>> found.G.shape, found.singularity.round(2).tolist()
+    ((1, 4, 2), [0.71])
+    """
 
     G: FloatArray  # (N, nv, dof), all velocities from the independent ones
     independent: IntArray  # (dof,), velocity indices of the independent coordinates
@@ -238,7 +247,17 @@ class Projection:
 
 @record
 class ClosedMotion:
-    """Velocities and accelerations that keep the loops closed, at N samples."""
+    """Velocities and accelerations that keep the loops closed, at N samples.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> q, rates, still = robot.reference[None], [[1.0, 0.0]], [[0.0, 0.0]]
+    >>> moved = loopid.kinematics.closed_motion(robot, q, rates, still)
+    >>> moved.velocities.shape, moved.projection.G.shape
+    ((1, 4), (1, 4, 2))
+    """
 
     configurations: FloatArray  # (N, nq), closed
     velocities: FloatArray  # (N, nv), v = G u̇ and a = G ü + γ

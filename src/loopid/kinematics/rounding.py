@@ -31,7 +31,14 @@ NEARLY = 20.0
 
 @record
 class Accuracy:
-    """How far the geometry may be from what the file writes."""
+    """How far the geometry may be from what the file writes.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.kinematics.Accuracy(1e-6, 1e-6, "the file's decimals").length
+    1e-06
+    """
 
     length: float  # m; 0 where it is exact
     angle: float  # rad

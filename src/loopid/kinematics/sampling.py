@@ -46,6 +46,13 @@ class SamplingOptions:
         Part of the limits around the reference that draws come from.
     attempts : int
         Draws for each configuration found, after which they are given up.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> near = loopid.kinematics.SamplingOptions(spread=0.1)
+    >>> loopid.random_configurations(loopid.load("five_bar"), 3, seed=0, options=near).shape
+    (3, 4)
     """
 
     singularity_threshold: Annotated[float, Field(ge=0, le=1)] | None = None

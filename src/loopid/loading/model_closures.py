@@ -15,12 +15,13 @@ from loopid.robot.closures import CLOSURE_KINDS, JointCoupling, LoopClosure
 from loopid.robot.robot import link_frames
 
 ROUND_OFF = 1e-10  # of linear couplings, relative to their largest coefficients
+ROUNDED = 0.1  # by which the length of a unit vector in a file may be off one
 
 
 def warn_of_size(where: str, axis: Iterable[float]) -> None:
     """Warn of an axis whose length hardly is that of a rounded unit vector."""
     numbers = [*axis]
-    if not 0.9 < math.hypot(*numbers) < 1.1:
+    if not abs(math.hypot(*numbers) - 1) < ROUNDED:
         text = ", ".join(f"{number:g}" for number in numbers)
         warn(f"{where}: axis ({text}) is no unit vector: its direction counts", ModelWarning)
 

@@ -12,7 +12,7 @@ import pinocchio as pin
 from loopid.arguments import LARGEST, FloatArray, finite, shaped
 from loopid.errors import OptionError, RobotFileError
 from loopid.loading.description import Description
-from loopid.loading.model_closures import frame_named, joint_named
+from loopid.loading.model_closures import ROUNDED, frame_named, joint_named
 from loopid.robot.robot import LeftOut, motion_subspace, position_of
 
 HINGES = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}
@@ -27,7 +27,16 @@ Chain = tuple[tuple[str, pin.JointModel], ...]
 
 @dataclass(frozen=True)
 class TreeSource:
-    """An open tree as read from a file."""
+    """An open tree as read from a file.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import pinocchio as pin
+    >>> from loopid.loading import TreeSource
+    >>> TreeSource("arm", Path("arm.urdf"), pin.Model(), (), {}).name
+    'arm'
+    """
 
     name: str  # of the robot
     file: Path | str  # where the tree was read, or the robot's name; named in messages
@@ -58,7 +67,7 @@ def add_frame(model: pin.Model, name: str, link: str, placement: pin.SE3) -> Non
 
 
 def build_tree(source: TreeSource, description: Description, locked: Sequence[str]) -> TreeSource:
-    """Replace and lock the joints that the description, or the caller, asks for.
+    """Replace and lock the joints that the description or the caller names.
 
     Locked are joints, or single turns of spherical joints such as ``ball.wz``. Joints with one
     coordinate may have the value, as in ``hip=0.5``. The reference of the description comes back
@@ -338,7 +347,7 @@ def _joint_value(joint: pin.JointModel, name: str, value: Reference) -> FloatArr
     turn = given[UNIT_PARTS.get(joint.shortname(), len(given)) :] if joint.nv > 1 else given[:0]
     if len(turn):
         size = float(np.linalg.norm(turn))
-        if not 0.9 < size < 1.1:
+        if not abs(size - 1) < ROUNDED:
             raise RobotFileError(f"{what} must end in a unit vector, not one of length {size:.3g}")
         turn /= size
     return given

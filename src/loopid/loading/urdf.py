@@ -45,7 +45,14 @@ Terms = dict[str, dict[str, float]]  # by joint and kind
 
 @dataclass(frozen=True)
 class Dialect:
-    """What a dialect of URDF says beyond the tree."""
+    """What a dialect of URDF says beyond the tree.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.loading.Dialect(followers=("left_finger",)).followers
+    ('left_finger',)
+    """
 
     closures: list[ClosureDescription] = field(default_factory=list)
     followers: tuple[str, ...] = ()  # joints that couplings let follow others

@@ -63,7 +63,16 @@ class Joint(NamedTuple):
 
 @dataclass(frozen=True)
 class UrdfFile:
-    """A URDF whose names, numbers and tree are sound."""
+    """A URDF whose names, numbers and tree are sound.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> from loopid.loading.urdf_tree import read_urdf_file
+    >>> file = read_urdf_file(loopid.loading.bundled_directory() / "five_bar.urdf")
+    >>> file.name, len(file.joints)
+    ('five_bar', 6)
+    """
 
     root: xml.Element  # the whole file
     tree: str  # XML of links and joints only, for Pinocchio

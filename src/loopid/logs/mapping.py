@@ -168,6 +168,13 @@ class LogMapping(Section):
     ------
     OptionError
         Naming the key, the value and what is valid.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> mapping = loopid.logs.LogMapping(rate=200, force_scale={"elbow": -1})
+    >>> mapping.rate, mapping.force_scale
+    (200.0, {'elbow': -1.0})
     """
 
     format: Annotated[str, AfterValidator(_known_format), KnownFormats] | None = None

@@ -46,7 +46,7 @@ NO_SHARE = 1e-9  # of a motor's largest share: round-off, the motor does not act
 # A frozen motor goes on by a multiple of its fastest way in a sample, or stops this many times as
 # fast as it ever changes its speed, while another goes through this part of its range.
 JUMP, ABRUPT, MOVED = 2.0, 3.0, 0.05
-ENCODER_STEPS = 20  # tell a speed
+ENCODER_STEPS = 20  # that a speed needs
 # Redundant motors may be off by this part of a rad or of the robot's length, or of their range:
 # joints have play, and lengths are not exact.
 OFF = 0.01
@@ -320,7 +320,7 @@ def filter_log(log: Log, lowpass: LowPass | None) -> Signals:
 def kept_rows(
     log: Log, lowpass: LowPass | None, options: FilterOptions
 ) -> tuple[IntArray, list[Dropped]]:
-    """Samples that the cut-off asks for, without ends, where accelerations are wrong."""
+    """Samples that the cut-off needs, without ends, where accelerations are wrong."""
     rows, ends = [], []
     for part in log.parts():
         rate, time = log.rate(part), log.time[part]

@@ -183,6 +183,14 @@ class Recording(Tabular):
         (N, dof), the part of the force that is of measured wrenches; None without any.
     wrenches : tuple of str
         The frames on which they act.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> recording = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
+    >>> recording.actuators, recording.force.shape == recording.used.shape
+    (('left_crank_joint', 'right_crank_joint'), True)
     """
 
     name: str

@@ -44,7 +44,16 @@ CLOCK = (
 
 
 class Table(NamedTuple):
-    """Columns of a stream that share their rows."""
+    """Columns of a stream that share their rows.
+
+    Examples
+    --------
+    >>> import numpy as np, polars
+    >>> from loopid.logs import Table
+    >>> cells = polars.DataFrame({"time": [0.0, 0.01], "tau1": [1.2, 1.3]})
+    >>> Table(cells, np.array([2, 3])).rows.tolist()
+    [2, 3]
+    """
 
     cells: polars.DataFrame
     rows: IntArray  # (R,), their numbers in the file, from 1
@@ -62,7 +71,16 @@ class Table(NamedTuple):
 
 @checked
 class LogFormat(ABC):
-    """A log of some format; of one with a ``choice``, perhaps only the chosen stream."""
+    """A log of some format; of one with a ``choice``, perhaps only the chosen stream.
+
+    Examples
+    --------
+    >>> from loopid.logs import LogFormat
+    >>> class Lines(LogFormat):
+    ...     endings = (".lines",)
+    >>> issubclass(Lines, LogFormat), Lines.endings
+    (True, ('.lines',))
+    """
 
     endings: ClassVar[tuple[str, ...]] = ()  # of the files' names, lower case
     choice: ClassVar[str | None] = None  # the key of a mapping that chooses: topic or group

@@ -138,7 +138,8 @@ class MoveStep(StepDescription):
             place.refuse("is there already, so that it needs seconds, or a hold")
         if self.speed is not None:
             if len(changes) > 1:
-                place.at("speed").refuse(f"is of one, but {', '.join(changes)} move: give seconds")
+                moved = ", ".join(changes)
+                place.at("speed").refuse(f"is of one coordinate, but {moved} move: give seconds")
             return next(iter(changes.values())) / self.speed
         for name in changes:
             if name not in place.speeds:
@@ -282,7 +283,15 @@ class ProgramDescription(Section):
 
 @record
 class PlannedMotion:
-    """A motion of a file, with its steps followed."""
+    """A motion of a file, with its steps followed.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> plan = loopid.motion.read_motion_program("3ups_rpu").motions["5"]
+    >>> plan.name, plan.start.shape
+    ('5', (4,))
+    """
 
     name: str
     description: str  # what the file says of it
@@ -301,7 +310,15 @@ class PlannedMotion:
 
 @record(checked=True)
 class MotionProgram:
-    """The motions of a file."""
+    """The motions of a file.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> program = loopid.motion.read_motion_program("3ups_rpu")
+    >>> program.coordinates, len(program.motions)
+    (('x_m', 'z_m', 'theta', 'psi'), 9)
+    """
 
     path: Path  # file it was read from
     # The c coordinates that all motions move: platform coordinates or joints

@@ -24,6 +24,15 @@ class JointMotion:
     """Configurations of a robot over time, and the motion of its independent coordinates.
 
     All arrays are read-only.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("3ups_rpu")
+    >>> plan = loopid.motion.read_motion_program(robot.name).motion("5", rate=2)
+    >>> moved = loopid.motion.joint_motion(robot, plan)
+    >>> moved.configurations.shape[1], moved.velocities.shape[1]
+    (13, 4)
     """
 
     time: FloatArray  # (N,) in s

@@ -20,11 +20,21 @@ from loopid.records import Tabular, columns_of, record
 
 # Rate and acceleration at the ends, as parts of the largest terms, that count as rest.
 REST = 1e-9
+ROUND_OFF = 1e-12  # of a number of samples: a whole one is meant
 
 
 @record(checked=True)
 class Motion(Tabular):
-    """Coordinates over time, with their first two derivatives."""
+    """Coordinates over time, with their first two derivatives.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> there = loopid.motion.Waypoint([0.3], seconds=2.0)
+    >>> motion = loopid.motion.point_to_point(["crank_joint"], [0.0], [there], rate=10)
+    >>> motion.time.shape, motion.position[-1].round(6).tolist()
+    ((21,), [0.3])
+    """
 
     names: tuple[str, ...]  # the c coordinates: joints, or those of the platform
     time: FloatArray  # (N,) in s, increasing
@@ -74,7 +84,7 @@ def _sample_times(duration: float, rate: float) -> FloatArray:
             f"{duration:g} s at {rate:g} Hz are {duration * rate:.3g} samples, more than the "
             f"{MOST_SAMPLES:,} that a motion may have"
         )
-    steps = int(np.floor(duration * rate * (1 + 1e-12)))
+    steps = int(np.floor(duration * rate * (1 + ROUND_OFF)))
     return np.arange(steps + 1) / rate
 
 

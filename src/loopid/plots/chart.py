@@ -90,6 +90,13 @@ class Mark:
     A kind is ``"line"``, which breaks where a value is NaN; ``"dots"``, many, or one by one
     ``"disc"``, ``"ring"``, ``"box"``; ``"band"`` between y and ``to``; ``"span"`` from x to ``to``
     at y; ``"upright"`` at x over all y; ``"shade"`` between x and ``to``; a key of ``SIGNS``.
+
+    Examples
+    --------
+    >>> from loopid.plots import Chart, Mark, Panel
+    >>> force = Mark("measured", [0.0, 1.0], [2.0, 3.0])
+    >>> Chart("force", "Force over time", "s", (Panel("elbow", (force,)),)).name
+    'force'
     """
 
     name: str  # none without an entry
@@ -129,7 +136,14 @@ class Mark:
 
 @record(checked=True)
 class Panel:
-    """Marks on one pair of axes, or a table with a picture in each row."""
+    """Marks on one pair of axes, or a table with a picture in each row.
+
+    Examples
+    --------
+    >>> from loopid.plots import Mark, Panel
+    >>> Panel("elbow", (Mark("measured", [0.0, 1.0], [2.0, 3.0]),)).title
+    'elbow'
+    """
 
     title: str  # with the unit of y
     marks: tuple[Mark, ...]
@@ -299,7 +313,15 @@ class Panel:
 
 @record(checked=True)
 class Chart:
-    """Panels below or beside each other."""
+    """Panels below or beside each other.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> chart = loopid.plots.robot_chart(loopid.load("five_bar"))
+    >>> chart.name, chart.svg()[:4]
+    ('robot', '<svg')
+    """
 
     name: str  # of its files
     caption: str

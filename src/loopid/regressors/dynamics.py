@@ -117,6 +117,13 @@ class Pose:
         (nq,) or (N, nq).
     G : FloatArray
         (nv, dof) or (N, nv, dof): all velocities from the independent ones, v = G u̇.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> pose = loopid.Dynamics(loopid.load("five_bar")).pose([0.1, 0.2])
+    >>> pose.q.shape, pose.G.shape
+    ((4,), (4, 2))
     """
 
     def __init__(

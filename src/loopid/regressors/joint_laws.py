@@ -23,7 +23,17 @@ from loopid.registry import Registry
 
 
 class JointState(NamedTuple):
-    """What a law may need of a joint: arrays (N,), or CasADi expressions for exported C code."""
+    """What a law may need of a joint: arrays (N,), or CasADi expressions for exported C code.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from loopid.regressors import JOINT_TERMS, JointState
+    >>> still = np.zeros(2)
+    >>> moving = JointState(still, np.array([-0.1, 0.2]), still, math=np)
+    >>> JOINT_TERMS["Fv"].law(moving, 0.0).tolist()
+    [-0.1, 0.2]
+    """
 
     position: Any  # in m or rad; None of one of several coordinates of a joint
     rate: Any

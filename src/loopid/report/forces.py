@@ -225,7 +225,7 @@ def _of_width(value: float, ends: Sequence[float]) -> str:
 
 
 def _centre(record: dict[str, Any]) -> list[tuple[str, float, list[float]]]:
-    """Axes that the forces tell, with the centre of mass and its interval along them."""
+    """Axes that the forces determine, with the centre of mass and its interval along them."""
     ends = record["centre_intervals_95_percent"] or ()
     known = zip("xyz", record["centre"] or (), ends, strict=False)
     return [(axis, x, own) for axis, x, own in known if x is not None]

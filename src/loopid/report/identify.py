@@ -40,7 +40,7 @@ WORDS = {"yes": "Fit", "roughly": "Rough", "no": "Not fit"}
 def identification_report(
     found: Identification, command: str = "", *, anyway: bool = False
 ) -> Report:
-    """What an identification found; the command designs the motion that its verdict asks for.
+    """What an identification found; the command designs the motion that its verdict names.
 
     Without a file of the recommended fit where that breaks a law, unless forced.
 
@@ -48,7 +48,7 @@ def identification_report(
     ----------
     found : Identification
     command : str
-        That designs the motion which the verdict asks for.
+        That designs the motion which the verdict names.
     anyway : bool
         Write a fit that breaks a law, too.
 

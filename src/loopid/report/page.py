@@ -46,7 +46,15 @@ Part = str | Table | Chart | HtmlElement
 
 @record(checked=True)
 class Section:
-    """A title, and what stands below it."""
+    """A title, and what stands below it.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> chart = loopid.plots.robot_chart(loopid.load("five_bar"))
+    >>> loopid.report.Section("The robot", (chart,)).title
+    'The robot'
+    """
 
     title: str
     parts: tuple[Part, ...]  # paragraphs, tables, charts and elements
@@ -102,7 +110,14 @@ def _table(table: Table, some: range) -> HtmlElement:
 
 @record(checked=True)
 class Figure:
-    """A number that a page shows first."""
+    """A number that a page shows first.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.report.Figure("0.4 %", "of its force").value
+    '0.4 %'
+    """
 
     value: str
     what: str  # that it is
@@ -132,7 +147,14 @@ class Figure:
 
 @record(kw_only=True, checked=True)
 class Card:
-    """What a page says first: a word, for what, and what to do next."""
+    """What a page says first: a word, for what, and what to do next.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.report.Card(tone="good", word="Fit", use="for predicting forces").said
+    '✓ Fit'
+    """
 
     tone: Tone = "info"
     word: str = ""  # such as "Fit"
@@ -251,7 +273,15 @@ class Page:
 
 @record(kw_only=True, checked=True)
 class Report:
-    """What a command found, for all ways of showing it; what is drawn is made when it is shown."""
+    """What a command found, for all ways of showing it; what is drawn is made when it is shown.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> report = loopid.report.check_report(loopid.load("five_bar"))
+    >>> report.name, report.card.said
+    ('check', '✓ Ready')
+    """
 
     name: str  # of the record's form, and of its file
     title: str

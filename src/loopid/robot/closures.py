@@ -1,4 +1,4 @@
-"""Loop closures: what each kind asks of two frames, in numbers, in symbols and in a robot file.
+"""Loop closures: what each kind requires of two frames, in numbers, in symbols and in a robot file.
 
 A kind of closure is a set of elementary equations. Each of these is one class with its residual r
 and its unit. It has the rate of r as a linear map of the frames' velocities (hence the Jacobian).

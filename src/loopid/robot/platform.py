@@ -18,6 +18,13 @@ class Platform:
     The placement in the fixed frame is the translation along the fixed axes named among x, y, z.
     Then come rotations about the moving axes named rx, ry, rz in their order. ``(x, z, ry, rz)``
     stands for ``R = Ry Rz`` and ``p = (x, 0, z)``.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> platform = loopid.load("3ups_rpu").platform
+    >>> platform.frame, platform.names
+    ('platform', ('x_m', 'z_m', 'theta', 'psi'))
     """
 
     frame: str

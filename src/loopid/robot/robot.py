@@ -42,7 +42,14 @@ LISTED = 8  # names in a sentence
 
 @record(checked=True)
 class Body:
-    """A rigid body that carries parameters: all the links fixed to one joint."""
+    """A rigid body that carries parameters: all the links fixed to one joint.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> loopid.load("five_bar").bodies[0]
+    Body(link='left_crank', joint_id=1)
+    """
 
     link: str  # the link that the joint carries; the parameters are in the frame of the joint
     joint_id: int  # index of the joint in the Pinocchio model
@@ -142,7 +149,7 @@ class Robot:
         own first. Otherwise there is nothing to choose, and none is listed.
     rounding : float or None
         To what the numbers of its geometry are rounded, in m and rad; 0 where they are exact, None
-        where only they themselves tell.
+        where only the numbers show it.
     closure_rank_tolerance : float
         Singular values of the closures below this fraction of the largest count as zero.
     singularity_threshold : float or None
@@ -211,12 +218,17 @@ class Robot:
                 )
 
     def __repr__(self) -> str:
-        return (
+        kinds = {
+            "actuated": self.actuated,
+            "passive": self.passive,
+            "left free by the motors": self.free,
+        }
+        lines = [f"  {kind}: {shortened(names)}" for kind, names in kinds.items() if names]
+        size = (
             f"Robot {self.name}: {len(self.joints)} joints, {self.model.nv} coordinates, "
-            f"{len(self.bodies)} bodies, {self.rows} closure equations\n"
-            f"  actuated: {shortened(self.actuated)}\n"
-            f"  independent: {shortened(self.independent)}"
+            f"{len(self.bodies)} bodies, {self.rows} closure equations"
         )
+        return "\n".join([size, *lines])
 
     def _repr_html_(self) -> str:
         lower, upper = self.position_limits

@@ -32,7 +32,16 @@ class Slider:
 
 @record
 class Pose:
-    """What is where at a configuration, in m along the fixed axes."""
+    """What is where at a configuration, in m along the fixed axes.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("five_bar")
+    >>> pose = loopid.view.Scene(robot).at(robot.reference)
+    >>> pose.residual < 1e-9, pose.origins.shape
+    (True, (5, 3))
+    """
 
     configuration: FloatArray  # (nq,)
     values: FloatArray  # of the sliders

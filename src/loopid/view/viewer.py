@@ -135,7 +135,7 @@ class Viewer:
         self._place(self.scene.at(configuration))
 
     def move(self, values: FloatArray) -> bool:
-        """Move the sliders to values in m or rad, as far as they get, and tell if all the way."""
+        """Move the sliders to values in m or rad, as far as they get, and say if all the way."""
         with self._lock:
             pose, arrived = self.scene.moved(self.pose, values)
             self._place(pose, "" if arrived else STOPPED)
