@@ -1,16 +1,20 @@
 """The tables of docs/benchmarks.md that are made by a command.
 
-    python benchmarks/figures.py [SCRIPT ...]
+    python benchmarks/figures.py [NAME ...] [--data DIR]
 
-runs the named scripts, such as ``startup.py``, keeps what they measure in figures.json, and
-writes the tables of the page anew. In the page a comment names the command and the key of its rows.
+runs scripts, such as ``startup.py``, or single commands, such as ``"control.py speed"``. What they
+measure is kept in figures.json, and the tables of the page are written anew. In the page a comment
+names the command and the key of its rows. ``DIR`` in a command is the folder of ``--data``: real
+logs, which are no part of the project.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -19,6 +23,14 @@ from typing import Any
 
 HERE = Path(__file__).parent
 PAGE, STORED = HERE.parent / "docs" / "benchmarks.md", HERE / "figures.json"
+REAL = "real_logs.py DIR --only fourier_30s point_to_point unloaded_50s"
+LAWS = "control.py payload --seeds 5 --laws PID+G 'PID+G adaptive' 'PID+G online'"
+JOINTS = {
+    **{"shoulder pan": "shoulder_pan_joint", "lift": "shoulder_lift_joint", "elbow": "elbow_joint"},
+    **{f"wrist {k}": f"wrist_{k}_joint" for k in (1, 2, 3)},
+}
+WRENCH = ("Fx", "Fz", "Mx", "My", "Mz")
+SPANS = ("before", "on", "settled", "off", "after")
 # By command and key, the columns: a heading, and how a row is written; ``:3`` is three digits.
 TABLES = {
     "startup.py: commands": {
@@ -46,8 +58,38 @@ TABLES = {
         **{"with gravity": "{µs gravity:2}", "with forces": "{µs forces:2}"},
         **{"Python, µs": "{µs in Python:2}", "difference": "{largest difference:1}"},
     },
+    f"{REAL}: errors": {
+        **{"fit of": "{fit of}", "judged on": "{judged on}", "terms": "`{by}`"},
+        **{name: f"{{{joint}:2}}" for name, joint in JOINTS.items()},
+    },
+    f"{REAL}: agreement": {
+        **{"fits of": "{fits of}", "terms": "`{terms}`", "differences": "{differences}"},
+        **{"usual": "{usual %:3} %", "largest": "{largest:2}", "of": "`{of}`"},
+    },
+    "control.py speed: speed": {"call": "{call}", "µs": "{µs:2}"},
+    "control.py updates --updates 100000: updates": {
+        **{"forgetting": "{forgetting}", "updates": "{updates:,}"},
+        **{"largest deviation before": "{largest deviation before:2}"},
+        **{"after": "{largest after:2}", "positive definite": "{positive definite}"},
+    },
+    "control.py wrench coverage: wrench": {
+        **{"friction off": "{friction off}", "N or N m": "{wrench}", "median, ms": "{median ms:2}"},
+        **{"within 100 ms": "{within 100 ms %:3} %", "stated floor": "{stated floor:2}"},
+        **{"alarms in 10 h": "{alarms in 10 h}"},
+    },
+    "control.py wrench coverage: coverage": {
+        **{"robots": "{robots}", "inside": "{inside %:3} %"},
+        **{"by motor": "{least %:3} to {most %:3} %"},
+    },
+    "control.py log --log DIR: log": {
+        **{"N and N m": "{N and N m}", "samples": "{samples}"},
+        **{name: f"{{{name}:2}}" for name in WRENCH},
+    },
+    f"{LAWS}: payload": {"law": "{law}"}
+    | {span: f"{{{span}}}" for span in SPANS}
+    | {"found after, s": "{found after s:3}", "kg 10 s after": "{mass 10 s after, kg}"},
 }
-MARKED = re.compile(r"(<!-- ([\w. -]+: \w+) -->\n\n)((?:\|.*\n)*)")
+MARKED = re.compile(r"(<!-- ([^>]+: \w+) -->\n\n)((?:\|.*\n)*)")
 
 
 class Figure(float):
@@ -55,7 +97,8 @@ class Figure(float):
 
     def __format__(self, digits: str) -> str:
         rounded = float(f"{float(self):.{digits}g}")
-        return f"{rounded:.0e}" if 0 < abs(rounded) < 1e-4 else f"{rounded:,.10g}"
+        plain = rounded == 0 or 1e-4 <= abs(rounded) < 1e7
+        return f"{rounded:,.10g}" if plain else f"{rounded:.0e}"
 
 
 class Missing:
@@ -67,18 +110,33 @@ class Missing:
 
 def main() -> None:
     """Measure what is named, and write the page."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help="scripts, or whole commands")
+    parser.add_argument("--data", type=Path, metavar="DIR", help="of real logs")
+    arguments = parser.parse_args()
+    commands = dict.fromkeys(name.rpartition(": ")[0] for name in TABLES)
+    for name in arguments.names:
+        if not any(name in (each, each.split()[0]) for each in commands):
+            raise SystemExit(f"no table is made by {name}: choose of {', '.join(commands)}")
     stored = json.loads(STORED.read_text()) if STORED.exists() else {}
-    for command in dict.fromkeys(name.partition(":")[0] for name in TABLES):
-        if command.split()[0] in sys.argv[1:]:
-            stored[command] = measured(command)
-            STORED.write_text(json.dumps(stored, indent=1, ensure_ascii=False) + "\n")
+    for command in commands:
+        if not {command, command.split()[0]} & {*arguments.names}:
+            continue
+        if "DIR" in command and arguments.data is None:
+            print(f"{command} is left out: it needs --data DIR")
+            continue
+        stored[command] = measured(command, arguments.data)
+        STORED.write_text(json.dumps(stored, indent=1, ensure_ascii=False) + "\n")
     PAGE.write_text(with_tables(PAGE.read_text(), stored))
 
 
-def measured(command: str) -> dict[str, list[dict[str, Any]]]:
+def measured(command: str, data: Path | None = None) -> dict[str, list[dict[str, Any]]]:
     """What a script writes."""
     with TemporaryDirectory() as folder:
-        words = [sys.executable, *command.split(), "--json", f"{folder}/figures.json"]
+        words = shlex.split(command)
+        if data is not None:
+            words = [word.replace("DIR", str(data.absolute())) for word in words]
+        words = [sys.executable, *words, "--json", f"{folder}/figures.json"]
         environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
         subprocess.run(words, cwd=HERE, env=environment, check=True)
         found: dict[str, list[dict[str, Any]]] = json.loads(
@@ -91,14 +149,15 @@ def with_tables(page: str, stored: dict[str, dict[str, list[dict[str, Any]]]]) -
     """The page with its tables of what is stored."""
 
     def table(found: re.Match[str]) -> str:
-        command, _, key = found[2].partition(": ")
-        columns = TABLES[found[2]]
+        command, _, key = found[2].rpartition(": ")
+        columns, kept = TABLES[found[2]], stored[command][key]
+        unknown = {name: None for row in kept for name in row}
         rows = [
             [
-                how.format(**{name: _written(x) for name, x in row.items()})
+                how.format(**{name: _written(x) for name, x in (unknown | row).items()})
                 for how in columns.values()
             ]
-            for row in stored[command][key]
+            for row in kept
         ]
         lines = [[*columns], ["---"] * len(columns), *rows]
         return found[1] + "".join(f"| {' | '.join(line)} |\n" for line in lines)

@@ -1,4 +1,4 @@
-"""Seconds of each phase, and memory, of a process; and the states that every process is given.
+"""Processor seconds of each phase and memory of a process, and the states that each is given.
 
 Runs in the environments of the peers too: nothing but the standard library and NumPy here.
 """
@@ -12,14 +12,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import numpy as np
 
 
 class Phases:
-    """Seconds of named phases; a phase inside another one counts for itself only."""
+    """Processor seconds of named phases; a phase inside another one counts for itself only."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
@@ -29,9 +29,9 @@ class Phases:
     def __call__(self, name: str) -> Iterator[None]:
         """Add the time of a block to a phase."""
         outer, self._inner = self._inner, 0.0
-        start = perf_counter()
+        start = process_time()
         yield
-        spent = perf_counter() - start
+        spent = process_time() - start
         self.seconds[name] = self.seconds.get(name, 0.0) + spent - self._inner
         self._inner = outer + spent
 

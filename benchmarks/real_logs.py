@@ -9,8 +9,8 @@ DIR holds a robot file and its logs (CSV, gzip too); a ``mapping.yaml`` is of al
 - errors of each fit on each other log, motor by motor, in % of the motor's force where it moves, in
   the root mean square; beside them those by ``--terms Fc,Fv,Fo,Ia`` and, from ``published.json``
   in DIR (a list of {"fit", "judge", "errors", "source"}), those that others have published;
-- for each pair of fits how many of the differences between their base parameters are below 1.96
-  joint standard errors, 95 % where intervals hold, and the largest.
+- for each pair of fits how many of the differences between their base parameters are *usual*, below
+  1.96 joint standard errors, 95 % where intervals hold, and the largest.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ def main() -> None:
     for (one, other), terms in [(pair, t) for pair in combinations(runs, 2) for t in choices]:
         two = compare_fits(fits[one, terms], fits[other, terms])
         worst = two.expressions[int(two.apart.argmax())] if two.expressions else "-"
-        numbers = {"differences": len(two.expressions), "below 1.96 %": 100 * two.usual}
+        numbers = {"differences": len(two.expressions), "usual %": 100 * two.usual}
         row = {"fits of": f"{one}, {other}", "terms": terms} | numbers
         pairs.append(row | {"largest": float(two.apart.max(initial=0.0)), "of": worst})
     show("differences of base parameters in joint standard errors", pairs)

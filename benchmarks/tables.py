@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from math import isfinite
+from math import isfinite, nan
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +15,18 @@ WIDEST = 200
 
 
 def show(title: str, rows: list[dict[str, Any]]) -> None:
-    """Print rows with the same keys as a table."""
+    """Print rows as a table; where one lacks a key, "-" stands."""
     table = Table(title=title, title_justify="left")
-    for key, value in rows[0].items():
+    columns: dict[str, Any] = {}
+    for row in rows:
+        columns = row | columns
+    for key, value in columns.items():
         words = isinstance(value, str)
         table.add_column(
             key.replace("_", " "), justify="left" if words else "right", overflow="fold"
         )
     for row in rows:
-        table.add_row(*(_text(value) for value in row.values()))
+        table.add_row(*(_text(row.get(key, nan)) for key in columns))
     Console(width=WIDEST).print(table)
 
 

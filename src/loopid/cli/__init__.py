@@ -28,7 +28,7 @@ for command, example in {
     excite: "loopid excite leg.yaml --model full --max-speed 2 --out motion",
     identify: "loopid identify leg.yaml run.csv --mapping run.yaml --out found",
     predict: "loopid predict found/parameters.yaml other.csv",
-    payload: "loopid payload leg.yaml shank --unloaded run.csv --loaded held.csv",
+    payload: "loopid payload leg.yaml shank --unloaded run.csv --loaded loaded.csv",
     compare: "loopid compare found again",
     export: "loopid export leg.yaml found/parameters.yaml --urdf new.urdf --c controller",
     paper: "loopid paper --out out",

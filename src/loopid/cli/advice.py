@@ -72,7 +72,7 @@ def command_with(
 
 
 def _excite(words: str, context: typer.Context) -> str:
-    """The motion for parameters: their joint terms, and the logs that ask for the model."""
+    """The motion for parameters: their joint terms, and the logs that need the model."""
     from loopid.parameters import KINDS
 
     given = context.params

@@ -67,7 +67,7 @@ def loaded(
     ),
     xacro: list[str] | None = XACRO,
 ) -> Any:
-    """The robot (``Robot``) that the options of a command ask for."""
+    """The robot (``Robot``) that the options of a command name."""
     from loopid.loading.robot_files import load
 
     with progress_bar("robot"):
@@ -229,7 +229,7 @@ def excite(
     answer: Answer,
     model: str = Option(
         "auto",
-        help=f"{MODELS}; auto: the one that the logs of --after ask for, gravity without.",
+        help=f"{MODELS}; auto: the one that the logs of --after need, gravity without.",
         autocompletion=completion.models,
     ),
     terms: str = GIVEN_TERMS,

@@ -35,7 +35,7 @@ PART_LENGTH = 0.3  # characteristic lengths that a floating base moves
 
 @record(kw_only=True, checked=True)
 class SamplingOptions:
-    """How random configurations are drawn.
+    """How random configurations are sampled.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class SamplingOptions:
         Least singularity measure of a pose, see ``Projection.singularity``; by default that of the
         robot's file, else the usual one, or less where the geometry hardly allows it.
     spread : float
-        Part of the limits around the reference that draws come from.
+        Part of the limits around the reference that samples come from.
     attempts : int
         Draws for each configuration found, after which they are given up.
 

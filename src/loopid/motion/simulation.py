@@ -77,6 +77,16 @@ class Measurement(Tabular):
         (N, m) with friction and noise, in N or N m.
     exact_force : FloatArray
         (N, m) without noise.
+
+    Examples
+    --------
+    >>> import loopid
+    >>> robot = loopid.load("four_bar")
+    >>> there = loopid.motion.Waypoint([1.2], seconds=2.0)
+    >>> motion = loopid.motion.point_to_point(robot.actuated, [1.0], [there], rate=50)
+    >>> log = loopid.simulate(robot, motion)
+    >>> log.motors, log.force.shape, log.text.partition(",")[0]
+    (('crank_joint',), (101, 1), 'time')
     """
 
     motors: tuple[str, ...]

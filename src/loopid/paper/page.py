@@ -39,7 +39,7 @@ FITS = 3.0  # standard errors within which a value of the paper fits
 
 STAND_IN = (
     "No log of the real robot was given: a simulated robot stands in, with masses and inertias "
-    "drawn about the robot file's with a standard deviation of 10 %."
+    "sampled about the robot file's with a standard deviation of 10 %."
 )
 SYMBOLIC = "poses", "columns", "difference", "symbolic_seconds", "pinocchio_seconds", "transfers"
 

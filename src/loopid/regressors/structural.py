@@ -55,7 +55,7 @@ def structural_observation(
     joint_terms : JointTerms, optional
         Drives, friction and offsets as further columns.
     options : SamplingOptions, optional
-        How poses are drawn, as in ``random_configurations``.
+        How poses are sampled, as in ``random_configurations``.
     progress : callable, optional
         Called with the numbers of poses done and in all.
 
