@@ -72,7 +72,7 @@ class Finding:
             warn(str(self), DataWarning)
 
 
-class Telling:
+class WithFindings:
     """What has ``findings``, and can tell them as warnings."""
 
     @property

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+NORMAL_95 = 1.96  # standard deviations to the end of the 95 % interval of a normal distribution
+
 
 def number(value: float | None, digits: int = 4) -> str:
     """A number to some digits, a dash where there is none."""

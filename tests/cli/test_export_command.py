@@ -18,7 +18,7 @@ from loopid.identification.quality import Quality
 from loopid.kinematics import closed_motion
 from loopid.regressors import motion_regressor
 
-pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared")
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared", "none_missing")
 ROOT = Path(__file__).parents[2] / "urdf"
 
 

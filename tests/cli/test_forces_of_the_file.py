@@ -9,7 +9,7 @@ from loopid import JointTerms
 from made_runs import logged, wander
 
 pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
-pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared")
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared", "none_missing")
 LINK = """<body name="{0}" pos="{1} 0 0"><inertial pos="0.2 0 0.05" mass="{2}"
 diaginertia="0.01 0.02 0.02"/><joint name="{3}" axis="0 1 0" range="-90 90" armature="{4}"
 frictionloss="0.1" damping="0.05"/>{5}</body>"""

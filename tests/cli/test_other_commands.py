@@ -50,7 +50,7 @@ def small(monkeypatch, paper):
 
 
 def test_the_nine_motions_can_be_run(run_json):
-    record = run_json("motions", "3ups_rpu", "--rate", "2")
+    record = run_json("motions", "3ups_rpu", "--rate", "1")
     assert [motion["name"] for motion in record["motions"]] == list("123456789")
     for motion in record["motions"]:
         assert motion["problems"] == []

@@ -11,7 +11,7 @@ from linkages import LINKAGES, five_bar
 from loopid import JointTerms
 from made_runs import logged, wander
 
-pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared")
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared", "none_missing")
 
 BARS = {"left_joint": 2.0, "right_joint": 1.0}
 

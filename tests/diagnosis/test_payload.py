@@ -65,11 +65,12 @@ def test_a_payload_without_noise_is_found_to_round_off(case):
 
 def test_paths_and_a_robot_are_taken_as_recordings_and_a_model(load_once):
     robot, path = load_once("five_bar"), "urdf/logs/five_bar.csv"
-    log = loopid.read_log(path, robot)
-    model, run = loopid.force_model(robot, "full"), quietly(loopid.prepare, robot, log)
+    log, part = (loopid.read_log(path, robot, rows=rows) for rows in (None, (1, 2000)))
+    model = loopid.force_model(robot, "full")
+    light, heavy = (quietly(loopid.prepare, robot, each) for each in (log, part))
     options = {"link": "right_coupler", "estimator": "ols"}
-    found = quietly(loopid.identify_payload, robot, path, log, **options)
-    assert found == quietly(loopid.identify_payload, model, [run], [run], **options)
+    found = quietly(loopid.identify_payload, robot, path, part, **options)
+    assert found == quietly(loopid.identify_payload, model, [light], [heavy], **options)
 
 
 @pytest.mark.validate

@@ -16,7 +16,7 @@ from loopid.motion import JointMotion, Noise
 from loopid.report import identification_report
 from made_runs import ARM, quietly, record, simulated, wander
 
-pytestmark = pytest.mark.usefixtures("nothing_suspected")
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "none_missing")
 
 NOISE = 1.0
 
@@ -95,7 +95,7 @@ def test_the_gain_of_a_motor_is_that_of_its_own_force(knee, carried, terms):
 
 def test_a_log_with_a_leg_from_its_signals_on(knee, knee_model, truth, terms, leg):
     """Positions, forces and wrench as sensors read them, filtered and assembled."""
-    motion = wander(knee, seed=5, seconds=40.0, rate=100.0)
+    motion = wander(knee, seed=5, seconds=30.0, rate=50.0)
     run, wrench = (
         simulated(knee, motion, Noise(gaussian=NOISE, encoder_step=1e-5), terms=terms),
         leg(motion),

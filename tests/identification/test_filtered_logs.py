@@ -78,7 +78,7 @@ def coarse(bits, rate=1000.0, noise=NOISE):
 def test_a_coarse_encoder_asks_for_a_narrow_band():
     chosen = {}
     for bits in (10, 17):
-        model, _, log = coarse(bits)
+        model, _, log = coarse(bits, 500.0)
         recording = quietly(loopid.prepare, model.robot, log)
         chosen[bits] = choose_cutoff(model, [recording]).chosen
     assert 1 < chosen[10] < 4
@@ -87,7 +87,7 @@ def test_a_coarse_encoder_asks_for_a_narrow_band():
 
 @pytest.mark.parametrize("bits", few_of([10, 12, 14], 12))
 def test_the_chosen_cut_off_predicts_as_well_as_the_best_and_coarse_encoders_stay(bits):
-    model, truth, log = coarse(bits)
+    model, truth, log = coarse(bits, 500.0)
     robot = model.robot
     planned = read_motion_program("five_bar").motion("sweep", 20.0)
     new = model.regressor(joint_motion(robot, planned))
@@ -195,7 +195,7 @@ def test_a_log_of_few_samples_is_too_short_to_filter(count):
     whole = log_of(model, run)
     few = whole.select(np.arange(len(whole)) < count)
     short = f"too short to filter, the longest has {count} samples"
-    with pytest.raises(LogError, match=short if count > 3 else f"{count} rows of numbers"):
+    with pytest.raises(LogError, match=short if count > 3 else f"{count} rows? of numbers"):
         loopid.prepare(model.robot, few)
 
 
@@ -263,7 +263,7 @@ def test_predicted_friction_passes_the_filter_of_the_forces(tmp_path):
 
 
 def test_a_saved_fit_predicts_with_the_filter_that_it_was_judged_with(tmp_path):
-    model, _, log = coarse(12)
+    model, _, log = coarse(12, 200.0)
     recording = quietly(loopid.prepare, model.robot, log)
     found = quietly(identify, model, [recording])
     fit = load_fit(found.fit.save(tmp_path / "fit.json"))

@@ -100,7 +100,8 @@ def test_foreign_columns_are_mapped_wherever_data_are_taken(load_once, tmp_path)
 def test_a_path_becomes_a_fit_and_the_fit_what_is_asked_of_it(load_once, tmp_path):
     """In one call each; tables, logs and recordings are the data that the path is."""
     robot, log = load_once("five_bar"), read_log(RUN, load_once("five_bar"))
-    found = quietly(identify, robot, RUN)
+    options = FitOptions(terms="Fc,Fv", undo_delay=False)
+    found = quietly(identify, robot, RUN, options=options)
     (run,) = found.training
     for data in (polars.read_csv(RUN), log, prepare(robot, log), [RUN]):
         ((other,),) = recordings_of(robot, data)

@@ -104,7 +104,7 @@ def nearly_exact_weights():
     Thirty columns in nearly parallel pairs, of sizes from 0.01 to 100.
     """
     rng = np.random.default_rng(0)
-    W = rng.normal(size=(400, 4, 30))
+    W = rng.normal(size=(200, 4, 30))
     W[:, :, 1::2] = W[:, :, ::2] + 1e-6 * W[:, :, 1::2]
     W *= SIZES[:, None] * 10.0 ** rng.uniform(-2, 2, size=30)
     force = W @ (rng.normal(size=30) / np.abs(W).max(axis=(0, 1)))

@@ -43,6 +43,16 @@ def run(robot, law=None, seed=0, noise=0.01):
     return Recording.of_motion(motion, force, robot.actuated)
 
 
+@pytest.fixture(scope="module")
+def with_law(robot, model, once):
+    """What a recording with one of these laws identifies, or with none."""
+
+    def identified(law=None):
+        return quietly(identify, model, [run(robot, LAWS.get(law))])
+
+    return lambda law=None: once(f"missing {law}", lambda: identified(law))
+
+
 def clear(found):
     """Forces that are clearly missing."""
     return [each for each in found.missing if each.certainty == "clear"]
@@ -57,9 +67,9 @@ LAWS = {
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_a_missing_force_is_named_with_its_size_and_what_it_would_save(robot, model, law):
-    recording = run(robot, LAWS[law])
-    found = quietly(identify, model, [recording])
+def test_a_missing_force_is_named_with_its_size_and_what_it_would_save(robot, with_law, law):
+    found = with_law(law)
+    (recording,) = found.training
     own = [each for each in clear(found) if each.motor == LEFT]
     assert [each.law for each in own] == [law]
     plain = run(robot)
@@ -77,12 +87,11 @@ def test_a_missing_force_is_named_with_its_size_and_what_it_would_save(robot, mo
     assert "as parameters" not in str(found.verdict)
 
 
-def test_what_advice_prints_takes_the_spring_away(robot):
-    recording = run(robot, LAWS["grows with position"])
-    found = quietly(identify, loopid.force_model(robot, "full"), [recording])
+def test_what_advice_prints_takes_the_spring_away(robot, with_law):
+    found = with_law("grows with position")
     finding = next(each for each in found.findings if "grows with position" in each.title)
     terms = finding.do.split('terms="')[1].split('"')[0]
-    again = quietly(identify, loopid.force_model(robot, "full", terms), [recording])
+    again = quietly(identify, loopid.force_model(robot, "full", terms), found.training)
     assert not clear(again)
     assert again.fit[f"{LEFT}.Ks"].value == pytest.approx(2.0, rel=0.1)
 
@@ -117,8 +126,8 @@ def test_intervals_hold_a_spring_that_is_likely_but_not_clear(robot, model):
     assert (np.sqrt(np.diag(plain)) < found.fit.standard_errors / 10).any()
 
 
-def test_a_spring_that_would_not_show_is_said_with_its_size(robot, model):
-    found = quietly(identify, model, [run(robot)])
+def test_a_spring_that_would_not_show_is_said_with_its_size(robot, model, with_law):
+    found = with_law()
     hidden = [each for each in found.missing if each.certainty == "hidden"]
     (one,) = [each for each in found.findings if "may hide a spring" in each.title]
     assert one.severity == "note"
@@ -181,15 +190,14 @@ def test_forces_of_a_length_are_those_of_a_robot_with_that_length(robot, model):
 
 
 @pytest.mark.parametrize("seed", few_of(range(3), 0))
-def test_nothing_is_missing_where_nothing_is(robot, model, seed):
-    found = quietly(identify, model, [run(robot, seed=seed)])
+def test_nothing_is_missing_where_nothing_is(robot, model, with_law, seed):
+    found = quietly(identify, model, [run(robot, seed=seed)]) if seed else with_law()
     assert all(each.certainty == "hidden" for each in found.missing)
     assert "as parameters of the robot" in str(found.verdict)
 
 
-def test_intervals_hold_the_bias_of_a_force_that_is_missing(robot, model):
-    recording = run(robot, LAWS["drifts in time"])
-    found = quietly(identify, model, [recording])
+def test_intervals_hold_the_bias_of_a_force_that_is_missing(with_law):
+    found = with_law("drifts in time")
     for each in found.missing:
         assert (found["consistent"].fit.standard_errors >= 0.99 * np.abs(each.bias)).all()
 

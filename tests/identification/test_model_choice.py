@@ -15,7 +15,7 @@ from loopid.motion import scaled_bodies
 from loopid.regressors import force_parts
 from made_runs import quietly, record, wander
 
-pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared")
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared", "none_missing")
 
 NOISE, REACH = 0.05, (0.6, 0.6)
 

@@ -15,7 +15,7 @@ from loopid.parameters import Parameter
 from loopid.report.compare import comparison_report
 from loopid.report.look import json_text
 
-pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared")
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared", "none_missing")
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from loopid.identification import friction_curve
 from loopid.identification.plausibility import absurdities
 from made_runs import quietly
 
-pytestmark = pytest.mark.usefixtures("nothing_suspected", "no_delay_sought")
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "no_delay_sought", "none_missing")
 
 LEFT = "left_crank_joint"
 

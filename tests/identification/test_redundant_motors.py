@@ -14,7 +14,7 @@ from loopid.kinematics import closed_motion
 from loopid.logs import Log, Recording, read_log
 from made_runs import logged, quietly, wander
 
-pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared")
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared", "none_missing")
 
 FRICTION = np.array([0.3, 0.4, 0.2, 0.5, 0.25, 0.3])
 NOISE = 0.05
@@ -150,7 +150,7 @@ def test_a_zero_that_is_off_is_named_with_what_mends_it(robot, run):
     (said,) = heard(robot, run, changed(robot, run, lambda q: q + 0.5))
     assert robot.redundant[0] in said
     assert "by 0.5 rad all along" in said
-    advised = float(re.search(r"add (\S+) to its position_offset", said)[1])
+    advised = float(re.search(r"add (\S+) to its positions", said)[1])
     assert heard(robot, run, changed(robot, run, lambda q: q + 0.5 + advised)) == []
 
 

@@ -18,7 +18,7 @@ from loopid.observation import Observation
 from loopid.regressors import structural_observation
 from made_runs import changed, modelled, quietly, record, wander
 
-pytestmark = pytest.mark.usefixtures("nothing_suspected")
+pytestmark = pytest.mark.usefixtures("nothing_suspected", "none_missing")
 
 # Of the 6UPS at rest, as nothing fast is in its motion.
 CASES = {"3rrr": ("full", 0.3), "6ups": ("gravity", 0.04)}

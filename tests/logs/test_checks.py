@@ -392,3 +392,14 @@ def test_nanoseconds_beyond_a_second_are_no_time(knee, truth, write_folder, nano
     (folder / "force.txt").write_text(text)
     with pytest.warns(DataWarning, match=r"force\.txt: no number in time_sec in row 7 of 1601"):
         read_log(folder, knee)
+
+
+def test_rows_in_another_order_are_refused_and_sorted_as_advised():
+    time = np.arange(0, 2, 0.01)
+    whole = polars.DataFrame({"time": time, "crank.position": np.sin(time), "crank.force": time})
+    shuffled, twice = whole.sample(fraction=1, shuffle=True, seed=0), polars.concat([whole, whole])
+    for frame, count in ((shuffled, r"\d+ times"), (twice, "1 time")):
+        with pytest.raises(LogError, match=rf"goes back {count}, in row.*: sort its rows by time"):
+            Log.from_frame(frame, ["crank"])
+    read = Log.from_frame(shuffled.sort("time"), ["crank"])
+    assert read == Log.from_frame(whole, ["crank"])

@@ -152,7 +152,7 @@ OF_LOGS = {
     ),
     "positions from another zero": (
         Log(columns=(TIME, 1e5 + ROWS[1], ROWS[2])),
-        "with position_offset in a mapping they would fit",
+        "with another zero, position_offset in a mapping, they would fit",
         Log(columns=(TIME, 1e5 + ROWS[1], ROWS[2]), mapping={"position_offset": 2 - 1e5}),
     ),
     "columns without names": (
@@ -954,7 +954,7 @@ OF_WARNINGS = {
     ),
     "clipped forces": (
         clipped(),
-        "('saturation' in a mapping overrides this)",
+        "('saturation' in a mapping, or of Log.from_arrays, overrides this)",
         clipped(saturation=5.0),
     ),
 }

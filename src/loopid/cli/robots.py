@@ -38,7 +38,8 @@ LOGGED_MODEL = Option(
     "auto", help=f"{MODELS}; auto: the one that LOG needs.", autocompletion=completion.models
 )
 TERMS = (
-    "Forces in the joints: of all motors, as Fc,Fv,Fo; with some joints' own, as "
+    "Forces in the joints: Coulomb (Fc) and viscous (Fv) friction, offset (Fo), armature (Ia), "
+    "spring (Ks). Of all motors, as Fc,Fv,Fo; with some joints' own, as "
     '"Fc,Fv; elbow: Ks; passive: Fv"; file: those that the robot file gives; none.'
 )
 GIVEN_TERMS = Option("none", help=TERMS, autocompletion=completion.terms)

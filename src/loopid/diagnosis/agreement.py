@@ -16,11 +16,10 @@ from loopid.arguments import FloatArray, checked
 from loopid.errors import DataError
 from loopid.identification.identification import Identification
 from loopid.identification.result import VALUES, Fit
+from loopid.numbers import NORMAL_95
 from loopid.records import Tabular, record
 
-# Standard errors of a difference that 95 % of differences are below; probability that fits of which
-# only errors differ are said to disagree.
-USUAL, FALSE_ALARM = 1.96, 0.01
+FALSE_ALARM = 0.01  # probability that fits of which only errors differ are said to disagree
 
 
 @record
@@ -66,7 +65,7 @@ class Agreement(Tabular):
     @property
     def usual(self) -> float:
         """Part of the differences that are below 1.96 standard errors: 0.95 on average."""
-        return float((self.apart < USUAL).mean()) if len(self.apart) else 1.0
+        return float((self.apart < NORMAL_95).mean()) if len(self.apart) else 1.0
 
     @property
     def clear(self) -> tuple[str, ...]:

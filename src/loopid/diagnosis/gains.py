@@ -164,8 +164,8 @@ class GainFit:
         return mapping_of(mapping).with_gains(gains, self.force_scales)
 
     def __repr__(self) -> str:
-        told = zip(self.actuators, self.gains, self.intervals(), strict=True)
-        lines = [f"  {n}: {gain:.4f} [{low:.4f} ... {high:.4f}]" for n, gain, (low, high) in told]
+        rows = zip(self.actuators, self.gains, self.intervals(), strict=True)
+        lines = [f"  {n}: {gain:.4f} [{low:.4f} ... {high:.4f}]" for n, gain, (low, high) in rows]
         lines += [f"  {name}: undetermined" for name in self.undetermined]
         return "\n".join(["GainFit, true force over logged force:", *lines[:9]])
 

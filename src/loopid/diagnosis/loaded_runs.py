@@ -10,7 +10,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray, row_blocks
 from loopid.errors import DataError, OptionError
-from loopid.identification.data import each_of, read
+from loopid.identification.data import each_of, read, require_no_repetition
 from loopid.identification.delay import in_time
 from loopid.identification.force_models import ForceModel, force_model as model_of, samples_of
 from loopid.identification.friction import less_noise, with_friction
@@ -60,6 +60,7 @@ class LoadedRuns:
             {} if run.log is None else run.log.force_scales for each in runs for run in each
         )
         _columns(force_model, link)
+        require_no_repetition([run for each in runs for run in each])
         (*runs,), delay, choice = in_time(force_model, runs)
         if delay is not None:
             delay.warn()

@@ -192,12 +192,12 @@ class PayloadFit:
         return rows
 
     def __repr__(self) -> str:
-        told = zip(
+        rows = zip(
             *(self.base.expressions, self.values, self.parameters, self.intervals()), strict=True
         )
         lines = [
             f"  {name}: {value:.5g} {parameter.unit} [{low:.5g} ... {high:.5g}]"
-            for name, value, parameter, (low, high) in told
+            for name, value, parameter, (low, high) in rows
         ]
         return "\n".join([f"PayloadFit on {self.link}:", *lines[:9]])
 

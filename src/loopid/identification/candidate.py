@@ -169,7 +169,6 @@ def _rms_errors(samples: FitSamples, residual: FloatArray) -> FloatArray:
     return errors
 
 
-@checked
 def error_ratio(
     samples: FitSamples, own: FloatArray, other: FloatArray
 ) -> tuple[tuple[float, float], FloatArray]:

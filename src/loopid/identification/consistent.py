@@ -161,18 +161,14 @@ def quiet_consistent_fit(
         found = _result(force_model, data, weights, program, state)
         last = len(found.result.values) - (program.terms.group >= 0).sum()  # those of groups
         groups = _groups(program, state, found.result.covariance[last:, last:])
-    far = FileDeviation(common, program.names, state.deviations)
-    result = replace(
-        found.result,
-        deviation=far,
+    return found.with_result(
+        deviation=FileDeviation(common, program.names, state.deviations),
         term_deviations=groups,
         settled=state.settled,
         model=force_model,
     )
-    return replace(found, result=result)
 
 
-@checked
 def consistent_parameters(
     force_model: ForceModel,
     data: FitSamples,
@@ -199,7 +195,6 @@ def consistent_parameters(
         return bodies + program.standard(_minimised(program, _approached(program, state))[0])
 
 
-@checked
 def fit_terms(
     force_model: ForceModel, data: FitSamples, noise: NoiseModel, least: NoiseModel
 ) -> Fit:
@@ -287,8 +282,8 @@ def _off_the_file(
 
     bounds = np.log(RIGHT), np.log(LARGEST_OF_BODY)
     s = float(np.exp(minimize_scalar(unlikely, bounds=bounds, method="bounded").x))
-    told = (s * sizes) ** 2 / (1 + (s * sizes) ** 2)
-    return s * T, NU + float(told.sum())
+    determined = (s * sizes) ** 2 / (1 + (s * sizes) ** 2)
+    return s * T, NU + float(determined.sum())
 
 
 def _terms_alone(force_model: ForceModel, program: _Program) -> tuple[_Program, FloatArray]:
@@ -341,8 +336,8 @@ def _groups(program: _Program, state: _State, covariance: FloatArray) -> TermDev
         spread = covariance[np.ix_(places[own], places[own])]
         size = np.linalg.slogdet(step.covariance(rows)[:, first + own])[1]
         evidence.append((size + apart @ np.linalg.solve(spread, apart)) / 2)
-    told = terms.of_groups(step.determined[first:])
-    return TermDeviations(terms.names, state.groups, told, np.array(evidence))
+    determined = terms.of_groups(step.determined[first:])
+    return TermDeviations(terms.names, state.groups, determined, np.array(evidence))
 
 
 def error_weights(problem: FitProblem, noise: NoiseModel) -> FloatArray:
@@ -615,11 +610,11 @@ def _most_likely(program: _Program) -> tuple[_State, float]:
     near = NEAR
     for _ in range(ITERATIONS):
         state, step = _minimised(program, state, near)
-        told = step.determined
-        gamma, d = _of_bodies(program, told), 2 * program.divergences(state)
+        determined = step.determined
+        gamma, d = _of_bodies(program, determined), 2 * program.divergences(state)
         common = _common(gamma, d)
         own = np.sqrt((NU * common**2 + d) / (NU + gamma)).clip(max=LARGEST_OF_BODY)
-        before, steps = steps, _group_steps(program, state, told)
+        before, steps = steps, _group_steps(program, state, determined)
         settled = np.append(own / state.deviations - 1, steps)
         if np.abs(settled).max(initial=0.0) <= SETTLED:
             if not near:
@@ -632,11 +627,11 @@ def _most_likely(program: _Program) -> tuple[_State, float]:
     return state, common
 
 
-def _group_steps(program: _Program, state: _State, told: FloatArray) -> FloatArray:
+def _group_steps(program: _Program, state: _State, determined: FloatArray) -> FloatArray:
     """Logarithms (g,) of what the deviations of groups are to be multiplied by."""
     terms = program.terms
     u = terms.departures(state.joints, state.groups)
-    gamma = terms.of_groups(told[WIDTH * len(program.file) :])
+    gamma = terms.of_groups(determined[WIDTH * len(program.file) :])
     squares = state.groups**2 * terms.of_groups(u**2) / np.maximum(gamma, np.finfo(float).tiny)
     return np.log(np.sqrt(squares).clip(*terms.bounds.T) / state.groups)
 
@@ -651,9 +646,9 @@ def _approached(program: _Program, state: _State) -> _State:
     return state
 
 
-def _of_bodies(program: _Program, told: FloatArray) -> FloatArray:
+def _of_bodies(program: _Program, determined: FloatArray) -> FloatArray:
     """How many of the ten parameters of each body the data determine, (b,), of all z."""
-    bodies = told[: WIDTH * len(program.file)]
+    bodies = determined[: WIDTH * len(program.file)]
     return np.asarray(bodies.reshape(-1, WIDTH).sum(axis=1))
 
 
@@ -682,25 +677,23 @@ def _result(
 ) -> WorkingFit:
     """The values, with Laplace's covariance for autocorrelated errors."""
     M, standard = force_model.base.matrix, program.standard(state)
-    told = M @ program.changes(state)
+    moved = M @ program.changes(state)
     # Bodies without a mass are kept so, and not known to be.
     sizes = MASSLESS * body_sizes(force_model.robot, force_model.model)
     sizes[program.columns.ravel()] = 0.0
     kept = M[:, : len(sizes)] * sizes
     kept = kept[:, sizes > 0]
     values = force_model.base.values(standard)
-    C = np.asarray(np.linalg.qr(np.hstack([told, kept]).T, mode="r"))
-    only_kept = kept.any(axis=1) & ~told.any(axis=1)
+    C = np.asarray(np.linalg.qr(np.hstack([moved, kept]).T, mode="r"))
+    only_kept = kept.any(axis=1) & ~moved.any(axis=1)
     found = _posterior(data, weights, values, C)
-    known = np.minimum(found.result.degrees_of_freedom, _freedom(program, state, told))
-    result = replace(
-        found.result,
+    known = np.minimum(found.result.degrees_of_freedom, _freedom(program, state, moved))
+    return found.with_result(
         assumed=tuple(force_model.parameters.names[j] for j in np.flatnonzero(only_kept)),
         standard_parameters=standard,
         degrees_of_freedom=known,
         uncertainty=_robot_uncertainty(force_model, program, state),
     )
-    return replace(found, result=result)
 
 
 def _posterior(
@@ -772,19 +765,19 @@ def solid_body(
         return program.standard(state), step.covariance(turned) @ turned.T
 
 
-def _freedom(program: _Program, state: _State, told: FloatArray) -> FloatArray:
+def _freedom(program: _Program, state: _State, rows: FloatArray) -> FloatArray:
     """Degrees of freedom (r,) that what rests on priors leaves the variances [Welch1947]."""
     step, bodies, terms = program.step(state), len(program.file), program.terms
-    spread = step.covariance(told)
-    variance = (spread * told).sum(axis=1)
-    own = spread[:, : WIDTH * bodies].reshape(len(told), bodies, WIDTH)
+    spread = step.covariance(rows)
+    variance = (spread * rows).sum(axis=1)
+    own = spread[:, : WIDTH * bodies].reshape(len(rows), bodies, WIDTH)
     known = step.determined
     parts = [(own**2).sum(axis=2)]
     parts.append(np.stack([terms.of_groups(row**2) for row in spread[:, WIDTH * bodies :]]))
     shares = np.hstack(parts) / np.where(variance > 0, variance, 1.0)[:, None]
     every = np.append(_of_bodies(program, known), terms.of_groups(known[WIDTH * bodies :]))
     squares = (shares**2 / (NU + every)).sum(axis=1)
-    return np.asarray(np.divide(1.0, squares, out=np.full(len(told), np.inf), where=squares > 0))
+    return np.asarray(np.divide(1.0, squares, out=np.full(len(rows), np.inf), where=squares > 0))
 
 
 # Of the mean mass: what a body has that the file gives a size but no mass; of the robot's length:

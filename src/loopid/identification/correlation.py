@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -286,14 +285,13 @@ def within_runs(fit: WorkingFit, corrections: int = CORRECTIONS) -> WorkingFit:
     each = {i: (m.model, m.effective_samples()) for i, m in models.items()}
     noise = _noise_model(samples.problem, each, result.weights)
     if fit.prior is not None and not noise.coefficients.any():
-        return replace(fit, result=replace(result, noise=noise))
+        return fit.with_result(noise=noise)
     rows = float(noise.effective_samples.sum()) - (width if fit.prior is None else 0)
     # A spectrum by p coefficients has relative variances of up to 4p / N [Berk1974], as a variance
     # by N / 2p degrees of freedom; a parameter may hang on one actuator's alone.
     known = (m.samples / (2 * m.model.order) for m in models.values() if m.model.order)
     freedom = np.array(min([rows, *known]))
-    found = replace(result, covariance=covariance, degrees_of_freedom=freedom, noise=noise)
-    return replace(fit, result=found)
+    return fit.with_result(covariance=covariance, degrees_of_freedom=freedom, noise=noise)
 
 
 def residual_noise(samples: FitSamples, values: FloatArray, fitted: float) -> NoiseModel:

@@ -18,7 +18,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray, IntArray, checked
 from loopid.errors import LoopidError
-from loopid.findings import Finding, Telling
+from loopid.findings import Finding, WithFindings
 from loopid.identification.estimator import nearest_to_file
 from loopid.identification.force_models import ForceModel
 from loopid.identification.problem import FitProblem
@@ -46,7 +46,7 @@ CLEAR = 1.0
 
 
 @record
-class CutoffChoice(Telling):
+class CutoffChoice(WithFindings):
     """Cut-offs that were tried, and the one chosen.
 
     Attributes

@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from loopid.errors import OptionError
+import numpy as np
+
+from loopid.errors import DataError, OptionError
 from loopid.identification.force_models import ForceModel
 from loopid.logs.log import Log
 from loopid.logs.preparing import prepare
@@ -74,6 +76,18 @@ def require_some(data: Any) -> Any:
     for first in each_of(data):
         return first
     raise OptionError(f"data must be {FORMS}, or a list of these, not none", given=data)
+
+
+def require_no_repetition(recordings: Sequence[Recording]) -> None:
+    """Refuse a log that is there twice: what is left out of a fit would be in it."""
+    for k, run in enumerate(recordings):
+        for other in recordings[:k]:
+            if np.array_equal(run.force, other.force):
+                names = run.name if run.name == other.name else f"{other.name} and {run.name}"
+                raise DataError(
+                    f"the forces of two logs are the same ({names}): give each log once, as one "
+                    "that stands twice judges itself"
+                )
 
 
 def _recording(robot: Robot, data: Any, mapping: Any) -> Recording:

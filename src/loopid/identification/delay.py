@@ -31,7 +31,7 @@ from scipy.linalg import solve_triangular
 
 from loopid.arguments import BoolArray, FloatArray, checked
 from loopid.errors import DataError, RankError
-from loopid.findings import Finding, Telling
+from loopid.findings import Finding, WithFindings
 from loopid.identification.correlation import (
     Autoregression,
     burg_covariances,
@@ -54,12 +54,12 @@ from loopid.identification.result import Fit
 from loopid.logs.preparing import at_cutoff, near_saturation, on_independent, saturation_of
 from loopid.logs.recording import OVERSAMPLING, Recording
 from loopid.motion.filtering import LowPass
+from loopid.numbers import NORMAL_95
 from loopid.records import record
 from loopid.regressors.maxwell_slip import ELEMENTS, slip_displacements, slip_states
 from loopid.robot.robot import Robot
 from loopid.workers import one_blas_thread
 
-NORMAL = 1.96  # standard errors to the end of a 95 % interval
 DEGREE = 5  # of splines between samples: off by 5e-4 of a signal at a fifth of the rate
 # Shifts in s that are looked at, and the same as a part of the longest segment: longer ones leave
 # too little of a log. Shifts of all forces that are tried first, an odd number.
@@ -89,7 +89,7 @@ USUAL = 0.01
 
 
 @record
-class Delay(Telling):
+class Delay(WithFindings):
     """How much later than the motion the forces of a log are.
 
     Attributes
@@ -199,12 +199,14 @@ def find_delay(
     with one_blas_thread():
         for band in _bands(force_model, logged, cutoff):
             found, slips = _found(force_model, at_cutoff(force_model.robot, logged, band))
-            if found is not None:
-                tried.append(found)
-                if best is None or _sharpens(found, best):
-                    best = found
-                    continue
-            if best is not None and (found is None or not slips):
+            if found is None:
+                if best is not None:
+                    break
+                continue
+            tried.append(found)
+            if best is None or _sharpens(found, best):
+                best = found
+            elif not slips:
                 break
     return None if best is None else _over_bands(best, tried)
 
@@ -216,8 +218,8 @@ def _over_bands(best: Delay, tried: Sequence[Delay]) -> Delay:
     largest difference that errors do not explain is a further deviation.
     """
     others = [abs(each.common - best.common) for each in tried if not _agree(best, each)]
-    error = float(np.hypot(np.ptp(best.interval) / 2 / NORMAL, max(others, default=0.0)))
-    half = NORMAL * error if NORMAL * error < VAGUE else np.inf
+    error = float(np.hypot(np.ptp(best.interval) / 2 / NORMAL_95, max(others, default=0.0)))
+    half = NORMAL_95 * error if NORMAL_95 * error < VAGUE else np.inf
     vague = np.ptp(best.intervals, axis=1) / 2 >= VAGUE
     found = replace(
         best,
@@ -267,10 +269,12 @@ def _found(force_model: ForceModel, recordings: Sequence[Recording]) -> tuple[De
             robust = _Search(forces, slip=True).result()
     except (DataError, RankError):
         return None, False
-    # What is undone is there in either way.
+    taken, other = plain, robust
     if slips or not _sharpens(plain, robust):
-        return (robust if not known or _has(plain, robust.undone) else _kept(robust)), slips
-    return (plain if _has(robust, plain.undone) else _kept(plain)), slips
+        taken, other = robust, plain
+    # What is undone is there in either way, or by the only one that knows it.
+    sure = _has(other, taken.undone) or (taken is robust and not known)
+    return (taken if sure else _kept(taken)), slips
 
 
 def _has(delay: Delay, undone: FloatArray) -> bool:
@@ -281,7 +285,7 @@ def _has(delay: Delay, undone: FloatArray) -> bool:
 
 def _kept(delay: Delay) -> Delay:
     """A delay of which nothing is undone."""
-    error = float(np.ptp(delay.interval)) / 2 / NORMAL
+    error = float(np.ptp(delay.interval)) / 2 / NORMAL_95
     left = np.array([_left_open(delay.common, error, delay.step)])
     return replace(delay, undone=0.0 * delay.undone, left=left)
 
@@ -289,8 +293,8 @@ def _kept(delay: Delay) -> Delay:
 def _left_open(common: float, error: float, step: float) -> float:
     """Deviation in s of a delay that is not clear: what the data leave of a usual one."""
     usual = min(USUAL, step)
-    told = 1 / (1 + (error / usual) ** 2)
-    return float(np.hypot(told * common, usual * np.sqrt(1 - told)))
+    known = 1 / (1 + (error / usual) ** 2)
+    return float(np.hypot(known * common, usual * np.sqrt(1 - known)))
 
 
 def _sharpens(sharp: Delay, other: Delay) -> bool:
@@ -308,7 +312,6 @@ def _agree(one: Delay, other: Delay) -> bool:
     return np.isinf(sharp) or bool((one.common - other.common) ** 2 <= wide**2 - sharp**2)
 
 
-@checked
 def without_delay(
     force_model: ForceModel, recordings: Sequence[Recording], delay: Delay | None
 ) -> tuple[Recording, ...]:
@@ -356,7 +359,6 @@ def _moved(robot: Robot, recording: Recording, shifts: FloatArray) -> Recording:
     return replace(recording, log=log, force=force, used=used, dropped=dropped)
 
 
-@checked
 def with_delay_errors(
     fit: Fit, data: FitSamples, recordings: Sequence[Recording], delay: Delay | None
 ) -> Fit:
@@ -522,8 +524,8 @@ class _Search:
         self.basis, self.factor = np.linalg.qr(np.concatenate([rows, self.prior]))
         seen, squares = self.tried
         seen = (weights[:, None, None] * seen).reshape(-1, seen.shape[2])
-        told = self.basis[: len(seen)].T @ seen
-        left = weights**2 @ squares - np.square(told).sum(axis=0)
+        explained = self.basis[: len(seen)].T @ seen
+        left = weights**2 @ squares - np.square(explained).sum(axis=0)
         self.best = np.full(1, self.forces.shifts[int(left.argmin())])
 
     def _rows(self, table: FloatArray) -> FloatArray:
@@ -610,27 +612,27 @@ class _Search:
         columns = self.slopes(force, len(shifts))
         sizes = np.linalg.norm(self._rows(columns), axis=(0, 1))
         left = self._left_of(columns)
-        told = np.linalg.norm(left, axis=0) > UNKNOWN * sizes
+        known = np.linalg.norm(left, axis=0) > UNKNOWN * sizes
         errors = np.full(len(shifts), np.inf)
-        if not told.any():
+        if not known.any():
             return errors, np.inf
         width = len(self.factor)
-        samples = self.samples.with_force(force).beside("delay", columns[:, :, told])
-        prior = np.pad(self.prior, ((0, 0), (0, 1 + int(told.sum()))))
+        samples = self.samples.with_force(force).beside("delay", columns[:, :, known])
+        prior = np.pad(self.prior, ((0, 0), (0, 1 + int(known.sum()))))
         R = samples.problem.weighted(self.weights, prior)
         values = solve_triangular(R[:-1, :-1], R[:-1, -1])
         plain = result_of("wls", samples.problem, values, R[:-1, :-1], self.weights, 1.0)
         found = with_scatter(within_runs(WorkingFit(plain, samples, prior if len(prior) else None)))
-        result, left = found.result, left[:, told]
+        result, left = found.result, left[:, known]
         C = result.covariance[width:, width:]
-        scale = np.ptp(result.intervals()[width:], axis=1) / 2 / NORMAL / np.sqrt(np.diag(C))
+        scale = np.ptp(result.intervals()[width:], axis=1) / 2 / NORMAL_95 / np.sqrt(np.diag(C))
         # What is measured of a column alone counts: its noise of positions has no information.
-        counts = left.T @ self._measured(force, len(shifts))[:, told]
-        if np.linalg.cond(counts / np.outer(sizes[told], sizes[told])) > 1 / UNKNOWN:
+        counts = left.T @ self._measured(force, len(shifts))[:, known]
+        if np.linalg.cond(counts / np.outer(sizes[known], sizes[known])) > 1 / UNKNOWN:
             return errors, np.inf
         change = np.linalg.solve(counts, left.T @ left)
         C = change @ C @ change.T
-        errors[told] = scale * np.sqrt(np.diag(C))
+        errors[known] = scale * np.sqrt(np.diag(C))
         # The common delay is a mean of those of the motors, weighted by their information.
         shares = counts.sum(axis=0) / counts.sum()
         return errors, float(np.sqrt(shares @ C @ shares) * scale.max())
@@ -669,14 +671,14 @@ class _Search:
         errors[~alone] = np.inf
         # Motors that disagree by more than their errors: what no model has looks like a delay.
         error = error * _disagreement(each, errors) if settled else np.inf
-        common, half = float(shift[0]), NORMAL * error
+        common, half = float(shift[0]), NORMAL_95 * error
         undone = np.zeros(count)
         single = [k for k in range(count) if self._stands_out(k, each, errors)]
         if single:
             undone[single] = each[single]
         elif self._clear(common, half):
             undone[:] = common
-        m, ends = len(joints), NORMAL * np.multiply.outer(errors, [-1.0, 1.0])
+        m, ends = len(joints), NORMAL_95 * np.multiply.outer(errors, [-1.0, 1.0])
         return Delay(
             joints=joints,
             common=common,
@@ -704,8 +706,8 @@ class _Search:
         if not np.isfinite(errors[others]).any():
             return False
         mean = np.average(delays[others], weights=errors[others] ** -2)
-        scale = _disagreement(delays[others], errors[others]) * NORMAL * ALONE
-        own = self._clear(delays[k], NORMAL * errors[k])
+        scale = _disagreement(delays[others], errors[others]) * NORMAL_95 * ALONE
+        own = self._clear(delays[k], NORMAL_95 * errors[k])
         return own and abs(delays[k] - mean) > scale * np.hypot(
             errors[k], (errors[others] ** -2).sum() ** -0.5
         )

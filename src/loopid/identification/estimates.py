@@ -174,6 +174,10 @@ class Estimates(Tabular):
         """Those of the force model, none where it is not known or has none."""
         return (None if self.model is None else self.model.joint_terms) or JointTerms(())
 
+    def rates_of(self, joint: str) -> tuple[float, float] | None:
+        """Slowest and fastest rate of a joint in the data; None where they are not known."""
+        return self.use.of(joint) if self.use is not None and joint in self.use.joints else None
+
     @property
     def standard_errors(self) -> FloatArray:
         """Standard deviations (n,) of the estimates."""

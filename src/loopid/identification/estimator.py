@@ -12,7 +12,8 @@ the residuals that they lead to are found by iteration [Gautier1997].
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import ClassVar
+from dataclasses import replace
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
@@ -60,6 +61,10 @@ class WorkingFit:
     def factor(self) -> FloatArray:
         """Triangular factor (n + 1, n + 1) of all weighted rows, those of the prior included."""
         return self.samples.problem.weighted(self.result.weights, self.prior)
+
+    def with_result(self, **changes: Any) -> WorkingFit:
+        """The same least squares with a result that is changed."""
+        return replace(self, result=replace(self.result, **changes))
 
     def response(self, force: FloatArray) -> FloatArray:
         """Change of the estimates (n, k) with further forces (N, dof, k)."""

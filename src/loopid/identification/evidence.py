@@ -159,20 +159,24 @@ class Evidence:
         moving = np.flatnonzero(self.used[:, self.present].all(axis=1))
         if len(moving) < FEW:
             moving = np.arange(len(self.q))
-        few, rows = copy(self), moving[spread_rows(len(moving), FEW)]
-        for name in ("q", "rates", "force", "used", "external", "position"):
-            setattr(few, name, getattr(self, name)[rows])
-        few.independent = np.minimum(self.independent, len(rows))
-        few._forget()
-        return few
+        rows = moving[spread_rows(len(moving), FEW)]
+        names = "q", "rates", "force", "used", "external", "position"
+        of_rows = {name: getattr(self, name)[rows] for name in names}
+        return self._copy(independent=np.minimum(self.independent, len(rows)), **of_rows)
 
     def with_gravity(self, gravity: FloatArray) -> Evidence:
         """The same of a robot with other gravity (3,)."""
-        other, model = copy(self), self.robot.model.copy()
+        model = self.robot.model.copy()
         model.gravity.linear = gravity
-        other.robot = replace(self.robot, model=model)
-        other._forget()
+        other = self._copy(robot=replace(self.robot, model=model))
         other._choose_columns()
+        return other
+
+    def _copy(self, **changes: Any) -> Evidence:
+        """A copy with other attributes, which knows no tables yet."""
+        other = copy(self)
+        vars(other).update(changes)
+        other._forget()
         return other
 
     # Columns that explain forces.

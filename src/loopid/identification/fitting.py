@@ -74,7 +74,6 @@ def fit(
     return found
 
 
-@checked
 def quiet_fit(
     samples: FitSamples,
     estimator: str | Estimator = "wls",
@@ -83,7 +82,6 @@ def quiet_fit(
     return working_fit(samples, estimator).result
 
 
-@checked
 def working_fit(
     samples: FitSamples,
     estimator: str | Estimator = "wls",

@@ -38,8 +38,6 @@ from loopid.regressors.structural import structural_observation
 from loopid.robot.robot import Robot
 from loopid.workers import ordered_map
 
-# Steps of the reference, before its start and after its end, that the log may reach.
-OVERHANG = 1.0
 # Joint terms by default: those below, and friction curves and load friction where data ask for it.
 AUTOMATIC = "auto"
 # Friction, offsets and rotor inertia of the motors, and what the file gives. A gravity model is of
@@ -284,7 +282,7 @@ class ForceModel:
         kinds : mapping
             Of each joint, as of ``JointTerms``.
         """
-        terms = _of_kinds(kinds, self.joint_terms)
+        terms = JointTerms.of_kinds(kinds, self.joint_terms)
         kept = KeptChoice(dependent=self.base.parameters.select(self.base.dependent).labels)
         with warnings.catch_warnings():  # the same as of this model
             warnings.simplefilter("ignore")
@@ -592,15 +590,8 @@ def parted(terms: JointTerms | None) -> tuple[JointTerms | None, dict[str, tuple
     plain, others = both
     if not any(others.values()):
         return terms, {}
-    return _of_kinds(plain, terms), {joint: kinds for joint, kinds in others.items() if kinds}
-
-
-def _of_kinds(kinds: Mapping[str, tuple[str, ...]], like: JointTerms | None) -> JointTerms | None:
-    """Joint terms with the dead zone and smoothing of others."""
-    own = JointTerms.of_kinds(kinds)
-    if own is None or like is None:
-        return own
-    return replace(own, dead_zone=like.dead_zone, smoothing=like.smoothing)
+    separated = {joint: kinds for joint, kinds in others.items() if kinds}
+    return JointTerms.of_kinds(plain, terms), separated
 
 
 @checked
@@ -659,7 +650,6 @@ def samples_of(
     return replace(FitSamples.combined(parts), regions=regions_of(recordings))
 
 
-@checked
 def reference_instruments(
     force_model: ForceModel, recording: Recording, reference: JointMotion, *, n_jobs: int = 1
 ) -> FloatArray:
@@ -681,7 +671,7 @@ def _nearest(times: FloatArray, wanted: FloatArray) -> IntArray:
     """Numbers (N,) of the times nearest to wanted ones."""
     if len(times) < 2:
         raise DataError(f"the reference must have at least two samples, not {len(times)}")
-    reach = OVERHANG * float(np.diff(times).max())
+    reach = float(np.diff(times).max())  # a step before its start, and after its end
     if wanted.min() < times[0] - reach or wanted.max() > times[-1] + reach:
         raise DataError(
             f"the reference lasts from {times[0]:.6g} to {times[-1]:.6g} s, the recording from "

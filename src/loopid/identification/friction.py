@@ -60,17 +60,10 @@ CLEARLY = 3.0
 NO_EFFECT = 0.01
 
 
-@checked
 def motor_use(
     force_model: ForceModel, data: FitSamples, recordings: Sequence[Recording]
 ) -> MotorUse:
-    """Rates, loads and forces of each motor in the samples that count.
-
-    Parameters
-    ----------
-    data : FitSamples
-        The recordings as samples of the force model.
-    """
+    """Rates, loads and forces of each motor in the samples of recordings that count."""
     joints, found = [], []
     velocity = np.abs(np.concatenate([run.motion.velocities for run in recordings]))
     loads = np.abs(force_model.loads(data.regressor))
@@ -127,7 +120,6 @@ def friction_kinds(
     return {joint: kinds for joint, kinds in found.items() if kinds}
 
 
-@checked
 def friction_at_rest(
     data: FitSamples, recordings: Sequence[Recording], weights: FloatArray
 ) -> FloatArray:
@@ -136,13 +128,7 @@ def friction_at_rest(
     While a motor stands or turns back, its friction is anything up to what moves it. Those samples
     are left out, but the filter spreads them. Friction beside reversals looks smaller than it is,
     as by a curve. So where the evidence has it without a curve, this is a column of its own.
-
-    Parameters
-    ----------
-    data : FitSamples
-        Of the recordings, of all that motors may need.
-    weights : FloatArray
-        (dof,), one over the deviations of the forces.
+    Samples are of all that motors may need, ``weights`` (dof,) one over the deviations of forces.
     """
     columns = np.concatenate([run.at_rest for run in recordings])
     others = [j for j, each in enumerate(data.parameters) if _group(each.kind) != CURVE.name]
@@ -205,35 +191,39 @@ def with_friction(
     weights = error_weights(data.problem, noise)
     slips = possible_hysteresis(force_model, data, recordings, weights, list(kinds))
     kinds = together(kinds, slips)
-    left, honest = ROUNDS, False
-    while True:
+
+    def beside(
+        kinds: Mapping[str, tuple[str, ...]], standard: FloatArray
+    ) -> tuple[ForceModel, FitSamples]:
+        """The model with further terms, whose gears carry the bodies of others; its samples."""
         wide = force_model.with_columns(kinds)
         wide = wide.with_loads(wide.prior, standard)
-        data = wide.widened(data, recordings)
-        if left == ROUNDS:
-            rest = friction_at_rest(data, recordings, weights)
+        return wide, wide.widened(data, recordings)
+
+    wide, data = beside(kinds, standard)
+    rest = friction_at_rest(data, recordings, weights)
+    moving = data.apart_from(rest)
+    # What plain terms leave of friction is no error.
+    with one_blas_thread():
+        every, rank = excited_solution(moving.problem.weighted(whole.weights), LEAST_EXCITATION)
+    noise = residual_noise(moving, every, rank)
+    for _ in range(ROUNDS if kinds else 0):
+        standard = consistent_parameters(wide, moving, noise)
+        noise = residual_noise(moving, wide.base.values(standard), rank)
+        wide, data = beside(kinds, standard)
         moving = data.apart_from(rest)
-        if left == ROUNDS:
-            # What plain terms leave of friction is no error.
-            with one_blas_thread():
-                every, rank = excited_solution(
-                    moving.problem.weighted(whole.weights), LEAST_EXCITATION
-                )
-            noise = residual_noise(moving, every, rank)
-        if left and kinds:
-            left -= 1
-            standard = consistent_parameters(wide, moving, noise)
-            noise = residual_noise(moving, wide.base.values(standard), rank)
-        else:
-            noise = _of_motors(kinds, noise, whole.require_noise())
-            working = quiet_consistent_fit(wide, moving, noise)
-            fit = working.result
-            asked = {} if fit.term_deviations is None else _asked(kinds, fit.term_deviations)
-            if asked == kinds and honest:
-                warn_of_bodies(wide, fit)
-                return wide, data, working
-            # With what the fit took up of slow errors added back.
-            kinds, standard, noise, honest = asked, fit.require_bodies(), fit.require_noise(), True
+    honest = False  # whether errors are with what a fit took up of slow ones added back
+    while True:
+        noise = _of_motors(kinds, noise, whole.require_noise())
+        working = quiet_consistent_fit(wide, moving, noise)
+        fit = working.result
+        asked = {} if fit.term_deviations is None else _asked(kinds, fit.term_deviations)
+        if asked == kinds and honest:
+            warn_of_bodies(wide, fit)
+            return wide, data, working
+        kinds, noise, honest = asked, fit.require_noise(), True
+        wide, data = beside(kinds, fit.require_bodies())
+        moving = data.apart_from(rest)
 
 
 def _of_motors(motors: Iterable[str], noise: NoiseModel, others: NoiseModel) -> NoiseModel:
@@ -254,11 +244,11 @@ def _asked(
     Where these are not clear; one at a time, as two groups may stand for each other.
     """
     evidence = dict(zip(groups.names, groups.evidence.tolist(), strict=True))
-    told = dict(zip(groups.names, groups.determined.tolist(), strict=True))
+    determined = dict(zip(groups.names, groups.determined.tolist(), strict=True))
     left = dict[str, tuple[str, ...]]()
     for joint, own in kinds.items():
         names = {name: f"{joint}: {name}" for name in dict.fromkeys(map(_group, own))}
-        gone = {name for name, group in names.items() if told[group] < NO_EFFECT}
+        gone = {name for name, group in names.items() if determined[group] < NO_EFFECT}
         asked = {name: evidence[group] for name, group in names.items() if name not in gone}
         least = min(asked, key=asked.__getitem__, default="")
         if least and asked[least] < CLEARLY:

@@ -190,9 +190,9 @@ def _doubt(fit: Estimates, joint: str, rates: FloatArray, sizes: FloatArray) -> 
     A curve is linear between its points, its prior is not. Beyond the rates that samples have
     it is at least a part of the friction.
     """
-    if fit.use is None or joint not in fit.use.joints:
+    if (ends := fit.rates_of(joint)) is None:
         return np.zeros(len(rates))
-    ends, speeds = fit.use.of(joint), np.maximum(np.abs(rates), np.finfo(float).tiny)
+    speeds = np.maximum(np.abs(rates), np.finfo(float).tiny)
     beyond = np.maximum(np.log(ends[0] / speeds), np.log(speeds / ends[1])).clip(min=0.0)
     variance = (DOUBT * sizes) ** 2 * (1.0 - np.exp(-((beyond / ALIKE) ** 2)))
     groups = fit.term_deviations

@@ -36,7 +36,6 @@ POINTS = 400  # of a loop, each way
 SLOW = 0.01  # of the slowest rate of the samples: a loop is gone through next to standstill
 
 
-@checked
 def possible_hysteresis(
     force_model: ForceModel,
     data: FitSamples,
@@ -46,16 +45,8 @@ def possible_hysteresis(
 ) -> dict[str, tuple[str, ...]]:
     """Elements of Maxwell slip of those motors whose friction may build up, by their kinds.
 
-    Of each motor beside all that the model has, by the evidence of N(0, σ²) elements at several σ.
-
-    Parameters
-    ----------
-    data : FitSamples
-        Of the recordings, of all parameters of the model.
-    weights : FloatArray
-        (dof,), one over the deviations of the forces.
-    joints : sequence of str
-        Those that are looked at.
+    Of each of some joints beside all that the model has, by the evidence of N(0, σ²) elements at
+    several σ; ``weights`` (dof,) are one over the deviations of the forces.
     """
     kinds = {joint: _elements(recordings, joint) for joint in joints}
     wide = force_model.with_columns({joint: own for joint, own in kinds.items() if own})
@@ -173,7 +164,9 @@ def hysteresis_loop(fit: Estimates, joint: str) -> HysteresisLoop:
     way = np.concatenate([half, half[::-1][1:], half[1:], half[::-1][1:]])
     shown = slice(2 * POINTS - 2, None)
     states = slip_states(way, slips, np.ones(len(slips)))[shown]
-    rate = np.concatenate([-np.ones(POINTS), np.ones(POINTS - 1)]) * _slow(fit, joint)
+    known = fit.rates_of(joint)
+    slow = SLOW * known[0] if known is not None else np.finfo(float).tiny
+    rate = np.concatenate([-np.ones(POINTS), np.ones(POINTS - 1)]) * slow
     state = fit.joint_terms.state(JointState(None, rate, None))
     state = state._replace(slips=dict(zip(slips.tolist(), states.T, strict=True)))
     names = enumerate(fit.parameters)
@@ -223,9 +216,3 @@ def _columns(fit: Estimates, joint: str) -> list[int]:
 
 def _builds_up(kind: str) -> bool:
     return kind not in KINDS and "slip" in joint_term(kind).needs
-
-
-def _slow(fit: Estimates, joint: str) -> float:
-    """A rate at which friction is that next to standstill."""
-    known = fit.use is not None and joint in fit.use.joints
-    return SLOW * float(fit.use.of(joint)[0]) if known and fit.use else np.finfo(float).tiny

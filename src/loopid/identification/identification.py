@@ -83,11 +83,15 @@ class Identification(Outcome):
     @property
     def checks(self) -> tuple[tuple[bool, str], ...]:
         """What was checked, and whether it passed."""
-        delay, told, cutoff = self.delay, self.identifiability, self.cutoff
-        every, known = told.structural_rank, told.well_determined
+        delay, excited, cutoff = self.delay, self.identifiability, self.cutoff
+        every, known = excited.structural_rank, excited.well_determined
         said = [
             (not self.mistakes, "signs, units and order of motors", "a mistake is suspected"),
-            (told.rank == every, "all combinations excited", f"{every - told.rank} not excited"),
+            (
+                excited.rank == every,
+                "all combinations excited",
+                f"{every - excited.rank} not excited",
+            ),
             (
                 known == every,
                 "all known better than by the file",
@@ -111,7 +115,7 @@ class Identification(Outcome):
         return Verdict.of(self)
 
     def __repr__(self) -> str:
-        model, told = self.force_model, self.identifiability
+        model, excited = self.force_model, self.identifiability
         lines = [
             f"Identification({model.robot.name}, {model.model} model by "
             f"{self[ALL].fit.estimator}: {len(self.data)} samples fitted, {len(self.new)} to "
@@ -121,8 +125,8 @@ class Identification(Outcome):
                 "{:.2f} ± {:.2f} of the robot file's".format(*root(*each.error_ratio))
                 for name, each in self.candidates.items()
             ),
-            f"  {told.rank} of {told.structural_rank} combinations excited by the data, "
-            f"{told.well_determined} better known than by the robot file",
+            f"  {excited.rank} of {excited.structural_rank} combinations excited by the data, "
+            f"{excited.well_determined} better known than by the robot file",
         ]
         return "\n".join(
             [*lines, *(f"  {each.severity}: {each.brief}" for each in self.mistakes[:1])]
@@ -138,7 +142,7 @@ class Identification(Outcome):
 
 def notes_of(found: Outcome) -> Iterator[Finding]:
     """What is good to know, and nothing wrong."""
-    fit, told, cutoff = found.fit, found.identifiability, found.training[0].cutoff
+    fit, excited, cutoff = found.fit, found.identifiability, found.training[0].cutoff
     runs = (*found.training, *found.validation)
     filtered = "unfiltered" if cutoff is None else f"filtered at {cutoff:.3g} Hz"
     terms, _ = parted(found.force_model.joint_terms)
@@ -164,9 +168,9 @@ def notes_of(found: Outcome) -> Iterator[Finding]:
         notes.append(("measured wrenches are part of the forces", f"on {', '.join(frames)}"))
     notes += friction_findings(fit)
     notes += [hysteresis_loop(fit, joint).finding for joint in hysteretic_joints(fit)]
-    if told.unidentifiable:
+    if excited.unidentifiable:
         title = "unidentifiable combinations keep the robot file's values"
-        notes.append((title, f"the values of {', '.join(told.assumed)} rest on it"))
+        notes.append((title, f"the values of {', '.join(excited.assumed)} rest on it"))
     yield from (Finding("note", *note) for note in notes)
 
 

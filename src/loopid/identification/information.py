@@ -20,7 +20,7 @@ import numpy as np
 from loopid.arguments import FloatArray, IntArray, checked
 from loopid.base_parameters.base import expression
 from loopid.errors import DataError, RankError, counted
-from loopid.findings import Finding, Telling
+from loopid.findings import Finding, WithFindings
 from loopid.identification.estimator import LEAST_EXCITATION, Estimator, excited_rank
 from loopid.identification.fitting import quiet_fit
 from loopid.identification.force_models import ForceModel, samples_of
@@ -283,7 +283,7 @@ class WeakDirection:
 
 
 @record
-class Identifiability(Telling):
+class Identifiability(WithFindings):
     """Identifiability of the base parameters from a log."""
 
     parameters: ParameterSet  # the n base parameters, all of which are structurally identifiable

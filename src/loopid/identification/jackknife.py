@@ -121,8 +121,8 @@ def _beside(G: FloatArray) -> FloatArray:
     if not failed and np.square(root).sum() * (1.0 - MOST_SHARE) < 1.0:
         return np.asarray(root @ root.T)
     shares, turn = np.linalg.eigh(G)
-    told = shares < MOST_SHARE
-    return np.asarray((turn[:, told] / (1.0 - shares[told])) @ turn[:, told].T)
+    kept = shares < MOST_SHARE
+    return np.asarray((turn[:, kept] / (1.0 - shares[kept])) @ turn[:, kept].T)
 
 
 def with_scatter(found: WorkingFit, *, quiet: bool = True) -> WorkingFit:
@@ -152,12 +152,10 @@ def _at_least(found: WorkingFit, scatter: Jackknife, ratio: FloatArray) -> Worki
     varied = (within > 0) & (scatter.variance > ratio * within)
     scale = np.sqrt(np.divide(scatter.variance, within, out=np.ones(len(within)), where=varied))
     freedom = np.where(varied, scatter.freedom, np.inf)
-    result = replace(
-        result,
+    return found.with_result(
         covariance=result.covariance * np.outer(scale, scale),
         degrees_of_freedom=np.minimum(result.degrees_of_freedom, freedom),
     )
-    return replace(found, result=result)
 
 
 def _warn_of_runs(result: Fit, within: Fit) -> None:

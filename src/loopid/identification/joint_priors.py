@@ -81,11 +81,8 @@ class JointPriors:
         given : FloatArray
             (k,), known deviations; a term with a finite one is in no group.
         """
-        terms = joint_parameters(force_model)
-        laws, members = (
-            [joint_term(term.kind) for term in terms],
-            dict[tuple[str, str], list[int]](),
-        )
+        terms, members = joint_parameters(force_model), dict[tuple[str, str], list[int]]()
+        laws = [joint_term(term.kind) for term in terms]
         for j, (term, law) in enumerate(zip(terms, laws, strict=True)):
             if law.prior is not None and not np.isfinite(given[j]):
                 members.setdefault((term.link, law.prior.name), []).append(j)

@@ -14,7 +14,7 @@ import numpy as np
 
 from loopid.arguments import BoolArray, FloatArray, IntArray
 from loopid.identification.problem import FitSamples
-from loopid.logs.recording import Recording
+from loopid.logs.recording import REACH, Recording
 from loopid.records import record
 
 FOLDS = 5  # segments: each fit has four fifths of the data
@@ -22,7 +22,6 @@ REGIONS, ROWS = 16, 10  # of states, at most, and samples of each at least
 DIGITS = 6  # of states in their deviations, that separate them
 ROUND_OFF = 1e-9  # of the widest coordinate: others do not move
 SAME = 0.05  # of the deviations of states: such ones are the same
-PERIODS = 1.0  # of the cut-off, over which a filter spreads what happens in one sample
 
 
 @record
@@ -120,7 +119,7 @@ def repeated_share(data: FitSamples, recordings: Sequence[Recording]) -> float:
 def kept_without(segments: IntArray, recordings: Sequence[Recording]) -> Iterator[BoolArray]:
     """For each segment the samples (N,) that are beyond the filter's reach of it."""
     time = np.concatenate([run.motion.time for run in recordings])
-    gaps = [PERIODS / run.cutoff if run.cutoff else 0.0 for run in recordings]
+    gaps = [REACH / run.cutoff if run.cutoff else 0.0 for run in recordings]
     for k in range(int(segments.max()) + 1):
         kept = segments != k
         if len(recordings) == 1:

@@ -30,12 +30,8 @@ def length_forces(
 ) -> dict[str, FloatArray]:
     """Forces (N, dof) per part of each length that makes some, by the joint or frame at its end.
 
-    None of a robot with coordinates that motors leave free: these were measured.
-
-    Parameters
-    ----------
-    standard : FloatArray
-        Parameters of the force model that begin with those of the bodies.
+    None of a robot with coordinates that motors leave free: these were measured. ``standard`` are
+    parameters of the force model that begin with those of the bodies.
     """
     robot = force_model.robot
     if robot.free:

@@ -29,7 +29,7 @@ from loopid.identification.log_timing import held_values, late_by_seconds
 from loopid.identification.mistake_kinds import KINDS, ZERO_OFF, Motors, called
 from loopid.logs.preparing import in_motion_band
 from loopid.logs.recording import Recording
-from loopid.numbers import number
+from loopid.numbers import NORMAL_95, number
 from loopid.records import record
 from loopid.regressors.joint_terms import JointTerms
 from loopid.robot.robot import Robot
@@ -39,7 +39,6 @@ from loopid.workers import one_blas_thread
 # Newton's method follow.
 TRIED, ZOOMS, STEPS = 7, 2, 2
 CLOSELY = 6  # mistakes of positions that are looked at closely
-INTERVAL = 1.96  # standard deviations
 ROUNDS = 3  # mistakes one after the other
 # Logarithm of the ratio of evidences, less that of the number of motors whose mistake it may be,
 # from which on one of two is right: one in twenty.
@@ -140,37 +139,44 @@ def log_faults(
         model = Evidence(robot, recordings, parted(joint_terms)[0])
         if not model.present:
             return nothing
-        found, undone = model.weighed(model.recorded), list[_Find]()
-        mistakes = list[Finding]()
-        while True:
-            finds = _finds(model, found, assembled=False)
-            clear = _clear(model, finds, found, undone)
-            # Forces that do not move the robot: what else they say is of no use.
-            if not undone and _moved_by_hand(model, found, clear):
-                return replace(nothing, mistakes=(BY_HAND, *held))
-            if model.strange(clear[0].after if clear else found, model.present):
-                finds += _finds(model, found, assembled=True)
-                clear = _clear(model, finds, found, undone)
-                turned = None if undone else _turned(model, found, clear)
-                if turned is not None:  # all else would be judged with other bodies
-                    return replace(nothing, mistakes=(turned, *held))
-            if not clear or len(undone) == ROUNDS:
-                break
-            mistakes.append(_finding(model, clear, found))
-            undone.append(clear[0])
-            found = model.weighed(clear[0].mended(found.undone))
-        # Of forces that follow another motion some look like a mistake.
-        if mistakes and not model.explains(found, model.present, SHAPE, whole=False):
-            mistakes.clear()
+        mistakes, finds, found = _mistakes(model)
     gains = [find.gain(model.names) for find in finds if find.kind == "gain"]
     # Friction alone explains the forces of a motor whose gain may as well be 0.
     some = (one for one in gains if np.prod(one.interval) > 0)
-    told = tuple(one for one in some if np.ptp(one.interval) < 2 * max(abs(one.gain), 1.0))
+    known = tuple(one for one in some if np.ptp(one.interval) < 2 * max(abs(one.gain), 1.0))
     hidden = None if mistakes else _hidden(model, found)
-    return LogFaults(recordings[0].name, told, (*mistakes, *held), hidden)
+    return LogFaults(recordings[0].name, known, (*mistakes, *held), hidden)
 
 
-@checked
+def _mistakes(model: Evidence) -> tuple[list[Finding], list[_Find], Explanation]:
+    """Mistakes one after the other, all that was looked at then, and the log without them.
+
+    Where one spoils all else, as a robot that was moved by hand, it is alone.
+    """
+    found, undone, mistakes = model.weighed(model.recorded), list[_Find](), list[Finding]()
+    while True:
+        finds = _finds(model, found, assembled=False)
+        clear = _clear(model, finds, found, undone)
+        # Forces that do not move the robot: what else they say is of no use.
+        if not undone and _moved_by_hand(model, found, clear):
+            return [BY_HAND], [], found
+        if model.strange(clear[0].after if clear else found, model.present):
+            finds += _finds(model, found, assembled=True)
+            clear = _clear(model, finds, found, undone)
+            turned = None if undone else _turned(model, found, clear)
+            if turned is not None:  # all else would be judged with other bodies
+                return [turned], [], found
+        if not clear or len(undone) == ROUNDS:
+            break
+        mistakes.append(_finding(model, clear, found))
+        undone.append(clear[0])
+        found = model.weighed(clear[0].mended(found.undone))
+    # Of forces that follow another motion some look like a mistake.
+    if mistakes and not model.explains(found, model.present, SHAPE, whole=False):
+        mistakes.clear()
+    return mistakes, finds, found
+
+
 def log_faults_by_log(
     robot: Robot, recordings: Sequence[Recording], joint_terms: JointTerms | None = None
 ) -> tuple[LogFaults, ...]:
@@ -292,17 +298,17 @@ def _sized(
     for _ in range(ZOOMS):
         grid, evidence = around(np.linspace(-1, 1, TRIED))
         at, step = grid[np.arange(len(grid)), evidence.argmax(axis=1)], 2 * step / (TRIED - 1)
-    told, deviation = np.ones(len(at), dtype=bool), np.zeros(len(at))
+    known, deviation = np.ones(len(at), dtype=bool), np.zeros(len(at))
     for _ in range(STEPS):
         _, evidence = around(np.array([-1.0, 0.0, 1.0]))
-        told &= np.isfinite(evidence).all(axis=1)
-        low, middle, high = np.where(told[:, None], evidence, 0.0).T
-        told &= low + high < 2 * middle
-        bend = np.where(told, 2 * middle - low - high, 1.0) / step**2
-        slope = np.where(told, high - low, 0.0) / (2 * step)
+        known &= np.isfinite(evidence).all(axis=1)
+        low, middle, high = np.where(known[:, None], evidence, 0.0).T
+        known &= low + high < 2 * middle
+        bend = np.where(known, 2 * middle - low - high, 1.0) / step**2
+        slope = np.where(known, high - low, 0.0) / (2 * step)
         at, deviation = at + np.clip(slope / bend, -step, step), bend**-0.5
         step = np.minimum(step, deviation)
-    both = zip(resized(at[:, None]), deviation.tolist(), told.tolist(), strict=True)
+    both = zip(resized(at[:, None]), deviation.tolist(), known.tolist(), strict=True)
     return [(one, own) for one, own, clear in both if clear]
 
 
@@ -312,15 +318,14 @@ def _closely(
     """Faults rescored on all samples, and the cost of choosing a size and a motor."""
     after, finds = model.explained(_undone(found, [one for one, _ in tried])), list[_Find]()
     for ((name, motors, size), deviation), explained in zip(tried, after, strict=True):
-        kind, lost = KINDS[name], 0.0
+        kind, lost, reach = KINDS[name], 0.0, NORMAL_95 * deviation * abs(size)
         if kind.sizes:
             # How much of what was possible beforehand still is: any sign, as large as any other.
             possible = len(kind.signs) * log(kind.sizes[-1] / kind.sizes[0])
             lost = max(log(possible / max(sqrt(2 * pi) * deviation, 1e-6)), 0)
-            if kind.cause(size, reach := INTERVAL * deviation * abs(size)):
+            if kind.cause(size, reach):
                 lost = min(lost, log(len(kind.causes)))
             lost += log(len(model.present)) if kind.motors == 1 else 0.0
-        reach = INTERVAL * deviation * abs(size)
         finds.append(_Find(name, motors, explained, explained.evidence - lost, size, reach))
     return finds
 

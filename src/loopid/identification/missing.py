@@ -247,12 +247,7 @@ def missing_forces(
     """What each motor shows beside a fit of recordings: the likeliest force that is clear, if any.
 
     Where none is, a spring that is likely, or would not show. Or lengths of the robot file that are
-    off, where that is likelier than any force.
-
-    Parameters
-    ----------
-    fit : WorkingFit
-        Of all parameters of the force model, by samples of the recordings.
+    off, where that is likelier than any force. The fit is of all parameters of the force model.
     """
     if fit.result.noise is None:
         return ()
@@ -285,9 +280,8 @@ def _wrong_length(
     of_samples = "regressor", "force", "used", "segments", "runs", "regions"
     chosen = {name: getattr(samples, name)[rows] for name in of_samples}
     # They count as much as all, beside the prior.
-    result = replace(fit.result, weights=np.sqrt(step) * fit.result.weights)
-    thinned = WorkingFit(result, replace(samples, **chosen, instruments=None), fit.prior)
-    fit = _refitted(thinned)
+    thinned = fit.with_result(weights=np.sqrt(step) * fit.result.weights)
+    fit = _refitted(replace(thinned, samples=replace(samples, **chosen, instruments=None)))
     runs = [run.select(every) for run in recordings]
     test, lengths = _Test(fit, runs), length_forces(force_model, standard, runs)
     tried = {place: test.of(force[:, :, None]) for place, force in lengths.items()}
@@ -416,12 +410,12 @@ class _Test:
             V += moved.T @ moved
         counts = self.used[:, own].sum(axis=0)
         freedom = sum(counts / [max(2 * models[i].order, 1) for i in own]) - k
-        told = np.linalg.solve(V, np.column_stack([s, G]))
-        F = float(s @ told[:, 0]) / k
+        weighed = np.linalg.solve(V, np.column_stack([s, G]))
+        F = float(s @ weighed[:, 0]) / k
         # A force is hardly larger than the whole one.
         force = np.sum((self.fit.samples.force[:, own] * self.scale[:, own]) ** 2)
-        covariance = np.linalg.inv(G @ told[:, 1:] + np.diag(sizes**2) / force)
-        x, errors = covariance @ G @ told[:, 0], np.sqrt(np.diag(covariance))
+        covariance = np.linalg.inv(G @ weighed[:, 1:] + np.diag(sizes**2) / force)
+        x, errors = covariance @ G @ weighed[:, 0], np.sqrt(np.diag(covariance))
         chance = float(fdtrc(k, max(freedom, 1.0), F))
         return _Tested(columns, chance, x, errors, self.inverse @ -(turned @ x))
 
@@ -433,8 +427,8 @@ class _Test:
         from scipy.special import fdtrc  # slow to import
 
         k, result = columns.shape[2], within_runs(_beside(self.fit, columns)).result
-        x, told = result.values[-k:], result.covariance[-k:, -k:]
-        F = float(x @ np.linalg.solve(told, x)) / k
+        x, C = result.values[-k:], result.covariance[-k:, -k:]
+        F = float(x @ np.linalg.solve(C, x)) / k
         return float(fdtrc(k, max(float(result.degrees_of_freedom.min()), 1.0), F))
 
     @cached_property
@@ -473,8 +467,7 @@ def _beside(fit: WorkingFit, columns: FloatArray) -> WorkingFit:
     """A fit with columns (N, dof, k) beside its own, as if errors were independent."""
     k, n, prior = columns.shape[2], len(fit.result.parameters), fit.prior
     samples = fit.samples.beside("beside", columns)
-    result = replace(
-        fit.result,
+    wide = fit.with_result(
         parameters=samples.parameters,
         values=np.zeros(n + k),
         covariance=np.zeros((n + k, n + k)),
@@ -483,7 +476,7 @@ def _beside(fit: WorkingFit, columns: FloatArray) -> WorkingFit:
         model=None,
     )
     rows = None if prior is None else np.insert(prior, [n] * k, 0.0, axis=1)
-    return _refitted(WorkingFit(result, samples, rows))
+    return _refitted(replace(wide, samples=samples, prior=rows))
 
 
 def _refitted(fit: WorkingFit) -> WorkingFit:
@@ -491,7 +484,7 @@ def _refitted(fit: WorkingFit) -> WorkingFit:
     factor = fit.factor
     inverse = np.linalg.inv(factor[:-1, :-1])
     values, covariance = inverse @ factor[:-1, -1], inverse @ inverse.T
-    return replace(fit, result=replace(fit.result, values=values, covariance=covariance))
+    return fit.with_result(values=values, covariance=covariance)
 
 
 def _squares(fit: WorkingFit, groups: np.ndarray) -> FloatArray:

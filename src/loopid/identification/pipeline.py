@@ -21,7 +21,7 @@ from loopid.identification.consistent import (
     quiet_consistent_fit,
     warn_of_bodies,
 )
-from loopid.identification.data import read
+from loopid.identification.data import read, require_no_repetition
 from loopid.identification.delay import in_time, with_delay_errors
 from loopid.identification.estimator import Estimator, WorkingFit, chosen_estimator, equal_weights
 from loopid.identification.fitting import fit_in_steps, quiet_fit, working_fit
@@ -172,6 +172,7 @@ def identify(
     robot, (recordings, judging, friction) = read(robot, data, *others, mapping=mapping)
     own = robot if isinstance(robot, Robot) else robot.robot
     require_forces(own, recordings)
+    require_no_repetition(recordings)
     choice, force_model = _model_of(robot, recordings, options)
     training, left_out = recordings, validation is None and options.fraction is None
     if validation is None and options.fraction is not None:
@@ -446,11 +447,13 @@ def fit_all(
     elif excited.unidentifiable and (options.unidentifiable == "error" or not excited.rank):
         raise excited.refusal
     else:
-        found = fit_told(force_model.prior[plain], part, excited, estimator, options.unidentifiable)
+        found = fit_determined(
+            force_model.prior[plain], part, excited, estimator, options.unidentifiable
+        )
     return widened(found, data.parameters)
 
 
-def fit_told(
+def fit_determined(
     prior: FloatArray,
     data: FitSamples,
     excited: Identifiability,

@@ -11,7 +11,6 @@ from itertools import combinations
 
 import numpy as np
 
-from loopid.arguments import checked
 from loopid.errors import OptionError
 from loopid.identification.estimates import Estimates
 from loopid.identification.friction_curves import friction_curve, frictional_joints
@@ -30,19 +29,13 @@ RATES, SLOW, ROUND_OFF = 100, 1e-4, 1e-9
 SANE = 'identify with terms="Fc,Fv" and estimator="wls"'
 
 
-@checked
 def absurdities(fit: Estimates, data: FitSamples) -> tuple[str, ...]:
     """Laws that a fit of a force model breaks, a sentence each; none for a sane one.
 
     Friction of a motor does not drive, clear of its band. Nor is it by a tenth more than the
     largest force that the motor showed, at any rate up to the fastest of the log. No two joint
     terms, nor one and the bodies, cancel to less than a hundredth of their size. No joint term is
-    more than all of the motor's force.
-
-    Parameters
-    ----------
-    data : FitSamples
-        That was fitted.
+    more than all of the motor's force. Samples are those that were fitted.
     """
     found = [*_of_friction(fit)]
     for row in range(len(data.actuators)):

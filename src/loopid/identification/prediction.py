@@ -13,9 +13,8 @@ from loopid.identification.estimates import Estimates
 from loopid.identification.quality import Quality
 from loopid.logs.preparing import at_cutoff
 from loopid.logs.recording import Recording
+from loopid.numbers import NORMAL_95
 from loopid.records import Tabular, columns_of, record
-
-INTERVAL = 1.96  # standard deviations of a normal 95 % interval
 
 
 @record
@@ -153,4 +152,4 @@ def prediction_reach(
             f"a regressor (N, dof, n) needs a covariance (n, n), not {W.shape} and {C.shape}"
         )
     unseen = 0.0 if errors is None else np.nan_to_num(errors) ** 2
-    return np.asarray(INTERVAL * np.sqrt(variances(W, C) + unseen), dtype=np.float64)
+    return np.asarray(NORMAL_95 * np.sqrt(variances(W, C) + unseen), dtype=np.float64)

@@ -16,7 +16,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, finite, rectangular, row_blocks
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    finite,
+    rectangular,
+    row_blocks,
+    shaped,
+)
 from loopid.errors import DataError
 from loopid.observation import triangular_factor
 from loopid.parameters import ParameterSet
@@ -200,11 +208,13 @@ class FitSamples:
             raise DataError(f"the regressor must have shape (samples, {dof}, {n}), not {W.shape}")
         if len(W) == 0:
             raise DataError("there are no samples to fit")
-        tau = _shaped(finite(force, "force"), "force", W.shape[:2])
+        tau = shaped(force, "force", len(W), dof)
         mask = rectangular(np.ones(tau.shape, dtype=bool) if used is None else used, "used")
         numbers = np.zeros(len(tau), dtype=np.int64) if segments is None else segments
         parts = rectangular(numbers, "segments")
-        least = np.zeros(dof) if least_errors is None else finite(least_errors, "least errors")
+        least = np.zeros(dof)
+        if least_errors is not None:
+            least = shaped(least_errors, "least errors", dof)
         if mask.dtype != bool or parts.dtype.kind not in "iu":
             raise DataError(
                 "used must be booleans and segments whole numbers, not "
@@ -221,7 +231,7 @@ class FitSamples:
             _shaped(parts, "segments", tau.shape[:1]).astype(np.int64, copy=False),
             runs=np.zeros(len(tau), dtype=np.int64),
             regions=np.zeros(len(tau), dtype=np.int64),
-            least_errors=_shaped(least, "least errors", (dof,)),
+            least_errors=least,
         )
 
     def __len__(self) -> int:
@@ -319,8 +329,7 @@ class FitSamples:
 
     def with_force(self, force: FloatArray) -> FitSamples:
         """The same motion with other forces (N, dof)."""
-        tau = _shaped(finite(force, "force"), "force", self.force.shape)
-        return replace(self, force=tau)
+        return replace(self, force=shaped(force, "force", *self.force.shape))
 
     def less(self, force: FloatArray) -> FitSamples:
         """The same samples with known forces (N, dof) subtracted."""
@@ -348,7 +357,7 @@ class FitSamples:
         DataError
             When they are not of the regressor's shape, or not finite.
         """
-        Z = _shaped(finite(instruments, "instruments"), "instruments", self.regressor.shape)
+        Z = shaped(instruments, "instruments", *self.regressor.shape)
         return replace(self, instruments=Z)
 
     @classmethod

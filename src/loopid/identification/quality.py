@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from loopid.arguments import FloatArray, IntArray, checked, finite
-from loopid.errors import DataError
+from loopid.arguments import FloatArray, IntArray, checked, shaped
 from loopid.identification.problem import FitProblem
 from loopid.numbers import number
 from loopid.records import record
@@ -44,9 +43,7 @@ class Quality:
 @checked
 def fit_quality(problem: FitProblem, values: FloatArray) -> Quality:
     """Residuals of a problem at parameter values (n,)."""
-    phi, width = finite(values, "values"), len(problem.parameters)
-    if phi.shape != (width,):
-        raise DataError(f"values must have shape ({width},), not {phi.shape}")
+    phi = shaped(values, "values", len(problem.parameters))
     return Quality.of(problem, problem.residual_squares(phi))
 
 

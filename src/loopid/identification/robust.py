@@ -195,7 +195,7 @@ def _working_fit(samples: FitSamples, score: _Score, state: _State) -> WorkingFi
         np.where(present, state.scale, np.nan), np.where(present, share, np.nan)
     )
     quality = fit_quality(samples.problem, values)
-    return WorkingFit(replace(result, quality=quality, robustness=robustness), working)
+    return WorkingFit(result, working).with_result(quality=quality, robustness=robustness)
 
 
 def _scales(samples: FitSamples, residual: FloatArray) -> FloatArray:

@@ -81,7 +81,7 @@ class FitFile:
         _require_own_bodies(fit, model)
         robot, base, bodies = model.robot, model.base, fit.standard_parameters
         values = [None] * len(base.parameters) if bodies is None else bodies.tolist()
-        told = "name", "unit", "value", "standard_error", "determined"
+        kept = "name", "unit", "value", "standard_error", "determined"
         content = {
             "format": FORM,
             "version": VERSION,
@@ -102,7 +102,7 @@ class FitFile:
             },
             # All p standard parameters and joint terms, with values where the fit has bodies.
             "standard_parameters": [
-                {name: getattr(each, name) for name in told} for each in fit.standard.values()
+                {name: getattr(each, name) for name in kept} for each in fit.standard.values()
             ]
             or [
                 {"name": parameter.label, "unit": parameter.unit, "value": value}

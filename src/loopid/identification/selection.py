@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from loopid.arguments import FloatArray, IntArray, checked, finite, variances
+from loopid.arguments import FloatArray, IntArray, checked, shaped, variances
 from loopid.errors import DataError, first_of
 from loopid.identification.candidate import Candidate, judge
 from loopid.identification.correlation import means_of_series
@@ -156,7 +156,6 @@ def eliminate(found: Outcome) -> Reduction:
     )
 
 
-@checked
 def judge_essential(found: Outcome, reduction: Reduction) -> Candidate:
     """The essential parameters as one more candidate of an identification."""
     data, new = found.parts
@@ -219,18 +218,13 @@ def eliminate_parameters(
     names = training.parameters
     if (validation.parameters, validation.actuators) != (names, training.actuators):
         raise DataError("validation data must have the parameters and actuators of the training")
-    start = np.zeros(len(names)) if reference is None else finite(reference, "reference")
-    if start.shape != (len(names),):
-        raise DataError(f"reference must have shape ({len(names)},), not {start.shape}")
-    columns = np.arange(len(names)) if free is None else free
+    count = len(names)
+    start = np.zeros(count) if reference is None else shaped(reference, "reference", count)
+    columns = np.arange(count) if free is None else free
     part = training.reduced(columns, start)
     full = working_fit(part, estimator)
     scale = _error_scale(full.result)
-    fitted = []
-    for step in _eliminations(full, part, start[columns], scale):
-        values = start.copy()
-        values[columns] = step[3]
-        fitted.append((*step[:3], values, step[4]))
+    fitted = list(_eliminations(full, part, start, columns, scale))
     errors = prediction_errors(validation, [values for *_, values, _ in fitted], scale)
     steps = tuple(ReductionStep(*f, e) for f, e in zip(fitted, errors, strict=True))
     chosen = [step for step in steps if step.error.as_good][-1]
@@ -252,15 +246,20 @@ def _error_scale(full: Fit) -> FloatArray:
 
 
 def _eliminations(
-    full: WorkingFit, training: FitSamples, reference: FloatArray, scale: FloatArray
+    full: WorkingFit,
+    training: FitSamples,
+    start: FloatArray,
+    free: IntArray,
+    scale: FloatArray,
 ) -> Iterator[tuple[tuple[str, ...], str | None, float, FloatArray, float]]:
-    """First fields of the steps, from all parameters down to one.
+    """First fields of the steps, from all free parameters down to one; the others stay at start.
 
     Weights, working samples and error model stay those of the full fit, so that no sample is needed
     again. Let R be the weighted triangular factor and C the full covariance. M = R C Rᵀ is the
     covariance of the errors as R sees them. A subset with R_S = Q T has T⁻¹ Qᵀ M Q T⁻ᵀ.
     """
-    labels, width, factor = training.parameters.labels, len(reference), full.factor
+    labels, width, factor = training.parameters.labels, len(free), full.factor
+    reference, whole = start[free], start.copy()
     R, force = factor[:width, :width], factor[:width, width]
     columns, dropped, relative = list(range(width)), None, np.nan
     while True:
@@ -270,7 +269,8 @@ def _eliminations(
         values[columns] = solve_triangular(T, Q.T @ (force - R @ values))
         squares = training.problem.residual_squares(values) * scale**2
         error = float(squares.sum() / training.problem.rows)
-        yield tuple(labels[j] for j in columns), dropped, relative, values, error
+        whole[free] = values
+        yield tuple(labels[j] for j in columns), dropped, relative, whole.copy(), error
         if len(columns) == 1:
             return
         response = np.linalg.inv(T) @ Q.T @ R
@@ -372,7 +372,6 @@ def influence(data: FitSamples, values: FloatArray) -> FloatArray:
     return np.asarray(100 * np.linalg.norm(sums, axis=0) / size, dtype=np.float64)
 
 
-@checked
 def truncated_values(data: FitSamples, values: FloatArray, count: int) -> FloatArray:
     """Expected values (count,) of a fit of the first parameters when the true model has all n.
 
@@ -386,7 +385,5 @@ def truncated_values(data: FitSamples, values: FloatArray, count: int) -> FloatA
 
 def _factor(data: FitSamples, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Triangular factor (r + 1, r + 1) of [W | T], and checked values (r,)."""
-    phi = finite(values, "values")
-    if phi.shape != (len(data.parameters),):
-        raise DataError(f"values must have shape ({len(data.parameters)},), not {phi.shape}")
+    phi = shaped(values, "values", len(data.parameters))
     return data.problem.weighted(np.ones(len(data.actuators))), phi

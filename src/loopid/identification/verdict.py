@@ -185,8 +185,12 @@ def _use(found: Outcome, error: float) -> str:
         use += f" of slow motion (inertia is at most {100 * found.choice.share:.2g} % of them)"
     if found.recommended is found.baseline:
         return f"{use} with the given bodies, as fitted ones are clearly worse"
-    told = found.identifiability
-    if error <= GOOD and told.well_determined == told.structural_rank and not _doubtful(found):
+    excited = found.identifiability
+    if (
+        error <= GOOD
+        and excited.well_determined == excited.structural_rank
+        and not _doubtful(found)
+    ):
         return use + PARAMETERS
     return f"{use} in motions like these, but not parameter by parameter"
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
-from loopid.errors import DataWarning, LogError, OptionError, warn
+from loopid.errors import DataWarning, LogError, OptionError, counted, warn
 from loopid.logs.grid import (
     BAD_ROWS,
     LEAST_ROWS,
@@ -78,7 +78,8 @@ def check_log(robot: Robot, log: Log) -> Log:
     if log.checked:
         return log
     if len(log) < LEAST_ROWS:
-        raise LogError(f"{log.name} has {len(log)} rows of numbers: it takes at least {LEAST_ROWS}")
+        rows = counted(len(log), "row")
+        raise LogError(f"{log.name} has {rows} of numbers: it takes at least {LEAST_ROWS}")
     _require_even_segments(log)
     given = {name: getattr(log, name) for name in QUANTITIES if getattr(log, name) is not None}
     whole = stream_of(log.name, log.joints, log.time, given, log.slides)
@@ -134,7 +135,8 @@ def _require_usual_step(stream: Stream) -> None:
         factors = " or ".join(f"{factor:g}" for factor in fitting)
         raise stream.refused(
             f"the median step between time stamps is {step:.3g} s, but must be "
-            f"from {shortest:g} to {longest:g} s: give the unit of the time in a mapping"
+            f"from {shortest:g} to {longest:g} s: give the unit of the time in a mapping, or in "
+            "units of Log.from_arrays"
             f"{f'; times {factors} it would fit' if factors else ''}"
         )
 
@@ -185,9 +187,12 @@ def _advice(straight: bool, lower: float, upper: float, values: FloatArray) -> s
     for name, factor in (OTHER_LENGTHS if straight else OTHER_ANGLES).items():
         scaled = values * factor
         if ((scaled >= lower) & (scaled <= upper)).mean() >= FITTING:
-            return f"times {name} they would fit: give position_scale in a mapping"
+            return (
+                f"times {name} they would fit: give position_scale in a mapping, or units of "
+                "Log.from_arrays"
+            )
     if np.ptp(values) <= upper - lower:
-        return "with position_offset in a mapping they would fit"
+        return "with another zero, position_offset in a mapping, they would fit"
     return "no change of unit brings them inside: are they those of another joint?"
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from loopid.arguments import BoolArray, FloatArray, IntArray, finite, samples
-from loopid.errors import DataError, DataWarning, LogError, first_of, warn
+from loopid.errors import DataError, DataWarning, LogError, counted, first_of, warn
 from loopid.logs.signals import POSE, Channel, TimeColumn
 from loopid.logs.table import NO_STAMP, QUANTITIES, Table, numbers_in
 from loopid.records import record
@@ -118,7 +118,8 @@ def make_stream(
     if table.cut_off is not None:
         left_out.append(("last row without an end: cut off?", np.array([table.cut_off])))
     if fine.sum() < LEAST_ROWS:
-        raise LogError(f"{source} has {fine.sum()} rows of numbers: it takes at least {LEAST_ROWS}")
+        few = counted(int(fine.sum()), "row")
+        raise LogError(f"{source} has {few} of numbers: it takes at least {LEAST_ROWS}")
     rest = table.rows[fine], stamps[fine], values[fine]
     return with_increasing_stamps(Stream(source, channels, *rest, tuple(left_out)))
 
@@ -154,8 +155,9 @@ def with_increasing_stamps(stream: Stream) -> Stream:
     wrong = np.flatnonzero(np.diff(stream.stamps) <= 0) + 1
     if len(wrong):
         raise stream.refused(
-            f"time must increase from row to row, but goes back {len(wrong)} times, in "
-            f"{rows_text(stream.rows[wrong])}"
+            f"time must increase from row to row, but goes back {counted(len(wrong), 'time')}, in "
+            f"{rows_text(stream.rows[wrong])}: sort its rows by time, or give parts that were "
+            "recorded one after the other as logs of their own"
         )
     return stream
 

@@ -464,7 +464,7 @@ def compare_encoders(robot: Robot, log: Log, logged: FloatArray, closed: FloatAr
         likely = "a sign, a scale, exchanged columns or a length of the robot file is wrong"
         if np.sqrt(max(rms**2 - middle**2, 0.0)) <= least:
             said = f"by {middle:.3g} {unit} all along"
-            likely = f"add {-middle:.3g} to its position_offset in a mapping file"
+            likely = f"add {-middle:.3g} to its positions, as position_offset in a mapping does"
         warn(
             f"{log.name}: the position of {name}, a redundant motor, differs {said} from where the "
             f"loops put it, which is what counts (at most {least:.2g} {unit} is usual): {likely}",
@@ -596,7 +596,7 @@ def clipped_from(log: Log) -> FloatArray:
             warn(
                 f"{log.name}: the force of {joint} stays at {largest:.4g} N or N m, its largest, "
                 f"in {count} samples of its motion: clipped, so it counts as saturated there "
-                "('saturation' in a mapping overrides this)",
+                "('saturation' in a mapping, or of Log.from_arrays, overrides this)",
                 DataWarning,
             )
     return found

@@ -322,7 +322,7 @@ class Recording(Tabular):
             When a part is empty.
         """
         if not 0 < fraction < 1:
-            raise OptionError(f"the fraction must be in (0, 1), not {fraction}", given=fraction)
+            raise OptionError(f"fraction must be between 0 and 1, not {fraction}", given=fraction)
         moving = np.cumsum(self.used.any(axis=1))
         early = 1 + int(np.searchsorted(moving, int(fraction * moving[-1]), "right"))
         early = early if moving[-1] > 1 else len(self)

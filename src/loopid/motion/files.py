@@ -13,7 +13,7 @@ from typing import Annotated, Any, NoReturn
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from loopid.arguments import FloatArray, Positive, checked
+from loopid.arguments import FloatArray, NotNegative, Positive, checked
 from loopid.border import Section
 from loopid.errors import DataError, OptionError, RobotFileError, unknown_word
 from loopid.kinematics.sampling import SINGULARITY_THRESHOLD
@@ -442,7 +442,7 @@ def review_program(
     program: MotionProgram,
     rate: float | None = None,
     *,
-    singularity_threshold: float = SINGULARITY_THRESHOLD,
+    singularity_threshold: NotNegative = SINGULARITY_THRESHOLD,
     progress: Callable[[float, float], None] | None = None,
 ) -> dict[str, MotionReview]:
     """Reviews of every motion of a file by name; see ``review_motion``."""

@@ -21,11 +21,10 @@ from loopid.identification.hysteresis import hysteresis_loop, hysteretic_joints
 from loopid.identification.identification import Identification
 from loopid.identification.information import body_sizes
 from loopid.identification.log_mistakes import LogFaults
-from loopid.identification.prediction import INTERVAL
 from loopid.identification.unseen import WHERE
 from loopid.identification.verdict import GOOD
 from loopid.logs.recording import Recording
-from loopid.numbers import number, with_error
+from loopid.numbers import NORMAL_95, number, with_error
 from loopid.parameters import KINDS, Parameter
 from loopid.plots.chart import Chart, Mark, Panel, forest, segments
 from loopid.plots.pictures import motors_panel, numbered, of_motor
@@ -83,7 +82,7 @@ def model_errors_chart(found: Identification, *, worst: str = "") -> Chart:
     for k in np.argsort(-largest, kind="stable").tolist():
         motor, marks, labels = robot.independent[k], [*limit], [name for name, *_ in fits]
         for y, ((name, look, kind, _), (error, spread)) in enumerate(zip(fits, parts, strict=True)):
-            at, reach, row = error[[k]], INTERVAL * spread[k], np.full(1, float(y))
+            at, reach, row = error[[k]], NORMAL_95 * spread[k], np.full(1, float(y))
             marks.append(Mark("95 % interval" * (y > 0), at - reach, row, look, "span", at + reach))
             marks.append(Mark(name, at, row, look, kind))
         if shares[:, k].any():

@@ -12,7 +12,7 @@ from loopid.errors import OptionError
 from loopid.identification.estimates import Estimate
 from loopid.identification.prediction import Prediction
 from loopid.identification.result import Fit
-from loopid.numbers import interval, number, with_error
+from loopid.numbers import NORMAL_95, interval, number, with_error
 from loopid.plots.chart import MOST_DOTS, Chart, Mark, Panel, forest, segments
 from loopid.plots.structure import force_unit, motor_numbers
 from loopid.regressors.joint_laws import grouped
@@ -168,7 +168,8 @@ def comparison_chart(fits: Mapping[str, Fit], *, clear: Collection[str] = ()) ->
     size = np.nanmax(s, axis=1, keepdims=True)
     size = np.where(size > 0, size, np.nanmax(np.abs(x), axis=1, keepdims=True))
     size = np.where(size > 0, size, 1.0)
-    middle, reach = (x - np.nanmean(x, axis=1, keepdims=True)) / size, 1.96 * s / size
+    middle = (x - np.nanmean(x, axis=1, keepdims=True)) / size
+    reach = NORMAL_95 * s / size
     labels = tuple(f"{each.name}{' *' * (text in clear)}" for text, each in known.items())
     names, panels, title = [*fits], list[Panel](), "Parameters; * clearly different"
     for first in range(0, len(fits), BESIDE):

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from loopid.arguments import FloatArray, checked
+from loopid.arguments import FloatArray
 from loopid.errors import AccuracyWarning, AssemblyError, SingularityError
 from loopid.kinematics.poses import torque_regressors
 from loopid.kinematics.projection import ClosedMotion, closed_motion
@@ -37,7 +37,6 @@ class FileForce:
     size: float = np.nan
 
 
-@checked
 def file_forces(robot: Robot) -> tuple[FileForce, ...]:
     """All that the robot file gives beyond rigid bodies, with its size.
 

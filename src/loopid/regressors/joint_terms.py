@@ -104,16 +104,15 @@ class JointTerms:
         ('left_crank_joint', 'right_crank_joint')
         """
         found: dict[str, dict[str, None]] = {}
-        for joints, words in _clauses(robot, terms):
-            for word in words:
-                if word == OF_FILE:
-                    given = terms_of_file(robot)
-                    for joint in given if joints is None else joints:
-                        found.setdefault(joint, {}).update(dict.fromkeys(given.get(joint, ())))
-                    continue
-                joint_term(word, (OF_FILE, NO_TERMS))
-                for joint in robot.actuated if joints is None else joints:
-                    found.setdefault(joint, {})[word] = None
+        for joints, word in _words(robot, terms):
+            if word == OF_FILE:
+                given = terms_of_file(robot)
+                for joint in given if joints is None else joints:
+                    found.setdefault(joint, {}).update(dict.fromkeys(given.get(joint, ())))
+                continue
+            joint_term(word, (OF_FILE, NO_TERMS))
+            for joint in robot.actuated if joints is None else joints:
+                found.setdefault(joint, {})[word] = None
         return cls.of_kinds({joint: tuple(kinds) for joint, kinds in found.items()})
 
     @classmethod
@@ -123,32 +122,34 @@ class JointTerms:
         A spring is slack at zero where no ``Fo`` is given.
         """
         found: dict[str, dict[str, float]] = {}
-        for joints, words in _clauses(robot, terms):
-            for word in words:
-                kind, _, number = (part.strip() for part in word.partition("="))
-                try:
-                    value = float(number)
-                except ValueError:
-                    raise OptionError(
-                        f"terms must be kinds with values, such as Fc=60,Fv=900, not {terms!r}",
-                        given=word,
-                    ) from None
-                joint_term(kind)
-                for joint in robot.actuated if joints is None else joints:
-                    found.setdefault(joint, {})[kind] = value
+        for joints, word in _words(robot, terms):
+            kind, _, number = (part.strip() for part in word.partition("="))
+            try:
+                value = float(number)
+            except ValueError:
+                raise OptionError(
+                    f"terms must be kinds with values, such as Fc=60,Fv=900, not {terms!r}",
+                    given=word,
+                ) from None
+            joint_term(kind)
+            for joint in robot.actuated if joints is None else joints:
+                found.setdefault(joint, {})[kind] = value
         chosen = cls.of_kinds({joint: tuple(values) for joint, values in found.items()})
         if chosen is None:
             return None, None
         return chosen, np.array([found[p.link].get(p.kind, 0.0) for p in chosen.parameters(robot)])
 
     @classmethod
-    def of_kinds(cls, kinds: Mapping[str, tuple[str, ...]]) -> JointTerms | None:
-        """The terms of each joint; None where there are none."""
+    def of_kinds(
+        cls, kinds: Mapping[str, tuple[str, ...]], like: JointTerms | None = None
+    ) -> JointTerms | None:
+        """The terms of each joint, with the dead zone and smoothing of others; None for none."""
         found = {joint: own for joint, own in kinds.items() if own}
         each = tuple(found.values())
         if not each:
             return None
-        return cls(tuple(found), each[0] if len(set(each)) == 1 else each)
+        like = like or cls(())
+        return replace(like, joints=tuple(found), kinds=each[0] if len(set(each)) == 1 else each)
 
     def joined(self, kinds: Mapping[str, tuple[str, ...]]) -> JointTerms:
         """The same terms, and further kinds of some joints.
@@ -159,10 +160,7 @@ class JointTerms:
         >>> loopid.JointTerms(("elbow",), ("Fc",)).joined({"elbow": ("Fv",)}).of_joints
         {'elbow': ('Fc', 'Fv')}
         """
-        every = together(self.of_joints, kinds)
-        each = tuple(every.values())
-        alike = len(set(each)) == 1
-        return replace(self, joints=tuple(every), kinds=each[0] if alike else each)
+        return self.of_kinds(together(self.of_joints, kinds), self) or self
 
     def choice(self, robot: Robot) -> str:
         """The same as a choice for ``of``: kinds of all motors, then what single joints have more.
@@ -332,13 +330,14 @@ def together(*sets: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]
     }
 
 
-def _clauses(robot: Robot, choice: str) -> Iterator[tuple[tuple[str, ...] | None, list[str]]]:
-    """Joints (None where none are named) and words of each part of a choice."""
+def _words(robot: Robot, choice: str) -> Iterator[tuple[tuple[str, ...] | None, str]]:
+    """Each word of a choice, with the joints that are named before it; None where none are."""
     for clause in choice.split(";"):
         pattern, named, listed = clause.rpartition(":")
         words = [word.strip() for word in listed.split(",") if word.strip()]
         joints = _matching(robot, pattern.strip()) if named else None
-        yield joints, [] if words == [NO_TERMS] else words
+        if words != [NO_TERMS]:
+            yield from ((joints, word) for word in words)
 
 
 def _matching(robot: Robot, pattern: str) -> tuple[str, ...]:

@@ -55,7 +55,6 @@ def gravity_regressor(robot: Robot, configurations: FloatArray) -> FloatArray:
     return torque_regressors(robot, q, model="gravity", G=project(robot, q).G)
 
 
-@checked
 def motion_parameters(
     robot: Robot, model: str = "full", joint_terms: JointTerms | None = None
 ) -> ParameterSet:
