@@ -24,7 +24,13 @@ from typing import Any
 HERE = Path(__file__).parent
 PAGE, STORED = HERE.parent / "docs" / "benchmarks.md", HERE / "figures.json"
 REAL = "real_logs.py DIR --only fourier_30s point_to_point unloaded_50s"
+PAYLOAD = (
+    "payloads.py --real DIR/ur10e.urdf DIR/unloaded_50s.csv.gz DIR/loaded_50s.csv.gz "
+    "wrist_3_link 2.805"
+)
 LAWS = "control.py payload --seeds 5 --laws PID+G 'PID+G adaptive' 'PID+G online'"
+PROVEN = "certificates.py --time-limit 10 --only '[0-9bdfp]*'"
+PEERS = "peers.py --threads 1 --runs 1"
 JOINTS = {
     **{"shoulder pan": "shoulder_pan_joint", "lift": "shoulder_lift_joint", "elbow": "elbow_joint"},
     **{f"wrist {k}": f"wrist_{k}_joint" for k in (1, 2, 3)},
@@ -58,6 +64,10 @@ TABLES = {
         **{"with gravity": "{µs gravity:2}", "with forces": "{µs forces:2}"},
         **{"Python, µs": "{µs in Python:2}", "difference": "{largest difference:1}"},
     },
+    f"{PAYLOAD}: payloads": {
+        **{"model": "{model}", "mass, kg": "{mass:3}", "95 %": "{from:3} to {to:3}"},
+        **{name: f"{{{joint}}}" for name, joint in JOINTS.items()},
+    },
     f"{REAL}: errors": {
         **{"fit of": "{fit of}", "judged on": "{judged on}", "terms": "`{by}`"},
         **{name: f"{{{joint}:2}}" for name, joint in JOINTS.items()},
@@ -88,6 +98,19 @@ TABLES = {
     f"{LAWS}: payload": {"law": "{law}"}
     | {span: f"{{{span}}}" for span in SPANS}
     | {"found after, s": "{found after s:3}", "kg 10 s after": "{mass 10 s after, kg}"},
+    f"{PROVEN}: summary": {
+        **{"base or model": "{group}", "robots": "{robots}", "certified": "{certified}"},
+        **{"slowest certificate": "{slowest_certificate_s:2} s", "largest gap": "{worst_gap:3}"},
+        **{"refused": "{refused}"},
+    },
+    f"{PEERS}: ratios": {
+        **{"case": "{case}", "time": "{time:2}", "memory": "{memory:2}"},
+        **{"same rank": "{same_rank}", "residuals differ by": "{residuals_differ_by:1}"},
+    },
+    f"{PEERS}: sizes": {
+        **{"case": "{case}", "package": "{package}", "columns": "{columns}"},
+        **{"with effect": "{with_effect}", "rank": "{rank}", "MB": "{whole_chain:3}"},
+    },
 }
 MARKED = re.compile(r"(<!-- ([^>]+: \w+) -->\n\n)((?:\|.*\n)*)")
 

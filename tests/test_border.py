@@ -151,3 +151,19 @@ def test_advice_for_one_axis_is_two_that_are_taken():
             loopid.Closure("rod", "lever", "hinge", axes=axis)
         assert str(refused.value).endswith(f"axes: {advised}")
         assert loopid.Closure("rod", "lever", "hinge", axes=literal_eval(advised)).axes
+
+
+def test_what_a_closure_of_python_has_no_use_for_is_refused_as_its_argument():
+    for more in ({"length": 1.0}, {"joint": "rail"}, {"axes": (0, 0, 1)}):
+        (name,) = more
+        with pytest.raises(LoopidError, match=f"a 3d closure has no {name}: leave it out"):
+            loopid.Closure("rod", "lever", "3d", **more)
+    assert loopid.Closure("rod", "lever", "rod", length=1.0).length == 1.0
+
+
+def test_unknown_terms_are_refused_when_options_are_made():
+    for terms in ("Fc,Fx", "auto; elbow: Fx", "file, Fx"):
+        with pytest.raises(LoopidError, match="unknown joint term 'Fx'"):
+            loopid.FitOptions(terms=terms)
+    for terms in ("none", "auto; elbow: Ks@0.2", "Fc,Fv; passive: Fv", "file", ""):
+        assert loopid.FitOptions(terms=terms).terms == terms

@@ -1,7 +1,5 @@
 """Friction that data ask for: a curve of each joint, its asymmetry, and what grows with load."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 
@@ -54,13 +52,15 @@ def run(robot, motion, values=LINE, law=None, seed=0, noise=0.01):
 
 
 @pytest.fixture(scope="module")
-def identified(robot, model, motion):
+def identified(robot, model, motion, once):
     """What such a recording identifies, computed once."""
 
-    def identify_once(law=None, seed=0, noise=0.01):
-        return quietly(identify, model, [run(robot, motion, law=law, seed=seed, noise=noise)])
+    def identify_once(law=None, seed=0):
+        name = f"friction {law and law.__qualname__} {seed}"
+        recording = run(robot, motion, law=law, seed=seed)
+        return once(name, lambda: quietly(identify, model, [recording]))
 
-    return cache(identify_once)
+    return identify_once
 
 
 def found_groups(found):
@@ -144,7 +144,7 @@ def test_a_curve_is_found_where_it_is_and_nowhere_else(robot, identified):
 def test_bands_hold_the_true_curve(robot, identified, runs):
     covered, rates = [], np.geomspace(0.0025, 0.5, 40)
     for seed in range(runs):
-        found = identified(stribeck, seed, 0.02)
+        found = identified(stribeck, seed)
         for joint in robot.actuated:
             for v in (rates, -rates):
                 curve = friction_curve(found.fit, joint, v)

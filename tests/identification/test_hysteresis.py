@@ -194,7 +194,7 @@ def test_a_simulated_controller_meets_it(robot):
     push = [np.zeros(2)]
     law = SimpleNamespace(force=lambda signals, wanted: own.gravity(signals.position) + push[0])
     loop = ControlLoop(loopid.Dynamics(model, values), law)
-    home, still = loop.position, np.zeros((300, 2))
+    home, still = loop.position, np.zeros((220, 2))
     way = {}
     for size in (0.3, 0.0, 0.6, 0.0):
         push[0] = np.full(2, size)

@@ -34,6 +34,12 @@ def runs(model):
     ]
 
 
+@pytest.fixture(scope="module")
+def clean(model, runs, once):
+    """What the first run identifies."""
+    return once("left out", lambda: quietly(identify, model, [runs[0]]))
+
+
 def test_segments_take_no_part_in_the_fits_that_judge_them(model, runs):
     run = replace(runs[0], cutoff=2.0)
     data = model.samples(run)
@@ -53,8 +59,8 @@ def test_whole_logs_are_left_out_where_there_are_several(model, runs):
     assert [int(kept.sum()) for kept in kept_without(segments, runs)] == [601, 601]
 
 
-def test_all_is_fitted_and_judged_as_honestly_as_by_new_data(model, runs):
-    found = quietly(identify, model, [runs[0]])
+def test_all_is_fitted_and_judged_as_honestly_as_by_new_data(model, runs, clean):
+    found = clean
     assert found.validation == ()
     assert len(found.data) == len(found.new) == len(runs[0])
     # As with all of it given for training ...
@@ -70,12 +76,11 @@ def test_all_is_fitted_and_judged_as_honestly_as_by_new_data(model, runs):
     assert "left out of the fit" in str(found.verdict)
 
 
-def test_a_spoilt_segment_does_not_predict_itself(model, runs):
+def test_a_spoilt_segment_does_not_predict_itself(model, runs, clean):
     """Forces of the last fifth that no robot has: their own fit would follow them."""
     run, late = runs[0], np.arange(len(runs[0])) >= 0.8 * len(runs[0])
     force = run.force + late[:, None] * (5.0 * np.asarray(run.motion.accelerations))
     found = quietly(identify, model, [replace(run, force=force)])
-    clean = quietly(identify, model, [run])
     last = found["all parameters"].predicted[late], clean["all parameters"].predicted[late]
     np.testing.assert_allclose(*last, atol=5 * NOISE)
 
@@ -85,7 +90,7 @@ def test_with_few_rows_left_to_judge_the_file_does_not_win(model, runs):
     assert found.recommended is found["consistent"]
 
 
-def test_where_all_parameters_predict_better_than_any_robot_it_is_said(model, runs):
+def test_where_all_parameters_predict_better_than_any_robot_it_is_said(model, runs, clean):
     """Friction that drives: the sign of a force or of a position is wrong."""
     rate = np.asarray(runs[0].motion.velocities)
     force = runs[0].force - 2.0 * np.sign(rate) * [1.0, 0.0]
@@ -94,4 +99,4 @@ def test_where_all_parameters_predict_better_than_any_robot_it_is_said(model, ru
     (finding,) = [each for each in found.findings if "times better" in each.title]
     assert finding.do in str(found.verdict)
     assert "as parameters of the robot" not in str(found.verdict)
-    assert quietly(identify, model, [runs[0]]).advantage is None
+    assert clean.advantage is None

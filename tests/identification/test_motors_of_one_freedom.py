@@ -18,7 +18,7 @@ def robot():
 
 @pytest.fixture(scope="module")
 def found(robot):
-    motion = wander(robot, 1, seconds=10.0, rate=100.0, size=(0.4,))
+    motion = wander(robot, 1, seconds=10.0, rate=50.0, size=(0.4,))
     made = loopid.simulate(
         robot, motion, joint_terms=loopid.JointTerms(robot.actuated), joint_values=FRICTION
     )
@@ -49,7 +49,8 @@ def test_friction_of_the_other_motor_is_no_mistake_of_the_time_axis(found):
 
 def test_reports_number_all_motors(robot, found):
     design = loopid.design_motion(
-        loopid.force_model(robot, "gravity"), options=loopid.DesignOptions(evaluations=5, starts=1)
+        loopid.force_model(robot, "gravity"),
+        options=loopid.DesignOptions(evaluations=1, starts=1, duration=4.0),
     )
     for report in (identification_report(found), excitation_report(design)):
         page = report.page().html()

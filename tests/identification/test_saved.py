@@ -160,8 +160,8 @@ def test_fits_of_another_geometry_are_refused(knees, load_once, tmp_path, kind):
     [
         ('xyz="0 0 0.4"', 'xyz="0 0 0.5"', "has other coefficients there"),
         ('<axis xyz="0 1 0"/>', '<axis xyz="0 -1 0"/>', "the force along shoulder differs"),
-        ('name="elbow"', 'name="joint"', "coordinate elbow is where that has joint"),
-        ('"lower"', '"hand"', "parameter lower.m is where that has hand.m"),
+        ('name="elbow"', 'name="joint"', "coordinate elbow of the fit is joint there"),
+        ('"lower"', '"hand"', "parameter lower.m of the fit is hand.m there"),
     ],
 )
 def test_what_differs_is_named(tmp_path, old, new, words):
@@ -204,6 +204,8 @@ def test_a_robot_file_may_have_the_closures_of_python(tmp_path):
     own.write_text(
         beside.read_text().replace("frames: [rod_end, lever]", "frames: [lever, rod_end]")
     )
+    with pytest.raises(DataError, match="four_bar cannot be loaded as the robot of the fit, leg: "):
+        load_fit(saved, robot="four_bar")
     for file in (beside, own, tmp_path / "new.urdf"):
         fit = load_fit(saved, robot=file)
         assert fit.robot.actuated == tuple(motors)

@@ -319,10 +319,10 @@ def test_messages_that_sqlite_has_not_brought_in_are_not_forgotten(knee, copy):
 def test_names_that_sqlite_takes_for_something_else(knee, copy, mark):
     path = copy("db3")
     path = path.rename(path.with_name(f"run{mark}"))
-    with pytest.raises(LogError, match=f"SQLite takes '{re.escape(mark[0])}' in a path for someth"):
+    with pytest.raises(LogError, match=f"SQLite cannot have '{re.escape(mark[0])}' in a path"):
         read_log(path, knee)
     file = (path / "run.db3").rename(path.parent / f"{mark}.db3")
-    with pytest.raises(LogError, match="SQLite takes"):
+    with pytest.raises(LogError, match="SQLite cannot"):
         read_log(file, knee)
 
 

@@ -546,3 +546,14 @@ def test_it_takes_a_fit_as_it_is_or_saved(load_once, tmp_path):
           1e-12)  # fmt: skip
     with pytest.raises(DataError, match=r"fit of five_bar, not of .*four_bar"):
         Dynamics(load_once("four_bar"), saved)
+
+
+def test_regressors_of_another_shape_are_refused(load_once):
+    robot = load_once("five_bar")
+    model, q = loopid.force_model(robot, "gravity", None), robot.reference[None]
+    for G in (3, np.zeros(4), np.zeros((2, 4, 2)), np.zeros((1, 3, 2))):
+        with pytest.raises(DataError, match=r"G must have shape \(1, 4, dof\), not "):
+            loopid.kinematics.torque_regressors(robot, q, G=G)
+    for regressor in (5, np.zeros((1, 2, len(model.parameters) + 1))):
+        with pytest.raises(DataError, match=r"regressor must have shape \(N, dof, "):
+            model.loads(regressor)

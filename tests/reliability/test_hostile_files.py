@@ -98,8 +98,8 @@ ENTITY = """<?xml version="1.0"?><!DOCTYPE robot [<!ENTITY body "<inertial/>">]>
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('<robot name="', ENTITY + '<robot name="', "&body; stands for"),
-        ("</joint>", "</joint>&elsewhere;", "&elsewhere; stands for"),
+        ('<robot name="', ENTITY + '<robot name="', "write out &body;"),
+        ("</joint>", "</joint>&elsewhere;", "write out &elsewhere;"),
         ('rpy="0 0 0"', 'rpy="1e308 0 0"', "<origin> rpy is too large: 1e308 0 0"),
         ('mass value="3.0"', 'mass value="1_6"', "must be a finite number, not '1_6'"),
         ('mass value="3.0"', 'mass value="١٢"', "must be a finite number"),
@@ -138,7 +138,7 @@ def mjcf(rest="", body=BODY):
         ),
         (mjcf(body=BODY.replace('name="j"', 'name="a&#10;b"')), "printable and on one line"),
         (mjcf(body=BODY.replace('name="b"', 'name="&#27;[31m"')), "no valid XML"),
-        (ENTITY.replace("robot [", "mujoco [") + mjcf(body="&body;"), "&body; stands for"),
+        (ENTITY.replace("robot [", "mujoco [") + mjcf(body="&body;"), "write out &body;"),
         (mjcf(body=BODY + "&elsewhere;"), "elsewhere"),
         ("none", "no valid XML"),
         (
@@ -174,7 +174,7 @@ def black_png(side):
 GRID = '<flexcomp name="f" type="grid" count="400 400 400" {} spacing="1 1 1" dim="3"/>'
 
 
-MEMORY, TIME = "more than 0.5 GB of memory", "more than 1 s of the"
+MEMORY, TIME = "more than 0.5 GB of memory", "more than 0.3 s of the"
 TOO_LARGE = {
     "user data": (mjcf('<size nuserdata="2000000000"/>'), MEMORY),
     "copies": (mjcf(body=f'<replicate count="1000000">{BODY}</replicate>'), TIME),
@@ -202,9 +202,10 @@ def test_an_mjcf_whose_model_is_beyond_all_limits_is_refused(
     refused, content, words, tmp_path, monkeypatch
 ):
     pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")
-    least = ("MOST_BYTES", 5 * 10**8) if "memory" in words else ("MOST_SECONDS", 1.0)
+    least = ("MOST_BYTES", 5 * 10**8) if "memory" in words else ("MOST_SECONDS", 0.3)
     monkeypatch.setattr(mjcf_compiler, *least)
-    (tmp_path / "big.png").write_bytes(black_png(16_000))
+    if "big.png" in content:
+        (tmp_path / "big.png").write_bytes(black_png(16_000))
     assert f"MuJoCo refuses it: it takes {words}" in refused("robot.xml", content)
 
 

@@ -190,7 +190,7 @@ def longer(study, count):
 
 @pytest.mark.parametrize("robot", ["knee", pytest.param("arm", marks=pytest.mark.validate)])
 def test_the_page_of_a_long_log_is_small(robot, request, tmp_path):
-    """100,000 rows, of eight motors when all are tried."""
+    """40,000 rows, of eight motors when all are tried."""
     if robot == "knee":
         study = request.getfixturevalue("study")
     else:
@@ -200,7 +200,7 @@ def test_the_page_of_a_long_log_is_small(robot, request, tmp_path):
         run = record(arm, wander(arm, 0, size=8 * (0.5,)), (terms, values))
         model = loopid.force_model(arm, "gravity", terms)
         study = quietly(loopid.identify, model, [run])
-    study = longer(study, 100_000)
+    study = longer(study, 40_000)
     files = identification_report(study).files()
     assert len(files["report.html"].encode()) < 3_000_000  # 1.2 MB
 

@@ -46,7 +46,7 @@ def detachable_joints(root: xml.Element) -> Iterator[tuple[xml.Element, str, str
     for plugin in root.iter("plugin"):
         if DETACHABLE.search(plugin.get("filename", "") + plugin.get("name", "")):
             tags = ("parent_link", "child_model", "child_link")
-            link, model, other = ((plugin.findtext(tag) or "").strip() for tag in tags)
+            link, model, other = (xml.text_at(plugin, tag) for tag in tags)
             yield plugin, link, model, other
 
 
@@ -69,7 +69,7 @@ def _loops(urdf: UrdfFile, model: pin.Model) -> list[ClosureDescription]:
     closures, data = [], model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     for element in (*urdf.root.findall("gazebo/joint"), *_welds(urdf)):
-        parent = (xml.child(element, "parent").text or "").strip()
+        parent = xml.content(element, "parent")
         if parent == "world" and all(link.name != "world" for link in urdf.links):
             continue  # a mount, which a URDF has anyway
         with naming(xml.label(element)):
@@ -88,7 +88,7 @@ def _unread_plugins(urdf: UrdfFile) -> tuple[str, ...]:
     followers = {j.name for j in urdf.joints if j.mimic is not None}
     mimicking, closing = dict[str, list[str]](), dict[str, None]()
     for plugin in urdf.root.iterfind("gazebo//plugin"):
-        file, follower = plugin.get("filename", ""), (plugin.findtext("mimicJoint") or "").strip()
+        file, follower = plugin.get("filename", ""), xml.text_at(plugin, "mimicJoint")
         if follower and follower not in followers:
             mimicking.setdefault(file, []).append(follower)
         elif CLOSING_PLUGIN.search(file):

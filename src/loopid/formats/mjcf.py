@@ -19,18 +19,11 @@ from loopid.errors import OptionError, RobotFileError, naming
 from loopid.formats.mjcf_scene import (
     DRIVES_JOINT,
     Scene,
-    acts,
     compile_mjcf,
-    enabled_actuators,
-    is_motor,
-    is_spatial,
     joint_forces,
-    joints_of,
     named,
     placed,
-    tendon_of,
     text_at,
-    transmission,
 )
 from loopid.loading.description import ClosureDescription, Description
 from loopid.loading.tree import TreeSource, add_frame
@@ -108,7 +101,7 @@ def _tree(scene: Scene, name: str) -> tuple[pin.Model, dict[str, str]]:
     compiled = scene.compiled
     model, child_links = pin.Model(), dict[str, str]()
     model.name = name
-    model.gravity.linear = acts(compiled, "GRAVITY") * np.array(compiled.opt.gravity)
+    model.gravity.linear = scene.acts("GRAVITY") * np.array(compiled.opt.gravity)
     mounts: list[Mount] = []
     for body, link in enumerate(scene.bodies):
         mount = Mount(0, 0, pin.SE3.Identity())
@@ -183,7 +176,7 @@ def _add_joint(scene: Scene, model: pin.Model, joint: int, mount: Mount) -> Moun
 def _effort_limit(scene: Scene, joint: int) -> float:
     """Most that the motors of a joint with one coordinate can do; infinite where it is not said."""
     compiled, motors = scene.compiled, list[float]()
-    for actuator in map(int, np.flatnonzero(enabled_actuators(compiled))):
+    for actuator in map(int, np.flatnonzero(scene.enabled)):
         target = compiled.actuator_trnid[actuator, 0]
         if scene.drives[actuator] not in DRIVES_JOINT or target != joint:
             continue
@@ -323,9 +316,9 @@ class Lengths:
 
     def terms(self, tendon: int) -> dict[str, float]:
         """Factors of the joints in a fixed tendon's length; of a spatial one its coordinate."""
-        if is_spatial(self.scene, tendon):
+        if self.scene.is_spatial(tendon):
             return {self.name(tendon): 1.0}
-        return joints_of(self.scene, tendon)
+        return self.scene.joints_of(tendon)
 
     def name(self, tendon: int) -> str:
         """Coordinate of a tendon's length; ValueError where it cannot be modelled."""
@@ -339,7 +332,7 @@ class Lengths:
             if len(parts) == 1 and parts[0][0] == 1:
                 self.cables[name] = self._frames(parts[0][1])
             else:
-                terms = {j: c for j, c in joints_of(scene, tendon).items() if c}
+                terms = {j: c for j, c in scene.joints_of(tendon).items() if c}
                 for k, (factor, sites) in enumerate(parts, start=1):
                     terms[f"{name}_{k}"] = factor
                     self.cables[f"{name}_{k}"] = self._frames(sites)
@@ -367,22 +360,19 @@ def _branches(scene: Scene, tendon: int) -> list[tuple[float, list[int]]]:
     A pulley begins another branch, that pulls with a part of the force. A ValueError names what a
     tendon wraps around.
     """
-    compiled, factor = scene.compiled, 1.0
-    parts: list[tuple[float, list[int]]] = []
-    first, count = compiled.tendon_adr[tendon], compiled.tendon_num[tendon]
-    for wrap in range(first, first + count):
-        kind, target = scene.wraps[wrap], int(compiled.wrap_objid[wrap])
+    parts: list[tuple[float, list[int]]] = [(1.0, [])]
+    for kind, target, number in scene.path_of(tendon):
         if kind == "pulley":
-            factor = 1.0 / float(compiled.wrap_prm[wrap])
+            parts.append((1.0 / number, []))
         elif kind == "site":
-            if wrap == first or scene.wraps[wrap - 1] == "pulley":
-                parts.append((factor, []))
             parts[-1][1].append(target)
         elif kind != "joint":
-            geom = text_at(compiled, int(compiled.name_geomadr[target])) or f"number {target}"
+            geom = text_at(scene.compiled, int(scene.compiled.name_geomadr[target]))
             name = named(scene.tendons, tendon)
-            raise ValueError(f"is of the tendon {name} that wraps around geom {geom}")
-    return parts
+            raise ValueError(
+                f"is of the tendon {name} that wraps around geom {geom or f'number {target}'}"
+            )
+    return [part for part in parts if part[1]]
 
 
 # Actuators, and what is left out.
@@ -395,13 +385,12 @@ def _motors(
     scene, compiled = lengths.scene, lengths.scene.compiled
     joints: list[str] = []
     idle, wrapped = [], []
-    enabled = enabled_actuators(compiled)
-    for actuator in map(int, np.flatnonzero(enabled)):
-        if not is_motor(scene, actuator):
+    for actuator in map(int, np.flatnonzero(scene.enabled)):
+        if not scene.is_motor(actuator):
             continue
-        name, tendon = named(scene.actuators, actuator), tendon_of(scene, actuator)
-        driven = _leaders(closures, [*transmission(scene, actuator, lengths.names)])
-        if tendon is not None and (len(driven) > 1 or is_spatial(scene, tendon)):
+        name, tendon = named(scene.actuators, actuator), scene.tendon_of(actuator)
+        driven = _leaders(closures, [*scene.transmission(actuator, lengths.names)])
+        if tendon is not None and (len(driven) > 1 or scene.is_spatial(tendon)):
             try:
                 driven = [lengths.name(tendon)]
             except ValueError as error:
@@ -411,7 +400,7 @@ def _motors(
         joints += [joint for joint in driven if joint not in joints]
     notes = {
         "actuators of disabled groups are no motors: ": _where(
-            [named(scene.actuators, k) for k in range(len(enabled))], ~enabled
+            [named(scene.actuators, k) for k in range(compiled.nu)], ~scene.enabled
         ),
         "actuators that drive no joint are not modelled: ": idle,
         "actuators of tendons that do not run straight are not modelled: ": wrapped,
@@ -446,7 +435,7 @@ def _left_out(scene: Scene, lengths: Mapping[int, str]) -> list[str]:
     mocap = np.array([_holds_mocap(scene, equality) for equality in range(compiled.neq)], bool)
     limited_balls = (np.array(scene.joint_kinds) == "ball") & (compiled.jnt_limited != 0)
     what = "inactive equalities are left out"
-    if not acts(compiled, "EQUALITY", "CONSTRAINT"):
+    if not scene.acts("EQUALITY", "CONSTRAINT"):
         what = "a <flag> disables the equalities, so they close no loop: remove it"
     left_out = {
         what: _where(equalities, ~active),
@@ -464,5 +453,5 @@ def _left_out(scene: Scene, lengths: Mapping[int, str]) -> list[str]:
 
 def _active(scene: Scene) -> BoolArray:
     """Which equalities hold."""
-    some = acts(scene.compiled, "EQUALITY", "CONSTRAINT")
+    some = scene.acts("EQUALITY", "CONSTRAINT")
     return np.asarray((scene.compiled.eq_active0 != 0) & some)

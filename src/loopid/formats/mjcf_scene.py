@@ -6,6 +6,7 @@ Importing this needs MuJoCo.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -27,6 +28,8 @@ FINITE = ("body_pos", "body_quat", "body_ipos", "body_iquat", "body_mass", "body
           "jnt_pos", "jnt_axis", "qpos0", "site_pos", "site_quat", "eq_data", "wrap_prm",
           "key_qpos")  # fmt: skip
 DRIVES_JOINT = "joint", "jointinparent"
+# Flags that disable dry friction, which MuJoCo counts among the constraints.
+DRY = "FRICTIONLOSS", "CONSTRAINT"
 DISABLING_BITS = 31  # MuJoCo's: groups from 0 to 30 can be disabled
 
 
@@ -69,6 +72,61 @@ class Scene:
             name = f"{wanted}_{count}"
         self.taken.add(name)
         return name
+
+    # What actuators drive.
+
+    def is_spatial(self, tendon: int) -> bool:
+        """Whether a tendon runs through space, not over joints alone."""
+        return self.wraps[int(self.compiled.tendon_adr[tendon])] != "joint"
+
+    def path_of(self, tendon: int) -> list[tuple[str, int, float]]:
+        """What a tendon runs over: the kind, its index, and a number of its own."""
+        compiled, first = self.compiled, int(self.compiled.tendon_adr[tendon])
+        path = range(first, first + int(compiled.tendon_num[tendon]))
+        numbers = compiled.wrap_objid, compiled.wrap_prm
+        return [(self.wraps[k], int(numbers[0][k]), float(numbers[1][k])) for k in path]
+
+    def joints_of(self, tendon: int) -> dict[str, float]:
+        """Joints of a fixed tendon, with the factors of its length; none of a spatial one."""
+        terms = dict[str, float]()
+        for kind, joint, factor in self.path_of(tendon):
+            if kind == "joint":
+                terms[self.joints[joint]] = terms.get(self.joints[joint], 0.0) + factor
+        return terms
+
+    def transmission(self, actuator: int, lengths: Mapping[int, str]) -> dict[str, float]:
+        """Joints, or a length of a tendon, that an actuator drives, with the factors of it."""
+        compiled, tendon = self.compiled, self.tendon_of(actuator)
+        gear, factors = float(compiled.actuator_gear[actuator, 0]), dict[str, float]()
+        if self.drives[actuator] in DRIVES_JOINT:
+            factors = {self.joints[compiled.actuator_trnid[actuator, 0]]: 1.0}
+        elif tendon is not None:
+            factors = {lengths[tendon]: 1.0} if tendon in lengths else self.joints_of(tendon)
+        return {name: gear * factor for name, factor in factors.items() if gear * factor}
+
+    def tendon_of(self, actuator: int) -> int | None:
+        """The tendon that an actuator pulls."""
+        compiled = self.compiled
+        pulls = self.drives[actuator] == "tendon" and compiled.actuator_gear[actuator, 0] != 0
+        return int(compiled.actuator_trnid[actuator, 0]) if pulls else None
+
+    @cached_property
+    def enabled(self) -> BoolArray:
+        """Which actuators can act: those of no disabled group."""
+        groups = np.asarray(self.compiled.actuator_group, dtype=np.int64)
+        numbered = (groups >= 0) & (groups < DISABLING_BITS)
+        bits = int(self.compiled.opt.disableactuator) >> np.where(numbered, groups, 0)
+        return np.asarray(~(numbered & (bits % 2 == 1)))
+
+    def is_motor(self, actuator: int) -> bool:
+        """Whether the control of an actuator makes a force by itself, other than of a damper."""
+        affine = self.gains[actuator] in ("fixed", "affine")  # in length and rate
+        return not affine or bool(self.compiled.actuator_gainprm[actuator, :2].any())
+
+    def acts(self, *flags: str) -> bool:
+        """Whether a kind of force acts, and no flag of the file disables it."""
+        bits = (getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}") for flag in flags)
+        return not any(int(self.compiled.opt.disableflags) & int(bit) for bit in bits)
 
 
 def _words(enumeration: Any, values: Iterable[int]) -> list[str]:
@@ -137,65 +195,7 @@ def placed(position: Sequence[float], quaternion: Sequence[float] = (1, 0, 0, 0)
     return pin.SE3(turn.normalized().toRotationMatrix(), np.asarray(position, dtype=np.float64))
 
 
-# What actuators drive.
-
-
-def is_spatial(scene: Scene, tendon: int) -> bool:
-    """Whether a tendon runs through space, not over joints alone."""
-    return scene.wraps[int(scene.compiled.tendon_adr[tendon])] != "joint"
-
-
-def joints_of(scene: Scene, tendon: int) -> dict[str, float]:
-    """Joints of a fixed tendon, with the factors of its length; none of a spatial one."""
-    compiled, terms = scene.compiled, dict[str, float]()
-    first, count = compiled.tendon_adr[tendon], compiled.tendon_num[tendon]
-    for wrap in range(first, first + count):
-        if scene.wraps[wrap] == "joint":
-            joint = scene.joints[compiled.wrap_objid[wrap]]
-            terms[joint] = terms.get(joint, 0.0) + float(compiled.wrap_prm[wrap])
-    return terms
-
-
-def transmission(scene: Scene, actuator: int, lengths: Mapping[int, str]) -> dict[str, float]:
-    """Joints, or a length of a tendon, that an actuator drives, with the factors of its length."""
-    compiled, tendon = scene.compiled, tendon_of(scene, actuator)
-    gear, factors = float(compiled.actuator_gear[actuator, 0]), dict[str, float]()
-    if scene.drives[actuator] in DRIVES_JOINT:
-        factors = {scene.joints[compiled.actuator_trnid[actuator, 0]]: 1.0}
-    elif tendon is not None:
-        factors = {lengths[tendon]: 1.0} if tendon in lengths else joints_of(scene, tendon)
-    return {name: gear * factor for name, factor in factors.items() if gear * factor}
-
-
-def tendon_of(scene: Scene, actuator: int) -> int | None:
-    """The tendon that an actuator pulls."""
-    compiled = scene.compiled
-    pulls = scene.drives[actuator] == "tendon"
-    pulls = pulls and compiled.actuator_gear[actuator, 0] != 0
-    return int(compiled.actuator_trnid[actuator, 0]) if pulls else None
-
-
-def enabled_actuators(compiled: mujoco.MjModel) -> BoolArray:
-    """Which actuators can act: those of no disabled group."""
-    groups = np.asarray(compiled.actuator_group, dtype=np.int64)
-    numbered = (groups >= 0) & (groups < DISABLING_BITS)
-    bits = int(compiled.opt.disableactuator) >> np.where(numbered, groups, 0)
-    return np.asarray(~(numbered & (bits % 2 == 1)))
-
-
-def is_motor(scene: Scene, actuator: int) -> bool:
-    """Whether the control of an actuator makes a force by itself, other than that of a damper."""
-    affine = scene.gains[actuator] in ("fixed", "affine")  # in length and rate
-    return not affine or bool(scene.compiled.actuator_gainprm[actuator, :2].any())
-
-
 # Forces in joints beside the rigid bodies: in terms of their coordinates, or left out.
-
-
-def acts(compiled: mujoco.MjModel, *flags: str) -> bool:
-    """Whether a kind of force acts, and no flag of the file disables it."""
-    bits = (getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}") for flag in flags)
-    return not any(int(compiled.opt.disableflags) & int(bit) for bit in bits)
 
 
 def joint_forces(
@@ -227,10 +227,10 @@ def own_terms(scene: Scene, joint: int, left_out: list[LeftOut] | None = None) -
     left_out = [] if left_out is None else left_out
     compiled, name, kind = scene.compiled, scene.joints[joint], scene.joint_kinds[joint]
     dof = int(compiled.jnt_dofadr[joint])
-    springs, dampers = acts(compiled, "SPRING"), acts(compiled, "DAMPER")
+    springs, dampers = scene.acts("SPRING"), scene.acts("DAMPER")
     values = {
         "Ia": float(compiled.dof_armature[dof]),
-        "Fc": _dry(compiled) * float(compiled.dof_frictionloss[dof]),
+        "Fc": scene.acts(*DRY) * float(compiled.dof_frictionloss[dof]),
         "Fv": dampers * float(compiled.dof_damping[dof]),
     }
     for what, held, higher in (
@@ -253,12 +253,12 @@ def own_terms(scene: Scene, joint: int, left_out: list[LeftOut] | None = None) -
 def _tendon_terms(scene: Scene, tendon: int) -> tuple[dict[str, float], bool]:
     """Values of the terms of a tendon, and whether they are all of its forces."""
     compiled = scene.compiled
-    stiffness = acts(compiled, "SPRING") * float(compiled.tendon_stiffness[tendon])
+    stiffness = scene.acts("SPRING") * float(compiled.tendon_stiffness[tendon])
     slack, taut = map(float, compiled.tendon_lengthspring[tendon])
     values = {
         "Ia": float(compiled.tendon_armature[tendon]),
-        "Fc": _dry(compiled) * float(compiled.tendon_frictionloss[tendon]),
-        "Fv": acts(compiled, "DAMPER") * float(compiled.tendon_damping[tendon]),
+        "Fc": scene.acts(*DRY) * float(compiled.tendon_frictionloss[tendon]),
+        "Fv": scene.acts("DAMPER") * float(compiled.tendon_damping[tendon]),
         "Ks": stiffness,
         "Fo": -stiffness * slack,
     }
@@ -266,20 +266,14 @@ def _tendon_terms(scene: Scene, tendon: int) -> tuple[dict[str, float], bool]:
     return values, not np.any(higher) and (slack == taut or not stiffness)
 
 
-def _dry(compiled: mujoco.MjModel) -> bool:
-    """Whether dry friction acts, which MuJoCo counts among the constraints."""
-    return acts(compiled, "FRICTIONLOSS", "CONSTRAINT")
-
-
 def _add_actuators(
     scene: Scene, lengths: Mapping[int, str], terms: dict[str, dict[str, float]]
 ) -> list[LeftOut]:
     """Add inertia and damping of actuators to the terms of what they drive; what is left out."""
     compiled, gears, left_out = scene.compiled, list[str](), list[LeftOut]()
-    enabled = enabled_actuators(compiled)
     laws = {"Ia": compiled.actuator_armature, "Fv": compiled.actuator_damping}
     for actuator in range(compiled.nu):
-        name, driven = named(scene.actuators, actuator), transmission(scene, actuator, lengths)
+        name, driven = named(scene.actuators, actuator), scene.transmission(actuator, lengths)
         values = {kind: float(law[actuator]) for kind, law in laws.items()}
         if len(driven) == 1:
             ((joint, factor),) = driven.items()
@@ -288,9 +282,9 @@ def _add_actuators(
         elif any(values.values()):
             left_out.append(LeftOut(f"armature or damping of actuator {name}"))
         gear = float(compiled.actuator_gear[actuator, 0])
-        if enabled[actuator] and not is_motor(scene, actuator):
+        if scene.enabled[actuator] and not scene.is_motor(actuator):
             left_out.append(LeftOut(f"actuator {name}: its control gives no force, no motor"))
-        elif enabled[actuator] and driven and abs(gear) != 1:
+        elif scene.enabled[actuator] and driven and abs(gear) != 1:
             gears.append(f"{gear:g} of {name}")
     if gears:
         what = f"gears of actuators: {', '.join(gears)}: logs count at the joint or tendon"

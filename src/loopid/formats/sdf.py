@@ -192,17 +192,14 @@ class _Sdf:
         pose = element.find("pose")
         with naming(xml.label(element)):
             own = _pose(pose)
-            relative = "" if pose is None else pose.get("relative_to") or pose.get("frame") or ""
+            default = element.get("attached_to") or MODEL
             if element.tag == "model":
-                outer = scope.removesuffix("::").rpartition("::")[0]
-                outer += "::" if outer else ""
-                where = relative or (MODEL if scope else WORLD)
-                return self.place(outer, where) * own
-            if element.tag == "joint":
-                where = relative or (xml.child(element, "child").text or "").strip()
-            else:
-                where = relative or element.get("attached_to") or MODEL
-            return self.place(scope, where) * own
+                default = MODEL if scope else WORLD
+                scope = scope.removesuffix("::").rpartition("::")[0]
+                scope += "::" if scope else ""
+            elif element.tag == "joint":
+                default = xml.content(element, "child")
+            return self.place(scope, _relative(pose) or default) * own
 
     def carrier(self, scope: str, name: str) -> str:
         """The link that a frame is fixed to; the frame of a model to its canonical link."""
@@ -221,7 +218,7 @@ class _Sdf:
                 first = "" if inner is None else xml.required(inner, "name")
                 name = element.get("canonical_link") or first
             elif element.tag == "joint":
-                name = (xml.child(element, "child").text or "").strip()
+                name = xml.content(element, "child")
             else:
                 name = element.get("attached_to") or MODEL
         return WORLD
@@ -240,8 +237,7 @@ class _Sdf:
             known = (*IN_TREE, *TWO_AXES, "gearbox")
             RobotFileError.require("type", kind, known)
             parent, carried = (
-                self.carrier(scope, (xml.child(element, side).text or "").strip())
-                for side in ("parent", "child")
+                self.carrier(scope, xml.content(element, side)) for side in ("parent", "child")
             )
             if parent == carried:
                 raise RobotFileError(f"link {parent!r} is at both its ends")
@@ -316,11 +312,11 @@ class _Sdf:
         """Axis of a joint along the world's axes."""
         axis = _axis_element(edge.element, tag)
         xyz = axis.find("xyz")
-        direction = np.array(xml.numbers_in("<xyz>", _said(axis, "xyz") or "0 0 1", 3))
+        direction = np.array(xml.numbers_in("<xyz>", xml.text_at(axis, "xyz") or "0 0 1", 3))
         where = "" if xyz is None else xyz.get("expressed_in", "")
         if where:
             return np.asarray(self.place(edge.scope, where).rotation @ direction)
-        of_model = _said(axis, "use_parent_model_frame") in ("1", "true")
+        of_model = xml.text_at(axis, "use_parent_model_frame") in ("1", "true")
         if of_model or self.old_axes:
             return np.asarray(self.place(edge.scope, MODEL).rotation @ direction)
         return np.asarray(self.place("", edge.name).rotation @ direction)
@@ -366,7 +362,7 @@ class _Sdf:
         """Placement of a link's inertial in the link."""
         element, scope = self.placed[name]
         pose = element.find("inertial/pose")
-        relative = "" if pose is None else pose.get("relative_to") or pose.get("frame") or ""
+        relative = _relative(pose)
         there = self.place(scope, relative) if relative else self.links[name]
         return self.links[name].actInv(there * _pose(pose))
 
@@ -408,7 +404,7 @@ class _Sdf:
             etree.SubElement(joint, "axis", xyz=written(*along))
             kind = _add_limits(joint, kind, _axis_element(edge.element, tag))
             for key in DYNAMICS:
-                if text := _said(edge.element, f"{tag}/dynamics/{key}"):
+                if text := xml.text_at(edge.element, f"{tag}/dynamics/{key}"):
                     etree.SubElement(joint, key).text = text
             if (mimic := edge.element.find(f"{tag}/mimic")) is not None:
                 joint.append(_mimic(mimic, edge.scope))
@@ -445,7 +441,9 @@ class _Sdf:
 
     def motors_left(self, motors: list[str] | str | None) -> list[str] | str | None:
         """Joints without motor: those with a force limit of zero, where others have another one."""
-        idle = [name for name, axis in self._axes() if number(_said(axis, "limit/effort")) == 0]
+        idle = [
+            name for name, axis in self._axes() if number(xml.text_at(axis, "limit/effort")) == 0
+        ]
         known = [name for name, _ in self._axes()] if motors is None else motors
         driven = [name for name in known if name not in idle]
         return driven if idle and driven else motors
@@ -453,7 +451,7 @@ class _Sdf:
     def initial_positions(self) -> Iterator[tuple[str, float]]:
         """Joints of the tree, and where the file has them at the start."""
         for name, axis in self._axes():
-            if text := _said(axis, "initial_position"):
+            if text := xml.text_at(axis, "initial_position"):
                 with naming(f"joint {name}"):
                     yield name, xml.numbers_in("<initial_position>", text)[0]
 
@@ -472,7 +470,7 @@ class _Sdf:
         """
         for edge in self.geared:
             with naming(xml.label(edge.element)):
-                body = (xml.child(edge.element, "gearbox_reference_body").text or "").strip()
+                body = xml.content(edge.element, "gearbox_reference_body")
                 reference = self.carrier(edge.scope, body)
                 ratio = float(_text(edge.element, "gearbox_ratio", "1"))
                 angles = (
@@ -500,7 +498,7 @@ class _Sdf:
         """Forces that no model has."""
         for name in self.links:
             element, _ = self.placed[name]
-            if (element.findtext("gravity") or "").strip() in ("false", "0"):
+            if xml.text_at(element, "gravity") in ("false", "0"):
                 mass = float(_text(element, "inertial/mass", "1"))
                 weight = {name: (mass, *map(float, self._inertial_place(name).translation))}
                 yield LeftOut(f"<gravity>: {name} has no weight", weight)
@@ -509,9 +507,9 @@ class _Sdf:
                     number(word) for part in tag.iter("*") for word in (part.text or "").split()
                 ):
                     yield LeftOut(f"<{xml.local_name(tag)}> of {name}")
+        tags = [(key, f"{tag}/dynamics/{key}") for key in DYNAMICS[:3] for tag in ("axis", "axis2")]
         for edge in self.closing:
-            given = [key for key in DYNAMICS[:3] for tag in ("axis", "axis2")
-                     if number(_said(edge.element, f"{tag}/dynamics/{key}") or "0")]  # fmt: skip
+            given = [key for key, path in tags if number(xml.text_at(edge.element, path) or "0")]
             if given:
                 yield LeftOut(f"{' and '.join(given)} of {edge.name}, which closes a loop")
 
@@ -540,7 +538,7 @@ def _models(root: xml.Element) -> list[xml.Element]:
 
 
 def _is_static(model: xml.Element) -> bool:
-    return _said(model, "static") in ("true", "1")
+    return xml.text_at(model, "static") in ("true", "1")
 
 
 def _moving_model(root: xml.Element) -> xml.Element:
@@ -554,6 +552,11 @@ def _moving_model(root: xml.Element) -> xml.Element:
         names = shortened([each.get("name", "") for each in moving or models]) or "none"
         raise RobotFileError(f"it must hold one model that moves, not {len(moving)}: {names}")
     return moving[0]
+
+
+def _relative(pose: xml.Element | None) -> str:
+    """What a ``<pose>`` is relative to; empty where it does not say."""
+    return "" if pose is None else pose.get("relative_to") or pose.get("frame") or ""
 
 
 def _pose(pose: xml.Element | None) -> pin.SE3:
@@ -577,11 +580,6 @@ def _origin(place: pin.SE3, tag: str = "origin") -> xml.Element:
     return etree.Element(tag, xyz=written(*place.translation), rpy=written(*rpy))
 
 
-def _said(element: xml.Element, path: str) -> str:
-    """Text of a tag inside; empty where it is missing or empty: both mean its default."""
-    return (element.findtext(path) or "").strip()
-
-
 def _axis_element(joint: xml.Element, tag: str) -> xml.Element:
     """The ``<axis>`` or ``<axis2>`` of a joint; an empty one, which is z, where it has none."""
     axis = joint.find(tag)
@@ -590,7 +588,7 @@ def _axis_element(joint: xml.Element, tag: str) -> xml.Element:
 
 def _text(element: xml.Element, path: str, default: str) -> str:
     """Text of a number inside, checked to be one."""
-    (value,) = xml.numbers_in(f"<{path.rpartition('/')[2]}>", _said(element, path) or default)
+    (value,) = xml.numbers_in(f"<{path.rpartition('/')[2]}>", xml.text_at(element, path) or default)
     return repr(value)
 
 
@@ -599,7 +597,7 @@ def _add_limits(joint: xml.Element, kind: str, axis: xml.Element) -> str:
     values = {}
     defaults = {"lower": -UNLIMITED, "upper": UNLIMITED, "effort": -1.0, "velocity": -1.0}
     for key, default in defaults.items():
-        text = _said(axis, f"limit/{key}")
+        text = xml.text_at(axis, f"limit/{key}")
         value = number(text) if text else default
         if np.isnan(value):
             raise RobotFileError(f"<{key}> must be a number, not {text!r:.60}")

@@ -176,6 +176,11 @@ class ForceModel:
 
     def loads(self, regressor: FloatArray) -> FloatArray:
         """Forces (N, dof) that move the bodies, of a regressor (N, dof, n)."""
+        if np.ndim(regressor) == 0 or np.shape(regressor)[-1] != len(self.parameters):
+            raise DataError(
+                f"the regressor must have shape (N, dof, {len(self.parameters)}), not "
+                f"{np.shape(regressor)}"
+            )
         return np.asarray(regressor @ self.load_values)
 
     @property

@@ -7,6 +7,7 @@ from loopid.identification.estimator import ESTIMATORS, Estimator
 from loopid.identification.force_models import AUTOMATIC, ForceModel, chosen_terms
 from loopid.identification.model_choice import require_model
 from loopid.records import record
+from loopid.regressors.joint_terms import require_kinds
 from loopid.robot.robot import Robot
 from loopid.workers import require_processes
 
@@ -63,6 +64,7 @@ class FitOptions:
 
     def __post_init__(self) -> None:
         require_model(self.model)
+        require_kinds(self.terms, AUTOMATIC)
         if isinstance(self.estimator, str) and self.estimator not in ESTIMATORS:
             raise OptionError.unknown("estimator", self.estimator, ESTIMATORS)
         if self.unidentifiable not in UNIDENTIFIABLE:

@@ -24,7 +24,7 @@ from loopid.arguments import FloatArray, frozen
 from loopid.base_parameters.base import BaseParameters, expression
 from loopid.base_parameters.choice import SearchResult
 from loopid.base_parameters.structure import Structure, analyse
-from loopid.errors import DataError, FileError, OptionError
+from loopid.errors import DataError, FileError, LoopidError, OptionError
 from loopid.files import near_file, why_no_file
 from loopid.identification.estimates import Estimates
 from loopid.identification.force_models import ForceModel
@@ -250,6 +250,12 @@ class FitFile:
                 'is, robot="FILE"',
                 file=own["path"],
             ) from None
+        except LoopidError as error:
+            if file is None:
+                raise
+            raise DataError(
+                f"{file} cannot be loaded as the robot of the fit, {own['name']}: {error}"
+            ) from error
 
     def model_of(self, robot: Robot) -> ForceModel:
         """The force model of a robot with the base parameters of the file: nothing is searched.
@@ -382,7 +388,7 @@ def _differences(file: FitFile, robot: Robot) -> Iterator[str]:
     def others(what: str, there: Sequence[str], here: Sequence[str]) -> Iterator[str]:
         for one, other in zip_longest(there, here):
             if one != other:
-                yield f"{what} {other or 'none'} is where that has {one or 'none'}"
+                yield f"{what} {other or 'none'} of the fit is {one or 'none'} there"
 
     yield from others("coordinate", robot.coordinates, file.robot["coordinates"])
     yield from others("row", robot.independent, own["rows"])

@@ -288,6 +288,9 @@ def torque_regressors(
         if array is not None and (np.ndim(array) != 2 or np.shape(array) != (len(q), width)):
             message = f"{name} must have shape (samples, {width}), not {np.shape(array)}"
             raise DataError(message, argument=name, given=np.shape(array), width=width)
+    if G is not None and (np.ndim(G) != 3 or np.shape(G)[:2] != (len(q), tree.nv)):
+        message = f"G must have shape ({len(q)}, {tree.nv}, dof), not {np.shape(G)}"
+        raise DataError(message, argument="G")
     v, a = (np.zeros((len(q), tree.nv)) if rate is None else rate for rate in (v, a))
     columns, ties = _columns(robot, own, model)
     G = np.broadcast_to(np.eye(tree.nv), (len(q), tree.nv, tree.nv)) if G is None else G

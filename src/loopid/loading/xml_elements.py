@@ -58,7 +58,9 @@ def parsed_xml(content: bytes, whole: bool = False) -> Element:
     names = [] if declared is None else [str(entity.name) for entity in declared.iterentities()]
     names += [str(entity.text)[1:-1] for entity in root.iter(etree.Entity)]
     if names:
-        raise RobotFileError(f"XML entities are not read: write out &{names[0]:.60};")
+        raise RobotFileError(
+            f"XML entities are not read: write out what &{names[0]:.60}; stands for"
+        )
     return root
 
 
@@ -74,6 +76,16 @@ def child(element: Element, tag: str) -> Element:
     if found is None:
         raise RobotFileError(f"<{element.tag!s}> has no <{tag}>")
     return found
+
+
+def content(element: Element, tag: str) -> str:
+    """Text of a tag that must be there."""
+    return (child(element, tag).text or "").strip()
+
+
+def text_at(element: Element, path: str) -> str:
+    """Text of a tag that may be there; empty where it is missing."""
+    return (element.findtext(path) or "").strip()
 
 
 def single(element: Element, tag: str) -> Element | None:

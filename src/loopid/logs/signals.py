@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -236,9 +237,7 @@ class TimeColumn(NamedTuple):
     @property
     def names(self) -> tuple[str, ...]:
         """The one or two columns; none of even rows."""
-        if not self.name:
-            return ()
-        return (self.name,) if self.rest is None else (self.name, self.rest)
+        return tuple(filter(None, (self.name, self.rest)))
 
     def stamps(self, source: str, cells: polars.DataFrame, rows: IntArray) -> IntArray:
         """Whole nanoseconds (R,) of rows by their numbers, ``NO_STAMP`` where there is no time."""
@@ -519,12 +518,8 @@ class ColumnFinder:
     def _called(self, reference: str) -> Place:
         """The column called ``column`` or ``stream:column``, with or without its unit."""
         found = [place for place in self._places if reference in (place.column, str(place))]
-        found = found or [
-            place
-            for place in self._places
-            for name in (heading(place.column).name,)
-            if reference in (name, f"{place.stream}:{name}")
-        ]
+        named = ((place, (name, f"{place.stream}:{name}")) for place, name in self._names.items())
+        found = found or [place for place, both in named if reference in both]
         if len(found) != 1:
             columns = tuple(map(str, found))
             choice = f"write {' or '.join(columns)}" if found else self._choices()
@@ -548,19 +543,20 @@ class ColumnFinder:
         return [Place(stream, column) for stream, names in self.streams.items() for column in names]
 
     @cached_property
+    def _names(self) -> dict[Place, str]:
+        """Columns with their names without units."""
+        return {place: heading(place.column).name for place in self._places}
+
+    @cached_property
     def _by_name(self) -> tuple[dict[str, list[Place]], ...]:
         """Columns by name whatever the case, by words, and by the words at the end of a path."""
-        whole: dict[str, list[Place]] = {}
-        by_words: dict[str, list[Place]] = {}
-        by_end: dict[str, list[Place]] = {}
-        for place in self._places:
-            whole.setdefault(place.column.casefold(), []).append(place)
-            name = heading(place.column).name
-            for key in {words(place.column), words(name)}:
-                by_words.setdefault(key, []).append(place)
-            for key in endings(name):
-                by_end.setdefault(key, []).append(place)
-        return whole, by_words, by_end
+        found = tuple(defaultdict[str, list[Place]](list) for _ in range(3))
+        for place, name in self._names.items():
+            keys = [place.column.casefold()], {words(place.column), words(name)}, endings(name)
+            for places, own in zip(found, keys, strict=True):
+                for key in own:
+                    places[key].append(place)
+        return found
 
     def _choices(self) -> str:
         """The columns, for messages."""

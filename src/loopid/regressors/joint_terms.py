@@ -332,12 +332,26 @@ def together(*sets: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]
 
 def _words(robot: Robot, choice: str) -> Iterator[tuple[tuple[str, ...] | None, str]]:
     """Each word of a choice, with the joints that are named before it; None where none are."""
+    for pattern, words in _parts(choice):
+        joints = None if pattern is None else _matching(robot, pattern)
+        yield from ((joints, word) for word in words)
+
+
+def _parts(choice: str) -> Iterator[tuple[str | None, list[str]]]:
+    """What names the joints, None where nothing does, and the words of each part of a choice."""
     for clause in choice.split(";"):
         pattern, named, listed = clause.rpartition(":")
         words = [word.strip() for word in listed.split(",") if word.strip()]
-        joints = _matching(robot, pattern.strip()) if named else None
-        if words != [NO_TERMS]:
-            yield from ((joints, word) for word in words)
+        yield pattern.strip() if named else None, [] if words == [NO_TERMS] else words
+
+
+def require_kinds(choice: str, *others: str) -> None:
+    """Refuse a choice with words that are neither kinds of terms nor others, whatever the robot."""
+    known = (OF_FILE, NO_TERMS, *others)
+    for _, words in _parts(choice):
+        for word in words:
+            if word not in known:
+                joint_term(word, known)
 
 
 def _matching(robot: Robot, pattern: str) -> tuple[str, ...]:
