@@ -87,13 +87,10 @@ class LoopidError(Exception):
         return cls(message, given=given, valid=known, **facts)
 
     @classmethod
-    def require(
-        cls, what: str, given: Iterable[str], valid: Collection[str], where: str = ""
-    ) -> None:
-        """Refuse a word, or the first of several, that is none of the valid ones."""
-        for word in [given] if isinstance(given, str) else given:
-            if word not in valid:
-                raise cls.unknown(what, word, valid, where)
+    def require(cls, what: str, given: object, valid: Collection[str], where: str = "") -> None:
+        """Refuse a word that is none of the valid ones."""
+        if given not in valid:
+            raise cls.unknown(what, given, valid, where)
 
 
 class OptionError(LoopidError, ValueError):

@@ -16,6 +16,9 @@ from loopid.records import record
 SEVERITIES = ("mistake", "warning", "note")
 PAGE = "docs/not_fit.md"  # what to look at, by symptom
 Severity = Literal["mistake", "warning", "note"]
+# Probability that a user is told of what is chance, of each kind of test: of those that are made
+# together by Bonferroni. Logarithm of how much likelier, twenty times, a finding makes the data.
+FALSE_ALARM, EVIDENCE = 0.01, 3.0
 
 
 @record(checked=True)

@@ -284,7 +284,7 @@ OF_ROBOTS = {
     ),
     "an entity": (
         Robot("arm.urdf", ENTITY + ARM.replace(MASS, '<mass value="&three;"', 1)),
-        "write out &three;",
+        "write out what &three; stands for",
         urdf(),
     ),
     "two masses": (urdf(MASS, '<mass value="1"/>' + MASS), "has 2 times <mass>: keep one", urdf()),

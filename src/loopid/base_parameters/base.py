@@ -168,7 +168,7 @@ class BaseParameters(Tabular):
         """Columns W_B (..., r) of a regressor of all the standard parameters (..., p)."""
         W = finite(matrix, "regressor")
         if W.ndim == 0 or W.shape[-1] != len(self.parameters):
-            raise DataError(f"regressor needs {len(self.parameters)} columns, not {W.shape}")
+            raise DataError(f"regressor must have {len(self.parameters)} columns, not {W.shape}")
         return np.asarray(W[..., self.base], dtype=np.float64)
 
     def reconstruction_error(self, matrix: FloatArray) -> float:

@@ -205,11 +205,13 @@ def payload(
         "unloaded": recordings(robot, unloaded, mapping, cutoff, rows),
         "loaded": recordings(robot, loaded_log, mapping, cutoff, rows),
     }
-    chosen = chosen_model(robot, model, [*runs["unloaded"], *runs["loaded"]])
-    fitted = force_model(robot, chosen, terms)
+    fitted = force_model(
+        robot, chosen_model(robot, model, [*runs["unloaded"], *runs["loaded"]]), terms
+    )
     if known_mass is None:
-        found = identify_payload(fitted, link=link, **runs, estimator=estimator)
-        report = payload_report(robot, found)
+        report = payload_report(
+            robot, identify_payload(fitted, link=link, **runs, estimator=estimator)
+        )
     else:
         load = KnownLoad(known_mass, None if centre is None else numbers(centre, "--centre", 3))
         gains = drive_gains(fitted, link=link, load=load, **runs, estimator=estimator)

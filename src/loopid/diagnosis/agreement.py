@@ -14,12 +14,11 @@ from scipy.special import stdtr
 
 from loopid.arguments import FloatArray, checked
 from loopid.errors import DataError
+from loopid.findings import FALSE_ALARM
 from loopid.identification.identification import Identification
 from loopid.identification.result import VALUES, Fit
 from loopid.numbers import NORMAL_95
 from loopid.records import Tabular, record
-
-FALSE_ALARM = 0.01  # probability that fits of which only errors differ are said to disagree
 
 
 @record

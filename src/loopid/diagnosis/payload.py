@@ -13,8 +13,9 @@ from loopid.base_parameters.base import BaseParameters, find_base
 from loopid.diagnosis.gains import MotorNumbers, motor_scales
 from loopid.diagnosis.loaded_runs import LoadedRuns
 from loopid.errors import DataError, RankError
-from loopid.findings import Finding
+from loopid.findings import FALSE_ALARM, Finding
 from loopid.identification.consistent import (
+    BALL,
     CONSISTENT,
     error_weights,
     quiet_consistent_fit,
@@ -40,15 +41,11 @@ from loopid.records import record
 from loopid.robot.robot import Robot
 
 PAYLOAD = "payload"
-# Probability that motors are said to disagree which differ by chance, or a mass to be negative.
-FALSE_ALARM = 0.01
 # Relative error of a mass by a motor that is but round-off.
 ROUND_OFF = 1e-6
 # Degrees of freedom of what motors disagree by, at least: of two motors an interval of one degree
 # would say nothing.
 LEAST_KNOWN = 2
-# Radius of the ball that a payload counts as before anything is known, of the robot's length.
-REACH = 0.1
 
 
 @record
@@ -362,7 +359,7 @@ def _solid(runs: LoadedRuns, base: BaseParameters, result: Fit) -> tuple[FloatAr
         mass = max(own, error)
     places = [alone.get(kind) for kind in GRAVITY_KINDS[1:]]
     centre = np.array([0.0 if k is None else x[k] / mass for k in places])
-    guess = from_moments(mass, centre, mass * (REACH * robot.length) ** 2 / 5 * np.eye(3))
+    guess = from_moments(mass, centre, mass * (BALL * robot.length) ** 2 / 5 * np.eye(3))
     standard, covariance = solid_body(x, C, base.matrix, guess)
     return standard, replace(
         result,

@@ -47,7 +47,7 @@ from loopid.findings import Finding
 from loopid.identification.correlation import within_runs
 from loopid.identification.estimator import WorkingFit, result_of
 from loopid.identification.force_models import ForceModel
-from loopid.identification.information import body_sizes, joint_sizes
+from loopid.identification.information import LEAST_MASS, body_sizes, joint_sizes
 from loopid.identification.jackknife import with_scatter
 from loopid.identification.joint_priors import JointPriors
 from loopid.identification.problem import FitProblem, FitSamples
@@ -780,9 +780,8 @@ def _freedom(program: _Program, state: _State, rows: FloatArray) -> FloatArray:
     return np.asarray(np.divide(1.0, squares, out=np.full(len(rows), np.inf), where=squares > 0))
 
 
-# Of the mean mass: what a body has that the file gives a size but no mass; of the robot's length:
-# the radius of bodies of which the file gives none.
-LEAST_MASS, LEAST_REACH = 0.01, 0.1
+# Radius of the ball that a body counts as of which nothing is known, of the robot's length.
+BALL = 0.1
 
 
 def _solid_bodies(force_model: ForceModel) -> tuple[FloatArray, BoolArray]:
@@ -792,7 +791,7 @@ def _solid_bodies(force_model: ForceModel) -> tuple[FloatArray, BoolArray]:
     """
     robot = force_model.robot
     P = pseudo_inertia(robot.standard_parameters("full").reshape(-1, len(KINDS)))
-    unsound, reach = np.zeros(len(P), dtype=bool), LEAST_REACH * robot.length
+    unsound, reach = np.zeros(len(P), dtype=bool), BALL * robot.length
     if not force_model.has_masses:
         ball = np.append(np.full(3, reach**2 / 5), 1.0)
         return np.tile(np.diag(ball), (len(P), 1, 1)), unsound

@@ -171,7 +171,8 @@ class Spectra(NamedTuple):
         for size, own, density in zip(self.sizes, self.each, densities, strict=True):
             twice = np.full(len(density), 2.0 / size)
             twice[[0, -1]] = 1.0 / size, (1.0 + size % 2) / size  # those without a mirror image
-            found += (own * (twice * density) @ own.conj().T).real
+            parts = np.concatenate([own.real, own.imag], axis=1)
+            found += (parts * np.tile(twice * density, 2)) @ parts.T
         return found
 
 

@@ -31,7 +31,7 @@ from scipy.linalg import solve_triangular
 
 from loopid.arguments import BoolArray, FloatArray, checked
 from loopid.errors import DataError, RankError
-from loopid.findings import Finding, WithFindings
+from loopid.findings import FALSE_ALARM, Finding, WithFindings
 from loopid.identification.correlation import (
     Autoregression,
     burg_covariances,
@@ -83,9 +83,6 @@ SLIP = 0.1
 LEAST, CLEAR, ALONE = 0.2, 2.0, 6.0
 # Half of an interval in s from which on it excludes no possible delay: slow motions.
 VAGUE = 0.05
-# False-alarm probability of the test that all motors share one delay; beyond it the interval
-# of the common one is wider by as much as they differ.
-CHANCE = 0.01
 # Deviation in s of delays, or a step of the log where that is less: so much is held for possible
 # where the data do not determine it.
 USUAL = 0.01
@@ -730,7 +727,7 @@ def _disagreement(delays: FloatArray, errors: FloatArray) -> float:
         return 1.0
     mean = np.average(delays, weights=errors**-2)
     square = float((((delays - mean) / errors) ** 2).sum())
-    return float(np.sqrt(square / freedom)) if square > chdtri(freedom, CHANCE) else 1.0
+    return float(np.sqrt(square / freedom)) if square > chdtri(freedom, FALSE_ALARM) else 1.0
 
 
 def _beside_slip(

@@ -19,6 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from loopid.arguments import FloatArray, checked
+from loopid.findings import EVIDENCE
 from loopid.identification.consistent import (
     consistent_parameters,
     error_weights,
@@ -54,8 +55,6 @@ LEAST_LOAD = 0.1
 LEAST_ROWS = 5
 # Fits that find bodies, load friction and the size of errors together, before anything is dropped.
 ROUNDS = 2
-# Logarithm of how much likelier the data are with a group that is clearly there: twenty times.
-CLEARLY = 3.0
 # Terms of a group that the data determine, below which it has no effect.
 NO_EFFECT = 0.01
 
@@ -251,7 +250,7 @@ def _asked(
         gone = {name for name, group in names.items() if determined[group] < NO_EFFECT}
         asked = {name: evidence[group] for name, group in names.items() if name not in gone}
         least = min(asked, key=asked.__getitem__, default="")
-        if least and asked[least] < CLEARLY:
+        if least and asked[least] < EVIDENCE:
             gone.add(least)
         left[joint] = tuple(kind for kind in own if _group(kind) not in gone)
     return {joint: own for joint, own in left.items() if own}
@@ -274,7 +273,7 @@ def _group(kind: str) -> str:
 def friction_findings(fit: Fit) -> list[tuple[str, str]]:
     """What friction a fit has beside Coulomb and viscous friction, and of which joints."""
     groups, summary = fit.term_deviations, friction_summary(fit)
-    clear = () if groups is None else np.flatnonzero(groups.evidence >= CLEARLY)
+    clear = () if groups is None else np.flatnonzero(groups.evidence >= EVIDENCE)
     parted = [groups.names[k].rpartition(": ")[::2] for k in clear] if groups else []
 
     said = {

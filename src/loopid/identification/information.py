@@ -39,8 +39,6 @@ INVOLVED = 1e-3
 HARDLY_MOVED = 1e-3
 # Relative difference of norms that are the same but for round-off: the first one is taken.
 TIE = 1e-6
-
-
 # Of the mean mass and of the characteristic length: bodies count as at least so heavy and large.
 LEAST_MASS, LEAST_REACH = 0.01, 0.01
 

@@ -19,6 +19,7 @@ from scipy.linalg.lapack import dpotrf, dtrtri
 
 from loopid.arguments import FloatArray, IntArray, row_blocks
 from loopid.errors import DataWarning, warn
+from loopid.findings import FALSE_ALARM
 from loopid.identification.estimator import WorkingFit
 from loopid.identification.result import Fit
 from loopid.records import record
@@ -26,7 +27,6 @@ from loopid.workers import one_blas_thread
 
 LEAST_GROUPS = 3  # whose scatter counts
 MOST_SHARE = 1.0 - 1e-6  # of a combination of parameters that one group may determine
-FALSE_ALARM = 0.01  # probability that a user is warned of a scatter that is chance
 # Probability of as much scatter of regions by chance, up to which it is chance. Groups that inform
 # much scatter too much; by the root of that more is required. So intervals of right models are a
 # fifth wider than errors within recordings make them, not a third, and hold as often where forces

@@ -22,7 +22,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray, checked
 from loopid.errors import first_of
-from loopid.findings import Finding
+from loopid.findings import EVIDENCE, Finding
 from loopid.identification.evidence import Evidence, Explanation, Undone
 from loopid.identification.force_models import parted
 from loopid.identification.log_timing import held_values, late_by_seconds
@@ -40,9 +40,6 @@ from loopid.workers import one_blas_thread
 TRIED, ZOOMS, STEPS = 7, 2, 2
 CLOSELY = 6  # mistakes of positions that are looked at closely
 ROUNDS = 3  # mistakes one after the other
-# Logarithm of the ratio of evidences, less that of the number of motors whose mistake it may be,
-# from which on one of two is right: one in twenty.
-EVIDENCE = 3.0
 # Part of the forces, less friction, that may be left of a motor once its mistake is undone: a robot
 # file that explains no shape shows no mistake. Less of a factor that nobody has a cause for: a
 # missing force has any.

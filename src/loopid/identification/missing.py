@@ -24,7 +24,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray
 from loopid.errors import first_of
-from loopid.findings import Finding, Severity
+from loopid.findings import FALSE_ALARM, Finding, Severity
 from loopid.identification.correlation import (
     Autoregression,
     Spectra,
@@ -43,7 +43,6 @@ from loopid.records import record
 from loopid.robot.robot import position_of
 from loopid.workers import one_blas_thread
 
-CHANCE = 0.01  # that any force is called clear, or one alone likely, in data where none is missing
 ONE_OF_ALL = 0.05  # chance of a motor's own force, from which on what is clear of all is its, too
 HIDDEN = 2.0  # standard errors of a spring's stiffness within which it does not show
 HIDES = 10.0  # standard errors of an estimate that such a one moves it by at least to be named
@@ -289,10 +288,10 @@ def _wrong_length(
         return None
     place = min(tried, key=lambda each: tried[each].chance)
     best = tried[place]
-    least = best.chance if best.chance >= CHANCE else test.confirmed(best.columns)
-    if (least := len(tried) * least) >= CHANCE:
+    least = best.chance if best.chance >= FALSE_ALARM else test.confirmed(best.columns)
+    if (least := len(tried) * least) >= FALSE_ALARM:
         return None
-    clear = families * least < CHANCE
+    clear = families * least < FALSE_ALARM
     return test.missing(
         best,
         motor="",
@@ -376,8 +375,12 @@ class _Test:
             for own, size in rows
         ]
         self.runs = [run_lengths(used, samples.pieces) for used in samples.used.T]
-        none = Spectra.of(np.zeros((0, len(samples))), samples.pieces)
-        self.densities = [none.densities(model) for model in self.models]
+        # (dof, n, n), covariances of what errors of each motor do to the estimates.
+        self.sums = np.zeros((len(self.models), n, n))
+        for i, model in enumerate(self.models):
+            if model.variance > 0:
+                spectra = Spectra.of(self.columns[:, i].T, samples.pieces)
+                self.sums[i] = spectra.covariance(spectra.densities(model))
 
     def of(self, columns: FloatArray) -> _Tested:
         """Test columns (N, dof, k)."""
@@ -392,24 +395,21 @@ class _Test:
         if not (sizes > 0).all() or np.linalg.eigvalsh(G / np.outer(sizes, sizes))[0] < DEPENDENT:
             return _Tested(columns, 1.0, np.zeros(k), np.zeros(k), np.zeros(n))
         s = np.einsum("nik,ni->k", c, self.residual[:, own])
-        beside = -(self.columns @ turned)  # (N, dof, k)
-        beside[:, own] += c
+        beside = c - self.columns[:, own] @ turned
         # Errors are what is left with the columns.
-        left, models = self.residual - beside @ np.linalg.solve(G, s), list(self.models)
-        V = np.zeros((k, k))
-        for i, model in enumerate(models):
-            spectra, densities = Spectra.of(beside[:, i].T, pieces), self.densities[i]
-            if i in own:
-                covariances = burg_covariances(left[:, i], self.runs[i])
-                models[i] = model = Autoregression.of_covariances(covariances)
-                densities = spectra.densities(model)
+        left, orders = self.residual[:, own] - beside @ np.linalg.solve(G, s), []
+        V = turned.T @ np.delete(self.sums, own, axis=0).sum(axis=0) @ turned
+        for row, i in enumerate(own):
+            model = Autoregression.of_covariances(burg_covariances(left[:, row], self.runs[i]))
+            orders.append(model.order)
             if model.variance > 0:
-                V += spectra.covariance(densities)
+                spectra = Spectra.of(beside[:, row].T, pieces)
+                V += spectra.covariance(spectra.densities(model))
         if self.prior is not None:
             moved = self.prior @ turned
             V += moved.T @ moved
         counts = self.used[:, own].sum(axis=0)
-        freedom = sum(counts / [max(2 * models[i].order, 1) for i in own]) - k
+        freedom = sum(counts / [max(2 * order, 1) for order in orders]) - k
         weighed = np.linalg.solve(V, np.column_stack([s, G]))
         F = float(s @ weighed[:, 0]) / k
         # A force is hardly larger than the whole one.
@@ -556,9 +556,9 @@ class _Search:
             if count >= ROWS * columns.shape[2]:
                 tried.append(_Tried(law, number, kinds * self.families, self.test.of(columns)))
         best = min(tried, key=lambda one: self._chance(one, one.found.chance), default=None)
-        if best is not None and self._chance(best, best.found.chance) < CHANCE:
+        if best is not None and self._chance(best, best.found.chance) < FALSE_ALARM:
             chance = self._chance(best, self.test.confirmed(best.found.columns))
-            if chance < CHANCE:
+            if chance < FALSE_ALARM:
                 return [self._missing(motor, best, chance, "clear")]
         springs = (one for one in tried if one.law.term and one.found.x.all())
         return [self._doubtful(motor, one) for one in springs]
@@ -567,7 +567,7 @@ class _Search:
         """A spring that is not clear: likely, or as much of it as would not show."""
         chance, confirmed = one.found.chance, self.test.confirmed
         likely = self.together[one.law.said] < LIKELY
-        if likely or (chance < CHANCE and confirmed(one.found.columns) < CHANCE):
+        if likely or (chance < FALSE_ALARM and confirmed(one.found.columns) < FALSE_ALARM):
             return self._missing(motor, one, chance, "likely")
         times = HIDDEN * one.found.errors / one.found.x
         hidden = one.found._replace(x=times * one.found.x, bias=times * one.found.bias)

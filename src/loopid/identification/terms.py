@@ -18,6 +18,7 @@ import numpy as np
 
 from loopid.arguments import FloatArray, checked
 from loopid.errors import DataError, RankError
+from loopid.findings import FALSE_ALARM
 from loopid.identification.estimates import LEAST_FREEDOM
 from loopid.identification.estimator import LEAST_EXCITATION, scaled_svd
 from loopid.identification.fitting import quiet_fit
@@ -30,9 +31,8 @@ from loopid.workers import one_blas_thread
 OFFSET = "Fo"
 # Part of the effect of an offset that other parameters must not make up for: less is round-off.
 OWN_EFFECT = 1e-4
-# Probability that any motor keeps a badly known offset where none has; standard error, relative to
-# the motor's force, up to which an offset is well determined.
-FALSE_ALARM, KNOWN_OFFSET = 0.01, 0.05
+# Standard error, relative to the motor's force, up to which an offset is well determined.
+KNOWN_OFFSET = 0.05
 
 
 @checked

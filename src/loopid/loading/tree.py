@@ -152,7 +152,8 @@ def _locks(source: TreeSource, names: Iterable[str]) -> dict[str, Chain]:
                 given=name,
             )
         left[joint] = left.get(joint, "XYZ").replace(TURNS[turn], "")
-    OptionError.require("joint to lock", whole, joints)
+    for name in whole:
+        OptionError.require("joint to lock", name, joints)
     return {joint: _hinges(axes) for joint, axes in left.items()} | dict.fromkeys(whole, ())
 
 

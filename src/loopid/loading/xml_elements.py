@@ -58,7 +58,9 @@ def parsed_xml(content: bytes, whole: bool = False) -> Element:
     names = [] if declared is None else [str(entity.name) for entity in declared.iterentities()]
     names += [str(entity.text)[1:-1] for entity in root.iter(etree.Entity)]
     if names:
-        raise RobotFileError(f"XML entities are not read: write out &{names[0]:.60};")
+        raise RobotFileError(
+            f"XML entities are not read: write out what &{names[0]:.60}; stands for"
+        )
     return root
 
 

@@ -299,7 +299,8 @@ def _both_changes(log: Log, k: int, rates: FloatArray, order: int) -> tuple[Floa
 def require_known_motion(robot: Robot, free: Collection[str] = ()) -> None:
     """Refuse robots whose configuration does not follow from the motors and these free joints."""
     known = measurable(robot)
-    OptionError.require(f"free joint of {robot.name}", free, known)
+    for name in free:
+        OptionError.require(f"free joint of {robot.name}", name, known)
     determined = robot.coordinates_of(free)
     left = [name for name in robot.free if name not in determined]
     if left:

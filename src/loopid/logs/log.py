@@ -251,7 +251,8 @@ class Log(Tabular):
         <Log 'swing': 200 samples of crank_joint over 1.99 s in 1 segment>
         """
         joints, units = tuple(joints), units or {}
-        OptionError.require("quantity with a unit", units, UNITS)
+        for quantity in units:
+            OptionError.require("quantity with a unit", quantity, UNITS)
         at = _row(time, repeated=True) * _unit("time", units.get("time")).scale
         given = dict(zip(QUANTITIES, (position, force, velocity, acceleration), strict=True))
         signals, slides = dict[str, FloatArray](), dict[str, bool]()
@@ -516,7 +517,8 @@ def _by_joint(given: Any, joints: Sequence[str], default: Any = None) -> list[An
     """What is given for all or by joint, in the order of the joints."""
     if not isinstance(given, Mapping):
         return [given] * len(joints)
-    OptionError.require("joint", given, joints)
+    for name in given:
+        OptionError.require("joint", name, joints)
     return [given.get(joint, default) for joint in joints]
 
 

@@ -144,7 +144,9 @@ def read_streams(
 ) -> list[Stream]:
     """The streams of the motors, that of the first position first; of it, only some ``rows``."""
     if rows is not None and (rows[0] < 1 or (rows[1] is not None and rows[1] < rows[0])):
-        raise OptionError(f"rows are counted from 1, first to last, not {rows}", given=rows)
+        raise OptionError(
+            f"rows must be counted from 1, the first before the last, not {rows}", given=rows
+        )
     log = open_log(path, mapping)
     source = str(path)
     finder = ColumnFinder(source, log.columns(), mapping, log.ordered, log.choice)

@@ -100,8 +100,8 @@ def forces_chart(
     if file is not None:
         predictions = {"file": ("the robot file", file), **predictions}
     chosen = run.actuators if motors is None else motors
-    OptionError.require("motor", chosen, run.actuators)
     for motor in chosen:
+        OptionError.require("motor", motor, run.actuators)
         k = run.actuators.index(motor)
         used, force, unit = run.used[:, k], run.force[:, k], force_unit(robot, motor)
         first, end = segments(~used).T

@@ -143,11 +143,12 @@ def payload_report(robot: Robot, found: PayloadFit) -> Report:
 
     Examples
     --------
-    >>> import loopid
+    >>> import dataclasses, loopid
     >>> robot = loopid.load("five_bar")
     >>> run = loopid.prepare(robot, loopid.read_log("urdf/logs/five_bar.csv", robot))
     >>> model = loopid.force_model(robot, "gravity", "Fc,Fv")
-    >>> found = loopid.identify_payload(model, run, run, link="left_coupler")
+    >>> loaded = dataclasses.replace(run, force=1.1 * run.force)
+    >>> found = loopid.identify_payload(model, run, loaded, link="left_coupler")
     >>> loopid.report.payload_report(robot, found).name
     'payload'
     """
