@@ -1,6 +1,7 @@
 """One voice for what does not fit a form: line, keys, value, choices, what was meant."""
 
 from ast import literal_eval
+from shutil import copy
 
 import pytest
 
@@ -167,3 +168,15 @@ def test_unknown_terms_are_refused_when_options_are_made():
             loopid.FitOptions(terms=terms)
     for terms in ("none", "auto; elbow: Ks@0.2", "Fc,Fv; passive: Fv", "file", ""):
         assert loopid.FitOptions(terms=terms).terms == terms
+
+
+def test_a_word_that_stands_twice_is_placed_where_it_is_wrong(tmp_path):
+    for ending in ("urdf", "yaml"):
+        copy(loopid.loading.bundled_directory() / f"five_bar.{ending}", tmp_path)
+    file = tmp_path / "five_bar.yaml"
+    motors = "name_mot: [left_crank_joint, right_crank_joint]"
+    text = file.read_text().replace(motors, "name_mot: [left_crank_joint, right_coupler_end]")
+    file.write_text(text)
+    line = text[: text.index("name_mot")].count("\n") + 1
+    with pytest.raises(RobotFileError, match=f"line {line}, name_mot.1: unknown joint 'right_coup"):
+        loopid.load(file)

@@ -68,7 +68,7 @@ def line_of(path: Path, keys: Sequence[Any]) -> int | None:
 def placing(path: Path, but: Sequence[str] = ()) -> Iterator[None]:
     """Name the line and the keys in a YAML file of what is refused inside.
 
-    An error gives the ``keys`` that lead there, or as ``given`` the word that stands there. What
+    An error gives the ``keys`` that lead there, or as ``given`` a word that stands there once. What
     is below the keys ``but`` was given otherwise.
     """
     try:
@@ -80,8 +80,8 @@ def placing(path: Path, but: Sequence[str] = ()) -> Iterator[None]:
             raise
         if keys is None and isinstance(word, str):
             node = YAML(typ="safe", pure=True).compose(path.read_text("utf-8"))
-            found = (each for each in _words(node) if each.text == word)
-            keys = next((each.keys for each in found), None)
+            found = [each.keys for each in _words(node) if each.text == word]
+            keys = found[0] if len(found) == 1 else None  # of several it may be another one
         if not keys or keys[0] in but or (line := line_of(path, keys)) is None:
             raise
         key, said = ".".join(map(str, keys)), str(error).removeprefix(f"{path}: ")

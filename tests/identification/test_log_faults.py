@@ -137,6 +137,14 @@ def test_a_mistake_is_called_by_its_cause(runs, name, spoil, words, advice):
     assert len(f"mistake: {found.brief}") <= 2 * 80
 
 
+def test_one_motor_may_have_either_sign_wrong(runs):
+    """Of a single motor a turned position looks like a turned force: both remedies are named."""
+    (found,) = runs("four_bar", 0, times(-1.0)).mistakes
+    assert found.title == "the force of crank_joint has the wrong sign"
+    for remedy in ("force_scale: {crank_joint: -1}", "position_scale: {crank_joint: -1}"):
+        assert remedy in found.do
+
+
 def moved(offset, column):
     def spoil(position, force):
         position[:, column] += offset

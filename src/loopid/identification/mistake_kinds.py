@@ -101,6 +101,7 @@ class _Mistaken(NamedTuple):
     length: float  # in this unit, that zeros are in
     scales: dict[str, float]  # of forces now, by motor
     rate: float | None  # of the log in Hz
+    alone: bool  # whether the robot has no other motor
 
     @property
     def listed(self) -> str:
@@ -134,6 +135,8 @@ class _Mistaken(NamedTuple):
 
 def _force(one: _Mistaken) -> Called:
     do = one.scale("force_scale", one.scales)
+    if one.alone and one.cause == (-1.0, WRONG_SIGN):  # turned positions look alike
+        do += f", or position_scale: {{{one.listed}: -1}} where it is its position that is turned"
     return _scaled(one, f"the force of {one.listed}", "has", "is", "its", do)
 
 
@@ -256,5 +259,6 @@ def called(
             *model.unit(motors[0]),
             scales,
             None if log is None else log.rate(max(log.parts(), key=lambda p: p.stop - p.start)),
+            len(model.names) == 1,
         )
     )

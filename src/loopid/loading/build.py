@@ -13,7 +13,7 @@ import pinocchio as pin
 from loopid.errors import MobilityError, ModelWarning, OptionError, RobotFileError, naming, warn
 from loopid.loading.checks import warn_of_findings
 from loopid.loading.description import Description, merged
-from loopid.loading.model_closures import find_closures, find_couplings, frame_named, joint_named
+from loopid.loading.model_closures import find_closures, find_couplings, frame_named
 from loopid.loading.reference import close_reference, with_lengths
 from loopid.loading.tree import TreeSource, build_tree, written_reference
 from loopid.loading.undeclared import undeclared_loops
@@ -116,7 +116,12 @@ def _motors(where: object, tree: TreeSource) -> tuple[str, ...]:
     parts = (part for name in left for part in tree.replaced.get(name, (name,)))
     motors = [part for part in parts if part not in tree.locked]
     for name in motors:
-        joint_named(model, name, "among the motors")
+        if name not in joints:
+            listed = tree.description.name_mot
+            at = (listed.index(name),) if isinstance(listed, list) and name in listed else ()
+            raise RobotFileError.unknown(
+                "joint", name, joints, " among the motors", keys=("name_mot", *at)
+            )
     if not motors:
         raise MobilityError(
             f"{where}: no joint has a motor, so no force would be known: choose motors among "
