@@ -64,6 +64,9 @@ TABLES = {
         **{"with gravity": "{µs gravity:2}", "with forces": "{µs forces:2}"},
         **{"Python, µs": "{µs in Python:2}", "difference": "{largest difference:1}"},
     },
+    "logs.py --samples 10000 1000000 --jobs 1: logs": {
+        **{"log": "{log}", "rows": "{samples:,}", "fitted": "{fitted:,}", "MB": "{peak_MB:3}"},
+    },
     f"{PAYLOAD}: payloads": {
         **{"model": "{model}", "mass, kg": "{mass:3}", "95 %": "{from:3} to {to:3}"},
         **{name: f"{{{joint}}}" for name, joint in JOINTS.items()},

@@ -4,10 +4,10 @@
                               db3 mcap] [--every] [--json FILE]
 
 A simulated run of the 3UPS+RPU, with friction and noise, is written as a log. A process of its own
-reads it, identifies base parameters and friction with their intervals, and tells how much memory
+reads it, identifies base parameters and friction with their intervals, and says how much memory
 it took at most (1 GB is allowed for 1,000,000 samples), and how long. The first row is a process
 that imports loopid and finds the base parameters, without a log. By default as many samples are
-fitted as the filter's cut-off asks for; with --every all of them are.
+fitted as the filter's cut-off needs; with --every all of them are.
 """
 
 from __future__ import annotations

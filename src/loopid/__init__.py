@@ -1,9 +1,9 @@
 """Identification of the dynamics of robots with closed kinematic loops.
 
 A robot is a URDF of its open tree, loop closures and motors. Its base parameters are the
-combinations of masses, first moments and inertias that the motors' forces depend on. loopid proves
-which way of writing them is best conditioned. Logged positions and forces give their values, with
-95 % intervals, and the friction of the joints. Units are SI.
+combinations of masses, first moments and inertias that the motors' forces depend on. An exact
+search proves which way of writing them is best conditioned. Logged positions and forces give their
+values, with 95 % intervals, and the friction of the joints. Units are SI.
 
 >>> robot = loopid.load("five_bar")
 >>> found = loopid.identify(robot, "urdf/logs/five_bar.csv")

@@ -202,7 +202,9 @@ def _samples(matrix: FloatArray, width: int) -> FloatArray:
     """Samples (N, dof, n); those of a matrix that is stacked already have one row each."""
     W = finite(matrix, "observation matrix")
     if W.ndim not in (2, 3) or W.shape[-1] != width:
-        raise DataError(f"the observation matrix has {width} columns, not {W.shape}", given=W.shape)
+        raise DataError(
+            f"the observation matrix must have {width} columns, not shape {W.shape}", given=W.shape
+        )
     return W if W.ndim == 3 else W[:, None]
 
 

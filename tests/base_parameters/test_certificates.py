@@ -176,6 +176,23 @@ def test_what_round_off_could_decide_is_not_certified_and_the_reason_is_named():
     assert (found.certified, found.reason, found.gap) == (False, "round-off", np.inf)
 
 
+def test_each_further_attempt_has_four_times_the_nodes(monkeypatch):
+    """So what fails costs at most a few times as much as what decides."""
+    asked, part = [], Budget.part
+
+    def spied(budget, nodes):
+        asked.append(nodes)
+        return part(budget, nodes)
+
+    monkeypatch.setattr(Budget, "part", spied)
+    vectors = np.random.default_rng(0).standard_normal((20, 8))
+    found = ExactSearch(SearchOptions(nodes=1)).search(ChoiceProblem(structure(vectors)))
+    assert found.certified
+    attempts = sorted({*asked})
+    assert attempts == [4**k for k in range(len(attempts))]
+    assert len(attempts) > 2
+
+
 def test_the_answer_does_not_depend_on_where_the_search_starts():
     """A certified choice is a property of the problem: other guesses and efforts end there too.
 

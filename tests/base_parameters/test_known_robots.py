@@ -23,7 +23,7 @@ ROWS = table("URDF", "motors", "full", "gravity")
 for each in ROWS:  # a file, and options behind it
     each["URDF"], _, each["options"] = each["URDF"].partition("` `")
 SMALL = 12  # motors of robots whose best choice is proven within a second
-ORDINARY = ("ur5_robot.urdf", "panda.urdf", "solo12.urdf", "talos_full_v2.urdf")
+ORDINARY = ("ur5_robot.urdf", "panda.urdf", "solo12.urdf")
 TALOS = "talos_data/robots/talos_full_v2.urdf"
 FOLLOWERS = 12  # six links of either gripper, moved by the motor of a seventh
 

@@ -62,7 +62,7 @@ def test_neither_the_order_nor_the_choice_of_motors_decides(load_files):
         assert np.abs(apart).max() < 1e-9
 
 
-@pytest.mark.parametrize(("name", "count"), [("five_bar", 2), ("four_bar", 4)])
+@pytest.mark.parametrize(("name", "count"), [("five_bar", 2), ("four_bar", 3)])
 def test_copies_side_by_side_know_as_much_as_each(name, count, tmp_path, load_once):
     single = load_once(name)
     together = loopid.load(copies(bundled_directory() / f"{name}.yaml", count, tmp_path))
@@ -110,7 +110,7 @@ SMALL = '<inertial pos="0 0 0" mass="0.001" diaginertia="1e-7 1e-7 1e-7"/>'
 LARGE = '<inertial pos="0.03 0.01 0.1" mass="2" diaginertia="0.02 0.018 0.006"/>'
 
 
-@pytest.mark.parametrize("ratio", [1.0, 30.0, 1000.0])
+@pytest.mark.parametrize("ratio", few_of([1.0, 30.0, 1000.0], 30.0))
 def test_motors_behind_gears_of_any_ratio_feel_as_much(ratio, tmp_path):
     """Weight and inertia of two links (6), three terms of friction and a rotor of each motor."""
     pytest.importorskip("mujoco", reason="needs pip install 'loopid[mjcf]'")

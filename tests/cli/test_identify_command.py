@@ -14,6 +14,7 @@ from closure_robots import chain, files
 from loopid import JointTerms
 from loopid.cli.logs import excite_command
 from loopid.identification import load_fit
+from loopid.identification.data import read
 from loopid.report import identification_report
 from made_runs import logged, one_joint, quietly, wander
 
@@ -471,3 +472,5 @@ def test_a_joint_is_locked_where_the_log_has_it(run, write_files, tmp_path):
     record = json.loads(done.out)
     assert record["fit"]["robot"]["options"]["lock"] == ["joint1=0.5"]
     assert "--lock joint1 " in f"{record['advice']} "  # --after has it where the log has
+    locked, _ = quietly(read, quietly(loopid.load, path, lock=["joint1"]), str(log))
+    assert locked.options["lock"] == ("joint1=0.5",)

@@ -143,6 +143,14 @@ def test_exact_rows_do_not_drown_the_others(model_of, fallen, name, noise):
     assert errors.max() < 0.1 * noise
 
 
+@pytest.mark.parametrize("name", ["pendulum", "rod"])
+def test_exact_rows_count_as_known_to_a_ten_thousandth_of_their_terms(model_of, fallen, name):
+    model = model_of(name)
+    samples = model.samples(fallen(name, 1))
+    terms = np.sqrt(((samples.regressor * model.prior) ** 2).sum(axis=2).mean(axis=0))
+    np.testing.assert_allclose(samples.least_errors, [0.0, 1e-4 * terms[1]])
+
+
 def test_rows_with_errors_of_the_motion_count_by_these(model_of, fallen):
     # What acceleration sensors get wrong is more than round-off, and weighs accordingly.
     model, generator = model_of("pendulum"), np.random.default_rng(3)

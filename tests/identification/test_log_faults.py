@@ -16,6 +16,7 @@ from loopid import JointTerms, read_log
 from loopid.files import csv_text
 from loopid.findings import PAGE
 from loopid.identification import log_faults
+from loopid.identification.log_mistakes import _Find
 from loopid.identification.log_timing import late_by_seconds
 from loopid.kinematics import measured_coordinates
 from loopid.logs import FilterOptions, LogMapping, Recording
@@ -429,3 +430,9 @@ def test_a_base_that_is_not_mounted_as_the_file_has_it_is_named(mounted, gravity
     advised = map(float, re.search(r"gravity: \[(.*)\]", found.do)[1].split(","))
     assert tuple(advised) == pytest.approx(gravity, abs=1e-3)
     assert suspected(hung) == ()
+
+
+@pytest.mark.parametrize(("reach", "worth"), [(4.5, True), (5.5, False)])
+def test_no_size_is_named_whose_interval_is_wider_than_itself(reach, worth):
+    found = _Find("ratio", (0,), after=None, evidence=0.0, size=10.0, reach=reach)
+    assert found.worth(None) == worth

@@ -319,9 +319,10 @@ def test_positions_whose_exchange_would_close_all_loops_are_named(knee):
 
 
 def test_a_log_of_another_robot_does_not_assemble(knee, log):
-    position = log.position + np.array([0.0, 0.0, 0.0, 0.1])
-    with pytest.raises(AssemblyError, match=r"run: the loops do not close in 391 of 391 samples"):
-        prepared(knee, altered(log, position=position))
+    short = altered(log, slice(0, 500))
+    position = short.position + np.array([0.0, 0.0, 0.0, 0.1])
+    with pytest.raises(AssemblyError, match=r"run: the loops do not close in (\d+) of \1 samples"):
+        prepared(knee, altered(short, position=position))
 
 
 def test_near_a_singularity_samples_are_left_out(knee, log, truth):

@@ -23,7 +23,7 @@ from mujoco_rank import Oracle, positions, rates
 
 COUNT = 12
 AXES = {"x": "x", "y": "y", "z": "z", "roll": "rx", "pitch": "ry", "yaw": "rz"}
-RUNS = 20
+RUNS = 12
 # Cables, freedoms, base parameters of a body that cannot turn; two links; and one flying.
 COUNTS = {"plane": (4, 2, 1, 1), "finger": (3, 2, None, None), "hanging": (8, 6, 10, 4)}
 

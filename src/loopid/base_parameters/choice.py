@@ -47,7 +47,8 @@ class SearchOptions:
         Choices whose condition numbers differ by less than this fraction are ties. Round-off may
         ask for more; what was used is returned.
     nodes : int
-        Nodes of each rule for a box at the first attempt, four times as many at each further one.
+        Nodes of each rule for a box at the first attempt, four times as many at each further one
+        and for the ties of a block.
     ties : int
         Ties of a block that are listed at most: the most readable is chosen.
         Where there are more, the dependent columns that come first decide.

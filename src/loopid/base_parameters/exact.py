@@ -49,7 +49,6 @@ from loopid.records import record
 MORE_NODES = 4  # factor of the nodes of each rule at every further attempt
 # Ends of the interval that are this close are worth no further question, or need no middle.
 FINENESS, NEAR = 1e-2, 1.05
-TIE_NODES = 4096  # for the ties of a block
 
 Selections = list[IntArray]
 
@@ -356,7 +355,7 @@ def _listed(
     """
     if block.size == block.count:
         return [np.arange(block.size)], False
-    part = budget.part(TIE_NODES)
+    part = budget.part(options.nodes * MORE_NODES)
     found = selections_between(block, *levels.box(2 * tolerance), part)
     try:
         listed = list(islice(found, options.ties + 1))

@@ -40,6 +40,7 @@ from loopid.identification.correlation import (
 )
 from loopid.identification.cutoff import CutoffChoice, choose_cutoff
 from loopid.identification.estimator import (
+    UNKNOWN,
     WorkingFit,
     excited_combinations,
     require_rows,
@@ -66,9 +67,7 @@ LONGEST, PART, TRIED = 0.25, 0.05, 51
 # Rounds in which weights follow from residuals: more change them by a few per cent. Iterations of
 # Newton's method at most.
 ROUNDS, ITERATIONS = 2, 15
-# Singular value of the scaled regressor, relative to the largest, below which a combination of its
-# columns is ignored; the same of what a delay does beside them. Least error of the forces.
-KNOWN, PRECISION = 1e-6, 1e-8
+PRECISION = 1e-8  # least error of the forces
 # Parts of time that count as recordings of their own. Errors of positions from a coarse encoder
 # gather where the motion turns back and friction jumps, which informs most of a delay: estimates
 # scatter between parts more than their autocorrelation predicts.
@@ -76,8 +75,6 @@ BLOCKS = 20
 # Forces at most that are looked at in a band wider than the motion's: this many take a second. The
 # narrowest band, relative to that.
 MOST, LOWEST = 12_000, 0.7
-# Deviation of the force of an element of Maxwell slip, relative to that of its motor.
-SLIP = 0.1
 # A delay is clear from this many steps of the log on, and times half of its 95 % interval;
 # of a motor that differs from the others, for which its delay is undone alone, this many times.
 LEAST, CLEAR, ALONE = 0.2, 2.0, 6.0
@@ -479,7 +476,7 @@ class _Forces:
         )
         samples = replace(FitSamples.combined(list(drives)), used=np.all(used, axis=0))
         require_rows(samples.problem)
-        combined = excited_combinations(samples, KNOWN)
+        combined = excited_combinations(samples, UNKNOWN)
         numbers = np.arange(len(combined)) * BLOCKS // len(combined)
         self.samples = replace(combined, runs=numbers)
         self.slips = _of_slip(self.samples, recordings)
@@ -574,7 +571,7 @@ class _Search:
         columns = self._left_of(slopes / sizes)
         measured = self._measured(force, len(shifts)) / sizes
         left = self._left_of(force[:, :, None])[:, 0]
-        change = np.linalg.lstsq(columns.T @ measured, columns.T @ left, rcond=KNOWN)[0]
+        change = np.linalg.lstsq(columns.T @ measured, columns.T @ left, rcond=UNKNOWN)[0]
         return change / sizes, left - measured @ change
 
     def _measured(self, force: FloatArray, count: int) -> FloatArray:
@@ -612,7 +609,7 @@ class _Search:
         columns = self.slopes(force, len(shifts))
         sizes = np.linalg.norm(self._rows(columns), axis=(0, 1))
         left = self._left_of(columns)
-        known = np.linalg.norm(left, axis=0) > KNOWN * sizes
+        known = np.linalg.norm(left, axis=0) > UNKNOWN * sizes
         errors = np.full(len(shifts), np.inf)
         if not known.any():
             return errors, np.inf
@@ -628,7 +625,7 @@ class _Search:
         scale = np.ptp(result.intervals()[width:], axis=1) / 2 / NORMAL_95 / np.sqrt(np.diag(C))
         # What is measured of a column alone counts: its noise of positions has no information.
         counts = left.T @ self._measured(force, len(shifts))[:, known]
-        if np.linalg.cond(counts / np.outer(sizes[known], sizes[known])) > 1 / KNOWN:
+        if np.linalg.cond(counts / np.outer(sizes[known], sizes[known])) > 1 / UNKNOWN:
             return errors, np.inf
         change = np.linalg.solve(counts, left.T @ left)
         C = change @ C @ change.T
@@ -733,11 +730,14 @@ def _disagreement(delays: FloatArray, errors: FloatArray) -> float:
 def _beside_slip(
     samples: FitSamples, slips: Mapping[int, FloatArray]
 ) -> tuple[FitSamples, FloatArray]:
-    """Samples beside Maxwell slip of motors, and rows of a prior of all columns."""
+    """Samples beside Maxwell slip of motors, and rows of a prior of all columns.
+
+    The deviations of all elements together are the force of their motor.
+    """
     width, force = samples.regressor.shape[2], samples.problem.force_rms
     if not slips:
         return samples, np.zeros((0, width))
-    deviations = np.repeat(SLIP * force[list(slips)], ELEMENTS)
+    deviations = np.repeat(force[list(slips)] / ELEMENTS, ELEMENTS)
     prior = np.eye(len(deviations), width + len(deviations), width) / deviations[:, None]
     return samples.beside("slip", np.concatenate(list(slips.values()), axis=2)), prior
 

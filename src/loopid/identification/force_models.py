@@ -16,7 +16,7 @@ from loopid.base_parameters.base import BaseParameters, find_base
 from loopid.base_parameters.choice import KeptChoice, SearchStrategy
 from loopid.errors import DataError, ModelWarning, OptionError, warn
 from loopid.identification.leaving_out import regions_of
-from loopid.identification.problem import FitSamples
+from loopid.identification.problem import ROUND_OFF, FitSamples
 from loopid.kinematics.projection import ClosedMotion, closed_motion, project
 from loopid.kinematics.sampling import random_configurations, random_motions
 from loopid.logs.recording import Recording
@@ -46,8 +46,6 @@ USUAL_TERMS = {"gravity": "Fc,Fv,Fo,file", "full": "Fc,Fv,Fo,Ia,file"}
 # Rows "= 0" of free coordinates count as known to this part of their terms, not to round-off:
 # weighted by what is left of them, they would drown the rows of the motors.
 LEAST_ERROR = 1e-4
-# Part of the largest regressor entry below which a row is round-off: no mass takes part in it.
-SILENT = 1e-10
 # Random states of the robot: at least this many, and this many rows for each column.
 LEAST_STATES, ROWS_PER_COLUMN = 60, 3
 FEW = 5  # states that decide whether closures are redundant
@@ -364,7 +362,8 @@ class ForceModel:
         if free.any():
             largest = np.abs(W).max(axis=(0, 2))
             squares = ((W * self.prior) ** 2).sum(axis=(0, 2))
-            used = used & ~(free & (largest <= SILENT * largest.max(initial=0.0)))
+            # No mass takes part in a row that is round-off.
+            used = used & ~(free & (largest <= ROUND_OFF * largest.max(initial=0.0)))
             least = np.where(free, LEAST_ERROR * np.sqrt(squares / len(W)), 0.0)
         return FitSamples.of(
             self.parameters,
