@@ -98,8 +98,8 @@ ENTITY = """<?xml version="1.0"?><!DOCTYPE robot [<!ENTITY body "<inertial/>">]>
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('<robot name="', ENTITY + '<robot name="', "write out &body;"),
-        ("</joint>", "</joint>&elsewhere;", "write out &elsewhere;"),
+        ('<robot name="', ENTITY + '<robot name="', "write out what &body; stands for"),
+        ("</joint>", "</joint>&elsewhere;", "write out what &elsewhere; stands for"),
         ('rpy="0 0 0"', 'rpy="1e308 0 0"', "<origin> rpy is too large: 1e308 0 0"),
         ('mass value="3.0"', 'mass value="1_6"', "must be a finite number, not '1_6'"),
         ('mass value="3.0"', 'mass value="١٢"', "must be a finite number"),
@@ -138,7 +138,10 @@ def mjcf(rest="", body=BODY):
         ),
         (mjcf(body=BODY.replace('name="j"', 'name="a&#10;b"')), "printable and on one line"),
         (mjcf(body=BODY.replace('name="b"', 'name="&#27;[31m"')), "no valid XML"),
-        (ENTITY.replace("robot [", "mujoco [") + mjcf(body="&body;"), "write out &body;"),
+        (
+            ENTITY.replace("robot [", "mujoco [") + mjcf(body="&body;"),
+            "write out what &body; stands for",
+        ),
         (mjcf(body=BODY + "&elsewhere;"), "elsewhere"),
         ("none", "no valid XML"),
         (
