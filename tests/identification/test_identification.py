@@ -129,3 +129,22 @@ def test_a_model_that_is_given_is_not_chosen_again(load_once):
     run = loopid.prepare(robot, read_log(RUN, robot))
     with pytest.raises(OptionError, match="has a model and terms of its own"):
         identify(model, run, options=FitOptions(terms="Fc"))
+
+
+def test_a_log_is_taken_as_it_is():
+    """With its name and its segments, which a table of columns would not keep."""
+    robot = loopid.load("four_bar")
+    time = np.arange(400) / 100
+    position = 1.0 + 0.3 * np.sin(2 * time[:, None])
+    log = loopid.Log.from_arrays(
+        time,
+        position,
+        np.cos(time)[:, None],
+        robot.actuated,
+        name="swing",
+        segments=[0] * 200 + [1] * 200,
+    )
+    ((found,),) = recordings_of(robot, log)
+    assert found.name == "swing"
+    expected = loopid.prepare(robot, log)
+    np.testing.assert_array_equal(found.motion.velocities, expected.motion.velocities)

@@ -13,7 +13,7 @@ from loopid.identification.force_models import ForceModel
 from loopid.logs.log import Log
 from loopid.logs.preparing import prepare
 from loopid.logs.recording import Recording
-from loopid.records import Tabular
+from loopid.motion.simulation import Measurement
 from loopid.robot.robot import Robot
 
 FORMS = "a path, a table of pandas or Polars, a Log or a Recording"
@@ -55,7 +55,7 @@ def recordings_of(robot: Robot, *data: Any, mapping: Any = None) -> list[tuple[R
         When the data are nothing of that, or none of them needs the mapping that is given.
     """
     given = [each_of(each) for each in data]
-    known = [isinstance(one, Log | Recording) for each in given for one in each]
+    known = [isinstance(one, Log | Recording | Measurement) for each in given for one in each]
     if mapping is not None and known and all(known):
         raise OptionError(
             "mapping says which columns of paths and tables are what, but a Log or a Recording has "
@@ -97,8 +97,8 @@ def _recording(robot: Robot, data: Any, mapping: Any) -> Recording:
         from loopid.logs.reading import read_log  # where files are read
 
         data = read_log(data, robot, mapping=mapping)
-    elif isinstance(data, Tabular):  # what was simulated
-        data = Log.from_frame(data.to_polars(), robot.actuated, mapping=mapping)
+    elif isinstance(data, Measurement):
+        data = Log.from_arrays(data.time, data.position, data.force, data.motors, name="simulated")
     elif isinstance(data, Mapping) or hasattr(type(data), "columns"):
         data = Log.from_frame(data, robot.actuated, mapping=mapping)
     if not isinstance(data, Log):
