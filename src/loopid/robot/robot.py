@@ -402,9 +402,11 @@ class Robot:
 
     def supports(self, frame_ids: Iterable[int]) -> BoolArray:
         """Which coordinates move each of some frames; shape (frames, nv)."""
-        joints = [self.model.frames[k].parentJoint for k in frame_ids]
-        moved = [np.isin(self.joint_ids, list(self.model.supports[joint])) for joint in joints]
-        return np.array(moved, dtype=bool).reshape(-1, self.model.nv)
+        joints = np.array([self.model.frames[k].parentJoint for k in frame_ids], dtype=np.int64)
+        moved = np.zeros((len(joints), self.model.njoints), dtype=bool)
+        for joint in np.unique(joints):
+            moved[np.ix_(joints == joint, list(self.model.supports[int(joint)]))] = True
+        return moved[:, self.joint_ids]
 
     @cached_property
     def joint_ids(self) -> list[int]:
