@@ -13,7 +13,7 @@ from loopid.identification.fitting import quiet_fit
 from loopid.kinematics import closed_motion
 from loopid.logs import Log
 
-QUICK = DesignOptions(starts=1, evaluations=3, solver="slsqp", rate=20.0, size=2)
+QUICK = DesignOptions(starts=1, evaluations=3, solver="slsqp", rate=20.0, size=2, duration=5.0)
 FINE = replace(QUICK, rate=100.0)
 GOOD = replace(FINE, noise=0.01, evaluations=8, size=None)  # enough to gain
 

@@ -28,5 +28,5 @@ def test_a_gain_is_over_the_start_that_solvers_leave_as_it_was(load_once, solver
     if solver == "ipopt":
         pytest.importorskip("ipyopt")
     model = loopid.force_model(load_once("four_bar"), "full", None)
-    options = DesignOptions(duration=4.0, starts=1, evaluations=10, rate=50.0, solver=solver)
+    options = DesignOptions(duration=4.0, starts=1, evaluations=6, rate=20.0, solver=solver)
     assert loopid.design_motion(model, options=options).gain > 1.5
