@@ -320,6 +320,11 @@ class Tree:
 
     def __init__(self, model: pin.Model) -> None:
         self.model, self._memory = model, _Memory(model)
+        # Whether each subtree has joints that follow each other, as Pinocchio's CRBA takes for
+        # granted; a model made in Python need not.
+        self.depth_first = all(
+            model.parents[k] in model.supports[k - 1].tolist() for k in range(2, model.njoints)
+        )
 
     def __reduce__(self) -> tuple[type[Tree], tuple[pin.Model]]:
         return Tree, (self.model,)
@@ -340,7 +345,7 @@ class Tree:
         return tau
 
     def mass_matrices(self, q: FloatArray) -> FloatArray:
-        """Mass matrices (N, nv, nv) at configurations (N, nq)."""
+        """Mass matrices (N, nv, nv) at configurations (N, nq), of a tree that is ``depth_first``."""
         nv = self.model.nv
         M, data = np.empty((len(q), nv, nv)), self._memory.data
         for out, configuration in zip(M, q, strict=True):

@@ -213,7 +213,7 @@ class _Bodies:
 
     def inertia(self, pose: Pose) -> FloatArray:
         """Mass matrices (N, dof, dof)."""
-        if self.tree is not None:
+        if self.tree is not None and self.tree.depth_first:
             return pose.to_rows @ self.tree.mass_matrices(pose.configurations) @ pose.maps
         # What each acceleration costs.
         a = np.concatenate([0 * pose.to_rows[:, :1], pose.to_rows], axis=1)
