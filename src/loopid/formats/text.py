@@ -207,7 +207,9 @@ def read_header(path: Path) -> Header:
     found = [_names(line, separator, width, spare) for line in above]
     # A title may be filled up with empty cells; what stands below the names may be their units.
     said = {
-        k: 0 if _are_units(_units(names)) else _said(names) for k, names in enumerate(found) if names
+        k: 0 if _are_units(_units(names)) else _said(names)
+        for k, names in enumerate(found)
+        if names
     }
     if said:
         named = max(said, key=said.__getitem__)
