@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from loopid.arguments import FloatArray, IntArray, checked
+from loopid.arguments import FloatArray, IntArray, checked, samples
 from loopid.errors import DataError
 from loopid.parameters import model_kinds
 from loopid.robot.closures import Equations, LoopClosure
@@ -407,8 +407,10 @@ def difference(robot: Robot, origin: FloatArray, target: FloatArray) -> FloatArr
     (1, 4)
     """
     model = robot.model
+    origin = samples(origin, model.nq, "origin")
+    target = samples(target, model.nq, "target", len(origin))
     if model.nq == model.nv:
-        return np.asarray(target - origin, dtype=np.float64)
+        return target - origin
     steps = np.empty((len(origin), model.nv))
     for k, (before, after) in enumerate(zip(origin, target, strict=True)):
         steps[k] = pin.difference(model, before, after)
