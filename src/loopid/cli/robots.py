@@ -146,7 +146,7 @@ def subgroups_of(search: str, **options: Any) -> Any:
     given = {name: value for name, value in options.items() if value is not None}
     if given and search != SubgroupSearch.name:
         raise OptionError(
-            f"{', '.join(given)} belong to subgroup search, not to {search}: use search='subgroup'",
+            f"{', '.join(given)}: only of subgroup search, not of {search}: use search='subgroup'",
             given=search,
         )
     return SubgroupSearch(**given) if given else search

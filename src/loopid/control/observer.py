@@ -32,7 +32,7 @@ MOVING = 2e-3  # m/s or rad/s, above which a motor does not stand
 UNSEEN = 1e-6  # of the largest singular value of J, in units of the robot's length
 
 
-@record
+@record(checked="outside")
 class WrenchEstimate:
     """A wrench on a frame, at its origin along the fixed axes: forces in N above moments in N m.
 
