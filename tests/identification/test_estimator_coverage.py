@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+import scipy
 
 import loopid
 from loopid import JointTerms
@@ -45,7 +45,7 @@ def make_case(knee, robot_data):
 
 def errors(rng, shape, correlation, outliers):
     white = rng.normal(size=(200 + shape[0], shape[1])) * np.sqrt(1 - correlation**2)
-    normal = lfilter([1.0], [1.0, -correlation], white, axis=0)[200:]
+    normal = scipy.signal.lfilter([1.0], [1.0, -correlation], white, axis=0)[200:]
     sign = rng.choice([-12.0, 12.0], size=shape)
     return normal + np.where(rng.random(shape) < outliers, sign, 0.0)
 

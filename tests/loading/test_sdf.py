@@ -6,7 +6,6 @@ import warnings
 import numpy as np
 import pinocchio as pin
 import pytest
-import yourdfpy
 
 import loopid
 from bank_robots import few_of
@@ -81,6 +80,8 @@ def load(tmp_path):
 
 
 def test_a_urdf_written_as_sdf_is_the_same_robot(load, write_files):
+    import yourdfpy  # slow to import
+
     path = write_files(*files(chain(4, sliding=(3,)), {}))
     robot = loopid.load(path)
     again = load(to_sdf(yourdfpy.URDF.load(str(path.with_suffix(".urdf"))).robot))

@@ -15,11 +15,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import field
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from loopid.arguments import (
+    NOT_EMPTY,
     BoolArray,
     FloatArray,
     IntArray,
@@ -110,7 +111,7 @@ class Assembly:
         return Assembly(*parts, self.tolerance)
 
     @classmethod
-    def joined(cls, parts: Sequence[Assembly]) -> Assembly:
+    def joined(cls, parts: Annotated[Sequence[Assembly], NOT_EMPTY]) -> Assembly:
         """Assemblies one after the other, at least one."""
         if len(parts) == 1:
             return parts[0]

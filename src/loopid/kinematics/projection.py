@@ -216,7 +216,7 @@ def least_over_largest(matrices: FloatArray) -> FloatArray:
     return Factorisation.of(matrices).least_over_largest
 
 
-@record
+@record(checked="outside")
 class Projection:
     """The motion that the loops allow, at N configurations.
 
@@ -245,7 +245,7 @@ class Projection:
         return least_over_largest(self.dependent_columns)
 
 
-@record
+@record(checked="outside")
 class ClosedMotion:
     """Velocities and accelerations that keep the loops closed, at N samples.
 

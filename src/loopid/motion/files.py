@@ -281,7 +281,7 @@ class ProgramDescription(Section):
 # ---- what is made of it -----------------------------------------------------------------------
 
 
-@record
+@record(checked="outside")
 class PlannedMotion:
     """A motion of a file, with its steps followed.
 

@@ -8,15 +8,25 @@ from dataclasses import field
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pinocchio as pin
-from pydantic import PositiveInt
+from pydantic import Field
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from loopid.arguments import BoolArray, FloatArray, IntArray, Number, frozen, shaped
+from loopid.arguments import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    Number,
+    chosen,
+    frozen,
+    numbers_of,
+    samples,
+    shaped,
+)
 from loopid.errors import DataError, OptionError
 from loopid.parameters import KINDS, ParameterSet, html_table, model_kinds
 from loopid.records import record
@@ -336,6 +346,7 @@ class Robot:
 
     def outside(self, q: FloatArray) -> BoolArray:
         """Which positions (N, nq) are outside the limits by more than ``OUTSIDE``."""
+        q = samples(q, self.model.nq, "q")
         (lower, upper), slack = self.position_limits, OUTSIDE * self.position_units
         outside: BoolArray = np.asarray((q < lower - slack) | (q > upper + slack), dtype=bool)
         for name in self.following:
@@ -402,7 +413,8 @@ class Robot:
 
     def supports(self, frame_ids: Iterable[int]) -> BoolArray:
         """Which coordinates move each of some frames; shape (frames, nv)."""
-        joints = np.array([self.model.frames[k].parentJoint for k in frame_ids], dtype=np.int64)
+        ids = numbers_of(frame_ids, "frame_ids", self.model.nframes)
+        joints = np.array([self.model.frames[k].parentJoint for k in ids], dtype=np.int64)
         moved = np.zeros((len(joints), self.model.njoints), dtype=bool)
         for joint in np.unique(joints):
             moved[np.ix_(joints == joint, list(self.model.supports[int(joint)]))] = True
@@ -528,7 +540,7 @@ class Robot:
         distinct = list(dict.fromkeys(names))
         return np.array([distinct.index(name) for name in names], dtype=np.int64)
 
-    def tie_matrix(self, width: PositiveInt) -> FloatArray:
+    def tie_matrix(self, width: Annotated[int, Field(ge=1, le=len(KINDS))]) -> FloatArray:
         """T with π = T π_tied, for ``width`` parameters a link.
 
         Links declared alike, as the legs of a parallel robot, share one set of parameters. The
@@ -576,7 +588,8 @@ class Robot:
 
     def draw_places(self, coordinates: IntArray) -> IntArray:
         """Which of k random values is that of each of k coordinates, given by velocity indices."""
-        return np.argsort(np.argsort(self.precedence[coordinates]))
+        own = chosen(coordinates, "coordinates", self.model.nv)
+        return np.argsort(np.argsort(self.precedence[own]))
 
     def standard_parameters(self, model: str = "full") -> FloatArray:
         """Values from the robot file in the order of ``parameters(model)``; shape (n,).
