@@ -55,6 +55,17 @@ def test_advice_in_words_of_python_is_shown_in_those_of_the_command(command, sai
     assert in_options(said, context) == shown
 
 
+def test_a_motion_that_is_advised_is_of_the_robot_and_the_model_of_the_command():
+    context = typer.Context(COMMANDS["identify"], parent=typer.Context(GROUP))
+    context.params = {"file": "leg.yaml", "logs": ["a b.csv"], "out": "found", "model": "auto"}
+    context.params |= {"lock": ["toe"], "tied": True, "rounding": None, "terms": "auto"}
+    shown = in_options("excite it: design_motion with parameters=['hip.Fc', 'hip.Fo']", context)
+    assert shown == (
+        "excite it: loopid excite leg.yaml --for hip.Fc --for hip.Fo --terms auto --lock toe "
+        "--tied --after 'a b.csv'"
+    )
+
+
 def strings(tree):
     """String constants of a module that are no docstrings."""
     holders = (ast.Module, ast.ClassDef, ast.FunctionDef)

@@ -15,7 +15,7 @@ from loopid.identification.fitting import quiet_fit
 from loopid.logs import Log
 from loopid.logs.preparing import motion_band
 from loopid.motion import FourierSeries, joint_motion, read_motion_program
-from made_runs import quietly
+from made_runs import identify_unjudged, quietly
 
 pytestmark = pytest.mark.usefixtures("nothing_suspected", "no_delay_sought", "none_missing")
 
@@ -78,7 +78,7 @@ def coarse(bits, rate=1000.0, noise=NOISE):
 def test_a_coarse_encoder_asks_for_a_narrow_band():
     chosen = {}
     for bits in (10, 17):
-        model, _, log = coarse(bits, 500.0)
+        model, _, log = coarse(bits, 200.0)
         recording = quietly(loopid.prepare, model.robot, log)
         chosen[bits] = choose_cutoff(model, [recording]).chosen
     assert 1 < chosen[10] < 4
@@ -87,7 +87,7 @@ def test_a_coarse_encoder_asks_for_a_narrow_band():
 
 @pytest.mark.parametrize("bits", few_of([10, 12, 14], 12))
 def test_the_chosen_cut_off_predicts_as_well_as_the_best_and_coarse_encoders_stay(bits):
-    model, truth, log = coarse(bits, 500.0)
+    model, truth, log = coarse(bits, 200.0)
     robot = model.robot
     planned = read_motion_program("five_bar").motion("sweep", 20.0)
     new = model.regressor(joint_motion(robot, planned))
@@ -234,7 +234,7 @@ def covered(motion, rate, step, runs):
 
 
 def test_intervals_hold_with_encoder_steps_at_a_high_rate():
-    rates, errors = covered("fourier", 1000.0, STEP, 6)
+    rates, errors = covered("fourier", 1000.0, STEP, 4)
     # A twentieth of the rate as cut-off gives means of 4 and a root mean square of 1.8.
     assert rates.mean() > 0.8
     assert np.abs(errors.mean(axis=0)).max() < 1.6
@@ -263,9 +263,9 @@ def test_predicted_friction_passes_the_filter_of_the_forces(tmp_path):
 
 
 def test_a_saved_fit_predicts_with_the_filter_that_it_was_judged_with(tmp_path):
-    model, _, log = coarse(12, 200.0)
+    model, _, log = coarse(12, 100.0)
     recording = quietly(loopid.prepare, model.robot, log)
-    found = quietly(identify, model, [recording])
+    found = identify_unjudged(model, recording)
     fit = load_fit(found.fit.save(tmp_path / "fit.json"))
     assert fit.cutoff == found.cutoff.chosen
     predicted = fit.predict(recording)

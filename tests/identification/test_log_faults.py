@@ -53,6 +53,7 @@ def runs(load_once):
         speed = np.gradient(position, time, axis=0) if velocities else None
         return unchecked(time, position, force, robot.actuated, velocity=speed, name="run")
 
+    @cache
     def suspected(
         name,
         seed,
@@ -72,6 +73,7 @@ def runs(load_once):
     return suspected
 
 
+@cache
 def times(factor, column=0):
     def spoil(position, force):
         force[:, column] *= factor
@@ -79,6 +81,7 @@ def times(factor, column=0):
     return spoil
 
 
+@cache
 def exchanged(positions, forces):
     def spoil(position, force):
         for values, flag in ((position, positions), (force, forces)):
@@ -88,6 +91,7 @@ def exchanged(positions, forces):
     return spoil
 
 
+@cache
 def geared(ratio, column):
     def spoil(position, force):
         position[:, column] *= ratio
@@ -100,12 +104,12 @@ CASES = [
     ("five_bar", times(1e3), "the force of {0} is in mN m", "force_scale: {{{0}: 0.001}}"),
     ("five_bar", times(100.0), "the force of {0} is in N cm", "force_scale: {{{0}: 0.01}}"),
     ("five_bar", times(-1.0), "the force of {0} has the wrong sign", "force_scale: {{{0}: -1}}"),
-    ("five_bar", times(1e3, slice(None)), "the force of all motors is in mN m", "scale: 0.001 in"),
-    ("five_bar", times(-1.0, slice(None)), "all motors has the wrong sign", "force_scale: -1 in"),
+    ("five_bar", times(1e3, ...), "the force of all motors is in mN m", "scale: 0.001 in"),
+    ("five_bar", times(-1.0, ...), "all motors has the wrong sign", "force_scale: -1 in"),
     ("five_bar", exchanged(False, True), "the forces of {0} and {1} are exchanged", "mapping"),
     ("five_bar", geared(2.0, 1), "the positions of {1} are ", "position_scale: {{{1}: 0."),
     ("five_bar", geared(-1.0, 1), "positions of {1} have the wrong sign", "_scale: {{{1}: -1}}"),
-    ("five_bar", geared(-1.0, slice(None)), "of all motors have the wrong sign", "_scale: -1 in"),
+    ("five_bar", geared(-1.0, ...), "of all motors have the wrong sign", "_scale: -1 in"),
     ("3ups_rpu", times(2.0, 1), "the force of {1} is ", "force_scale: {{{1}: 0.5"),
     ("3ups_rpu", exchanged(True, True), "positions and forces of {0} and {1}", "mapping"),
 ]
@@ -145,6 +149,7 @@ def test_one_motor_may_have_either_sign_wrong(runs):
         assert remedy in found.do
 
 
+@cache
 def moved(offset, column):
     def spoil(position, force):
         position[:, column] += offset
@@ -152,6 +157,7 @@ def moved(offset, column):
     return spoil
 
 
+@cache
 def late(rows):
     def spoil(position, force):
         force[:] = np.roll(force, rows, axis=0)
@@ -254,7 +260,7 @@ SPANS = [(what, seconds) for what in MISSED for seconds in (8.0, 30.0, 240.0)]
 
 
 @pytest.mark.parametrize(
-    ("what", "seconds"), few_of(SPANS, *SPANS[::3], ("zeros", 240.0), ("time axis", 240.0))
+    ("what", "seconds"), few_of(SPANS, SPANS[0], ("zeros", 240.0), SPANS[6], SPANS[8])
 )
 def test_a_mistake_is_named_or_said_not_to_be_told(runs, what, seconds):
     factor = 2.0 if what == "time axis" else 1.0
@@ -351,7 +357,7 @@ def test_nothing_is_suspected_of_what_stands_or_is_short(load_once, name):
 def test_curves_of_friction_explain_no_mistake(load_once):
     """Their columns do not grow with the time axis as those of bodies do."""
     robot = load_once("five_bar")
-    motion = wander(robot, 3, rate=100.0)
+    motion = wander(robot, 3, seconds=20.0, rate=50.0)
     run = record(robot, motion, (JointTerms(robot.actuated), np.full(4, 0.3)), noise=0.01)
     kinds = dict.fromkeys(robot.actuated, ("Fc", "Fv", "Fk0~0.05", "Fk~0.1", "Fk~0.5"))
     assert log_faults(robot, [run], JointTerms.of_kinds(kinds)) == log_faults(

@@ -24,6 +24,12 @@ ADVICE = re.compile(
     r"""(?=[,;:.)]*(?:\s|$))"""
 )
 
+# Options of ``excite`` that other commands have in the same sense.
+OF_ROBOT_AND_MODEL = (
+    *("lock", "rounding", "floating_base", "free_mimics", "tied", "xacro"),
+    *("model", "terms", "mapping"),
+)
+
 
 def in_options(text: str, context: typer.Context) -> str:
     """Text whose advice to use a parameter of a command names the command's option.
@@ -72,17 +78,16 @@ def command_with(
 
 
 def _excite(words: str, context: typer.Context) -> str:
-    """The motion for parameters: their joint terms, and the logs that need the model."""
-    from loopid.parameters import KINDS
-
-    given = context.params
+    """The motion for parameters, of the robot, model and terms of the command, after its logs."""
+    given, excite = context.params, context.find_root().command.commands["excite"]
     said = ["loopid", "excite", str(given.get("file", "ROBOT")), *shlex.split(words)]
-    kinds = dict.fromkeys(word.rpartition(".")[2] for word in said[3:] if "." in word)
-    if terms := [kind for kind in kinds if kind not in KINDS]:
-        said += ["--terms", ",".join(terms)]
-    if logs := given.get("logs"):
-        said += ["--mapping", str(given["mapping"])] if given.get("mapping") else []
-        said += [word for log in logs for word in ("--after", str(log))]
+    for known in excite.params:
+        value = given.get(known.name)
+        if known.name not in OF_ROBOT_AND_MODEL or value in (None, known.get_default(context)):
+            continue
+        for one in value if isinstance(value, list | tuple) else [value]:
+            said += known.opts if one is True else [known.opts[0], str(one)]
+    said += [word for log in given.get("logs", ()) for word in ("--after", str(log))]
     return shlex.join(said)
 
 

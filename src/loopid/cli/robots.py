@@ -233,7 +233,9 @@ def excite(
         help=f"{MODELS}; auto: the one that the logs of --after need, gravity without.",
         autocompletion=completion.models,
     ),
-    terms: str = GIVEN_TERMS,
+    terms: str = Option(
+        "none", help=f"{TERMS[:-1]}; auto: those of identify.", autocompletion=completion.terms
+    ),
     criterion: str = Option("D", help="What is optimised: D, A, E or condition."),
     shape: str = Option("fourier", help="fourier, or poses to stand in (gravity)."),
     size: int | None = Option(None, help="Number of harmonics or poses; enough by default."),
@@ -293,7 +295,6 @@ def excite(
     from loopid.identification.force_models import force_model
     from loopid.identification.model_choice import chosen_model, require_model
     from loopid.logs.reading import locked_as_logged
-    from loopid.regressors.joint_terms import JointTerms
     from loopid.report.excitation import excitation_report
 
     answer.require(robot.path, mapping, *(after or ()))
@@ -324,7 +325,7 @@ def excite(
     robot = locked_as_logged(robot, after[0], mapping=mapping) if after else robot
     logged = recordings(robot, after, mapping)
     chosen = chosen_model(robot, model, logged)
-    fitted = force_model(robot, chosen, JointTerms.of(robot, terms))
+    fitted = force_model(robot, chosen, terms)
     with progress_bar(criterion) as watch:
         found = design_motion(
             fitted,

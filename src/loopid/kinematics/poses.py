@@ -345,7 +345,7 @@ class Tree:
         return tau
 
     def mass_matrices(self, q: FloatArray) -> FloatArray:
-        """Mass matrices (N, nv, nv) at configurations (N, nq), of a tree that is ``depth_first``."""
+        """Mass matrices (N, nv, nv) at configurations (N, nq) of a ``depth_first`` tree."""
         nv = self.model.nv
         M, data = np.empty((len(q), nv, nv)), self._memory.data
         for out, configuration in zip(M, q, strict=True):
