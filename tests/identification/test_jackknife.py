@@ -52,12 +52,12 @@ def test_intervals_hold_where_a_model_lacks_a_force_of_the_state():
         # What is true of a wrong model is what it fits to all states alike.
         every = samples(1000, wrong, 20000).problem
         truth = WeightedLeastSquares().fit(every).values
-        for seed in range(40):
+        for seed in range(20):
             data = samples(seed, wrong)
             alone = fit(replace(data, regions=np.zeros(len(data), dtype=np.int64)))
             for k, found in enumerate((alone, fit(data))):
                 low, high = found.intervals().T
-                counts[k] += ((low <= truth) & (truth <= high)).mean() / 40
+                counts[k] += ((low <= truth) & (truth <= high)).mean() / 20
     assert covered[0.0].min() > 0.9
     assert covered[0.3][1] > 0.9
 
