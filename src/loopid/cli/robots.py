@@ -212,7 +212,7 @@ def simulate(
 
     if out is not None:
         require_name(out, "the log")
-        require_other_file(out, *own_files(robot), program or "")
+        require_other_file(out, *own_files(robot), *filter(None, [program]))
         require_own_kind(out, LOG_ENDINGS)
     errors = Noise(gaussian=noise, encoder_step=encoder_step)
     planned = read_motion_program(program or _bundled_motions(robot)).motion(motion, rate)
