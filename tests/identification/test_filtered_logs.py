@@ -69,25 +69,34 @@ def test_a_log_that_stands_has_no_band():
     assert motion_band(model.robot, still) == 0
 
 
-def coarse(bits, rate=1000.0, noise=NOISE):
+@cache
+def coarse(bits, rate=100.0, noise=NOISE):
     """A log of encoders of this many bits, its force model and true values."""
     model, truth, run = simulated("fourier", rate)
     return model, truth, log_of(model, run, 2 * np.pi / 2**bits, noise)
 
 
+@cache
+def prepared(bits, rate=100.0):
+    model, _, log = coarse(bits, rate)
+    return quietly(loopid.prepare, model.robot, log)
+
+
+@cache
+def choice_of(bits, rate=100.0):
+    """What is chosen for that log."""
+    return choose_cutoff(coarse(bits, rate)[0], [prepared(bits, rate)])
+
+
 def test_a_coarse_encoder_asks_for_a_narrow_band():
-    chosen = {}
-    for bits in (10, 17):
-        model, _, log = coarse(bits, 200.0)
-        recording = quietly(loopid.prepare, model.robot, log)
-        chosen[bits] = choose_cutoff(model, [recording]).chosen
-    assert 1 < chosen[10] < 4
-    assert chosen[10] < chosen[17] < 25
+    narrow, wide = (choice_of(bits).chosen for bits in (10, 17))
+    assert 1 < narrow < 4
+    assert narrow < wide < 25
 
 
 @pytest.mark.parametrize("bits", few_of([10, 12, 14], 12))
 def test_the_chosen_cut_off_predicts_as_well_as_the_best_and_coarse_encoders_stay(bits):
-    model, truth, log = coarse(bits, 200.0)
+    model, truth, log = coarse(bits)
     robot = model.robot
     planned = read_motion_program("five_bar").motion("sweep", 20.0)
     new = model.regressor(joint_motion(robot, planned))
@@ -97,16 +106,15 @@ def test_the_chosen_cut_off_predicts_as_well_as_the_best_and_coarse_encoders_sta
         recording = quietly(loopid.prepare, robot, log, filter=options)
         return float(((new @ (quiet_fit(model.samples(recording)).values - truth)) ** 2).mean())
 
-    recording = quietly(loopid.prepare, robot, log)
-    assert not any("frozen" in str(dropped) for dropped in recording.dropped)
-    choice = choose_cutoff(model, [recording])
+    assert not any("frozen" in str(dropped) for dropped in prepared(bits).dropped)
+    choice = choice_of(bits)
     errors = [error(cutoff) for cutoff in choice.cutoffs]
     assert error(choice.chosen) < 4 * min(errors)
     assert max(errors) > 20 * min(errors)  # so that it matters
 
 
 def test_a_cut_off_that_is_given_is_kept_and_a_known_motion_has_none():
-    model, _, log = coarse(17, 100.0)
+    model, _, log = coarse(17)
     options = FilterOptions(cutoff=7.0)
     given = quietly(loopid.prepare, model.robot, log, filter=options)
     assert choose_cutoff(model, [given]) is None
@@ -118,8 +126,7 @@ def test_a_cut_off_that_is_given_is_kept_and_a_known_motion_has_none():
 
 @pytest.mark.parametrize("fraction", few_of([None, 0.6], 0.6))
 def test_identify_prepares_all_recordings_at_the_choice(fraction):
-    model, _, log = coarse(17, 100.0)
-    recording = quietly(loopid.prepare, model.robot, log)
+    model, recording = coarse(17)[0], prepared(17)
     options = FitOptions(fraction=fraction)
     found = quietly(identify, model, [recording], friction=[recording], options=options)
     assert bool(found.validation) == bool(fraction)
@@ -150,12 +157,11 @@ def test_a_choice_at_a_bound_is_told():
     ("rate", "bits"), few_of([(20.0, 17), (100.0, 17), (1000.0, 14)], (100.0, 17))
 )
 def test_clean_logs_are_at_no_bound(rate, bits):
-    model, _, log = coarse(bits, rate)
-    assert not choose_cutoff(model, [quietly(loopid.prepare, model.robot, log)]).bound
+    assert not choice_of(bits, rate).bound
 
 
 def test_ten_forces_a_parameter_are_left():
-    model, _, log = coarse(17, 100.0)
+    model, _, log = coarse(17)
     count = len(model.parameters)
     part = log.select(np.asarray(log.time) < 5.0)
     choice = choose_cutoff(model, [quietly(loopid.prepare, model.robot, part)])
@@ -165,9 +171,8 @@ def test_ten_forces_a_parameter_are_left():
 
 
 def test_the_change_from_a_cut_off_to_the_next_is_that_of_forces_in_parts_of_the_errors():
-    model, _, log = coarse(12, 100.0)
-    recording = quietly(loopid.prepare, model.robot, log)
-    choice = choose_cutoff(model, [recording])
+    model, _, log = coarse(12)
+    recording, choice = prepared(12), choice_of(12)
     judge = model.samples(recording)
     fits = [
         quiet_fit(model.samples(quietly(loopid.prepare, model.robot, log, filter=options)))
@@ -263,8 +268,7 @@ def test_predicted_friction_passes_the_filter_of_the_forces(tmp_path):
 
 
 def test_a_saved_fit_predicts_with_the_filter_that_it_was_judged_with(tmp_path):
-    model, _, log = coarse(12, 100.0)
-    recording = quietly(loopid.prepare, model.robot, log)
+    (model, _, log), recording = coarse(12), prepared(12)
     found = identify_unjudged(model, recording)
     fit = load_fit(found.fit.save(tmp_path / "fit.json"))
     assert fit.cutoff == found.cutoff.chosen
