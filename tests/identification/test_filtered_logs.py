@@ -25,7 +25,7 @@ FRICTION = np.array([0.1, 0.05, 0.1, 0.05])
 
 
 @cache
-def simulated(motion, rate, choice="Fc,Fv"):
+def simulated(motion, rate, choice="Fc,Fv", seconds=20.0):
     """A five-bar with friction: its force model, true values, and an exact measurement."""
     robot = loopid.load("five_bar")
     terms = JointTerms.of(robot, choice)
@@ -33,7 +33,7 @@ def simulated(motion, rate, choice="Fc,Fv"):
     if motion == "fourier":
         sine, cosine = np.random.default_rng(0).normal(size=(2, 2, 5)) * 0.25 / np.arange(1, 6)
         planned = FourierSeries(robot.actuated, 0.1, np.array([2.088, 0.714]), sine, cosine)
-        moved = joint_motion(robot, planned.motion(rate=rate, duration=20.0))
+        moved = joint_motion(robot, planned.motion(rate=rate, duration=seconds))
     else:
         moved = joint_motion(robot, read_motion_program("five_bar").motion(motion, rate))
     friction = np.resize(FRICTION, len(terms.parameters(robot)))
@@ -225,9 +225,9 @@ def test_steps_of_friction_pass_the_filter_of_the_forces(motion, cutoff, choice)
     np.testing.assert_array_equal(part.regressor, samples.regressor[20:50])
 
 
-def covered(motion, rate, step, runs):
+def covered(motion, rate, step, runs, seconds=20.0):
     """Part of the intervals that cover (n,), and errors in standard errors (runs, n)."""
-    model, truth, run = simulated(motion, rate)
+    model, truth, run = simulated(motion, rate, seconds=seconds)
     inside, errors = [], []
     for seed in range(runs):
         log = log_of(model, run, step, NOISE, seed)
@@ -239,7 +239,7 @@ def covered(motion, rate, step, runs):
 
 
 def test_intervals_hold_with_encoder_steps_at_a_high_rate():
-    rates, errors = covered("fourier", 1000.0, STEP, 4)
+    rates, errors = covered("fourier", 1000.0, STEP, 4, seconds=10.0)
     # A twentieth of the rate as cut-off gives means of 4 and a root mean square of 1.8.
     assert rates.mean() > 0.8
     assert np.abs(errors.mean(axis=0)).max() < 1.6
@@ -258,7 +258,7 @@ def test_intervals_hold_at_all_rates(motion, step, rate):
 
 
 def test_predicted_friction_passes_the_filter_of_the_forces(tmp_path):
-    model, truth, run = simulated("fourier", 1000.0)
+    model, truth, run = simulated("fourier", 1000.0, seconds=10.0)
     robot = model.robot
     options = FilterOptions(cutoff=10.0)
     recording = quietly(loopid.prepare, robot, log_of(model, run), filter=options)
