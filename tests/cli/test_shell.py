@@ -39,6 +39,11 @@ COMMANDS = GROUP.commands
         ("excite", "collisions=False", "--no-collisions"),
         ("predict", 'say where it is, robot="FILE"', "say where it is, --robot FILE"),
         ("check", 'springs: terms="file" has', "springs: loopid base --terms file has"),
+        # An argument that is refused, by the option that it was given by.
+        ("identify", "fraction must be between 0 and 1", "--train must be between 0 and 1"),
+        ("simulate", "gaussian must be 0 or more", "--noise must be 0 or more"),
+        ("excite", "speeds must be above 0", "--max-speed must be above 0"),
+        ("predict", "fraction must be below 1", "fraction must be below 1"),
         # What no command has an option for stays as it is.
         ("check", 'instruments="W"', 'instruments="W"'),
         ("check", "nodes=3, tied=False", "nodes=3, tied=False"),

@@ -45,7 +45,7 @@ def point(given, size):
     [
         ("five_bar", "full", ("Fc", "Fv"), 0.3),
         ("five_bar", "gravity", (), 0.3),
-        ("3ups_rpu", "gravity", (), 0.02),
+        pytest.param("3ups_rpu", "gravity", (), 0.02, marks=pytest.mark.validate),
         ("3ups_rpu", "full", (), 0.02),
     ],
 )

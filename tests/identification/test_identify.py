@@ -50,7 +50,7 @@ def found(knee_model, motions, truth):
             [modelled(knee_model, fitted, truth, seed=2 * draw)],
             validation=[modelled(knee_model, fresh, truth, seed=2 * draw + 1)],
         )
-        for draw in range(2)
+        for draw in range(1)
     ]
 
 

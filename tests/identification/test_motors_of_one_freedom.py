@@ -50,7 +50,9 @@ def test_friction_of_the_other_motor_is_no_mistake_of_the_time_axis(found):
 def test_reports_number_all_motors(robot, found):
     design = loopid.design_motion(
         loopid.force_model(robot, "gravity"),
-        options=loopid.DesignOptions(evaluations=1, starts=1, duration=4.0),
+        options=loopid.DesignOptions(
+            evaluations=0, starts=1, size=2, rate=20.0, duration=4.0, noise=0.1
+        ),
     )
     for report in (identification_report(found), excitation_report(design)):
         page = report.page().html()

@@ -20,14 +20,9 @@ from loopid.regressors import (
 )
 
 
-@pytest.fixture
-def motion(moving):
-    return closed_motion(*moving)
-
-
 def test_motors_pay_for_the_power_lost_in_every_joint(moving, motion, joint_signals):
     robot, _, rates, _ = moving
-    signals = joint_signals(robot, motion)
+    signals = joint_signals
     terms = JointTerms(robot.joints, tuple(signals))
     phi = np.random.default_rng(1).normal(size=len(terms.parameters(robot)))
     forces = terms.columns(robot, motion) @ phi
@@ -38,7 +33,7 @@ def test_motors_pay_for_the_power_lost_in_every_joint(moving, motion, joint_sign
 
 
 def test_an_actuated_joint_feels_its_own_terms_only(moving, motion, joint_signals):
-    robot, signals = moving[0], joint_signals(moving[0], motion)
+    robot, signals = moving[0], joint_signals
     for row, name in enumerate(robot.actuated):
         columns = JointTerms((name,), tuple(signals)).columns(robot, motion)
         (index,) = robot.velocity_indices([name])

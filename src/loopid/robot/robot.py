@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import field
 from functools import cached_property
 from html import escape
@@ -127,7 +128,8 @@ class Robot:
     ----------
     name : str
     path : Path or None
-        File it was loaded from; None where it was made in Python.
+        File it was loaded from, absolute; None where it was made in Python. Not compared: a robot
+        is what its files say, wherever they lie.
     model : pinocchio.Model
         The open tree. Never changed after loading.
     closures : tuple of LoopClosure
@@ -186,7 +188,7 @@ class Robot:
     """
 
     name: str
-    path: Path | None
+    path: Path | None = field(compare=False)
     model: pin.Model
     closures: tuple[LoopClosure, ...]
     actuated: tuple[str, ...]
@@ -255,7 +257,12 @@ class Robot:
     @property
     def source(self) -> str:
         """What messages call it: its file, or its name where it has none."""
-        return self.name if self.path is None else str(self.path)
+        if self.path is None:
+            return self.name
+        with suppress(FileNotFoundError):  # the working folder may be gone
+            if self.path.is_relative_to(Path.cwd()):
+                return str(self.path.relative_to(Path.cwd()))
+        return str(self.path)
 
     # Joints and their coordinates.
 
