@@ -43,7 +43,6 @@ READ_BACK = 1e-12
 # Radians, or lengths of the robot, away from which no spring rests: its force is a constant one.
 FAR = 1e3
 HALVES = {"Ks": ("Ks2", "Ks3", "Ks@"), "Fc": ("Fc+", "Fc-")}
-SPRING = "Ks", "Fo"
 Terms = dict[str, dict[str, float]]  # by coordinate and kind
 Known = dict[str, dict[str, Any]]  # the same, None where a file leaves a value open
 
@@ -292,17 +291,21 @@ def _writable(robot: Robot, meant: Terms) -> Terms:
     """
     return {
         joint: {
-            kind: max(value, 0.0) if _never_negative(kind) else value
+            kind: 0.0 if _is_none(robot, joint, terms, kind) else value
             for kind, value in terms.items()
             if not any(other.startswith(HALVES.get(kind, ())) for other in terms)
-            and not (kind in SPRING and _rests_far(robot, joint, terms))
         }
         for joint, terms in meant.items()
     }
 
 
-def _rests_far(robot: Robot, joint: str, terms: Mapping[str, float]) -> bool:
-    stiffness, force = terms.get("Ks", 0.0), terms.get("Fo", 0.0)
+def _is_none(robot: Robot, joint: str, terms: Mapping[str, float], kind: str) -> bool:
+    """Whether a value stands for none: a negative one, or a stiffness next to zero."""
+    if terms[kind] < 0 and _never_negative(kind):
+        return True
+    if kind != "Ks":
+        return False
+    stiffness, force = terms["Ks"], terms.get("Fo", 0.0)
     (index,) = robot.velocity_indices([joint])
     unit = robot.length if index in robot.prismatic else 1.0
     return 0 < stiffness * FAR * unit < abs(force)
@@ -342,10 +345,9 @@ def _others(robot: Robot, meant: Terms, there: Known) -> Iterator[str]:
             what = f"joint_terms of {files.named.name} overrule"
         elif value < 0 and _never_negative(kind) and read.get(joint, {}).get(kind, 0.0) == 0:
             what, label = "zero stands for the negative", f"{label} = {value:.3g}"
-        elif kind in SPRING and _rests_far(robot, joint, meant[joint]):
-            what = (
-                f"of a spring that would rest more than {FAR:g} rad or lengths away, unwritten, are"
-            )
+        elif kind == "Ks" and _is_none(robot, joint, meant[joint], kind):
+            what = f"zero stands, as the spring would rest over {FAR:g} rad or lengths away, for"
+            label = f"{label} = {value:.3g}"
         else:
             what = "in the fit, but without a place in the file (a YAML's joint_terms has one), are"
         said.setdefault(what, []).append(label)
