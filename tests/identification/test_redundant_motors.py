@@ -18,7 +18,7 @@ pytestmark = pytest.mark.usefixtures("nothing_suspected", "taken_as_prepared", "
 
 FRICTION = np.array([0.3, 0.4, 0.2, 0.5, 0.25, 0.3])
 NOISE = 0.05
-DRAWS = 25
+DRAWS = 16
 
 
 @pytest.fixture(scope="module")

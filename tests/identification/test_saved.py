@@ -1,7 +1,6 @@
 """Saved fits: what is read is what was written; other robots and damaged files are refused."""
 
 import json
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -128,14 +127,15 @@ def test_values_alone_are_a_fit_without_errors(model, fits):
 
 
 @pytest.fixture(scope="module")
-def knees(tmp_path_factory):
+def knees(generator, tmp_path_factory):
     """Configurations 1 and 8 of the 3UPS+RPU, generated under the same names."""
     found = []
     for number in (1, 8):
         folder = tmp_path_factory.mktemp("knees") / str(number)
-        command = [sys.executable, ROOT / "urdf" / "generate.py", "--robot", "3ups_rpu"]
-        command += ["--configuration", str(number), "--out", str(folder)]
-        subprocess.run(command, check=True)
+        asked = ["--robot", "3ups_rpu", "--configuration", str(number), "--out", str(folder)]
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(sys, "argv", ["generate.py", *asked])
+            generator.main()
         found.append(loopid.load(next(folder.glob("*.yaml"))))
     return found
 

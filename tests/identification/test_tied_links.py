@@ -23,7 +23,7 @@ pytestmark = pytest.mark.usefixtures("nothing_suspected", "none_missing")
 
 # Of the 6UPS at rest, as nothing fast is in its motion.
 CASES = {"3rrr": ("full", 0.3), "6ups": ("gravity", 0.04)}
-DRAWS = 25
+DRAWS = 16
 
 
 @cache

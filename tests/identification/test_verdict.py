@@ -77,7 +77,7 @@ def test_a_robot_whose_length_is_off_by_two_percent_is_not(tmp_path, robot, leng
     for path in (robot.path, robot.path.with_suffix(".urdf")):
         text = path.read_text().replace('xyz="0.24 0 0"', f'xyz="{length} 0 0"')
         (tmp_path / path.name).write_text(text)
-    motion = wander(robot, 4, 12.0, 100.0, size=(0.5, 0.5))
+    motion = wander(robot, 4, 12.0, 50.0, size=(0.5, 0.5))
     terms = JointTerms.with_values(robot, "Fc=0.1,Fv=0.05")
     read = simulated(robot, motion, Noise(gaussian=0.01), 0, scaled_bodies(robot, 0.2), terms)
     log = Log.from_arrays(read.time, read.position, read.force, robot.actuated)

@@ -4,6 +4,8 @@ import importlib
 import io
 import shutil
 import sys
+import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -109,7 +111,40 @@ def test_pictures_show_the_poses_and_whether_loops_are_closed(five_bar):
     assert (closed.max(axis=2) < 100).sum() > 100  # motors are dark, and nothing else is
 
 
+def control(viewer, label):
+    """A slider or a box of the viewer's page, by how its label begins."""
+    handles = viewer._server.gui._gui_input_handle_from_uuid.values()
+    return next(each for each in handles if each.label.startswith(label))
+
+
+def test_a_slider_moves_whole_loops_and_a_motion_is_played(five_bar, fit_file):
+    """As viser calls what a browser sends; in one ``make validate`` tries it."""
+    with open_viewer(five_bar, [LOG, fit_file]) as viewer:
+        before, slider = viewer.pose, control(viewer, viewer.scene.sliders[0].joint)
+        slider.value += 0.1
+        np.testing.assert_array_equal(viewer.pose.values, before.values)  # no hand has done it
+        for follow in slider._impl.update_cb:
+            follow(viser.GuiEvent(client=viewer, client_id=0, target=slider))
+        after = viewer.pose
+        play = control(viewer, "Play")
+        playing = threading.Thread(target=setattr, args=(play, "value", True), daemon=True)
+        playing.start()  # until the viewer is closed
+        for _ in range(TRIES):
+            time.sleep(0.05)
+            if (viewer.pose.values != after.values).all():
+                break
+        played = viewer.pose
+    playing.join(10)
+    assert not playing.is_alive()
+    np.testing.assert_allclose(after.values - before.values, [0.1, 0.0], atol=1e-9)
+    assert np.abs(after.origins - before.origins).max(axis=1).min() == 0.0  # the fixed frame
+    assert (np.abs(after.closures - before.closures) > 1e-4).any()
+    assert max(after.residual, played.residual) <= 1e-9
+    assert (played.values != after.values).all()
+
+
 @IN_A_BROWSER
+@pytest.mark.validate
 def test_a_hand_on_a_slider_moves_whole_loops_and_nothing_leaves_the_machine(five_bar, fit_file):
     pytest.importorskip("playwright")
     from playwright.sync_api import sync_playwright
