@@ -23,7 +23,7 @@ MOTORS = ("one", "two")
 TRUTH = np.array([5.0, -1.0, 2.0])
 SIGMA = np.array([1.0, 10.0])  # of the motors' errors
 ROWS = 600
-DRAWS = 120
+DRAWS = 80
 
 
 def made(seed, noise_seed=None, used=None):

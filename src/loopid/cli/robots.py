@@ -12,7 +12,7 @@ import typer
 from typer import Argument, Option
 
 from loopid.cli import completion
-from loopid.cli.advice import command_with
+from loopid.cli.advice import command_with, in_options
 from loopid.cli.shell import answering, with_options
 from loopid.errors import OptionError
 from loopid.files import require_name, require_other_file, require_own_kind, write_file, write_files
@@ -366,6 +366,7 @@ def view(
 
 
 def init(
+    context: typer.Context,
     file: str = Argument(..., metavar="FILE", help="Robot: a URDF, MJCF, SDF or xacro."),
     log: str | None = Argument(None, metavar="[LOG]", help="A log, whose columns are named."),
     out: str = Option(".", metavar="DIR", help="Folder to write to."),
@@ -373,11 +374,12 @@ def init(
     xacro: list[str] | None = XACRO,
 ) -> None:
     """Write a YAML and a mapping to fill in, with the closures that a file shows."""
-    from loopid.export.first_files import write_first_files
+    from loopid.export.first_files import write_in_words
 
+    options = {"floating_base": floating_base, "xacro": macro_arguments(xacro)}
     with progress_bar("robot"):
-        yaml, mapping = write_first_files(
-            file, log, folder=out, floating_base=floating_base, xacro=macro_arguments(xacro)
+        yaml, mapping = write_in_words(
+            file, log, out, options, lambda text: in_options(text, context)
         )
     typer.echo(next_commands(yaml, log or "LOG", mapping))
 
