@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import loopid
-from loopid.errors import DataError, MissingExtraError, OptionError
+from loopid.errors import DataError, LogError, MissingExtraError, OptionError
 
 viser = pytest.importorskip("viser")
 from loopid.view import open_viewer  # noqa: E402
@@ -47,6 +47,19 @@ def test_files_of_all_kinds_are_known(five_bar, fit_file):
         assert viewer.motion is not None
     with pytest.raises(OptionError):
         open_viewer(five_bar, [LOG, "five_bar"])
+
+
+def test_a_log_in_other_words_is_played_by_its_mapping(five_bar, tmp_path):
+    log, mapping = tmp_path / "run.csv", tmp_path / "run.yaml"
+    rows = LOG.read_text().splitlines()[1:300]
+    log.write_text("\n".join(["ticks,a,b,c,d", *rows]))
+    mapping.write_text(
+        "time: {column: ticks}\nposition: {columns: [a, b]}\nforce: {columns: [c, d]}"
+    )
+    with pytest.raises(LogError):
+        open_viewer(five_bar, [log])
+    with open_viewer(five_bar, [log], mapping=mapping) as viewer:
+        assert viewer.motion is not None
 
 
 def test_the_fit_of_another_robot_is_refused(load_once, fit_file):

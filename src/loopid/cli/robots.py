@@ -347,6 +347,7 @@ def view(
     files: list[str] | None = Argument(
         None, metavar="[LOG|MOTION|FIT]...", help="What to play, and saved fits: their masses."
     ),
+    mapping: str | None = MAPPING,
     port: int = Option(8080, help="Of this machine; the next free one where it is taken."),
     out: str | None = Option(None, metavar="DIR", help="Write pictures to a folder, and end."),
     count: int = Option(1, min=1, help="Pictures, evenly spread over the motion."),
@@ -354,7 +355,7 @@ def view(
     """Move a robot in the browser, play logs and motions."""
     from loopid.view.viewer import open_viewer
 
-    with open_viewer(robot, files or (), port=port) as viewer:
+    with open_viewer(robot, files or (), mapping=mapping, port=port) as viewer:
         if out is None:
             typer.echo(f"{robot.name} is shown at {viewer.url} until Ctrl-C")
             viewer.wait()

@@ -15,15 +15,13 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetri
-from scipy.sparse import block_array, csr_array
-from scipy.sparse.csgraph import connected_components
 
 from loopid.arguments import FloatArray, IntArray, checked, samples
 from loopid.errors import AccuracyWarning, DataError, MobilityError, SingularityError, counted, warn
 from loopid.kinematics.constraint import Constraint, constraint_jacobian, scaled_jacobian
 from loopid.kinematics.poses import blocks, prepared
 from loopid.records import record
-from loopid.robot.robot import RANK_TOLERANCE, Robot
+from loopid.robot.robot import RANK_TOLERANCE, Robot, connected
 
 # Below this singularity measure forces in the loops exceed the motors' some thousandfold.
 NEAR_SINGULARITY = 1e-3
@@ -111,12 +109,11 @@ def _independent_blocks(matrices: FloatArray) -> list[tuple[IntArray, IntArray]]
 def _blocks_of(nonzero: bytes, m: int, n: int) -> list[tuple[IntArray, IntArray]]:
     """As ``_independent_blocks``, for a sparsity pattern; cached, as a robot's rarely changes."""
     pattern = np.frombuffer(nonzero, dtype=bool).reshape(m, n)
-    count, group = connected_components(
-        block_array([[None, csr_array(pattern)], [csr_array(pattern.T), None]]), directed=False
-    )
+    links = np.zeros((m + n, m + n), dtype=bool)
+    links[:m, m:], links[m:, :m] = pattern, pattern.T
     shapes: dict[tuple[int, int], list[tuple[IntArray, IntArray]]] = {}
-    for k in range(count):
-        rows, columns = np.flatnonzero(group[:m] == k), np.flatnonzero(group[m:] == k)
+    for group in connected(links):
+        rows, columns = group[group < m], group[group >= m] - m
         if len(rows) and len(columns):
             shapes.setdefault((len(rows), len(columns)), []).append((rows, columns))
     return [

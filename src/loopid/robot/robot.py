@@ -14,8 +14,6 @@ from typing import Annotated, Any
 import numpy as np
 import pinocchio as pin
 from pydantic import Field
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from loopid.arguments import (
     BoolArray,
@@ -467,10 +465,8 @@ class Robot:
         """Closures and couplings, in groups that share no dependent coordinate."""
         owner, shared = self.row_closures, self.moving.copy()
         shared[:, self.velocity_indices(self.independent)] = False
-        count, group = connected_components(csr_array(shared @ shared.T), directed=False)
         loops = []
-        for k in range(count):
-            rows = np.flatnonzero(group == k)
+        for rows in connected(shared @ shared.T):
             closures = dict.fromkeys(self.closures[j] for j in owner[rows[rows < len(owner)]])
             loops.append(Loop(rows, np.flatnonzero(self.moving[rows].any(axis=0)), tuple(closures)))
         return tuple(loops)
@@ -696,11 +692,22 @@ def gear_ratios(slopes: FloatArray, moving: BoolArray) -> FloatArray:
     if equations:
         table = np.array(equations)
         ratios = np.exp(np.linalg.lstsq(table[:, :-1], table[:, -1])[0])
-        count, group = connected_components(csr_array(1.0 * (coupled.T @ coupled)), directed=False)
-        for own in (group == k for k in range(count)):
-            bodies = own & moving
-            ratios[own] /= ratios[bodies if bodies.any() else own].min()
+        for own in connected(coupled.T @ coupled):
+            bodies = own[moving[own]]
+            ratios[own] /= ratios[bodies if len(bodies) else own].min()
     return ratios
+
+
+def connected(links: BoolArray) -> list[IntArray]:
+    """Groups of things with links (n, n) both ways, also by others, ordered by their first members.
+
+    SciPy's ``connected_components`` takes a tenth of the start of a command to import.
+    """
+    reached = links | np.eye(len(links), dtype=bool)
+    while (further := 1.0 * reached @ reached > 0).sum() > reached.sum():
+        reached = further
+    first = reached.argmax(axis=1)
+    return [np.flatnonzero(first == k) for k in np.unique(first)]
 
 
 def position_of(joint: pin.JointModel, q: FloatArray) -> FloatArray:
