@@ -1,6 +1,7 @@
 """When a verdict may say that values are parameters of the robot: never over a wrong model."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 import loopid
 from bank_robots import few_of
 from loopid import FitOptions, JointTerms, identify
+from loopid.errors import OptionError
 from loopid.findings import SEVERITIES
 from loopid.identification.unseen import UnseenErrors
 from loopid.logs import Log, Recording
@@ -151,16 +153,24 @@ def test_findings_are_two_lines_at_most_the_most_important_first(identified, wro
 
 
 @pytest.mark.parametrize("model", few_of(["gravity", "full"], "full"))
-def test_a_log_of_a_standstill_is_fit_for_nothing(robot, model):
+def test_a_log_of_a_standstill_is_fit_for_nothing(robot, model, tmp_path):
     """However small its errors are beside the weight that the motors hold all along."""
     time, rng = np.arange(0, 10, 0.02), np.random.default_rng(0)
     u = np.tile([2.09, 0.71], (len(time), 1))
     force = loopid.Dynamics(robot).gravity(u) + 0.1 * rng.normal(size=u.shape)
     log = Log.from_arrays(time, u + 1e-6 * rng.normal(size=u.shape), force, robot.actuated)
-    verdict = quietly(
-        identify, robot, log, options=FitOptions(model=model, undo_delay=False)
-    ).verdict
+    found = quietly(identify, robot, log, options=FitOptions(model=model, undo_delay=False))
+    verdict = found.verdict
     assert verdict.error < 0.1
     assert verdict.use == "Not fit for use, as no force follows the motion"
     assert verdict.forces == "no"
     assert "record a motion in which the forces change" in str(verdict)
+    assert [each.title for each in found.findings].count("no force follows the motion") == 1
+    saved = tmp_path / "fit.yaml"
+    for kept in (found.fit, found["all parameters"].fit):
+        for use in (kept.save, partial(kept.to_robot_file, overwrite=True), kept.to_c):
+            with pytest.raises(OptionError, match=r"not fit for use, as no force .*: record a mot"):
+                use(saved.with_suffix(".yaml" if use == kept.save else ".urdf"))
+    found.fit.save(saved, anyway=True)
+    with pytest.raises(OptionError, match="no force follows the motion"):
+        loopid.load_fit(saved).to_c(tmp_path)

@@ -706,8 +706,7 @@ def connected(links: BoolArray) -> list[IntArray]:
     reached = links | np.eye(len(links), dtype=bool)
     while (further := 1.0 * reached @ reached > 0).sum() > reached.sum():
         reached = further
-    first = reached.argmax(axis=1)
-    return [np.flatnonzero(first == k) for k in np.unique(first)]
+    return [np.flatnonzero(own) for k, own in enumerate(reached) if not own[:k].any()]
 
 
 def position_of(joint: pin.JointModel, q: FloatArray) -> FloatArray:
